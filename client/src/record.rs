@@ -21,6 +21,11 @@ pub struct RecordArgs {
     /// `--sim '*'` below a folder per server.
     #[arg(long, default_value = "data", value_name = "DIR")]
     pub out: PathBuf,
+    /// Folder for the log of an episode until its file is made; that of the file when
+    /// absent. For a fast disk of this host where the files go onto a slow one; what
+    /// lies in memory (/dev/shm) goes with the power.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
     /// Name of this recorder; several at one server need different ones.
     #[arg(long, default_value = "recorder", value_parser = choice::name)]
     pub name: String,
@@ -45,6 +50,7 @@ pub struct RecordArgs {
 pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let options = RecordOptions {
         out: args.out.clone(),
+        scratch: args.scratch.clone(),
         name: args.name.clone(),
         depth: args.depth,
         end_with_stdin: args.end_with_stdin,

@@ -2,6 +2,8 @@
 
 device.py [--programs DIR] [--assets DIR] [--memory /dev/shm] [--disk DIR]
           [--out DIR] [--seconds 460] [--simulated 100] [--worker process]
+          [--kinds small 720p 720p-u16] [--into memory disk] [--per-core 0.75]
+          [--scratch DIR]
 
 Needs Python's own library and the programs `wheelarm`, `wheelarm-server` and
 `wheelarm-worker` alone. Each row is a whole campaign, start and manifest
@@ -127,6 +129,8 @@ def campaign(options, kind, adapters, cores, place, simulated, deadline):
         out = folder / "set"
         words = [options.programs / "wheelarm", "collect", plan, "--out", out]
         words += ["--workers", workers, "--assets", options.assets]
+        if options.scratch is not None and place == options.disk:
+            words += ["--scratch", options.scratch]
         if options.worker != "none":
             words += ["--adapters", ",".join(adapters), "--worker", options.worker]
         words = [str(word) for word in words]
@@ -203,11 +207,13 @@ def main():
     options.add_argument("--assets", type=Path, default=root / "assets")
     options.add_argument("--memory", type=Path, default=Path("/dev/shm"))
     options.add_argument("--disk", type=Path, default=Path(tempfile.gettempdir()))
+    options.add_argument("--scratch", type=Path, help="for recordings under way, in rows onto the disk")
     options.add_argument("--out", type=Path, default=root / "data" / "bench_device")
     options.add_argument("--seconds", type=float, default=460.0, help="wall time for everything")
     options.add_argument("--simulated", type=float, default=100.0, help="seconds per worker into memory")
     options.add_argument("--worker", default="process", help="`none` for programs that know one way alone")
     options.add_argument("--per-core", type=float, help="workers for each core, instead of a kind's own")
+    options.add_argument("--into", nargs="+", default=["memory", "disk"], choices=["memory", "disk"])
     options.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
     options = options.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -218,6 +224,7 @@ def main():
     counts = sorted({1, min(2, len(found)), len(found)})
     wanted = [(kind, count, "memory") for kind in options.kinds for count in counts]
     wanted += [(kind, counts[-1], "disk") for kind in options.kinds]
+    wanted = [row for row in wanted if row[2] in options.into]
     rows = []
     for kind, count, into in wanted:
         share = cores[: max(1, len(cores) * count // counts[-1])]

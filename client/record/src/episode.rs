@@ -71,6 +71,8 @@ pub(super) struct Credit {
 /// An episode that is being recorded.
 pub(super) struct Recording {
     pub started: v1::EpisodeStarted,
+    /// Folder for the file.
+    dir: PathBuf,
     /// Camera frames accepted.
     pub accepted: u64,
     /// Newest sample accepted.
@@ -112,6 +114,7 @@ impl Recording {
         let tick = started.header.as_ref().map_or(0, |header| header.tick);
         Ok(Self {
             started,
+            dir: dir.to_owned(),
             accepted: 0,
             newest: None,
             away: None,
@@ -443,6 +446,7 @@ impl Recording {
         Finishing {
             of: id(self.started.header.as_ref()),
             label: self.started.label,
+            dir: self.dir,
             writer: self.writer,
             closing: Closing {
                 stopped,
@@ -466,6 +470,7 @@ pub(super) fn id(header: Option<&v1::Header>) -> EpisodeId {
 pub struct Finishing {
     of: EpisodeId,
     label: String,
+    dir: PathBuf,
     writer: EpisodeWriter,
     closing: Closing,
 }
@@ -485,16 +490,27 @@ impl std::fmt::Debug for Finishing {
     }
 }
 
+/// How a log is made into a file of `dir` once more.
+fn again(log: &Path, dir: &Path) -> String {
+    let out = match log.parent() == Some(dir) {
+        true => String::new(),
+        false => format!(" --out {}", dir.display()),
+    };
+    let log = log.display();
+    format!("`wheelarm dataset recover {log}{out}` tries again")
+}
+
 impl Finishing {
     /// Closes the log and makes the file; the recorder waits for what came of it.
     #[must_use]
     pub fn run(self) -> Made {
         let of = self.of.clone();
         let log = self.writer.log().to_owned();
+        let again = again(&log, &self.dir);
         let work = std::panic::AssertUnwindSafe(|| self.file());
         let result = std::panic::catch_unwind(work).unwrap_or_else(|_| {
             let log = log.display();
-            Err(format!("making the file panicked; please report it. The recording is still in {log}, `wheelarm dataset recover {log}` tries again"))
+            Err(format!("making the file panicked; please report it. The recording is still in {log}, {again}"))
         });
         Made { of, result }
     }
@@ -504,13 +520,13 @@ impl Finishing {
         self.writer
             .close(self.closing)
             .map_err(|e| format!("{e}; what was acknowledged is still in {}", log.display()))?;
-        let finished = finish(&log, None).map_err(|problem| match problem {
+        let finished = finish(&log, Some(&self.dir)).map_err(|problem| match problem {
             // These name the log and the cure already.
             FinishError::Exists { .. } | FinishError::Io { .. } => problem.to_string(),
             other => format!(
-                "{other}; the recording is still in {}, `wheelarm dataset recover {}` tries again",
+                "{other}; the recording is still in {}, {}",
                 log.display(),
-                log.display()
+                again(&log, &self.dir)
             ),
         })?;
         let account = &finished.account;

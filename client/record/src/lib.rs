@@ -37,6 +37,9 @@ use wheelarm_dataset::depth::Depth;
 pub struct RecordOptions {
     /// Folder for the files; one per episode, named LABEL.h5.
     pub out: PathBuf,
+    /// Folder for the log of an episode until its file is made; that of the file when
+    /// absent. A fast disk, or memory: what lies there goes with the power.
+    pub scratch: Option<PathBuf>,
     /// Name of this recorder; several at one server need different ones.
     pub name: String,
     /// How depth is stored.

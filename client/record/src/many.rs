@@ -102,6 +102,7 @@ async fn one(
 ) -> (String, anyhow::Result<ExitSummary>) {
     let options = RecordOptions {
         out: options.out.join(&sim),
+        scratch: options.scratch.map(|scratch| scratch.join(&sim)),
         // They are counted over all servers.
         episodes: None,
         ..options

@@ -56,6 +56,7 @@ pub async fn run(
     let writer = WriterOptions {
         depth: options.depth,
         recorder: options.name.clone(),
+        scratch: options.scratch.clone(),
         ..Default::default()
     };
     let recorder = Recorder::new(options.out.clone(), writer)

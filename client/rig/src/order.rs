@@ -58,6 +58,9 @@ pub struct ShownFile {
 pub struct Recording {
     /// Folder for the file.
     pub out: PathBuf,
+    /// Folder for what is being recorded; `out` when absent.
+    #[serde(default)]
+    pub scratch: Option<PathBuf>,
     /// Name of how depth is stored.
     pub depth: String,
     /// Name of the recorder.

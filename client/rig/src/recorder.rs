@@ -20,6 +20,8 @@ pub struct RecorderOptions {
     pub name: String,
     /// Folder for the files.
     pub out: PathBuf,
+    /// Folder for what is being recorded; `out` when absent.
+    pub scratch: Option<PathBuf>,
     /// How depth is stored.
     pub depth: Depth,
     /// It records one episode and ends. Its messages go to `recorder.log` in
@@ -36,6 +38,7 @@ impl RecorderOptions {
         Self {
             name: name.to_owned(),
             out: out.to_owned(),
+            scratch: None,
             depth: Depth::Metres,
             one_episode: false,
         }
@@ -69,6 +72,9 @@ impl Recorder {
         .map(OsString::from)
         .to_vec();
         arguments.extend(["--out".into(), (&options.out).into()]);
+        if let Some(scratch) = &options.scratch {
+            arguments.extend(["--scratch".into(), scratch.into()]);
+        }
         let (more, input, folder): (&[&str], _, _) = match options.one_episode {
             true => (
                 &["--episodes", "1"],

@@ -63,6 +63,7 @@ impl Attempt<'_> {
             label: self.episode.id.clone(),
             record: Some(Recording {
                 out: self.staging.clone(),
+                scratch: self.setup.folder.scratch(&self.episode.id),
                 depth: plan.depth.name().to_owned(),
                 name: "collect".to_owned(),
             }),

@@ -113,6 +113,7 @@ impl Attempt<'_> {
             &RecorderOptions {
                 name: "collect".to_owned(),
                 out: self.staging.clone(),
+                scratch: self.setup.folder.scratch(&self.episode.id),
                 depth: self.setup.plan.depth,
                 one_episode: true,
             },

@@ -1,6 +1,6 @@
 //! How many workers this host carries, and how much room its disk has.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
@@ -17,6 +17,9 @@ const BYTES_PER_PIXEL: f64 = 160.0;
 /// compression uses a part of another. On 16 cores with a GPU 12 workers were
 /// as fast as 16, and 8 slower.
 const WORKERS_PER_CORE: f64 = 0.75;
+
+/// Pipelines of a worker, each of which makes an episode.
+pub const PIPELINES: usize = 2;
 
 /// Workers per core beyond which a number of workers is a slip of the keyboard.
 const MOST_PER_CORE: usize = 16;
@@ -40,12 +43,13 @@ impl Host {
         }
     }
 
-    /// Workers that it carries, at least 1.
+    /// Workers that it carries, at least 1; each keeps so many bytes of recordings in
+    /// memory.
     #[must_use]
-    pub fn workers(&self, plan: &Plan) -> usize {
+    pub fn workers(&self, plan: &Plan, kept: f64) -> usize {
         let by_cores = (self.cores as f64 * WORKERS_PER_CORE).ceil() as usize;
         let by_memory = self.memory.map_or(usize::MAX, |free| {
-            (free as f64 * 0.9 / worker_bytes(plan)) as usize
+            (free as f64 * 0.9 / (worker_bytes(plan) + kept)) as usize
         });
         by_cores.min(by_memory).max(1)
     }
@@ -108,12 +112,25 @@ fn memory() -> Option<u64> {
 /// Free bytes on the disk of `path`, or of the nearest folder above it that exists.
 #[must_use]
 pub fn free_disk(path: &Path) -> Option<u64> {
+    let disk = rustix::fs::statvfs(existing(path)?).ok()?;
+    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+/// Whether files in `path` lie in memory.
+#[must_use]
+pub fn is_memory(path: &Path) -> bool {
+    const TMPFS: u32 = 0x0102_1994;
+    let found = existing(path).and_then(|path| rustix::fs::statfs(path).ok());
+    found.is_some_and(|disk| disk.f_type as u32 == TMPFS)
+}
+
+/// The folder, or the nearest above it that exists.
+fn existing(path: &Path) -> Option<PathBuf> {
     let mut path = std::path::absolute(path).ok()?;
     while !path.exists() {
         path = path.parent()?.to_owned();
     }
-    let disk = rustix::fs::statvfs(&path).ok()?;
-    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+    Some(path)
 }
 
 #[cfg(test)]
@@ -124,13 +141,18 @@ mod tests {
     fn workers_are_bounded_by_cores_and_by_memory() {
         let text = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [1000, 1000]\n[[task]]\nname = \"a\"\nepisodes = 7\n";
         let plan = Plan::parse("p.toml".as_ref(), text.to_owned()).unwrap();
-        let workers = |cores, memory| Host { cores, memory }.workers(&plan);
+        let workers = |cores, memory| Host { cores, memory }.workers(&plan, 0.0);
         assert_eq!(workers(1, Some(64 << 30)), 1);
         assert_eq!(workers(2, Some(64 << 30)), 2);
         assert_eq!(workers(16, Some(64 << 30)), 12);
         assert_eq!(workers(16, Some(3 << 30)), 2);
         assert_eq!(workers(16, Some(1 << 20)), 1);
         assert_eq!(workers(16, None), 12);
+        let host = Host {
+            cores: 16,
+            memory: Some(64 << 30),
+        };
+        assert_eq!(host.workers(&plan, 8e9), 6);
         let host = Host {
             cores: 2,
             memory: None,

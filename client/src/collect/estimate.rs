@@ -8,7 +8,7 @@ use std::path::Path;
 use anyhow::Context;
 use serde::Deserialize;
 
-use super::capacity::{Host, free_disk, worker_bytes};
+use super::capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use super::episode::Episode;
 use super::journal::Ledger;
 use wheelarm_proto::settings::{Depth, Named};
@@ -209,9 +209,9 @@ impl Estimate {
         longest * self.byte_rate
     }
 
-    /// The table of `--dry-run`.
+    /// The table of `--dry-run`; each worker keeps so many bytes of recordings in memory.
     #[must_use]
-    pub fn table(&self, plan: &Plan, out: &Path, workers: usize) -> String {
+    pub fn table(&self, plan: &Plan, out: &Path, workers: (usize, f64)) -> String {
         let mut text = String::new();
         // Writing into a string cannot fail.
         let _ = writeln!(
@@ -254,7 +254,31 @@ impl Estimate {
         text
     }
 
-    fn resources(&self, plan: &Plan, out: &Path, workers: usize, text: &mut String) {
+    /// How much a folder for recordings under way must take, and has.
+    #[must_use]
+    pub fn scratch(&self, scratch: &Path, workers: usize) -> String {
+        let need = (PIPELINES * workers) as f64 * self.largest();
+        let free = free_disk(scratch).map_or_else(String::new, |free| {
+            let short = if (free as f64) < need {
+                ": NOT ENOUGH"
+            } else {
+                ""
+            };
+            format!(", {} free{short}", bytes(free as f64))
+        });
+        let place = if is_memory(scratch) {
+            "in memory"
+        } else {
+            "on disk"
+        };
+        format!(
+            "scratch   {} {place}, {}{free}",
+            bytes(need),
+            scratch.display()
+        )
+    }
+
+    fn resources(&self, plan: &Plan, out: &Path, (workers, kept): (usize, f64), text: &mut String) {
         let host = Host::look();
         let cameras: Vec<String> = plan.cameras.iter().map(super::plan::Camera::word).collect();
         let _ = writeln!(
@@ -281,7 +305,7 @@ impl Estimate {
             "disk      {} to write{free}",
             bytes(self.bytes_left())
         );
-        let needed = worker_bytes(plan) * workers as f64;
+        let needed = (worker_bytes(plan) + kept) * workers as f64;
         let memory = host.memory.map_or_else(String::new, |free| {
             let short = if (free as f64) < needed {
                 ": NOT ENOUGH"
@@ -350,7 +374,7 @@ mod tests {
         let better = estimate(&plan, &all, &Ledger::default(), &evaluated);
         assert_eq!(better.seconds(), 50.0);
         assert_eq!(better.seconds_left(), 4.0 * 10.0 + 2.0 * 5.0 / 0.5);
-        let table = better.table(&plan, Path::new("/"), 2);
+        let table = better.table(&plan, Path::new("/"), (2, 0.0));
         assert!(table.contains("        500         200"), "{table}");
         assert!(table.contains("wheelarm evaluate"), "{table}");
     }

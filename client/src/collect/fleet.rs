@@ -10,7 +10,7 @@ use parking_lot::Mutex;
 use wheelarm_rig::Panicked;
 
 use super::attempt::{Outcome, Setup};
-use super::capacity::free_disk;
+use super::capacity::{PIPELINES, free_disk};
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
@@ -19,8 +19,6 @@ use super::progress::Show;
 use super::slot::{Permit, Slot};
 use super::stop::Stop;
 
-/// Pipelines of a worker.
-pub const PIPELINES: usize = 2;
 /// Runs of the same attempt when its programs break.
 const TRIES: u32 = 3;
 /// Episodes that break before the first one is done, after which the campaign
@@ -146,16 +144,22 @@ impl Shared<'_> {
     /// Whether the disk has room for `busy` episodes that run at the same time.
     fn room(&self, busy: usize) -> anyhow::Result<()> {
         let need = busy as f64 * self.largest;
-        let root = self.setup.folder.root();
-        match free_disk(root) {
-            Some(free) if (free as f64) < need => anyhow::bail!(
-                "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
-                root.display(),
-                bytes(free as f64),
-                bytes(need)
-            ),
-            _ => Ok(()),
+        let folder = &self.setup.folder;
+        for place in [Some(folder.root()), folder.all_scratch()]
+            .into_iter()
+            .flatten()
+        {
+            match free_disk(place) {
+                Some(free) if (free as f64) < need => anyhow::bail!(
+                    "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
+                    place.display(),
+                    bytes(free as f64),
+                    bytes(need)
+                ),
+                _ => {}
+            }
         }
+        Ok(())
     }
 
     /// Attempts an episode until it is done, dropped or the run ends.

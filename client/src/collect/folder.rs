@@ -22,6 +22,7 @@ use anyhow::{Context, anyhow};
 use sha2::{Digest, Sha256};
 use wheelarm_dataset::publish;
 
+use super::episode::Shard;
 use super::journal::Done;
 use wheelarm_rig::remove_socket;
 
@@ -35,6 +36,8 @@ const RESULT: &str = "result.json";
 #[derive(Clone, Debug)]
 pub struct Folder {
     root: PathBuf,
+    /// Where recordings lie while they are made; in the staging folders when absent.
+    scratch: Option<PathBuf>,
 }
 
 impl Folder {
@@ -43,7 +46,49 @@ impl Folder {
     pub fn at(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
+            scratch: None,
         }
+    }
+
+    /// The same with recordings under way in a folder of `scratch`, which is this
+    /// dataset's and this shard's alone.
+    ///
+    /// # Errors
+    /// When the folder cannot be made.
+    pub fn with_scratch(self, scratch: &Path, shard: Shard) -> anyhow::Result<Self> {
+        let making = || format!("making a folder in --scratch {}", scratch.display());
+        let root = std::path::absolute(&self.root).with_context(making)?;
+        let root = root.canonicalize().unwrap_or(root);
+        let digest = Sha256::digest(format!("{} {shard}", root.display()));
+        let name: String = digest.iter().take(8).map(|b| format!("{b:02x}")).collect();
+        let scratch = std::path::absolute(scratch).with_context(making)?;
+        let own = scratch.join(format!("wheelarm-collect-{name}"));
+        std::fs::create_dir_all(&own).with_context(making)?;
+        Ok(Self {
+            scratch: Some(own),
+            ..self
+        })
+    }
+
+    /// Where the recording of an episode lies while it is made, if not in its staging
+    /// folder.
+    #[must_use]
+    pub fn scratch(&self, episode: &str) -> Option<PathBuf> {
+        self.scratch.as_ref().map(|scratch| scratch.join(episode))
+    }
+
+    /// The folder of all of them.
+    #[must_use]
+    pub fn all_scratch(&self) -> Option<&Path> {
+        self.scratch.as_deref()
+    }
+
+    /// Removes recordings under way: what a killed run left, which is made again.
+    ///
+    /// # Errors
+    /// When they cannot be removed.
+    pub fn clear_scratch(&self) -> anyhow::Result<()> {
+        self.scratch.as_deref().map_or(Ok(()), remove)
     }
 
     /// Makes what is absent.
@@ -127,12 +172,8 @@ impl Folder {
     pub fn clean(&self, episode: &str) -> anyhow::Result<()> {
         let path = self.staging(episode);
         remove_socket(&path);
-        match std::fs::remove_dir_all(&path) {
-            Err(e) if e.kind() != ErrorKind::NotFound => {
-                Err(e).with_context(|| format!("removing {}", path.display()))
-            }
-            _ => Ok(()),
-        }
+        remove(&path)?;
+        self.scratch(episode).map_or(Ok(()), |path| remove(&path))
     }
 
     /// Gives the staged file of an episode its final name. `done` is noted
@@ -313,6 +354,16 @@ pub fn sha256(path: &Path) -> anyhow::Result<String> {
         let _ = write!(text, "{byte:02x}");
     }
     Ok(text)
+}
+
+/// Removes a folder, if it is there.
+fn remove(path: &Path) -> anyhow::Result<()> {
+    match std::fs::remove_dir_all(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => {
+            Err(e).with_context(|| format!("removing {}", path.display()))
+        }
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
 use crate::way::Way;
 use attempt::Setup;
-use capacity::Host;
+use capacity::{Host, PIPELINES, is_memory};
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
 use fleet::Tally;
@@ -73,6 +73,11 @@ pub struct CollectArgs {
     /// Folder for the dataset; the plan's, else data/NAME.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Folder for recordings under way, which are made into the files of the dataset when
+    /// they are over: in memory (/dev/shm) or on a disk of this host, where that of the
+    /// dataset is slow; in the dataset when absent.
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
     /// Only tells episodes, samples, disk and time.
     #[arg(long)]
     pub dry_run: bool,
@@ -103,7 +108,7 @@ pub struct CollectArgs {
         long,
         value_name = "DIR",
         num_args = 1..,
-        conflicts_with_all = ["plan", "dry_run", "durations", "workers", "shard", "adapter", "adapters"]
+        conflicts_with_all = ["plan", "dry_run", "durations", "workers", "shard", "adapter", "adapters", "scratch"]
     )]
     pub merge: Vec<PathBuf>,
 }
@@ -141,12 +146,22 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     );
     let left = mine.len() - ledger.done.len();
     let host = Host::look();
-    let fits = || host.workers(&plan).min(left.max(1));
+    // A recording takes about what its file does.
+    let in_memory = args.scratch.as_deref().is_some_and(is_memory);
+    let kept = if in_memory {
+        PIPELINES as f64 * estimate.largest()
+    } else {
+        0.0
+    };
+    let fits = || host.workers(&plan, kept).min(left.max(1));
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
     let unknown = unknown(path, &plan, args.assets.as_deref())?;
     if args.dry_run {
-        print!("{}", estimate.table(&plan, &out, workers));
+        print!("{}", estimate.table(&plan, &out, (workers, kept)));
+        if let Some(scratch) = &args.scratch {
+            println!("{}", estimate.scratch(scratch, workers));
+        }
         if let Some(problem) = unknown {
             println!("NOTE      {problem}");
         }
@@ -155,9 +170,13 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     if let Some(problem) = unknown {
         bail!("{problem}");
     }
+    let mut folder = Folder::make(&out)?;
+    if let Some(scratch) = &args.scratch {
+        folder = folder.with_scratch(scratch, args.shard)?;
+    }
     let setup = Setup {
         plan,
-        folder: Folder::make(&out)?,
+        folder,
         assets: args.assets.clone(),
         way: args.worker,
         patience: args.patience,
@@ -179,6 +198,7 @@ fn collect(
     stop.listen()?;
     let folder = &setup.folder;
     let mut journal = Journal::open(&folder.journal(), shard)?;
+    folder.clear_scratch()?;
     // Read again under the lock.
     let (mut ledger, _) = ledger(folder, &mine)?;
     folder.keep_plan(&setup.plan.text)?;
@@ -194,12 +214,7 @@ fn collect(
         folder.root().display()
     );
     let expected = jobs.iter().map(|job| job.expected).sum();
-    let show = Show::new(
-        fleet::PIPELINES * workers,
-        ledger.done.len(),
-        mine.len(),
-        expected,
-    );
+    let show = Show::new(PIPELINES * workers, ledger.done.len(), mine.len(), expected);
     let tally = fleet::work(
         setup,
         jobs,
@@ -208,6 +223,7 @@ fn collect(
         estimate.largest(),
         (&stop, &show),
     );
+    folder.clear_scratch()?;
     let (ledger, _) = resume::ledger(folder, &mine)?;
     let manifest = Manifest::new(&setup.plan.name, &mine, &ledger);
     explain(&tally, setup.plan.attempts);

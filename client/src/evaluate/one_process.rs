@@ -85,6 +85,7 @@ impl OneProcess {
             label: label.to_owned(),
             record: args.record.then(|| Recording {
                 out: args.out.clone(),
+                scratch: None,
                 depth: args.depth.name().to_owned(),
                 name: format!("evaluate-{}", self.index),
             }),

@@ -160,6 +160,7 @@ impl<'a> Station<'a> {
             label: label.to_owned(),
             record: Some(Recording {
                 out: self.staging.clone(),
+                scratch: None,
                 depth: Depth::Nothing.name().to_owned(),
                 name: "multiply".to_owned(),
             }),

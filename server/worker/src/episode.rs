@@ -300,6 +300,7 @@ impl Recorder {
     fn start(room: &Room, link: &Link, how: &Recording, stop: &Stop) -> anyhow::Result<Self> {
         let options = RecordOptions {
             out: how.out.clone(),
+            scratch: how.scratch.clone(),
             name: how.name.clone(),
             depth: depth_of(how)?,
             end_with_stdin: false,

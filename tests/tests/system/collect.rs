@@ -144,6 +144,20 @@ fn files(out: &Path) -> BTreeMap<PathBuf, SystemTime> {
         .collect()
 }
 
+/// Logs of recordings under way in the folders below `folder`.
+fn logs(folder: &Path) -> usize {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return 0;
+    };
+    let paths = entries.flatten().map(|entry| entry.path());
+    paths
+        .map(|path| match path.is_dir() {
+            true => logs(&path),
+            false => usize::from(path.extension().is_some_and(|e| e == "wal")),
+        })
+        .sum()
+}
+
 #[test]
 fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
     ends_complete_however_it_is_ended("process");
@@ -157,17 +171,23 @@ fn one_over_sockets_that_is_stopped_killed_twice_and_interrupted_ends_complete()
 fn ends_complete_however_it_is_ended(worker: &str) {
     let (folder, plan, out) = planned(PLAN);
     let one = one_worker(&plan, &out);
-    let args = [&one[..], &["--worker", worker]].concat();
+    // Recordings under way lie elsewhere.
+    let scratch = folder.path().join("scratch");
+    let elsewhere = scratch.to_str().expect("text");
+    let args = [&one[..], &["--worker", worker, "--scratch", elsewhere]].concat();
 
     let dry = run(&[&args[..], &["--dry-run"]].concat());
     let text = printed(&dry);
     // 2 episodes of 17 s at 10 Hz beside 2 x 234.
     assert!(text.contains("340") && text.contains("468"), "{text}");
-    assert!(!out.exists(), "a dry run made {}", out.display());
+    assert!(text.contains(elsewhere), "{text}");
+    assert!(!out.exists() && !scratch.exists(), "a dry run made folders");
 
     // SIGTERM throws the running episode away.
     let campaign = Campaign::start(&args);
     wait_for("an operator at work", || campaign.at_work(&out));
+    wait_for("a recording", || logs(&scratch) == 1);
+    assert_eq!(logs(&out.join("staging")), 0);
     let second = run(&args);
     assert!(printed(&second).contains("another"), "{}", printed(&second));
     campaign.signal("TERM");
@@ -175,17 +195,20 @@ fn ends_complete_however_it_is_ended(worker: &str) {
     assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
     let staged = std::fs::read_dir(out.join("staging")).expect("a folder");
     assert_eq!(staged.count(), 0, "something half-made is left");
+    let left = std::fs::read_dir(&scratch).expect("a folder");
+    assert_eq!(left.count(), 0, "a recording is left");
 
     // Killed while the first episode is made, and while the second is.
     for done in [0, 1] {
         let campaign = Campaign::start(&args);
         wait_for("the next episode", || {
-            done_lines(&out).len() == done && campaign.at_work(&out)
+            done_lines(&out).len() == done && campaign.at_work(&out) && logs(&scratch) == 1
         });
         campaign.signal("KILL");
         campaign.end();
         wait_for("the end of its programs", || left_behind(&out).is_empty());
         assert_eq!(files(&out).len(), done);
+        assert_eq!(logs(&scratch), 1);
     }
     let first = files(&out);
 
@@ -200,6 +223,10 @@ fn ends_complete_however_it_is_ended(worker: &str) {
         text.contains("2 of 2 episodes") && text.contains(": complete"),
         "{text}"
     );
+
+    // What the killed ones left is gone too.
+    let left = std::fs::read_dir(&scratch).expect("a folder");
+    assert_eq!(left.count(), 0, "a recording is left");
 
     // Nothing was done twice, and the next run does nothing.
     let both = files(&out);

@@ -72,6 +72,7 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
         move || {
             let options = RecordOptions {
                 out,
+                scratch: None,
                 name: "recorder".to_owned(),
                 depth,
                 end_with_stdin: false,

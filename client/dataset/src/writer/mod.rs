@@ -40,6 +40,8 @@ pub struct WriterOptions {
     pub depth: Depth,
     /// Name of the recorder, stored in the file.
     pub recorder: String,
+    /// Folder for the log until the file is made; that of the file when absent.
+    pub scratch: Option<PathBuf>,
     /// Compression threads; 2 keep up with two cameras at 1280x720 and 15 Hz.
     pub workers: usize,
     /// Bytes that may wait between the threads, about four frames of two
@@ -52,6 +54,7 @@ impl Default for WriterOptions {
         Self {
             depth: Depth::Metres,
             recorder: "recorder".into(),
+            scratch: None,
             workers: 2,
             queue_bytes: 64 << 20,
         }
@@ -141,7 +144,7 @@ pub fn log_path(dir: &Path, label: &str) -> PathBuf {
 }
 
 impl EpisodeWriter {
-    /// Opens the log of an episode in `dir`, which is created if needed.
+    /// Opens the log of an episode whose file will be in `dir`. Folders are created.
     ///
     /// # Errors
     /// When the file or its log exists, or cannot be created.
@@ -152,9 +155,10 @@ impl EpisodeWriter {
         options: &WriterOptions,
     ) -> Result<Self, WriteError> {
         wheelarm_proto::check::label(&started.label)?;
+        let scratch = options.scratch.as_deref().unwrap_or(dir);
         let (file, log) = (
             file_path(dir, &started.label),
-            log_path(dir, &started.label),
+            log_path(scratch, &started.label),
         );
         let io = |source| LogError::Io {
             path: log.display().to_string(),
@@ -163,7 +167,9 @@ impl EpisodeWriter {
         if dir.to_str().is_none() {
             return Err(WriteError::Folder(dir.to_owned()));
         }
-        std::fs::create_dir_all(dir).map_err(io)?;
+        for folder in [dir, scratch] {
+            std::fs::create_dir_all(folder).map_err(io)?;
+        }
         if file.exists() {
             return Err(WriteError::Exists(file));
         }
