@@ -21,10 +21,9 @@ pub struct RecordArgs {
     /// `--sim '*'` below a folder per server.
     #[arg(long, default_value = "data", value_name = "DIR")]
     pub out: PathBuf,
-    /// Folder for the log of an episode until its file is made; that of the file when
-    /// absent. For a fast disk of this host where the files go onto a slow one; what
-    /// lies in memory (/dev/shm) goes with the power.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the log of an episode until its file is made, for `wheelarm collect`:
+    /// it makes again what is lost there.
+    #[arg(long, value_name = "DIR", hide = true)]
     pub scratch: Option<PathBuf>,
     /// Name of this recorder; several at one server need different ones.
     #[arg(long, default_value = "recorder", value_parser = choice::name)]

@@ -67,7 +67,7 @@ struct Options {
     /// Both, one pair by turns.
     #[arg(long)]
     compare_packing: bool,
-    /// Time of each part on the adapter, if it can tell.
+    /// Time of each part on the adapter, if it can tell; then no pair is drawn ahead.
     #[arg(long)]
     parts: bool,
     /// Threads that draw pairs ahead on one device.

@@ -10,10 +10,15 @@ use std::time::Duration;
 
 use wheelarm_dataset::finish::finish;
 
+/// One test at a time: a program has the open files and their locks for a moment while it
+/// is started.
+static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
 /// HDF5's files are inherited by every program that is started while they are
 /// open: servers, policies, encoders.
 #[test]
 fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
+    let _alone = ALONE.lock();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let (done, ended) = std::sync::mpsc::channel::<()>();
@@ -49,6 +54,7 @@ fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
 
 #[test]
 fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
+    let _alone = ALONE.lock();
     let folder = tempfile::tempdir().unwrap();
     let [one, other, out] = ["one", "other", "out"].map(|name| folder.path().join(name));
     for folder in [&one, &other, &out] {

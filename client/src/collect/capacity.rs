@@ -124,6 +124,19 @@ pub fn is_memory(path: &Path) -> bool {
     found.is_some_and(|disk| disk.f_type as u32 == TMPFS)
 }
 
+/// Bytes of the files below a folder.
+#[must_use]
+pub fn size(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .filter_map(|entry| Some((entry.path(), entry.metadata().ok()?)))
+        .map(|(path, found)| match found.is_dir() {
+            true => size(&path),
+            false => found.len(),
+        })
+        .sum()
+}
+
 /// The folder, or the nearest above it that exists.
 fn existing(path: &Path) -> Option<PathBuf> {
     let mut path = std::path::absolute(path).ok()?;

@@ -254,6 +254,13 @@ impl Estimate {
         text
     }
 
+    /// Workers whose recordings under way fit into so many bytes, at least 1.
+    #[must_use]
+    pub fn workers_in(&self, free: u64) -> usize {
+        let each = PIPELINES as f64 * self.largest();
+        ((free as f64 / each.max(1.0)) as usize).max(1)
+    }
+
     /// How much a folder for recordings under way must take, and has.
     #[must_use]
     pub fn scratch(&self, scratch: &Path, workers: usize) -> String {

@@ -4,13 +4,14 @@
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use parking_lot::Mutex;
 use wheelarm_rig::Panicked;
 
 use super::attempt::{Outcome, Setup};
-use super::capacity::{PIPELINES, free_disk};
+use super::capacity::{PIPELINES, free_disk, size};
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
@@ -145,21 +146,19 @@ impl Shared<'_> {
     fn room(&self, busy: usize) -> anyhow::Result<()> {
         let need = busy as f64 * self.largest;
         let folder = &self.setup.folder;
-        for place in [Some(folder.root()), folder.all_scratch()]
-            .into_iter()
-            .flatten()
-        {
-            match free_disk(place) {
-                Some(free) if (free as f64) < need => anyhow::bail!(
-                    "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
-                    place.display(),
-                    bytes(free as f64),
-                    bytes(need)
-                ),
-                _ => {}
-            }
-        }
-        Ok(())
+        let check = |place: &Path, taken: u64| match free_disk(place) {
+            Some(free) if ((free + taken) as f64) < need => anyhow::bail!(
+                "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
+                place.display(),
+                bytes(free as f64),
+                bytes(need)
+            ),
+            _ => Ok(()),
+        };
+        check(folder.root(), 0)?;
+        // What runs already is there already.
+        let scratch = folder.all_scratch();
+        scratch.map_or(Ok(()), |scratch| check(scratch, size(scratch)))
     }
 
     /// Attempts an episode until it is done, dropped or the run ends.

@@ -14,11 +14,12 @@
 //!
 //! A file appears under its final name in one step and never replaces another.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use sha2::{Digest, Sha256};
 use wheelarm_dataset::publish;
 
@@ -37,7 +38,14 @@ const RESULT: &str = "result.json";
 pub struct Folder {
     root: PathBuf,
     /// Where recordings lie while they are made; in the staging folders when absent.
-    scratch: Option<PathBuf>,
+    scratch: Option<Scratch>,
+}
+
+/// A folder for recordings under way, and the lock by which it is one run's alone.
+#[derive(Clone, Debug)]
+struct Scratch {
+    folder: PathBuf,
+    _lock: Arc<File>,
 }
 
 impl Folder {
@@ -51,10 +59,12 @@ impl Folder {
     }
 
     /// The same with recordings under way in a folder of `scratch`, which is this
-    /// dataset's and this shard's alone.
+    /// dataset's and this shard's alone. What a killed run left there is removed: it is
+    /// made again.
     ///
     /// # Errors
-    /// When the folder cannot be made.
+    /// When the folder cannot be made, or another run has it: one of a host with the same
+    /// names.
     pub fn with_scratch(self, scratch: &Path, shard: Shard) -> anyhow::Result<Self> {
         let making = || format!("making a folder in --scratch {}", scratch.display());
         let root = std::path::absolute(&self.root).with_context(making)?;
@@ -64,6 +74,27 @@ impl Folder {
         let scratch = std::path::absolute(scratch).with_context(making)?;
         let own = scratch.join(format!("wheelarm-collect-{name}"));
         std::fs::create_dir_all(&own).with_context(making)?;
+        // Beside the folder, which is removed at the end.
+        let lock = own.with_extension("lock");
+        let lock = File::create(&lock).with_context(|| format!("making {}", lock.display()))?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => bail!(
+                "another `wheelarm collect` has {}; wait for its end, or take another --scratch",
+                own.display()
+            ),
+            Err(TryLockError::Error(e)) => {
+                tracing::warn!(
+                    "{} cannot be locked ({e}); see to it that no other host has this --scratch",
+                    own.display()
+                );
+            }
+        }
+        let own = Scratch {
+            folder: own,
+            _lock: Arc::new(lock),
+        };
+        remove(&own.folder)?;
         Ok(Self {
             scratch: Some(own),
             ..self
@@ -74,21 +105,26 @@ impl Folder {
     /// folder.
     #[must_use]
     pub fn scratch(&self, episode: &str) -> Option<PathBuf> {
-        self.scratch.as_ref().map(|scratch| scratch.join(episode))
+        let scratch = self.scratch.as_ref();
+        scratch.map(|scratch| scratch.folder.join(episode))
     }
 
     /// The folder of all of them.
     #[must_use]
     pub fn all_scratch(&self) -> Option<&Path> {
-        self.scratch.as_deref()
+        self.scratch.as_ref().map(|scratch| &*scratch.folder)
     }
 
-    /// Removes recordings under way: what a killed run left, which is made again.
-    ///
-    /// # Errors
-    /// When they cannot be removed.
-    pub fn clear_scratch(&self) -> anyhow::Result<()> {
-        self.scratch.as_deref().map_or(Ok(()), remove)
+    /// Removes the folder for recordings under way, when none is. Where that does not go,
+    /// it costs room alone.
+    pub fn clear_scratch(&self) {
+        if let Some(scratch) = &self.scratch {
+            let lock = scratch.folder.with_extension("lock");
+            let removed = remove(&scratch.folder).and_then(|()| Ok(std::fs::remove_file(lock)?));
+            if let Err(problem) = removed {
+                tracing::warn!("{problem:#}; it can be deleted");
+            }
+        }
     }
 
     /// Makes what is absent.
@@ -232,7 +268,9 @@ impl Folder {
         let name = format!("failed/{episode}-attempt-{attempt}");
         // The same attempt is made once more after a server's death.
         let kept = free(&self.root.join(name), "");
-        std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))
+        std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))?;
+        let scratch = self.scratch(episode);
+        scratch.map_or(Ok(()), |scratch| remove(&scratch))
     }
 
     /// Moves the recording of a failed attempt to `failed_episodes/`; its new path,

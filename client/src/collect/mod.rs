@@ -45,7 +45,7 @@ use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
 use crate::way::Way;
 use attempt::Setup;
-use capacity::{Host, PIPELINES, is_memory};
+use capacity::{Host, PIPELINES, free_disk, is_memory};
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
 use fleet::Tally;
@@ -153,7 +153,9 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     } else {
         0.0
     };
-    let fits = || host.workers(&plan, kept).min(left.max(1));
+    let room = args.scratch.as_deref().and_then(free_disk);
+    let most = room.map_or(usize::MAX, |free| estimate.workers_in(free));
+    let fits = || host.workers(&plan, kept).min(most).min(left.max(1));
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
     let unknown = unknown(path, &plan, args.assets.as_deref())?;
@@ -198,7 +200,6 @@ fn collect(
     stop.listen()?;
     let folder = &setup.folder;
     let mut journal = Journal::open(&folder.journal(), shard)?;
-    folder.clear_scratch()?;
     // Read again under the lock.
     let (mut ledger, _) = ledger(folder, &mine)?;
     folder.keep_plan(&setup.plan.text)?;
@@ -223,7 +224,7 @@ fn collect(
         estimate.largest(),
         (&stop, &show),
     );
-    folder.clear_scratch()?;
+    folder.clear_scratch();
     let (ledger, _) = resume::ledger(folder, &mine)?;
     let manifest = Manifest::new(&setup.plan.name, &mine, &ledger);
     explain(&tally, setup.plan.attempts);

@@ -168,7 +168,10 @@ impl EpisodeWriter {
             return Err(WriteError::Folder(dir.to_owned()));
         }
         for folder in [dir, scratch] {
-            std::fs::create_dir_all(folder).map_err(io)?;
+            std::fs::create_dir_all(folder).map_err(|source| LogError::Io {
+                path: folder.display().to_string(),
+                source,
+            })?;
         }
         if file.exists() {
             return Err(WriteError::Exists(file));
