@@ -73,7 +73,7 @@ impl Folder {
         let name: String = digest.iter().take(8).map(|b| format!("{b:02x}")).collect();
         let scratch = std::path::absolute(scratch).with_context(making)?;
         let own = scratch.join(format!("wheelarm-collect-{name}"));
-        std::fs::create_dir_all(&own).with_context(making)?;
+        std::fs::create_dir_all(&scratch).with_context(making)?;
         // Beside the folder, which is removed at the end.
         let lock = own.with_extension("lock");
         let lock = File::create(&lock).with_context(|| format!("making {}", lock.display()))?;

@@ -9,6 +9,7 @@ mod budget;
 mod encode;
 mod group;
 mod memory;
+mod pictures;
 mod threads;
 
 use std::collections::BTreeMap;
@@ -21,7 +22,6 @@ use std::thread::JoinHandle;
 use bytes::Bytes;
 use crossbeam_channel::Sender;
 use prost::Message;
-use wheelarm_proto::settings::Named;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::columns;
@@ -309,14 +309,14 @@ impl EpisodeWriter {
         let bytes = payload.len();
         let (header, work) = if slot.id.sensor_name().is_some() {
             let frame = v1::SensorFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
-            let size = check_sensor(&frame, slot.size).map_err(malformed)?;
+            let size = pictures::sensor(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
             let header = frame.header.clone().unwrap_or_default();
             let record = record_header(Kind::Camera, slot.number, &header);
             (header, Work::Sensor(record, Box::new(frame)))
         } else if slot.id.is_camera() {
             let frame = v1::CameraFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
-            let size = check_frame(&frame, slot.size).map_err(malformed)?;
+            let size = pictures::exact(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
             let header = frame.header.clone().unwrap_or_default();
             let record = record_header(Kind::Camera, slot.number, &header);
@@ -355,7 +355,7 @@ impl EpisodeWriter {
         let slot = slot
             .filter(|slot| slot.id.is_camera())
             .ok_or_else(|| malformed("the episode does not announce this camera".into()))?;
-        let size = check_compressed(&frame, slot.size, self.depth).map_err(malformed)?;
+        let size = pictures::compressed(&frame, slot.size, self.depth).map_err(malformed)?;
         slot.size = Some(size);
         let header = frame.header.clone().unwrap_or_default();
         let record = record_header(Kind::Camera, slot.number, &header);
@@ -524,100 +524,4 @@ fn record_header(kind: Kind, stream: u16, header: &v1::Header) -> RecordHeader {
         stamp_nanos: header.stamp_nanos,
         tick: header.tick,
     }
-}
-
-/// Largest picture side, pixels; keeps every length far below 4 GiB.
-const MAX_SIDE: u32 = 8192;
-
-/// Size of a picture by its intrinsics; all of a stream have one.
-fn check_size(
-    intrinsics: Option<v1::Intrinsics>,
-    first: Option<(u32, u32)>,
-) -> Result<(u32, u32), String> {
-    let intrinsics = intrinsics.ok_or("it has no intrinsics")?;
-    let (w, h) = (intrinsics.width, intrinsics.height);
-    if !(1..=MAX_SIDE).contains(&w) || !(1..=MAX_SIDE).contains(&h) {
-        return Err(format!(
-            "it is {w}x{h}, expected 1 to {MAX_SIDE} pixels each way"
-        ));
-    }
-    if let Some((fw, fh)) = first
-        && (w, h) != (fw, fh)
-    {
-        return Err(format!("it is {w}x{h}, the first picture was {fw}x{fh}"));
-    }
-    Ok((w, h))
-}
-
-/// A sensor's picture: colour or 16-bit depth, one of them.
-fn check_sensor(frame: &v1::SensorFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
-    let (w, h) = check_size(frame.intrinsics, first)?;
-    let pixels = w as usize * h as usize;
-    let (rgb, depth) = (frame.rgb.len(), frame.depth.len());
-    if (rgb, depth) == (3 * pixels, 0) || (rgb, depth) == (0, 2 * pixels) {
-        return Ok((w, h));
-    }
-    Err(format!(
-        "rgb has {rgb} bytes and depth {depth}, {w}x{h} needs {} and none, or none and {}",
-        3 * pixels,
-        2 * pixels
-    ))
-}
-
-/// A picture whose planes are zlib streams; what is in them stands under the digest of
-/// the stream.
-fn check_compressed(
-    frame: &v1::CompressedCameraFrame,
-    first: Option<(u32, u32)>,
-    depth: Depth,
-) -> Result<(u32, u32), String> {
-    let size = check_size(frame.intrinsics, first)?;
-    let formats = (frame.rgb_format(), frame.ids_format());
-    let expected = (v1::PixelFormat::Rgb8, v1::PixelFormat::IdU16);
-    if formats != expected {
-        return Err(format!("its planes are {formats:?}, expected {expected:?}"));
-    }
-    let pixels = size.0 as usize * size.1 as usize;
-    let depth_bytes = match (depth, frame.depth_format()) {
-        (Depth::Nothing, _) => None,
-        (_, v1::PixelFormat::DepthMetresF32) => Some(4 * pixels),
-        (Depth::Millimetres, v1::PixelFormat::DepthMillimetresU16) => Some(2 * pixels),
-        (_, other) => {
-            let kept = depth.name();
-            return Err(format!(
-                "its depth is {other:?}, of which no {kept} can be made"
-            ));
-        }
-    };
-    for (what, plane, bytes) in [
-        ("rgb", &frame.rgb, Some(3 * pixels)),
-        ("depth", &frame.depth, depth_bytes),
-        ("ids", &frame.ids, Some(2 * pixels)),
-    ] {
-        let Some(bytes) = bytes else { continue };
-        // Deflate stores what does not shrink: 5 bytes for each block of it.
-        let most = bytes + bytes / 1024 + 1024;
-        if plane.is_empty() || plane.len() > most {
-            return Err(format!(
-                "{what} has {} compressed bytes, expected 1 to {most}",
-                plane.len()
-            ));
-        }
-    }
-    Ok(size)
-}
-
-fn check_frame(frame: &v1::CameraFrame, first: Option<(u32, u32)>) -> Result<(u32, u32), String> {
-    let (w, h) = check_size(frame.intrinsics, first)?;
-    let pixels = w as usize * h as usize;
-    for (what, got, expected) in [
-        ("rgb", frame.rgb.len(), 3 * pixels),
-        ("depth", frame.depth.len(), 4 * pixels),
-        ("ids", frame.ids.len(), crate::ids::bytes(frame) * pixels),
-    ] {
-        if got != expected {
-            return Err(format!("{what} has {got} bytes, {w}x{h} needs {expected}"));
-        }
-    }
-    Ok((w, h))
 }

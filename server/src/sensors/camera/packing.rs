@@ -71,8 +71,8 @@ impl Packer {
         }
     }
 
-    /// What packs the pictures of a camera, `background` where nothing is hit; `None` where they are larger than what
-    /// a shader of this adapter can write.
+    /// What packs the pictures of a camera, `background` where nothing is hit; `None`
+    /// where they are larger than what a shader of this adapter can write.
     pub(super) fn for_camera(
         self: &Arc<Self>,
         device: &wgpu::Device,
