@@ -13,7 +13,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use wheelarm_access::About;
-use wheelarm_client::access::{self, KeysCommand, UsersCommand};
+use wheelarm_client::access::{self, KeysCommand, RouterArgs, UsersCommand};
 #[cfg(feature = "hdf5")]
 use wheelarm_client::collect::{self, CollectArgs};
 use wheelarm_client::connect::ConnectArgs;
@@ -40,7 +40,7 @@ use wheelarm_client::watch::{self, WatchArgs};
 use wheelarm_link::Connect;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{told, version};
-use wheelarm_proto::restart;
+use wheelarm_proto::restart::{self, SENDING_THREADS, TRANSPORT_THREADS};
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
@@ -160,6 +160,13 @@ enum Command {
     /// sets their passwords for the web page.
     #[command(subcommand, after_long_help = manual::USERS)]
     Users(UsersCommand),
+    /// Stands between servers and clients elsewhere, by the rules of a folder of keys.
+    ///
+    /// A Zenoh router: servers that are given the same keys connect to it
+    /// (`wheelarm-server --connect`), and users reach all of them there, each by its
+    /// role (--keys DIR).
+    #[command(after_long_help = manual::ROUTER)]
+    Router(RouterArgs),
     /// Records an episode with a server, a recorder and the operator of its own.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::DEMO)]
@@ -227,6 +234,7 @@ impl Command {
             self,
             Self::Keys(_)
                 | Self::Users(_)
+                | Self::Router(_)
                 | Self::Completions { .. }
                 | Self::Man { .. }
                 | Self::Dataset { .. }
@@ -268,8 +276,8 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    if connect.is_guarded() && !cli.command.works_on_files() {
-        restart::for_tls();
+    if matches!(cli.command, Command::Router(_)) {
+        restart::with_variables([(TRANSPORT_THREADS, SENDING_THREADS.into())]);
     }
     name_by_keys(&mut cli, &connect, &matches);
     match run(cli, connect) {
@@ -376,6 +384,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Shutdown(args) => link()?.shutdown(args.force)?,
         Command::Keys(command) => access::keys(keys, command)?,
         Command::Users(command) => access::users(keys, command)?,
+        Command::Router(args) => access::route(keys, args)?,
         Command::Completions { shell } => {
             let mut command = Cli::command();
             let mut script = Vec::new();

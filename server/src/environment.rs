@@ -3,7 +3,7 @@
 
 use std::ffi::OsString;
 
-use wheelarm_proto::restart::{self, TRANSPORT_THREADS};
+use wheelarm_proto::restart::{self, SENDING_THREADS, TRANSPORT_THREADS};
 
 /// Starts this program again with what graphics drivers and the transport read
 /// from the environment, unless it is set already; where that fails, they do
@@ -19,13 +19,6 @@ pub fn complete() {
         .filter_map(|(name, value)| Some((name, value?)));
     restart::with_variables(known);
 }
-
-/// Threads with which the transport sends to all peers, one unless said. The end
-/// of a connection whose peer does not read keeps one busy for as long as
-/// somebody waits to send to it, and with one alone nobody would hear anything.
-/// Over TLS too, although the transport is not safe from several there: a server
-/// with one thread for both directions stalls.
-const SENDING_THREADS: &str = "(tx: (worker_threads: 4))";
 
 /// A private folder: without one, as in containers and batch jobs, drivers
 /// complain on stderr.

@@ -1,5 +1,4 @@
-//! A Zenoh router of a test: what stands between servers and recorders on a
-//! large network, and lets everybody publish everything.
+//! Routers of a test: what stands between servers and recorders on a large network.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -15,13 +14,37 @@ pub struct Router {
 }
 
 impl Router {
-    /// Starts a router on a free loopback port.
+    /// Starts a router on a free loopback port that lets everybody publish everything.
     ///
     /// # Panics
     /// When it cannot be started.
     #[must_use]
     pub fn start() -> Self {
-        let mut child = Command::new(program("wheelarm-test-router").expect("the router"))
+        let router = program("wheelarm-test-router").expect("the router");
+        Self::of(&mut Command::new(router)).expect("a router that serves")
+    }
+
+    /// Starts `wheelarm router` with a folder of keys on a free loopback port.
+    ///
+    /// # Panics
+    /// When it cannot be started.
+    #[must_use]
+    pub fn start_with_keys(keys: &str) -> Self {
+        // Somebody else may take the port between its choice and its use.
+        let started = (0..10).find_map(|_| {
+            let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+            let endpoint = format!("tls/{}", free.local_addr().expect("an address"));
+            drop(free);
+            let clients = program("wheelarm").expect("the clients");
+            let args = ["router", "--keys", keys, "--listen", &endpoint];
+            Self::of(Command::new(clients).args(args))
+        });
+        started.expect("a router that serves")
+    }
+
+    /// The router of a program that says where it serves, `None` when it ends before.
+    fn of(program: &mut Command) -> Option<Self> {
+        let mut child = program
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -30,11 +53,12 @@ impl Router {
         BufReader::new(child.stdout.as_mut().expect("a pipe"))
             .read_line(&mut first)
             .expect("a line");
-        let endpoint = first.trim().strip_prefix("ready ").expect("an endpoint");
-        Self {
+        let endpoint = first.trim().strip_prefix("ready ").unwrap_or_default();
+        let router = Self {
             endpoint: endpoint.to_owned(),
             child,
-        }
+        };
+        (!router.endpoint.is_empty()).then_some(router)
     }
 }
 

@@ -167,7 +167,8 @@ pub(super) fn closed(operation: &'static str) -> LinkError {
 }
 
 /// The transport's words without the place in its source.
-pub(super) fn words(error: &zenoh::Error) -> String {
+#[must_use]
+pub fn words(error: &zenoh::Error) -> String {
     let text = error.to_string();
     text.split(" at /").next().unwrap_or(&text).to_owned()
 }

@@ -39,7 +39,7 @@ use zenoh::{Config, Session, Wait};
 
 pub use camera::{Camera, SensorPictures};
 pub use commander::Commander;
-pub use error::LinkError;
+pub use error::{LinkError, words as words_of_transport};
 pub use frame::{BadFrame, Frame};
 pub use preview::Preview;
 pub use samples::Samples;
@@ -82,8 +82,7 @@ impl Connect {
         }
     }
 
-    /// Whether the endpoint takes keys. A program that connects to such a one calls
-    /// [`wheelarm_proto::restart::for_tls`] first of all.
+    /// Whether the endpoint takes keys.
     #[must_use]
     pub fn is_guarded(&self) -> bool {
         endpoint::is_guarded(&self.endpoint)

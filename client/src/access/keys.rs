@@ -32,8 +32,8 @@ pub enum KeysCommand {
         #[arg(long, default_value_t = 90)]
         days: u32,
     },
-    /// Writes the configuration of a Zenoh router (`zenohd -c FILE`) with the same
-    /// users and rules.
+    /// Writes the configuration of `wheelarm router`, for a Zenoh router of your own
+    /// (`zenohd -c FILE`).
     Router {
         /// Endpoint that it listens on. May be repeated.
         #[arg(long, default_value = "tls/0.0.0.0:7447", value_parser = choice::endpoint)]

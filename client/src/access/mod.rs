@@ -1,11 +1,14 @@
 //! `wheelarm keys` and `wheelarm users`: who may connect to the servers of this
-//! host, and what each may do there. Works on files alone.
+//! host, and what each may do there. They work on files alone. `wheelarm router`: the
+//! same rules in front of many servers.
 
 mod keys;
+mod router;
 mod secret;
 mod users;
 
 pub use keys::{KeysCommand, keys};
+pub use router::{RouterArgs, route};
 pub use users::{UsersCommand, users};
 
 use std::path::{Path, PathBuf};

@@ -53,10 +53,21 @@ pub const KEYS: &str = manual!(
   wheelarm keys user anna --days 90 --keys /srv/wheelarm/keys
   wheelarm-server --keys /srv/wheelarm/keys --listen tls/0.0.0.0:7447
   wheelarm --connect tls/sim-host:7447 --keys anna teleop
-  wheelarm keys router --out zenohd.json5 --keys /srv/wheelarm/keys
 ",
     "  0  made
   1  a folder or a user is not as it must be
+"
+);
+
+/// `wheelarm router`.
+pub const ROUTER: &str = manual!(
+    "  wheelarm router --keys /srv/wheelarm/keys
+  wheelarm-server --sim kitchen --keys /srv/wheelarm/keys \\
+    --connect tls/sim-host:7447 --listen unixsock-stream/kitchen.socket
+  wheelarm --connect tls/sim-host:7447 --keys anna --sim kitchen teleop
+",
+    "  0  it was interrupted and ended
+  1  the keys are not as they must be, or the endpoint is taken
 "
 );
 

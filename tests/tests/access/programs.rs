@@ -7,8 +7,8 @@ use wheelarm_access::{Folder, Role, User};
 use wheelarm_link::{Connect, Link, LinkError, Silence, open_session};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Query, TopicId, v1};
-use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
-use zenoh::{Session, Wait};
+use wheelarm_tests::{PATIENCE, Router, Server, printed, program, wait_until};
+use zenoh::Session;
 
 use super::lab::{
     Ear, Keys, REFUSED, SIM, gets_through, put, reaches, refused_command, shared, status,
@@ -201,19 +201,8 @@ fn a_local_socket_is_its_owners_and_the_admins() {
 #[test]
 fn a_router_with_the_same_users_goes_by_the_same_rules() {
     let keys = Keys::new();
-    // Somebody else may take the port between its choice and its use.
-    let (_router, endpoint) = (0..10)
-        .find_map(|_| {
-            let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-            let port = free.local_addr().expect("an address").port();
-            drop(free);
-            let endpoint = format!("tls/127.0.0.1:{port}");
-            let text = wheelarm_access::router(&keys.folder, std::slice::from_ref(&endpoint));
-            let text = text.expect("a configuration");
-            let config = zenoh::Config::from_json5(&text).expect("a valid one");
-            Some((zenoh::open(config).wait().ok()?, endpoint))
-        })
-        .expect("a router");
+    let router = Router::start_with_keys(keys.path());
+    let endpoint = router.endpoint.clone();
     let own = format!("unixsock-stream/{}", keys.place.join("own").display());
     let args = [
         "--keys",
@@ -257,7 +246,6 @@ fn a_router_with_the_same_users_goes_by_the_same_rules() {
         let key = veit.keys().query(query);
         assert!(!reaches(&veit, &key), "{key}");
     }
-    // A TLS connection of Zenoh may break, and is made anew: anna may have to ask again.
     let mut commander = None;
     wait_until("anna is in control", || {
         commander = anna.commander("anna", false).ok();

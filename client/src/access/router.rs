@@ -1,0 +1,54 @@
+//! `wheelarm router`: a Zenoh router with the users and rules of a folder of keys.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use wheelarm_access::{Folder, router};
+use wheelarm_link::words_of_transport;
+use zenoh::Wait;
+
+use super::folder;
+use crate::choice;
+use crate::interrupt::Signals;
+
+/// What `wheelarm router` is told.
+#[derive(Args, Clone, Debug)]
+pub struct RouterArgs {
+    /// Endpoint that it listens on. May be repeated.
+    #[arg(long, default_value = "tls/0.0.0.0:7447", value_parser = choice::endpoint)]
+    listen: Vec<String>,
+}
+
+/// Runs `wheelarm router` until it is interrupted. Says `ready ENDPOINTS` when it serves.
+///
+/// # Errors
+/// With the cure.
+pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
+    let folder = Folder::open(folder(named)?)?;
+    let text = router(&folder, &args.listen)?;
+    let listen = args.listen.join(", ");
+    let config = zenoh::Config::from_json5(&text)
+        .map_err(|e| anyhow!("the configuration of a router: {}", words_of_transport(&e)))?;
+    let runtime = tokio::runtime::Runtime::new()?;
+    let mut signals = {
+        let _inside = runtime.enter();
+        Signals::listen()?
+    };
+    // The file of a local socket is the user's own, whom the rules call admin.
+    let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
+    let opened = zenoh::open(config).wait();
+    rustix::process::umask(before);
+    let session =
+        opened.map_err(|e| anyhow!("listening on {listen}: {}", words_of_transport(&e)))?;
+    let mut out = std::io::stdout();
+    writeln!(out, "ready {listen}")
+        .and_then(|()| out.flush())
+        .context("writing where it listens")?;
+    runtime.block_on(signals.next());
+    session
+        .close()
+        .wait()
+        .map_err(|e| anyhow!("ending: {}", words_of_transport(&e)))
+}

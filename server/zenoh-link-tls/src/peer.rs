@@ -1,0 +1,38 @@
+//! Who is at the other end, by the certificates it showed.
+
+use time::OffsetDateTime;
+use tokio_rustls::rustls::pki_types::CertificateDer;
+use x509_parser::prelude::{FromDer, X509Certificate};
+use zenoh_result::{ZResult, zerror};
+
+/// The other side of a connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Peer {
+    /// Common name of its own certificate, by which access is granted. Absent where it
+    /// has none or the name is no text: nothing is granted to it.
+    pub name: Option<String>,
+    /// When the first of its certificates is over.
+    pub until: OffsetDateTime,
+}
+
+impl Peer {
+    /// # Errors
+    /// No certificate, and one that cannot be read.
+    pub fn of(chain: Option<&[CertificateDer<'_>]>) -> ZResult<Self> {
+        let chain = chain.unwrap_or_default();
+        let read = chain.iter().map(|der| {
+            let (_, certificate) = X509Certificate::from_der(der)?;
+            let mut names = certificate.subject().iter_common_name();
+            let name = names.next().and_then(|name| name.as_str().ok());
+            Ok::<_, zenoh_result::Error>(Self {
+                name: name.map(str::to_owned),
+                until: certificate.validity().not_after.to_datetime(),
+            })
+        });
+        let read: Vec<Self> = read.collect::<ZResult<_>>()?;
+        let until = read.iter().map(|of| of.until).min();
+        let until = until.ok_or_else(|| zerror!("it showed no certificate"))?;
+        let name = read.into_iter().next().and_then(|own| own.name);
+        Ok(Self { name, until })
+    }
+}
