@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use wheelarm_access::{Folder, router};
 use wheelarm_link::words_of_transport;
@@ -27,6 +27,9 @@ pub struct RouterArgs {
 /// With the cure.
 pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     let folder = Folder::open(folder(named)?)?;
+    if let Some(any) = args.listen.iter().find(|endpoint| endpoint.ends_with(":0")) {
+        bail!("{any}: servers and clients have to know the port, name one");
+    }
     let text = router(&folder, &args.listen)?;
     let listen = args.listen.join(", ");
     let config = zenoh::Config::from_json5(&text)

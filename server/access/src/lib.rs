@@ -21,5 +21,5 @@ pub use error::AccessError;
 pub use folder::{About, Folder, SERVER, ServerIdentity};
 pub use role::Role;
 pub use rules::{Flow, Grant, Kind, grants, grants_of_servers};
-pub use transport::{access_control, router, tls};
+pub use transport::{access_control, guards, router, tls};
 pub use users::{User, Users};

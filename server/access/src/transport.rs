@@ -1,6 +1,7 @@
 //! The transport's configuration, as JSON values that go under its own keys.
 
 use serde_json::{Value, json};
+use wheelarm_proto::keys::PREFIX;
 
 use super::rules::{Flow, Grant, grants, grants_of_servers};
 use super::{AccessError, Folder, SERVER, Users};
@@ -24,6 +25,50 @@ pub fn tls(folder: &Folder) -> Value {
             "close_link_on_expiration": true,
         },
     })
+}
+
+/// Largest message that is put together: a picture of 4096 x 4096 pixels with
+/// colour, depth and ids, and room for the rest, bytes.
+const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
+
+/// What keeps who is connected to the server `sim` (`*` for a router in front of many)
+/// from hindering others: keys of a session's configuration, and their values.
+#[must_use]
+pub fn guards(sim: &str) -> [(&'static str, Value); 4] {
+    [
+        // Connections that never say a word must not keep others out.
+        ("transport/unicast/accept_pending", json!(500)),
+        ("transport/unicast/accept_timeout", json!(5000)),
+        // Every callback looks at the length before anything is copied; this bounds
+        // what the transport itself puts together. Nothing larger than a picture of
+        // the greatest size passes through, from servers that this one is a router for.
+        ("transport/link/rx/max_message_size", json!(MAX_MESSAGE)),
+        ("qos/network", ranks_of_answers(sim)),
+    ]
+}
+
+/// Priorities of answers, which are those of their questions: askers would choose them.
+/// A link sends what has one priority in one line, and an answer may stand there until a
+/// slow peer has read what is before it. What is published has the others, and is
+/// never behind an answer. Pictures that are sent again come last, and are
+/// dropped where a line is busy with new ones: what may never be dropped would end the
+/// connection.
+fn ranks_of_answers(sim: &str) -> Value {
+    let pictures = ["camera", "compressed", "sensor"];
+    let caches = pictures.map(|kind| format!("{PREFIX}/{sim}/{kind}/*/@adv/**"));
+    json!([
+        {
+            "messages": ["query"],
+            "flows": ["ingress"],
+            "overwrite": { "priority": "data_high", "congestion_control": "block" },
+        },
+        {
+            "messages": ["query"],
+            "flows": ["ingress"],
+            "key_exprs": caches,
+            "overwrite": { "priority": "background", "congestion_control": "drop" },
+        },
+    ])
 }
 
 /// The rules of the server `sim` (`*` for a router in front of many): what no
@@ -105,7 +150,7 @@ pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessErr
         "wait_before_drop": 5_000_000,
         "max_wait_before_drop_fragments": 5_000_000,
     } } } });
-    let config = json!({
+    let mut config = json!({
         "mode": "router",
         "listen": { "endpoints": endpoints },
         "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
@@ -114,12 +159,20 @@ pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessErr
         "transport": { "link": link, "shared_memory": { "enabled": false } },
         "access_control": access_control(&users, "*"),
     });
+    for (key, value) in guards("*") {
+        let (at, last) = key.rsplit_once('/').unwrap_or(("", key));
+        let place = at.split('/').filter(|part| !part.is_empty());
+        place.fold(&mut config, |at, part| &mut at[part])[last] = value;
+    }
     serde_json::to_string_pretty(&config)
         .map_err(AccessError::crypto("writing a router's configuration"))
 }
 
 #[cfg(test)]
 mod tests {
+    use wheelarm_proto::TopicId;
+    use wheelarm_proto::keys::Keys;
+
     use super::*;
     use crate::{Role, User};
 
@@ -143,6 +196,35 @@ mod tests {
         let rules = config.get_json("access_control/rules").unwrap();
         assert!(rules.contains("wheelarm/*/command/annaoperator"), "{rules}");
         assert!(!rules.contains("deny"));
+        // Everything that keeps users from hindering others is there, under its own key.
+        for (key, value) in guards("*") {
+            let set = config.get_json(key).unwrap();
+            let set: Value = serde_json::from_str(&set).unwrap();
+            assert!(holds(&set, &value), "{key}: {set}");
+        }
+    }
+
+    /// Whether everything of `wanted` is in `set`, which has more by itself.
+    fn holds(set: &Value, wanted: &Value) -> bool {
+        match (set, wanted) {
+            (Value::Object(set), Value::Object(wanted)) => wanted
+                .iter()
+                .all(|(key, value)| set.get(key).is_some_and(|set| holds(set, value))),
+            (Value::Array(set), Value::Array(wanted)) => {
+                set.len() == wanted.len() && set.iter().zip(wanted).all(|(s, w)| holds(s, w))
+            }
+            _ => set == wanted,
+        }
+    }
+
+    #[test]
+    fn kept_pictures_are_where_the_keys_say() {
+        let keys = Keys::new("lab").unwrap();
+        let ranks = ranks_of_answers("lab").to_string();
+        for topic in [TopicId::Camera, TopicId::CompressedCamera, TopicId::Sensor] {
+            let cache = format!("{}/@adv/**", keys.topic(topic));
+            assert!(ranks.contains(&cache), "{cache}");
+        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! The Zenoh session of a server.
 
 use wheelarm_access::Folder;
-use wheelarm_proto::TopicId;
 use wheelarm_proto::endpoint;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::v1::Access;
@@ -9,10 +8,6 @@ use zenoh::{Config, Session, Wait};
 
 use super::error::ServiceError;
 use crate::sim::Pacing;
-
-/// Largest message that is put together: a picture of 4096 x 4096 pixels with
-/// colour, depth and ids, and room for the rest, bytes.
-const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
 
 /// How a server is reached.
 #[derive(Clone, Debug, Default)]
@@ -92,16 +87,9 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
     set("listen/endpoints", list(listen))?;
     set("connect/endpoints", list(connect))?;
     set("connect/timeout_ms", "5000".to_owned())?;
-    // Connections that never say a word must not keep others out.
-    set("transport/unicast/accept_pending", "500".to_owned())?;
-    set("transport/unicast/accept_timeout", "5000".to_owned())?;
-    // Every callback looks at the length before anything is copied; this bounds
-    // what the transport itself puts together. Nothing larger than a picture of
-    // the greatest size passes through, from servers that this one is a router for.
-    set(
-        "transport/link/rx/max_message_size",
-        MAX_MESSAGE.to_string(),
-    )?;
+    for (key, value) in wheelarm_access::guards(keys.sim()) {
+        set(key, value.to_string())?;
+    }
     // Alone there is nobody to be heard of before the start.
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };
@@ -118,7 +106,6 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
             set("adminspace/enabled", "false".to_owned())?;
         }
     }
-    set("qos/network", ranks_of_answers(keys))?;
     // A camera message waits for room instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so it may wait long; a receiver
     // that stands still costs this once, for then it counts as congested. Not
@@ -164,24 +151,6 @@ pub fn within() -> Result<Session, ServiceError> {
             .map_err(|e| ServiceError::Zenoh(format!("setting {key} to {value}: {e}")))?;
     }
     Ok(zenoh::open(config).wait()?)
-}
-
-/// Priorities of answers, which are those of their questions: askers would choose them.
-/// A link sends what has one priority in one line, and an answer may stand there until a
-/// slow peer has read what is before it. What is published has the others, and is
-/// never behind an answer. Pictures that are sent again come last, and are
-/// dropped where a line is busy with new ones: what may never be dropped would end the
-/// connection.
-fn ranks_of_answers(keys: &Keys) -> String {
-    let pictures = [TopicId::Camera, TopicId::CompressedCamera, TopicId::Sensor];
-    let caches = pictures.map(|topic| format!("{:?}", format!("{}/@adv/**", keys.topic(topic))));
-    format!(
-        r#"[{{ messages: ["query"], flows: ["ingress"],
-              overwrite: {{ priority: "data_high", congestion_control: "block" }} }},
-            {{ messages: ["query"], flows: ["ingress"], key_exprs: [{}],
-              overwrite: {{ priority: "background", congestion_control: "drop" }} }}]"#,
-        caches.join(",")
-    )
 }
 
 /// Access control of the router that the server is: its own keys are closed to

@@ -7,16 +7,19 @@ use std::time::Duration;
 use tokio_rustls::rustls::crypto::{CryptoProvider, ring};
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
-use tokio_rustls::rustls::server::WebPkiClientVerifier;
+use tokio_rustls::rustls::server::{NoServerSessionStorage, WebPkiClientVerifier};
 use tokio_rustls::rustls::version::TLS13;
 use tokio_rustls::rustls::{ClientConfig, RootCertStore, ServerConfig};
 use zenoh_config::Config as SessionConfig;
 use zenoh_link_commons::tcp::TcpSocketConfig;
 use zenoh_link_commons::tls::config::{
-    TLS_CLOSE_LINK_ON_EXPIRATION, TLS_CONNECT_CERTIFICATE_FILE, TLS_CONNECT_PRIVATE_KEY_FILE,
-    TLS_ENABLE_MTLS, TLS_HANDSHAKE_TIMEOUT_MS, TLS_HANDSHAKE_TIMEOUT_MS_DEFAULT,
-    TLS_LISTEN_CERTIFICATE_FILE, TLS_LISTEN_PRIVATE_KEY_FILE, TLS_ROOT_CA_CERTIFICATE_FILE,
-    TLS_VERIFY_NAME_ON_CONNECT,
+    TLS_CLOSE_LINK_ON_EXPIRATION, TLS_CONNECT_CERTIFICATE_BASE64, TLS_CONNECT_CERTIFICATE_FILE,
+    TLS_CONNECT_CERTIFICATE_RAW, TLS_CONNECT_PRIVATE_KEY_BASE64, TLS_CONNECT_PRIVATE_KEY_FILE,
+    TLS_CONNECT_PRIVATE_KEY_RAW, TLS_ENABLE_MTLS, TLS_HANDSHAKE_TIMEOUT_MS,
+    TLS_HANDSHAKE_TIMEOUT_MS_DEFAULT, TLS_LISTEN_CERTIFICATE_BASE64, TLS_LISTEN_CERTIFICATE_FILE,
+    TLS_LISTEN_CERTIFICATE_RAW, TLS_LISTEN_PRIVATE_KEY_BASE64, TLS_LISTEN_PRIVATE_KEY_FILE,
+    TLS_LISTEN_PRIVATE_KEY_RAW, TLS_ROOT_CA_CERTIFICATE_BASE64, TLS_ROOT_CA_CERTIFICATE_FILE,
+    TLS_ROOT_CA_CERTIFICATE_RAW, TLS_VERIFY_NAME_ON_CONNECT,
 };
 use zenoh_link_commons::{
     BIND_INTERFACE, BIND_SOCKET, ConfigurationInspector, TCP_SO_RCV_BUF, TCP_SO_SND_BUF, parse_dscp,
@@ -93,6 +96,20 @@ impl ConfigurationInspector<SessionConfig> for TlsConfigurator {
     }
 }
 
+/// Keys and certificates that are no files, which are not offered.
+const IN_TEXT: [&str; 10] = [
+    TLS_ROOT_CA_CERTIFICATE_RAW,
+    TLS_ROOT_CA_CERTIFICATE_BASE64,
+    TLS_LISTEN_PRIVATE_KEY_RAW,
+    TLS_LISTEN_PRIVATE_KEY_BASE64,
+    TLS_LISTEN_CERTIFICATE_RAW,
+    TLS_LISTEN_CERTIFICATE_BASE64,
+    TLS_CONNECT_PRIVATE_KEY_RAW,
+    TLS_CONNECT_PRIVATE_KEY_BASE64,
+    TLS_CONNECT_CERTIFICATE_RAW,
+    TLS_CONNECT_CERTIFICATE_BASE64,
+];
+
 /// What both ends of a link have of an endpoint, besides certificates.
 pub(crate) struct Settings {
     /// Longest wait for the other side's part of a handshake.
@@ -107,6 +124,9 @@ impl Settings {
     fn of(endpoint: &Config<'_>) -> ZResult<Self> {
         if !flag(endpoint, TLS_ENABLE_MTLS, false)? {
             bail!("both sides show certificates here: set transport/link/tls/enable_mtls");
+        }
+        if let Some(name) = IN_TEXT.iter().find(|name| endpoint.get(name).is_some()) {
+            bail!("{name}: keys come out of files here");
         }
         let handshake = number(endpoint, TLS_HANDSHAKE_TIMEOUT_MS)?;
         Ok(Self {
@@ -128,10 +148,13 @@ pub(crate) fn server(endpoint: &Config<'_>) -> ZResult<(Arc<ServerConfig>, Setti
         TLS_LISTEN_CERTIFICATE_FILE,
         TLS_LISTEN_PRIVATE_KEY_FILE,
     )?;
-    let config = ServerConfig::builder_with_provider(provider)
+    let mut config = ServerConfig::builder_with_provider(provider)
         .with_protocol_versions(&[&TLS13])?
         .with_client_cert_verifier(verifier)
         .with_single_cert(certificates, key)?;
+    // A session that is resumed has its certificates looked at no more.
+    config.send_tls13_tickets = 0;
+    config.session_storage = Arc::new(NoServerSessionStorage {});
     Ok((Arc::new(config), settings))
 }
 

@@ -7,7 +7,7 @@
 //!
 //! `[patch.crates-io]` of the workspace names this crate. It offers what Zenoh asks of
 //! that crate and what WheelArm uses: both sides show certificates of one authority that
-//! is named, out of files. Other settings are refused when a session opens.
+//! is named, out of files. Settings that it does not offer are refused by name.
 #![forbid(unsafe_code)]
 
 use std::str::FromStr;

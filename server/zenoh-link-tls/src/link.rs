@@ -4,18 +4,18 @@ use std::fmt;
 use std::future::poll_fn;
 use std::net::{Shutdown, SocketAddr};
 use std::pin::Pin;
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use async_trait::async_trait;
 use parking_lot::Mutex;
 use socket2::SockRef;
+use time::OffsetDateTime;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::sync::Mutex as Turn;
 use tokio_rustls::TlsStream;
-use zenoh_link_commons::tls::expiration::{LinkCertExpirationManager, LinkWithCertExpiration};
 use zenoh_link_commons::{LinkAuthId, LinkUnicastTrait, get_ip_interface_names};
 use zenoh_protocol::core::{Locator, Priority};
 use zenoh_protocol::transport::BatchSize;
@@ -26,6 +26,8 @@ use super::peer::Peer;
 
 /// Longest wait for a peer to take the last words of a connection.
 const LAST_WORDS: Duration = Duration::from_secs(1);
+/// How often the day of a certificate is looked at: a host's clock may be set.
+const LOOK: Duration = Duration::from_secs(600);
 
 /// A connection over TLS.
 ///
@@ -34,20 +36,21 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 /// not wait for the other's network. The socket keeps who waits for either apart.
 pub struct LinkUnicastTls {
     stream: Mutex<TlsStream<TcpStream>>,
-    // A whole message at a time.
-    writing: Turn<()>,
+    /// Held for a whole message. Whether one was cut off: who wrote it was cancelled.
+    writing: Turn<bool>,
     reading: Turn<()>,
     here: SocketAddr,
     there: SocketAddr,
     source: Locator,
     destination: Locator,
     peer: LinkAuthId,
-    expiration: Option<LinkCertExpirationManager>,
+    /// When nothing is read any more, for a certificate of the peer is over.
+    until: Option<OffsetDateTime>,
 }
 
 impl LinkUnicastTls {
-    /// A link of a stream whose handshake is done. `ends_with_certificate`: it is closed
-    /// when a certificate of `peer` is over.
+    /// A link of a stream whose handshake is done. `ends_with_certificate`: reading
+    /// fails when a certificate of `peer` is over, which ends the link.
     pub(crate) fn of(
         stream: TlsStream<TcpStream>,
         peer: Peer,
@@ -58,20 +61,16 @@ impl LinkUnicastTls {
         let (here, there) = (socket.local_addr()?, socket.peer_addr()?);
         let locator =
             |address: SocketAddr| Locator::new(TLS_LOCATOR_PREFIX, address.to_string(), "");
-        let (source, destination) = (locator(here)?, locator(there)?);
-        Ok(Arc::new_cyclic(|link: &Weak<Self>| Self {
-            stream: Mutex::new(stream),
-            writing: Turn::new(()),
+        Ok(Arc::new(Self {
+            writing: Turn::new(false),
             reading: Turn::new(()),
             here,
             there,
-            source,
-            destination,
-            expiration: ends_with_certificate.then(|| {
-                let link = link.clone();
-                LinkCertExpirationManager::new(link, here, there, TLS_LOCATOR_PREFIX, peer.until)
-            }),
+            source: locator(here)?,
+            destination: locator(there)?,
             peer: LinkAuthId::Tls(peer.name),
+            until: ends_with_certificate.then_some(peer.until),
+            stream: Mutex::new(stream),
         }))
     }
 
@@ -95,69 +94,95 @@ impl LinkUnicastTls {
             .map_err(|e| zerror!("writing {self}: {e}").into())
     }
 
-    /// Tells the peer that this was all, for as long as it listens, then ends both
-    /// directions: who waits to read or to write here hears it.
-    async fn end(&self) {
-        let told = async {
-            let _turn = self.writing.lock().await;
-            poll_fn(|cx| Pin::new(&mut *self.stream.lock()).poll_shutdown(cx)).await
+    /// Writes all of a message, or as much as goes at once.
+    async fn send(&self, message: &[u8], all: bool) -> ZResult<usize> {
+        let mut cut = self.writing.lock().await;
+        if *cut {
+            return Err(zerror!("writing {self}: a message before was cut off").into());
+        }
+        let mut written = 0;
+        while written < message.len() {
+            match poll_fn(|cx| self.poll_write(cx, &message[written..])).await? {
+                0 => return Err(zerror!("writing {self}: it takes nothing any more").into()),
+                more => written += more,
+            }
+            *cut = all && written < message.len();
+            if !*cut {
+                break;
+            }
+        }
+        self.flush().await?;
+        Ok(written)
+    }
+
+    /// Does what reads until the peer's certificate is over.
+    async fn while_known<T>(&self, read: impl Future<Output = ZResult<T>>) -> ZResult<T> {
+        let Some(until) = self.until else {
+            return read.await;
         };
-        let told = tokio::time::timeout(LAST_WORDS, told).await;
-        tracing::trace!("{self} is closed: {told:?}");
-        let _ = SockRef::from(self.stream.lock().get_ref().0).shutdown(Shutdown::Both);
+        let over = async {
+            while let Ok(left) = Duration::try_from(until - OffsetDateTime::now_utc()) {
+                tokio::time::sleep(left.min(LOOK)).await;
+            }
+        };
+        tokio::select! {
+            biased;
+            () = over => Err(zerror!("reading {self}: the peer's certificate is over").into()),
+            read = read => read,
+        }
+    }
+
+    /// Tells the peer that this was all. Waits until it has hung up as well where nobody
+    /// reads here: what it still sends would have the system throw away what it has not
+    /// had yet.
+    async fn last_words(&self) {
+        let _turn = self.writing.lock().await;
+        let told = poll_fn(|cx| Pin::new(&mut *self.stream.lock()).poll_shutdown(cx)).await;
+        let (Ok(()), Ok(_turn)) = (told, self.reading.try_lock()) else {
+            return;
+        };
+        let mut rest = [0; 4096];
+        while let Ok(1..) = poll_fn(|cx| self.poll_read(cx, &mut rest)).await {}
     }
 }
 
 #[async_trait]
 impl LinkUnicastTrait for LinkUnicastTls {
+    /// Ends both directions: who waits to read or to write here hears it.
     async fn close(&self) -> ZResult<()> {
-        let Some(expiration) = &self.expiration else {
-            self.end().await;
-            return Ok(());
-        };
-        if !expiration.set_closing() {
-            // Its certificate was over in the same moment.
-            return expiration.wait_for_expiration_task().await;
-        }
-        expiration.cancel_expiration_task();
-        self.end().await;
-        expiration.wait_for_expiration_task().await
+        let told = tokio::time::timeout(LAST_WORDS, self.last_words()).await;
+        tracing::trace!("{self} is closed: {told:?}");
+        let _ = SockRef::from(self.stream.lock().get_ref().0).shutdown(Shutdown::Both);
+        Ok(())
     }
 
     async fn write(&self, buffer: &[u8], _priority: Option<Priority>) -> ZResult<usize> {
-        let _turn = self.writing.lock().await;
-        let written = poll_fn(|cx| self.poll_write(cx, buffer)).await?;
-        self.flush().await?;
-        Ok(written)
+        self.send(buffer, false).await
     }
 
     async fn write_all(&self, buffer: &[u8], _priority: Option<Priority>) -> ZResult<()> {
-        let _turn = self.writing.lock().await;
-        let mut rest = buffer;
-        while !rest.is_empty() {
-            match poll_fn(|cx| self.poll_write(cx, rest)).await? {
-                0 => return Err(zerror!("writing {self}: it takes nothing any more").into()),
-                written => rest = &rest[written..],
-            }
-        }
-        self.flush().await
+        self.send(buffer, true).await.map(drop)
     }
 
     async fn read(&self, buffer: &mut [u8], _priority: Option<Priority>) -> ZResult<usize> {
         let _turn = self.reading.lock().await;
-        poll_fn(|cx| self.poll_read(cx, buffer)).await
+        self.while_known(poll_fn(|cx| self.poll_read(cx, buffer)))
+            .await
     }
 
     async fn read_exact(&self, buffer: &mut [u8], _priority: Option<Priority>) -> ZResult<()> {
         let _turn = self.reading.lock().await;
-        let mut rest = buffer;
-        while !rest.is_empty() {
-            match poll_fn(|cx| self.poll_read(cx, rest)).await? {
-                0 => return Err(zerror!("reading {self}: the peer has closed it").into()),
-                read => rest = &mut rest[read..],
+        let all = async {
+            let mut rest = buffer;
+            while !rest.is_empty() {
+                match poll_fn(|cx| self.poll_read(cx, rest)).await? {
+                    0 => return Err(zerror!("reading {self}: the peer has closed it").into()),
+                    read => rest = &mut rest[read..],
+                }
             }
-        }
-        Ok(())
+            Ok(())
+        };
+        self.while_known(all).await
     }
 
     fn get_src(&self) -> &Locator {
@@ -187,17 +212,6 @@ impl LinkUnicastTrait for LinkUnicastTls {
 
     fn get_auth_id(&self) -> &LinkAuthId {
         &self.peer
-    }
-}
-
-#[async_trait]
-impl LinkWithCertExpiration for LinkUnicastTls {
-    async fn expire(&self) -> ZResult<()> {
-        let closing = self.expiration.as_ref();
-        if closing.is_none_or(LinkCertExpirationManager::set_closing) {
-            self.end().await;
-        }
-        Ok(())
     }
 }
 

@@ -1,12 +1,13 @@
 //! Connecting, and listening.
 
+use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use async_trait::async_trait;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::task::JoinHandle;
 use tokio_rustls::rustls::pki_types::ServerName;
 use tokio_rustls::rustls::{ClientConfig, ServerConfig};
 use tokio_rustls::{TlsAcceptor, TlsConnector, TlsStream};
@@ -23,7 +24,8 @@ use super::config::{self, Settings};
 use super::link::LinkUnicastTls;
 use super::peer::Peer;
 
-/// Handshakes that may be under way at a listener. Who comes while so many are is let go.
+/// Handshakes that may be under way at a listener. When more come, the oldest is let go:
+/// who says nothing keeps nobody out.
 const HANDSHAKES: usize = 256;
 /// Pause after a connection could not be taken: mostly the files of this process are
 /// used up.
@@ -143,7 +145,7 @@ async fn accept(
     ended: CancellationToken,
 ) -> ZResult<()> {
     let (acceptor, with) = (TlsAcceptor::from(tls), Arc::new(with));
-    let room = Arc::new(Semaphore::new(HANDSHAKES));
+    let mut under_way: VecDeque<JoinHandle<()>> = VecDeque::new();
     while let Some(taken) = ended.run_until_cancelled(listener.accept()).await {
         let (socket, there) = match taken {
             Ok(taken) => taken,
@@ -153,14 +155,15 @@ async fn accept(
                 continue;
             }
         };
-        let Ok(place) = room.clone().try_acquire_owned() else {
-            tracing::warn!("{there} is let go: {HANDSHAKES} others are connecting");
-            continue;
-        };
+        under_way.retain(|handshake| !handshake.is_finished());
+        if under_way.len() >= HANDSHAKES
+            && let Some(oldest) = under_way.pop_front()
+        {
+            oldest.abort();
+        }
         let (acceptor, with) = (acceptor.clone(), with.clone());
         let (links, ended) = (links.clone(), ended.clone());
-        zenoh_runtime::ZRuntime::Acceptor.spawn(async move {
-            let _place = place;
+        under_way.push_back(zenoh_runtime::ZRuntime::Acceptor.spawn(async move {
             let greeted = ended.run_until_cancelled(welcome(acceptor, socket, &with));
             match greeted.await {
                 Some(Ok(link)) => {
@@ -169,7 +172,7 @@ async fn accept(
                 Some(Err(error)) => refused(there, &*error),
                 None => {}
             }
-        });
+        }));
     }
     Ok(())
 }

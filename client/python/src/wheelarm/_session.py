@@ -121,10 +121,13 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
         raise ValueError(
             f"{endpoint!r} is no endpoint: write it as tcp/127.0.0.1:7447 ({words(cause)})"
         ) from None
-    if endpoint.startswith("tls/"):
-        # One thread sends and receives: from two the transport breaks its memory when a
-        # TLS connection ends (eclipse-zenoh/zenoh#2557). It looks before its first session.
-        os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 1), tx: (handover: rx))")
+    # One thread sends and receives: from two the transport breaks its memory when a TLS
+    # connection ends (eclipse-zenoh/zenoh#2557). It looks once, before a process's first
+    # session, whatever its endpoint; a program that is started from here is not told.
+    threads = "ZENOH_RUNTIME"
+    told = threads in os.environ
+    if not told:
+        os.environ[threads] = "(rx: (worker_threads: 1), tx: (handover: rx))"
     _opened = True
     try:
         return zenoh.open(config)
@@ -134,6 +137,9 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
             "`wheelarm-server` or `wheelarm.Server()`, or name its address "
             f"({words(cause)})"
         ) from None
+    finally:
+        if not told:
+            os.environ.pop(threads, None)
 
 
 def direct(taken: Callable[[Any], Any]) -> Any:

@@ -136,6 +136,21 @@ fn no_client_depends_on_the_server() {
     }
 }
 
+/// Cargo leaves out a crate that takes another's place where the versions differ, and
+/// says so in a warning alone.
+#[test]
+fn links_over_tls_are_our_own() {
+    let lock = fs::read_to_string(root().join("Cargo.lock")).expect("a lock");
+    let packages: Vec<&str> = lock.split("[[package]]").collect();
+    let links = packages
+        .iter()
+        .filter(|package| package.contains("name = \"zenoh-link-tls\""));
+    let links: Vec<_> = links.collect();
+    assert_eq!(links.len(), 1);
+    assert!(!links[0].contains("source ="), "{}", links[0]);
+    assert!(!lock.contains("[[patch.unused]]"));
+}
+
 /// The worker alone stands above both: nobody but tests names it.
 #[test]
 fn nobody_names_the_worker() {
