@@ -75,6 +75,8 @@ struct Setup {
     scenario: Scenario,
     graphics: Graphics,
     person: Option<Arc<Person>>,
+    /// As things stand.
+    snapshot: Arc<Snapshot>,
 }
 
 impl Setup {
@@ -191,6 +193,7 @@ impl RenderThread {
             scenario: sim.scenario().clone(),
             graphics: graphics.clone(),
             person: sim.person().cloned(),
+            snapshot: Arc::clone(sim.snapshot()),
         };
         let names: Vec<String> = setup
             .scenario
@@ -235,7 +238,13 @@ impl RenderThread {
                         }
                     };
                     let mut is_first = true;
+                    let first = drawn(&setup).iter().position(|name| !name.is_empty());
+                    let snapshot = Arc::clone(&setup.snapshot);
+                    drop(setup);
                     let work = std::panic::AssertUnwindSafe(|| {
+                        if let Some(camera) = first {
+                            renderer.warm_up(&snapshot, camera)?;
+                        }
                         let wanted = |camera: usize| {
                             let wanted = outbox.wants_compressed(&names[camera]);
                             wanted.then_some(depth)

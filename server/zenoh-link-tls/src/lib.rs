@@ -3,7 +3,7 @@
 //! Zenoh reads a connection in one task and writes it in another. A TLS connection is
 //! one state machine, so that both must not touch it at the same moment. Zenoh 1.10.2's
 //! own crate lets them, and connections break and programs end by it
-//! (eclipse-zenoh/zenoh#2557, open). Here a lock is between them: [`link`].
+//! (eclipse-zenoh/zenoh#2557, open). Here a lock is between them: [`LinkUnicastTls`].
 //!
 //! `[patch.crates-io]` of the workspace names this crate. It offers what Zenoh asks of
 //! that crate and what WheelArm uses: both sides show certificates of one authority that

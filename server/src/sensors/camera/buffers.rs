@@ -208,6 +208,14 @@ impl Buffers {
         let parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
             share.worked_out(light)
         });
+        // All the room at once: what grows is copied, and holds twice as much for a moment.
+        let lengths = |length: fn(&Part) -> usize| parts.iter().map(|(part, _)| length(part)).sum();
+        built
+            .vertices
+            .reserve_exact(lengths(|part| part.vertices.len()));
+        built
+            .indices
+            .reserve_exact(lengths(|part| part.indices.len()));
         for (body, ((part, known), number)) in parts.into_iter().zip(numbers).enumerate() {
             built.take(body, part);
             if let Some(number) = number {

@@ -73,34 +73,54 @@ pub(super) fn upload(
 ) -> wgpu::TextureView {
     let none = patterns.is_empty();
     let side = if none { 1 } else { texture::SIZE as u32 };
-    let bytes: Vec<u8> = if none {
-        vec![255; 4]
-    } else {
-        let layers = patterns.iter().filter_map(|name| pictures.get(name));
-        let levels: Vec<&[u8]> = layers
-            .flat_map(|p| p.levels.iter().map(Vec::as_slice))
-            .collect();
-        levels.concat()
-    };
-    let texture = device.create_texture_with_data(
-        queue,
-        &wgpu::TextureDescriptor {
-            label: Some("patterns"),
-            size: wgpu::Extent3d {
-                width: side,
-                height: side,
-                depth_or_array_layers: patterns.len().max(1) as u32,
-            },
-            mip_level_count: if none { 1 } else { texture::LEVELS as u32 },
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Unorm,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
+    let texture = device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("patterns"),
+        size: wgpu::Extent3d {
+            width: side,
+            height: side,
+            depth_or_array_layers: patterns.len().max(1) as u32,
         },
-        wgpu::util::TextureDataOrder::LayerMajor,
-        &bytes,
-    );
+        mip_level_count: if none { 1 } else { texture::LEVELS as u32 },
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba8Unorm,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let write = |layer: usize, level: usize, bytes: &[u8]| {
+        let side = side >> level;
+        let at = wgpu::TexelCopyTextureInfo {
+            mip_level: level as u32,
+            origin: wgpu::Origin3d {
+                x: 0,
+                y: 0,
+                z: layer as u32,
+            },
+            ..texture.as_image_copy()
+        };
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(side * 4),
+            rows_per_image: None,
+        };
+        let size = wgpu::Extent3d {
+            width: side,
+            height: side,
+            depth_or_array_layers: 1,
+        };
+        queue.write_texture(at, bytes, layout, size);
+    };
+    if none {
+        write(0, 0, &[255; 4]);
+    }
+    // One by one: together they are as much memory again.
+    let layers = patterns.iter().filter_map(|name| pictures.get(name));
+    for (layer, picture) in layers.enumerate() {
+        for (level, bytes) in picture.levels.iter().enumerate() {
+            write(layer, level, bytes);
+        }
+        queue.submit([]);
+    }
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2Array),
         ..Default::default()

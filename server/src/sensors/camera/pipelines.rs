@@ -1,5 +1,7 @@
 //! Shader variants and the layouts that they share.
 
+use std::sync::atomic::AtomicBool;
+
 use super::buffers::{Finish, Shine};
 use super::tier::Tier;
 
@@ -27,6 +29,8 @@ pub(super) struct Pipelines {
     pub(super) erase: wgpu::RenderPipeline,
     /// Depth and ids only.
     pub(super) outline: Option<wgpu::RenderPipeline>,
+    /// Something was drawn with them: the driver has compiled them.
+    pub(super) drew: AtomicBool,
 }
 
 impl Pipelines {
@@ -116,6 +120,7 @@ impl Pipelines {
             }),
             scene_layout,
             shadow_layout,
+            drew: AtomicBool::new(false),
         }
     }
 }

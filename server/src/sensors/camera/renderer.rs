@@ -226,6 +226,18 @@ impl Renderer {
         }
     }
 
+    /// Draws a picture that nobody gets where nothing was drawn with these pipelines yet:
+    /// drivers compile when something is drawn first.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn warm_up(&mut self, snapshot: &Snapshot, camera: usize) -> Result<(), RenderError> {
+        match self.pipelines.drew.load(Ordering::Relaxed) {
+            true => Ok(()),
+            false => self.render(snapshot, &[camera]).map(drop),
+        }
+    }
+
     /// Draws some of the cameras and waits for the pictures, in the order asked for.
     ///
     /// # Errors
@@ -316,6 +328,7 @@ impl Renderer {
             buffers.push(read_back.copy(on, encoder, target, deflated, timing));
         }
         self.timing.ends(&self.device, &mut encoder);
+        self.pipelines.drew.store(true, Ordering::Relaxed);
         let submission = self.queue.submit([encoder.finish()]);
         let mut pictures = Vec::with_capacity(cameras.len());
         for ((&camera, view), buffers) in cameras.iter().zip(&views).zip(buffers) {
