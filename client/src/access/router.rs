@@ -7,6 +7,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use wheelarm_access::{Folder, router};
 use wheelarm_link::words_of_transport;
+use wheelarm_proto::endpoint;
 use zenoh::Wait;
 
 use super::folder;
@@ -27,7 +28,7 @@ pub struct RouterArgs {
 /// With the cure.
 pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     let folder = Folder::open(folder(named)?)?;
-    if let Some(any) = args.listen.iter().find(|endpoint| endpoint.ends_with(":0")) {
+    if let Some(any) = args.listen.iter().find(|e| takes_any_port(e)) {
         bail!("{any}: servers and clients have to know the port, name one");
     }
     let text = router(&folder, &args.listen)?;
@@ -54,4 +55,9 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
         .close()
         .wait()
         .map_err(|e| anyhow!("ending: {}", words_of_transport(&e)))
+}
+
+/// Whether the system is to choose the port.
+fn takes_any_port(endpoint: &str) -> bool {
+    ["tcp", "tls"].contains(&endpoint::parts(endpoint).0) && endpoint.ends_with(":0")
 }

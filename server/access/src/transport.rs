@@ -27,9 +27,9 @@ pub fn tls(folder: &Folder) -> Value {
     })
 }
 
-/// Largest message that is put together: a picture of 4096 x 4096 pixels with
-/// colour, depth and ids, and room for the rest, bytes.
-const MAX_MESSAGE: usize = 4096 * 4096 * 8 + (1 << 20);
+/// Largest message that is put together, bytes: a picture of 4096 x 4096 pixels with
+/// colour (3), depth (4) and ids (2), and room for the rest.
+const MAX_MESSAGE: usize = 4096 * 4096 * (3 + 4 + 2) + (1 << 20);
 
 /// What keeps who is connected to the server `sim` (`*` for a router in front of many)
 /// from hindering others: keys of a session's configuration, and their values.
@@ -170,8 +170,8 @@ pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessErr
 
 #[cfg(test)]
 mod tests {
-    use wheelarm_proto::TopicId;
     use wheelarm_proto::keys::Keys;
+    use wheelarm_proto::{Message, TopicId, v1};
 
     use super::*;
     use crate::{Role, User};
@@ -215,6 +215,23 @@ mod tests {
             }
             _ => set == wanted,
         }
+    }
+
+    #[test]
+    fn the_greatest_picture_is_no_larger_than_what_is_put_together() {
+        let pixels = 4096 * 4096;
+        let picture = v1::CameraFrame {
+            camera: "a".repeat(64),
+            rgb: vec![0; 3 * pixels].into(),
+            depth: vec![0; 4 * pixels].into(),
+            ids: vec![0; 2 * pixels].into(),
+            intrinsics: Some(v1::Intrinsics::default()),
+            pose: Some(v1::Pose::default()),
+            header: Some(v1::Header::default()),
+            ..v1::CameraFrame::default()
+        };
+        let length = picture.encoded_len();
+        assert!(length < MAX_MESSAGE && length > MAX_MESSAGE / 2, "{length}");
     }
 
     #[test]

@@ -243,8 +243,13 @@ impl RenderThread {
                     drop(setup);
                     let work = std::panic::AssertUnwindSafe(|| {
                         if let Some(camera) = first {
-                            renderer.warm_up(&snapshot, camera)?;
+                            if let Err(error) = renderer.warm_up(&snapshot, camera) {
+                                // The first picture that somebody wants tells it.
+                                tracing::debug!("a first picture: {error}");
+                            }
+                            heap::give_back();
                         }
+                        drop(snapshot);
                         let wanted = |camera: usize| {
                             let wanted = outbox.wants_compressed(&names[camera]);
                             wanted.then_some(depth)

@@ -26,6 +26,8 @@ use super::peer::Peer;
 
 /// Longest wait for a peer to take the last words of a connection.
 const LAST_WORDS: Duration = Duration::from_secs(1);
+/// Longest wait for it to hang up as well. Zenoh closes one connection after another.
+const HANGING_UP: Duration = Duration::from_millis(200);
 /// How often the day of a certificate is looked at: a host's clock may be set.
 const LOOK: Duration = Duration::from_secs(600);
 
@@ -36,8 +38,8 @@ const LOOK: Duration = Duration::from_secs(600);
 /// not wait for the other's network. The socket keeps who waits for either apart.
 pub struct LinkUnicastTls {
     stream: Mutex<TlsStream<TcpStream>>,
-    /// Held for a whole message. Whether one was cut off: who wrote it was cancelled.
-    writing: Turn<bool>,
+    /// Held for a whole message.
+    writing: Turn<Written>,
     reading: Turn<()>,
     here: SocketAddr,
     there: SocketAddr,
@@ -46,6 +48,14 @@ pub struct LinkUnicastTls {
     peer: LinkAuthId,
     /// When nothing is read any more, for a certificate of the peer is over.
     until: Option<OffsetDateTime>,
+}
+
+/// What was written so far.
+#[derive(Debug, Default)]
+struct Written {
+    any: bool,
+    /// A message was cut off: who wrote it was cancelled.
+    is_cut: bool,
 }
 
 impl LinkUnicastTls {
@@ -62,7 +72,7 @@ impl LinkUnicastTls {
         let locator =
             |address: SocketAddr| Locator::new(TLS_LOCATOR_PREFIX, address.to_string(), "");
         Ok(Arc::new(Self {
-            writing: Turn::new(false),
+            writing: Turn::default(),
             reading: Turn::new(()),
             here,
             there,
@@ -96,8 +106,8 @@ impl LinkUnicastTls {
 
     /// Writes all of a message, or as much as goes at once.
     async fn send(&self, message: &[u8], all: bool) -> ZResult<usize> {
-        let mut cut = self.writing.lock().await;
-        if *cut {
+        let mut so_far = self.writing.lock().await;
+        if so_far.is_cut {
             return Err(zerror!("writing {self}: a message before was cut off").into());
         }
         let mut written = 0;
@@ -106,8 +116,9 @@ impl LinkUnicastTls {
                 0 => return Err(zerror!("writing {self}: it takes nothing any more").into()),
                 more => written += more,
             }
-            *cut = all && written < message.len();
-            if !*cut {
+            so_far.any = true;
+            so_far.is_cut = all && written < message.len();
+            if !so_far.is_cut {
                 break;
             }
         }
@@ -132,17 +143,19 @@ impl LinkUnicastTls {
         }
     }
 
-    /// Tells the peer that this was all. Waits until it has hung up as well where nobody
-    /// reads here: what it still sends would have the system throw away what it has not
-    /// had yet.
+    /// Tells the peer that this was all. Waits a moment until it has hung up as well,
+    /// where something was written and nobody reads here: what it still sends would have
+    /// the system throw away what it has not had yet.
     async fn last_words(&self) {
-        let _turn = self.writing.lock().await;
+        let so_far = self.writing.lock().await;
         let told = poll_fn(|cx| Pin::new(&mut *self.stream.lock()).poll_shutdown(cx)).await;
-        let (Ok(()), Ok(_turn)) = (told, self.reading.try_lock()) else {
+        let (true, Ok(()), Ok(_turn)) = (so_far.any, told, self.reading.try_lock()) else {
             return;
         };
         let mut rest = [0; 4096];
-        while let Ok(1..) = poll_fn(|cx| self.poll_read(cx, &mut rest)).await {}
+        let hung_up =
+            async { while let Ok(1..) = poll_fn(|cx| self.poll_read(cx, &mut rest)).await {} };
+        let _ = tokio::time::timeout(HANGING_UP, hung_up).await;
     }
 }
 

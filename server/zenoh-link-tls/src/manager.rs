@@ -24,8 +24,8 @@ use super::config::{self, Settings};
 use super::link::LinkUnicastTls;
 use super::peer::Peer;
 
-/// Handshakes that may be under way at a listener. When more come, the oldest is let go:
-/// who says nothing keeps nobody out.
+/// Handshakes that may be under way at a listener. When more come, the oldest is let go,
+/// so that who says nothing does not keep others out.
 const HANDSHAKES: usize = 256;
 /// Pause after a connection could not be taken: mostly the files of this process are
 /// used up.
@@ -159,6 +159,7 @@ async fn accept(
         if under_way.len() >= HANDSHAKES
             && let Some(oldest) = under_way.pop_front()
         {
+            tracing::warn!("the oldest of {HANDSHAKES} that are connecting is let go");
             oldest.abort();
         }
         let (acceptor, with) = (acceptor.clone(), with.clone());

@@ -22,6 +22,10 @@ from .errors import Forked, NoServer, OtherName
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 PREFIX = "wheelarm"
 
+#: By what the transport learns how many threads it has, and one for both directions.
+THREADS_VARIABLE = "ZENOH_RUNTIME"
+ONE_THREAD = "(rx: (worker_threads: 1), tx: (handover: rx))"
+
 #: This process has opened a session; a child of it that was forked can open none.
 _opened = False
 _forked = False
@@ -121,13 +125,13 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
         raise ValueError(
             f"{endpoint!r} is no endpoint: write it as tcp/127.0.0.1:7447 ({words(cause)})"
         ) from None
-    # One thread sends and receives: from two the transport breaks its memory when a TLS
-    # connection ends (eclipse-zenoh/zenoh#2557). It looks once, before a process's first
-    # session, whatever its endpoint; a program that is started from here is not told.
-    threads = "ZENOH_RUNTIME"
-    told = threads in os.environ
-    if not told:
-        os.environ[threads] = "(rx: (worker_threads: 1), tx: (handover: rx))"
+    # One thread sends and receives where TLS is spoken: from two the transport breaks its
+    # memory when a connection ends (eclipse-zenoh/zenoh#2557). It looks once, before a
+    # process's first session.
+    speaks_tls = endpoint.startswith("tls/") or "WHEELARM_KEYS" in os.environ
+    tells = speaks_tls and not _opened and THREADS_VARIABLE not in os.environ
+    if tells:
+        os.environ[THREADS_VARIABLE] = ONE_THREAD
     _opened = True
     try:
         return zenoh.open(config)
@@ -138,8 +142,8 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
             f"({words(cause)})"
         ) from None
     finally:
-        if not told:
-            os.environ.pop(threads, None)
+        if tells:
+            os.environ.pop(THREADS_VARIABLE, None)
 
 
 def direct(taken: Callable[[Any], Any]) -> Any:

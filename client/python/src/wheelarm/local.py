@@ -14,7 +14,7 @@ import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from typing import IO, Any
 
-from ._session import refuse_fork
+from ._session import ONE_THREAD, THREADS_VARIABLE, refuse_fork
 from .client import Client, scenario_of
 from .errors import NoServer
 
@@ -144,6 +144,9 @@ class Server:
         words += list(arguments)
         self._log: IO[bytes] = open(log, "wb+") if log else tempfile.TemporaryFile()
         environment = dict(os.environ)
+        if environment.get(THREADS_VARIABLE) == ONE_THREAD:
+            # Another thread is just connecting: a server hands on, and needs more.
+            del environment[THREADS_VARIABLE]
         environment.setdefault("RUST_LIB_BACKTRACE", "0")
         environment.setdefault("NO_COLOR", "1")
         self.process = subprocess.Popen(

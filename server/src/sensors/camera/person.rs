@@ -17,6 +17,8 @@ pub(super) struct PersonMesh {
     moving: Vec<usize>,
     /// Stretches of the vertex buffer.
     runs: Vec<Run>,
+    /// Bodies that they belong to.
+    bodies: Vec<usize>,
     /// What the adapter holds; nothing is known of it before the first picture.
     written: Option<HeadPose>,
 }
@@ -42,6 +44,7 @@ impl PersonMesh {
         let mut moving = Vec::new();
         let mut places: BTreeMap<usize, usize> = BTreeMap::new();
         let mut runs: Vec<Run> = Vec::new();
+        let mut moved = Vec::new();
         for &(instance, part) in &rendered.parts {
             let mut known: BTreeMap<[u32; 3], usize> = BTreeMap::new();
             for surface in mesh.surfaces.iter().filter(|s| s.part == part) {
@@ -56,6 +59,7 @@ impl PersonMesh {
             let Some(body) = bodies.enumerate().find(|(_, b)| b.instance == instance) else {
                 continue;
             };
+            moved.push(body.0);
             for (place, vertex) in buffers.vertices.iter().enumerate() {
                 if (vertex.packed & 0xfff) as usize != body.0 {
                     continue;
@@ -84,16 +88,22 @@ impl PersonMesh {
             person,
             moving,
             runs,
+            bodies: moved,
             written: None,
         })
     }
 
-    /// Gives the adapter the head of a snapshot. A snapshot without a person leaves
-    /// it as it was.
-    pub(super) fn write(&mut self, queue: &wgpu::Queue, geometry: &Geometry, snapshot: &Snapshot) {
+    /// Gives the adapter the head of a snapshot, and tells whether it is another one. A
+    /// snapshot without a person leaves it as it was.
+    pub(super) fn write(
+        &mut self,
+        queue: &wgpu::Queue,
+        geometry: &Geometry,
+        snapshot: &Snapshot,
+    ) -> bool {
         let head = snapshot.person.as_ref().map(|state| state.head);
         let Some(head) = head.filter(|head| self.written != Some(*head)) else {
-            return;
+            return false;
         };
         let (mesh, skeleton) = (&self.person.mesh, &self.person.skeleton);
         let posed = mesh.posed(self.moving.iter().copied(), skeleton, &head);
@@ -113,6 +123,12 @@ impl PersonMesh {
             geometry.write_vertices(queue, run.first, &moved);
         }
         self.written = Some(head);
+        true
+    }
+
+    /// The bodies whose vertices move, by their place among all.
+    pub(super) fn bodies(&self) -> &[usize] {
+        &self.bodies
     }
 }
 

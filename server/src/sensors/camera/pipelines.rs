@@ -29,7 +29,7 @@ pub(super) struct Pipelines {
     pub(super) erase: wgpu::RenderPipeline,
     /// Depth and ids only.
     pub(super) outline: Option<wgpu::RenderPipeline>,
-    /// Something was drawn with them: the driver has compiled them.
+    /// Something was drawn with them: the driver has compiled most of them.
     pub(super) drew: AtomicBool,
 }
 

@@ -280,7 +280,9 @@ impl Renderer {
         }
         self.soft.write(&self.queue, &self.geometry, snapshot);
         if let Some(person) = &mut self.person {
-            person.write(&self.queue, &self.geometry, snapshot);
+            if person.write(&self.queue, &self.geometry, snapshot) {
+                self.shadow.changes(person.bodies());
+            }
         }
         let views: Vec<View> = cameras
             .iter()

@@ -1,5 +1,5 @@
-//! One shadow map for all cameras. Only the part around casters that moved is
-//! drawn anew; every texel is what a whole new map would hold.
+//! One shadow map for all cameras. Only the part around casters that moved or
+//! changed is drawn anew; every texel is what a whole new map would hold.
 
 use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
 
@@ -16,6 +16,8 @@ pub(super) struct ShadowMap {
     size: u32,
     /// Poses of the bodies when the map was drawn; empty before.
     drawn_for: Vec<Isometry3<f64>>,
+    /// Bodies whose vertices are others since.
+    changed: Vec<usize>,
 }
 
 /// Texels `[left, top, right, bottom]`, the last ones not included.
@@ -29,7 +31,13 @@ impl ShadowMap {
             sun,
             size,
             drawn_for: Vec::new(),
+            changed: Vec::new(),
         }
+    }
+
+    /// Bodies have other vertices than those that were drawn last, wherever they are.
+    pub(super) fn changes(&mut self, bodies: &[usize]) {
+        self.changed.extend(bodies);
     }
 
     /// Brings the map up to date; `group` holds the bodies at `poses`.
@@ -69,6 +77,7 @@ impl ShadowMap {
         }
         drop(pass);
         self.drawn_for = poses.to_vec();
+        self.changed.clear();
     }
 
     /// The part of the map that casters left or entered.
@@ -78,7 +87,7 @@ impl ShadowMap {
         }
         let mut part: Option<Rectangle> = None;
         for (i, body) in geometry.bodies.iter().enumerate() {
-            if self.drawn_for[i] == poses[i] {
+            if self.drawn_for[i] == poses[i] && !self.changed.contains(&i) {
                 continue;
             }
             for caster in &body.casters {
