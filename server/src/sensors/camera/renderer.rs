@@ -279,10 +279,10 @@ impl Renderer {
             self.queue.write_buffer(&self.geometry.body_rows, 0, rows);
         }
         self.soft.write(&self.queue, &self.geometry, snapshot);
-        if let Some(person) = &mut self.person {
-            if person.write(&self.queue, &self.geometry, snapshot) {
-                self.shadow.changes(person.bodies());
-            }
+        if let Some(person) = &mut self.person
+            && person.write(&self.queue, &self.geometry, snapshot)
+        {
+            self.shadow.changes(person.bodies());
         }
         let views: Vec<View> = cameras
             .iter()
