@@ -1,6 +1,8 @@
 //! Driving through the gateway, against a real server: a WebSocket client in the
 //! place of the page. Order and ticks are looked at, and no times.
 
+#[path = "drive/gateway.rs"]
+mod gateway;
 #[path = "drive/page.rs"]
 mod page;
 #[path = "drive/safe.rs"]
@@ -12,7 +14,8 @@ use serde_json::json;
 use wheelarm_proto::v1;
 use wheelarm_tests::{Server, printed, wait_until};
 
-use page::{Gateway, Held, Page};
+use gateway::Gateway;
+use page::{Held, Page};
 use safe::Safe;
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@10", "--quality", "fast"];
@@ -270,7 +273,7 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
         let socket = gateway
             .enter("/ws/control", true, &hello)
             .expect("a socket");
-        assert_eq!(page::flood(socket, text, count), Some(code), "{count}");
+        assert_eq!(gateway::flood(socket, text, count), Some(code), "{count}");
     }
     // Nothing of it moved the chair, and whoever is in control still is.
     pass(&anna, 60);
