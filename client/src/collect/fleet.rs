@@ -17,7 +17,7 @@ use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
 use super::make::attempt;
 use super::progress::Show;
-use super::slot::{Permit, Slot};
+use super::slot::{Part, Permit, Slot};
 use super::stop::Stop;
 
 /// Runs of the same attempt when its programs break.
@@ -92,12 +92,12 @@ pub fn work(
     };
     std::thread::scope(|scope| {
         let shared = &shared;
-        let threads: Vec<_> = (0..PIPELINES * slots.len())
-            .map(|number| Place {
-                pipeline: number,
-                slot: &slots[number % slots.len()],
-            })
-            .map(|place| scope.spawn(move || shared.run(place)))
+        let parts: Vec<_> = (0..PIPELINES * slots.len())
+            .map(|number| slots[number % slots.len()].part())
+            .collect();
+        let threads: Vec<_> = (0..)
+            .zip(parts)
+            .map(|(pipeline, part)| scope.spawn(move || shared.run(pipeline, &part)))
             .collect();
         show.draw_until(|| {
             threads
@@ -116,7 +116,11 @@ struct Place<'a> {
 }
 
 impl Shared<'_> {
-    fn run(&self, place: Place<'_>) {
+    fn run(&self, pipeline: usize, part: &Part<'_>) {
+        let place = Place {
+            pipeline,
+            slot: part.slot(),
+        };
         loop {
             let permit = place.slot.permit();
             if self.stop.asked() {

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
@@ -14,6 +15,29 @@ pub struct Slot {
     permit: Mutex<()>,
     adapter: Option<String>,
     worker: Mutex<Option<Arc<Worker>>>,
+    pipelines: AtomicUsize,
+}
+
+/// A pipeline's part in a slot. With the last of them the slot's process ends: what
+/// drivers do then takes a tenth of a second, which others still work through.
+pub struct Part<'a>(&'a Slot);
+
+impl<'a> Part<'a> {
+    /// The slot.
+    #[must_use]
+    pub fn slot(&self) -> &'a Slot {
+        self.0
+    }
+}
+
+impl Drop for Part<'_> {
+    fn drop(&mut self) {
+        if self.0.pipelines.fetch_sub(1, Ordering::AcqRel) == 1 {
+            // Not under the lock: ending it takes its time.
+            let worker = self.0.worker.lock().take();
+            drop(worker);
+        }
+    }
 }
 
 /// Leave to simulate in a slot; it ends when dropped.
@@ -30,6 +54,13 @@ impl Slot {
             adapter,
             ..Self::default()
         }
+    }
+
+    /// A part for another pipeline.
+    #[must_use]
+    pub fn part(&self) -> Part<'_> {
+        self.pipelines.fetch_add(1, Ordering::AcqRel);
+        Part(self)
     }
 
     /// Waits until nobody else simulates here.

@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner, HomeLight, Known};
+use super::cells::{Cell, bounds, cells};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
@@ -96,6 +97,8 @@ impl Finish {
     }
 }
 
+/// How far a soft object changes its shape, metres: culling allows for it.
+const SOFT_REACH: f64 = 0.1;
 /// Rougher surfaces show no highlight worth its pixels.
 const MATTE_ROUGHNESS: f32 = 0.4;
 /// Smoother metal mirrors the room, rougher metal only light and dark.
@@ -109,10 +112,10 @@ const MATTE_METALLIC: f32 = 0.2;
 pub(super) struct Batch {
     pub(super) body: usize,
     pub(super) finish: Finish,
-    /// Indices at full detail.
-    pub(super) full: Range<u32>,
-    /// Indices for far away.
-    pub(super) coarse: Range<u32>,
+    /// Triangles at full detail.
+    pub(super) full: Vec<Cell>,
+    /// Triangles for far away.
+    pub(super) coarse: Vec<Cell>,
     /// Ball around it in the frame of its body.
     pub(super) centre: Point3<f64>,
     pub(super) radius: f64,
@@ -165,13 +168,23 @@ impl Buffers {
             |a: &RenderItem, b: &RenderItem| a.instance == b.instance && a.binding == b.binding;
         let person = scene.person.iter().flat_map(|p| &p.parts);
         let person: Vec<u16> = person.map(|(instance, _)| *instance).collect();
+        let soft = |binding| {
+            scene
+                .skins
+                .iter()
+                .any(|(o, _)| binding == Binding::Object(*o))
+        };
         let sun = Vector3::from(scene.lighting.sun_direction);
         let mut shares = Vec::new();
         for (body, items) in scene.items.chunk_by(same).enumerate() {
             let mut share = Share {
                 body,
                 sun,
-                moves: person.contains(&items[0].instance),
+                reach: match person.contains(&items[0].instance) {
+                    true => RenderedPerson::REACH,
+                    false if soft(items[0].binding) => SOFT_REACH,
+                    false => 0.0,
+                },
                 finished: Vec::new(),
             };
             for finish in Finish::ALL {
@@ -229,9 +242,16 @@ impl Buffers {
     fn take(&mut self, body: usize, part: Part) {
         let (vertices, indices) = (self.vertices.len() as u32, self.indices.len() as u32);
         let moved = |range: Range<u32>| range.start + indices..range.end + indices;
+        let all_moved = |cells: Vec<Cell>| {
+            let moved = |cell: Cell| Cell {
+                indices: moved(cell.indices),
+                ..cell
+            };
+            cells.into_iter().map(moved).collect()
+        };
         let batches = part.batches.into_iter().map(|batch| Batch {
-            full: moved(batch.full),
-            coarse: moved(batch.coarse),
+            full: all_moved(batch.full),
+            coarse: all_moved(batch.coarse),
             ..batch
         });
         self.batches.extend(batches);
@@ -291,8 +311,8 @@ struct Share<'a> {
     body: usize,
     /// Towards it.
     sun: Vector3<f32>,
-    /// Its vertices do, within the reach of a person.
-    moves: bool,
+    /// How far its vertices move in its frame, metres.
+    reach: f64,
     /// Items by their finish, with their materials.
     finished: Vec<(Finish, Vec<(&'a RenderItem, u32)>)>,
 }
@@ -338,10 +358,7 @@ impl Share<'_> {
         if middle == start {
             return;
         }
-        let (centre, mut radius) = ball(&part.vertices[first_vertex..]);
-        if self.moves {
-            radius += RenderedPerson::REACH;
-        }
+        let (centre, radius) = ball(&part.vertices[first_vertex..]);
         let mut caster_end = middle;
         for (item, material) in chosen {
             let packed = body as u32 | material << 20;
@@ -351,26 +368,37 @@ impl Share<'_> {
             }
         }
         let end = part.indices.len() as u32;
+        let [full, mut coarse, others] = [start..middle, middle..caster_end, caster_end..end]
+            .map(|range| part.cells(range, self.reach));
         // What looks away from the sun lies behind what looks at it.
-        if finish.sunny && caster_end > middle {
-            part.casters.push(Caster {
-                indices: middle..caster_end,
-                centre,
-                radius,
-            });
+        if finish.sunny {
+            part.casters.extend(coarse.iter().map(|cell| Caster {
+                indices: cell.indices.clone(),
+                centre: cell.centre,
+                radius: cell.half.norm(),
+            }));
         }
+        coarse.extend(others);
         part.batches.push(Batch {
             body,
             finish,
-            full: start..middle,
-            coarse: middle..end,
+            full,
+            coarse,
             centre,
-            radius,
+            radius: radius + self.reach,
         });
     }
 }
 
 impl Part {
+    /// Triangles in cells.
+    fn cells(&mut self, range: Range<u32>, reach: f64) -> Vec<Cell> {
+        let vertices = &self.vertices;
+        let position = |i: u32| Point3::from(vertices[i as usize].position.map(f64::from));
+        let range = range.start as usize..range.end as usize;
+        cells(&mut self.indices, range, &position, reach)
+    }
+
     /// Appends the triangles that belong, by the normals of their corners.
     fn append(
         &mut self,
@@ -459,8 +487,7 @@ fn ball(vertices: &[Vertex]) -> (Point3<f64>, f64) {
             .iter()
             .map(|v| Point3::from(v.position.map(f64::from)))
     };
-    let low = points().fold(Point3::from([f64::INFINITY; 3]), |a, b| a.inf(&b));
-    let high = points().fold(Point3::from([f64::NEG_INFINITY; 3]), |a, b| a.sup(&b));
+    let (low, high) = bounds(points());
     let centre = nalgebra::center(&low, &high);
     let radius = points().map(|p| (p - centre).norm()).fold(0.0, f64::max);
     (centre, radius)

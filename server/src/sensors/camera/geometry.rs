@@ -1,5 +1,7 @@
 //! The scene on the adapter: what is where, and which of it a camera sees.
 
+use std::ops::Range;
+
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
@@ -38,21 +40,10 @@ pub(super) enum Order {
     Finish,
 }
 
-/// A batch in view.
-pub(super) struct Seen<'a> {
+/// Triangles in view that are drawn together.
+pub(super) struct Seen {
     pub(super) finish: Finish,
-    batch: &'a Batch,
-    coarse: bool,
-}
-
-impl Seen<'_> {
-    pub(super) fn indices(&self) -> std::ops::Range<u32> {
-        if self.coarse {
-            self.batch.coarse.clone()
-        } else {
-            self.batch.full.clone()
-        }
-    }
+    pub(super) indices: Range<u32>,
 }
 
 impl Geometry {
@@ -99,13 +90,8 @@ impl Geometry {
 
     /// Batches in view, in `order`; large ones (rugs, walls, the floor) last: they are
     /// mostly hidden.
-    pub(super) fn seen(
-        &self,
-        view: &View,
-        poses: &[Isometry3<f64>],
-        order: Order,
-    ) -> Vec<Seen<'_>> {
-        let mut seen: Vec<(f64, Seen<'_>)> = self
+    pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>], order: Order) -> Vec<Seen> {
+        let mut seen: Vec<(f64, Finish, Vec<Range<u32>>)> = self
             .batches
             .iter()
             .filter_map(|batch| {
@@ -116,28 +102,36 @@ impl Geometry {
                 } else {
                     distance
                 };
-                let coarse = distance > view.focal * COARSE_BELOW;
-                Some((
-                    rank,
-                    Seen {
-                        finish: batch.finish,
-                        batch,
-                        coarse,
-                    },
-                ))
+                let cells = match distance > view.focal * COARSE_BELOW {
+                    true => &batch.coarse,
+                    false => &batch.full,
+                };
+                let placed = view.placed(&poses[batch.body]);
+                let mut ranges: Vec<Range<u32>> = Vec::new();
+                for cell in cells.iter().filter(|cell| view.shows(&placed, cell)) {
+                    match ranges.last_mut() {
+                        Some(last) if last.end == cell.indices.start => last.end = cell.indices.end,
+                        _ => ranges.push(cell.indices.clone()),
+                    }
+                }
+                (!ranges.is_empty()).then_some((rank, batch.finish, ranges))
             })
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
         if order == Order::Finish {
             let finish = |of: Finish| Finish::ALL.iter().position(|f| *f == of);
-            seen.sort_by_key(|(rank, s)| (*rank >= LARGE, finish(s.finish)));
+            seen.sort_by_key(|(rank, of, _)| (*rank >= LARGE, finish(*of)));
         }
         // Glass comes last, what is behind first.
         let (glass, mut seen): (Vec<_>, Vec<_>) = seen
             .into_iter()
-            .partition(|(_, s)| s.finish.shine == Shine::Glass);
+            .partition(|(_, finish, _)| finish.shine == Shine::Glass);
         seen.extend(glass.into_iter().rev());
-        seen.into_iter().map(|(_, s)| s).collect()
+        let pieces = |(_, finish, ranges): (f64, Finish, Vec<Range<u32>>)| {
+            let piece = move |indices| Seen { finish, indices };
+            ranges.into_iter().map(piece)
+        };
+        seen.into_iter().flat_map(pieces).collect()
     }
 }
 

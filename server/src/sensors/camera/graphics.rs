@@ -14,6 +14,7 @@ use super::packing::{Packer, Packing};
 use super::pipelines::Pipelines;
 use super::tier::Tier;
 use super::timing;
+use super::turn::Turn;
 
 /// An adapter that renderers share, opened with the first of them. A device that
 /// failed is not handed out again.
@@ -149,6 +150,8 @@ impl Graphics {
 }
 
 fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
+    // Until the device is there.
+    let turn = Turn::wait();
     let (info, chosen) = adapter::choose(adapter)?;
     let features = match timed {
         true => timing::FEATURES & chosen.features(),
@@ -169,6 +172,7 @@ fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
         adapter: info.name.clone(),
         reason: e.to_string(),
     })?;
+    drop(turn);
     let failure = Arc::new(Mutex::new(None));
     device.on_uncaptured_error(Arc::new({
         let failure = failure.clone();

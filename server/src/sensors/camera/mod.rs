@@ -8,6 +8,7 @@
 mod adapter;
 mod ambient_occlusion;
 mod buffers;
+mod cells;
 mod decoration;
 mod deflate;
 mod error;
@@ -31,6 +32,7 @@ pub mod spec;
 mod target;
 mod tier;
 mod timing;
+mod turn;
 mod uniform;
 mod view;
 

@@ -454,7 +454,7 @@ impl Renderer {
         Ok(())
     }
 
-    fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, seen: &[Seen<'_>]) {
+    fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, seen: &[Seen]) {
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
             None => (&target.color.view, None, &target.depth.view),
@@ -494,10 +494,10 @@ impl Renderer {
                 current = Some(s.finish);
                 pass.set_pipeline(self.pipelines.surface(s.finish).0);
             }
-            pass.draw_indexed(s.indices(), 0, 0..1);
+            pass.draw_indexed(s.indices.clone(), 0, 0..1);
             if let Some(second) = self.pipelines.surface(s.finish).1 {
                 pass.set_pipeline(second);
-                pass.draw_indexed(s.indices(), 0, 0..1);
+                pass.draw_indexed(s.indices.clone(), 0, 0..1);
                 current = None;
             }
         }
@@ -525,7 +525,7 @@ impl Renderer {
             pass.set_bind_group(0, &self.scene_groups[camera], &[]);
             self.geometry.set(&mut pass);
             for s in seen {
-                pass.draw_indexed(s.indices(), 0, 0..1);
+                pass.draw_indexed(s.indices.clone(), 0, 0..1);
             }
         }
     }

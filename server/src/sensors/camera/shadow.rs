@@ -143,7 +143,8 @@ impl SunView {
             if buffers.bodies[batch.body].binding != Binding::World {
                 continue;
             }
-            for &i in &buffers.indices[batch.coarse.start as usize..batch.coarse.end as usize] {
+            let all = batch.coarse.iter().flat_map(|cell| cell.indices.clone());
+            for i in all.map(|at| buffers.indices[at as usize]) {
                 let p = Point3::from(buffers.vertices[i as usize].position.map(f64::from));
                 low = low.inf(&p);
                 high = high.sup(&p);

@@ -1,7 +1,8 @@
 //! Projection of a camera and which bodies it sees, in double precision.
 
-use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3};
 
+use super::cells::Cell;
 use super::spec::CameraSpec;
 
 /// A camera at its place.
@@ -56,6 +57,32 @@ impl View {
             c.z + radius > self.near && self.sides.iter().all(|n| n.dot(&c.coords) > -radius);
         visible.then(|| c.coords.norm() - radius)
     }
+
+    /// The frame of a body as this camera sees it.
+    pub(super) fn placed(&self, world_from_body: &Isometry3<f64>) -> Placed {
+        let optical_from_body = self.optical_from_world * world_from_body;
+        Placed {
+            rotation: optical_from_body.rotation.to_rotation_matrix().into_inner(),
+            translation: optical_from_body.translation.vector,
+        }
+    }
+
+    /// Whether the box of a cell may be in view.
+    pub(super) fn shows(&self, placed: &Placed, cell: &Cell) -> bool {
+        let centre = placed.rotation * cell.centre.coords + placed.translation;
+        let inside = |normal: &Vector3<f64>| {
+            let reach = placed.rotation.tr_mul(normal).abs().dot(&cell.half);
+            normal.dot(&centre) > -reach
+        };
+        let depth = placed.rotation.row(2).transpose().abs().dot(&cell.half);
+        centre.z + depth > self.near && self.sides.iter().all(inside)
+    }
+}
+
+/// Where a body is in the frame of a camera.
+pub(super) struct Placed {
+    rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
 }
 
 /// Columns of a matrix as the shader reads them.
