@@ -18,8 +18,8 @@ pub struct Slot {
     pipelines: AtomicUsize,
 }
 
-/// A pipeline's part in a slot. With the last of them the slot's process ends: what
-/// drivers do then takes a tenth of a second, which others still work through.
+/// A pipeline's part in a slot. With the last of them the slot's process ends, while
+/// others still work: a driver takes a tenth of a second for it.
 pub struct Part<'a>(&'a Slot);
 
 impl<'a> Part<'a> {
@@ -33,9 +33,7 @@ impl<'a> Part<'a> {
 impl Drop for Part<'_> {
     fn drop(&mut self) {
         if self.0.pipelines.fetch_sub(1, Ordering::AcqRel) == 1 {
-            // Not under the lock: ending it takes its time.
-            let worker = self.0.worker.lock().take();
-            drop(worker);
+            *self.0.worker.lock() = None;
         }
     }
 }

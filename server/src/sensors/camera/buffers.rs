@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
 use super::ambient_occlusion::{AmbientOcclusion, Corner, HomeLight, Known};
-use super::cells::{Cell, bounds, cells};
+use super::cells::{Cell, Division, bounds, cells};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
@@ -368,14 +368,18 @@ impl Share<'_> {
             }
         }
         let end = part.indices.len() as u32;
+        let division = Division {
+            free: finish.shine != Shine::Glass,
+            reach: self.reach,
+        };
         let [full, mut coarse, others] = [start..middle, middle..caster_end, caster_end..end]
-            .map(|range| part.cells(range, self.reach));
+            .map(|range| part.cells(range, division));
         // What looks away from the sun lies behind what looks at it.
         if finish.sunny {
             part.casters.extend(coarse.iter().map(|cell| Caster {
                 indices: cell.indices.clone(),
                 centre: cell.centre,
-                radius: cell.half.norm(),
+                radius: cell.radius,
             }));
         }
         coarse.extend(others);
@@ -392,11 +396,11 @@ impl Share<'_> {
 
 impl Part {
     /// Triangles in cells.
-    fn cells(&mut self, range: Range<u32>, reach: f64) -> Vec<Cell> {
+    fn cells(&mut self, range: Range<u32>, division: Division) -> Vec<Cell> {
         let vertices = &self.vertices;
         let position = |i: u32| Point3::from(vertices[i as usize].position.map(f64::from));
         let range = range.start as usize..range.end as usize;
-        cells(&mut self.indices, range, &position, reach)
+        cells(&mut self.indices, range, &position, division)
     }
 
     /// Appends the triangles that belong, by the normals of their corners.
