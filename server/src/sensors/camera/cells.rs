@@ -57,7 +57,7 @@ pub(super) fn cells(
     }
     if division.free {
         let (low, high) = bounds(triangles.iter().flatten().map(|i| position(*i)));
-        let scale = STEPS / (high - low).max().max(f64::MIN_POSITIVE);
+        let scale = STEPS / (high - low).max().max(1e-9);
         triangles.sort_by_cached_key(|triangle| {
             let [a, b, c] = triangle.map(|i| (position(i) - low) * scale);
             let at = (a + b + c) / 3.0;
@@ -135,6 +135,9 @@ mod tests {
         let mut indices = vec![7; 6];
         let band = (0..squares).flat_map(|s| [[0, 1, 2], [2, 1, 3]].map(|t| t.map(|i| 2 * s + i)));
         let band: Vec<Triangle> = band.collect();
+        let band: Vec<Triangle> = (0..band.len())
+            .map(|i| band[i * 301 % band.len()])
+            .collect();
         indices.extend(band.iter().flatten());
         let range = 6..indices.len();
         let found = cells(&mut indices, range.clone(), &corner, free);

@@ -88,8 +88,8 @@ impl Geometry {
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
     }
 
-    /// What is in view, batch by batch in `order`; large ones (rugs, walls, the floor) last: they are
-    /// mostly hidden.
+    /// What is in view, batch by batch in `order`; large ones (rugs, walls, the floor)
+    /// last: they are mostly hidden.
     pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>], order: Order) -> Vec<Seen> {
         let mut seen: Vec<(f64, Finish, Vec<Range<u32>>)> = self
             .batches

@@ -9,13 +9,15 @@ use std::time::Duration;
 
 use rustix::fs::OFlags;
 
-/// In the folder `XDG_RUNTIME_DIR`; it holds who has the turn.
+/// In the folder `XDG_RUNTIME_DIR`; it holds the number of the turn.
 const FILE: &str = "wheelarm-graphics.lock";
 /// Between two looks whether it is our turn.
 const PAUSE: Duration = Duration::from_millis(5);
-/// Looks at one holder of the turn after which a program opens the driver all the same:
-/// 20 s. Who has the turn may hang.
+/// Looks at one turn after which a program opens the driver all the same: 20 s. Who has
+/// it may hang.
 const LOOKS: u32 = 4000;
+/// Turns of that length that are waited for at most: whoever waits tells nothing.
+const MOST: u32 = 3;
 
 /// The turn of this program, until it is dropped.
 pub(super) struct Turn(Option<File>);
@@ -39,14 +41,13 @@ impl Turn {
         loop {
             match file.try_lock() {
                 Ok(()) => {
-                    // Where it cannot be told, others wait no longer than for one holder.
-                    let _ = file.write_at(&std::process::id().to_le_bytes(), 0);
+                    let next = number(&file).wrapping_add(1);
+                    // Where it cannot be told, others wait no longer than for one turn.
+                    let _ = file.write_at(&next.to_le_bytes(), 0);
                     return Some(file);
                 }
                 Err(TryLockError::WouldBlock) => {
-                    let mut holder = [0; 4];
-                    let _ = file.read_at(&mut holder, 0);
-                    if !patience.goes_on(holder) {
+                    if !patience.goes_on(number(&file)) {
                         return None;
                     }
                     std::thread::sleep(PAUSE);
@@ -57,11 +58,21 @@ impl Turn {
     }
 }
 
-/// How often it is looked again, anew with each holder.
+/// The number of the turn; 0 before the first.
+fn number(file: &File) -> u32 {
+    let mut bytes = [0; 4];
+    match file.read_exact_at(&mut bytes, 0) {
+        Ok(()) => u32::from_le_bytes(bytes),
+        Err(_) => 0,
+    }
+}
+
+/// How often it is looked again, anew with each turn.
 struct Patience {
     looks: u32,
     left: u32,
-    holder: [u8; 4],
+    in_all: u32,
+    turn: u32,
 }
 
 impl Patience {
@@ -69,17 +80,19 @@ impl Patience {
         Self {
             looks,
             left: looks,
-            holder: [0; 4],
+            in_all: looks.saturating_mul(MOST),
+            turn: 0,
         }
     }
 
-    fn goes_on(&mut self, holder: [u8; 4]) -> bool {
-        if self.holder != holder {
-            self.holder = holder;
+    fn goes_on(&mut self, turn: u32) -> bool {
+        if self.turn != turn {
+            self.turn = turn;
             self.left = self.looks;
         }
         self.left = self.left.saturating_sub(1);
-        self.left > 0
+        self.in_all = self.in_all.saturating_sub(1);
+        self.left > 0 && self.in_all > 0
     }
 }
 
@@ -102,7 +115,7 @@ mod tests {
         let name = format!("wheelarm_turn_{}", std::process::id());
         let path = std::env::temp_dir().join(name);
         let first = Turn(Turn::of(&path, 1));
-        assert!(first.0.is_some());
+        assert_eq!(first.0.as_ref().map(number), Some(1));
         assert!(Turn::of(&path, 3).is_none());
         let waiting = std::thread::spawn({
             let path = path.clone();
@@ -111,15 +124,23 @@ mod tests {
         drop(first);
         assert!(waiting.join().unwrap());
         // Whoever waited has let it go.
-        assert!(Turn::of(&path, 1).is_some());
+        assert_eq!(Turn::of(&path, 1).as_ref().map(number), Some(3));
+        // A link to a file is none of ours.
+        let link = path.with_extension("link");
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        assert!(Turn::of(&link, 1).is_none());
+        std::fs::remove_file(link).unwrap();
         std::fs::remove_file(path).unwrap();
     }
 
     #[test]
     fn whoever_waits_for_many_goes_on_waiting() {
         let mut patience = Patience::of(3);
-        let seen = [1, 1, 2, 2, 3, 3, 3, 3].map(|holder| patience.goes_on([holder; 4]));
-        assert_eq!(seen, [true, true, true, true, true, true, false, false]);
+        let seen = [1, 1, 2, 2, 3, 3, 3].map(|turn| patience.goes_on(turn));
+        assert_eq!(seen, [true, true, true, true, true, true, false]);
+        // But not for ever.
+        let mut patience = Patience::of(3);
+        assert_eq!((1..).take_while(|turn| patience.goes_on(*turn)).count(), 8);
     }
 
     #[test]
