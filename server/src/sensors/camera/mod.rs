@@ -86,6 +86,8 @@ impl Frame {
 #[cfg(test)]
 mod deflate_tests;
 #[cfg(test)]
+mod home_tests;
+#[cfg(test)]
 mod packing_tests;
 #[cfg(test)]
 mod people_tests;
