@@ -51,6 +51,8 @@ POLICY_TASK ?= pick_mustard
 PLAN ?= assets/campaigns/small.toml
 # burn compiles for minutes: only `make test-learn` builds what learns.
 WITHOUT_LEARN := --exclude wheelarm-learn
+# Empty in the copy that this test makes.
+BUILD_TEST ?= tests/build.sh
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
@@ -69,8 +71,8 @@ build:
 # Needs CMake 3.26 or newer.
 static:
 	scripts/setup.sh
-	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5 --target-dir $(STATIC)
-	! ldd $(STATIC)/release/wheelarm $(STATIC)/release/wheelarm-dataset $(STATIC)/release/wheelarm-worker | grep -E 'libhdf5|libcurl|libssl'
+	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5 --target-dir "$(STATIC)"
+	! ldd "$(STATIC)/release/wheelarm" "$(STATIC)/release/wheelarm-dataset" "$(STATIC)/release/wheelarm-worker" | grep -E 'libhdf5|libcurl|libssl'
 
 dist:
 	scripts/dist.sh
@@ -80,20 +82,21 @@ test-dist:
 	tests/dist.sh
 
 demo: build
-	$(BUILT)/wheelarm demo --seed $(SEED) --out $(OUT)
+	"$(BUILT)/wheelarm" demo --seed $(SEED) --out "$(OUT)"
 
 test:
 	scripts/setup.sh room 8
 	scripts/setup.sh chromium
 	scripts/setup.sh python numpy h5py pyarrow mcap protobuf:google.protobuf foxglove-schemas-protobuf:foxglove_schemas_protobuf \
 		rosbags==0.11.9:rosbags eclipse-zenoh==1.10.2:zenoh gymnasium pytest grpcio-tools:grpc_tools
+	$(BUILD_TEST)
 	tests/drive.sh fast
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace $(WITHOUT_LEARN) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace $(WITHOUT_LEARN) --no-deps
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --tests
 	$(CARGO) test --release --workspace $(WITHOUT_LEARN)
-	PYTHONPATH=client/python/src $(WHEELARM_PYTHON) -m pytest -q -m "not slow" client/python/tests
+	PYTHONPATH=client/python/src "$(WHEELARM_PYTHON)" -m pytest -q -m "not slow" client/python/tests
 
 test-learn:
 	scripts/setup.sh
@@ -107,7 +110,7 @@ contract:
 
 contract-python:
 	scripts/setup.sh python grpcio-tools:grpc_tools
-	$(WHEELARM_PYTHON) client/python/scripts/make_contract.py
+	"$(WHEELARM_PYTHON)" client/python/scripts/make_contract.py
 
 test-python: build
 	tests/python.sh
@@ -117,26 +120,26 @@ test-drive: build
 
 bench-drive: build
 	scripts/setup.sh python numpy eclipse-zenoh==1.10.2:zenoh protobuf:google.protobuf websockets
-	$(WHEELARM_PYTHON) -W ignore::DeprecationWarning tests/drive/figures.py
+	"$(WHEELARM_PYTHON)" -W ignore::DeprecationWarning tests/drive/figures.py
 
 test-lerobot: build
 	tests/lerobot.sh
 
 people:
 	scripts/setup.sh python numpy pillow:PIL
-	$(WHEELARM_PYTHON) scripts/people/make_people.py $(WHEEL)
-	$(WHEELARM_PYTHON) tests/python/check_people.py
-	$(WHEELARM_PYTHON) scripts/people/look_at_people.py guide client/guide/images/people.png
+	"$(WHEELARM_PYTHON)" scripts/people/make_people.py $(if $(WHEEL),"$(WHEEL)")
+	"$(WHEELARM_PYTHON)" tests/python/check_people.py
+	"$(WHEELARM_PYTHON)" scripts/people/look_at_people.py guide client/guide/images/people.png
 
 test-people:
 	scripts/setup.sh python numpy
-	$(WHEELARM_PYTHON) tests/python/check_people.py
+	"$(WHEELARM_PYTHON)" tests/python/check_people.py
 	$(CARGO) test --release -p wheelarm-server --lib of_everybody -- --ignored --nocapture
 
 test-cluster:
 	scripts/setup.sh python kubernetes-validate:kubernetes_validate
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins
-	tests/cluster.sh $(PLAN)
+	tests/cluster.sh "$(PLAN)"
 
 test-readers: build
 	scripts/setup.sh python
@@ -149,49 +152,49 @@ test-rosbag2: build
 test-ros:
 	scripts/setup.sh python
 	$(CARGO) build --release --bins
-	WHEELARM_SERVER=$(BUILT)/wheelarm-server client/python/tests/ros/run.sh -s
+	WHEELARM_SERVER="$(BUILT)/wheelarm-server" client/python/tests/ros/run.sh -s
 
 test-data:
 	scripts/setup.sh python numpy h5py scikit-learn:sklearn
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
-	$(WHEELARM_PYTHON) tests/python/guess_task.py --before tests/data/draws-before.csv.gz \
-		--server $(BUILT)/wheelarm-server --assets assets
+	"$(WHEELARM_PYTHON)" tests/python/guess_task.py --before tests/data/draws-before.csv.gz \
+		--server "$(BUILT)/wheelarm-server" --assets assets
 	tests/labels.sh
 
 test-adversarial:
 	scripts/setup.sh
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins
-	$(BUILT)/adversarial
+	"$(BUILT)/adversarial"
 
 soak:
 	scripts/setup.sh
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins --examples
-	$(BUILT)/examples/soak
+	"$(BUILT)/examples/soak"
 
 test-original: build
-	tests/original.sh $(SCRIPTS)
+	tests/original.sh $(if $(SCRIPTS),"$(SCRIPTS)")
 
 # The policy that ships at work: on the processor, without Python.
 demo-policy: build
 	$(CARGO) build --release -p wheelarm-learn
-	$(BUILT)/wheelarm demo --task $(POLICY_TASK) --policy act:assets/policies/tasks.safetensors --seed $(POLICY_SEED) --out data/demo-policy
+	"$(BUILT)/wheelarm" demo --task $(POLICY_TASK) --policy act:assets/policies/tasks.safetensors --seed $(POLICY_SEED) --out data/demo-policy
 
 train-mustard:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	scripts/train_policy.sh $(RUN)
+	scripts/train_policy.sh "$(RUN)"
 
 train-tasks: RUN := data/tasks
 train-tasks:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	scripts/train_tasks.sh $(RUN)
+	scripts/train_tasks.sh "$(RUN)"
 
 train-multiplied: RUN := data/multiplied
 train-multiplied:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	scripts/train_multiplied.sh $(RUN)
+	scripts/train_multiplied.sh "$(RUN)"
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what WheelArm needs beside Rust, or prints the exact line that does.
 #   scripts/setup.sh          system packages (HDF5, Vulkan loader and a CPU driver)
-#   scripts/setup.sh python   also strace, ffmpeg, and .venv with the Python packages named after it
+#   scripts/setup.sh python   also strace, ffmpeg, shellcheck, and .venv with the Python packages named after it
 #   scripts/setup.sh chromium   also a browser for the test that opens a page, if apt has one
 #   scripts/setup.sh room GB    nothing but says whether the disk has room to compile
 set -euo pipefail
@@ -46,6 +46,8 @@ if [ "${1:-}" = python ]; then
     need strace strace -V
     # Data sets for LeRobot have videos.
     need ffmpeg ffmpeg -version
+    # tests/build.sh checks the shell scripts.
+    need shellcheck shellcheck --version
 fi
 if [ ${#missing[@]} -gt 0 ]; then
     line="apt-get install -y ${missing[*]}"
@@ -86,15 +88,15 @@ if [ "${1:-}" = chromium ]; then
     for browser in chromium chromium-browser google-chrome; do
         "$browser" --version >/dev/null 2>&1 && exit 0
     done
-    line="apt-get install -y --no-install-recommends chromium"
+    install=(apt-get install -y --no-install-recommends chromium)
     if [ "$(id -u)" = 0 ]; then
         as_root=(env)
     else
         as_root=(sudo -n)
     fi
     echo "installing chromium"
-    if ! { "${as_root[@]}" apt-get update -qq && "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive $line -qq; } >/dev/null 2>&1; then
+    if ! { "${as_root[@]}" apt-get update -qq && "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive "${install[@]}" -qq; } >/dev/null 2>&1; then
         echo "chromium cannot be installed from here; the test that opens a page will be skipped"
-        echo "    sudo apt-get update && sudo $line"
+        echo "    sudo apt-get update && sudo ${install[*]}"
     fi
 fi

@@ -35,7 +35,8 @@ batch=${BATCH:-256}
 lr=${LR:-3e-4}
 workers=${WORKERS:-$(($(nproc) < 8 ? $(nproc) : 8))}
 python=${PYTHON:-python3}
-export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+PATH=$(realpath "${PROGRAMS:-target/release}"):$PATH
+export PATH PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
 export HF_HUB_OFFLINE=1 HF_DATASETS_OFFLINE=1 HF_HUB_DISABLE_TELEMETRY=1 TOKENIZERS_PARALLELISM=false PYTHONUNBUFFERED=1
 export ACCELERATE_MIXED_PRECISION=${PRECISION:-bf16}
 mkdir -p "$out"

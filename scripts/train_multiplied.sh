@@ -39,7 +39,8 @@ seeds=${SEEDS:-100}
 adapters=${ADAPTERS:-all}
 tensors=${TENSORS:-$out/tensors}
 python=${PYTHON:-python3}
-export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+PATH=$(realpath "${PROGRAMS:-target/release}"):$PATH
+export PATH PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
 export PYTHONUNBUFFERED=1 OMP_NUM_THREADS=${OMP_NUM_THREADS:-4}
 learn=client/learn/python
 mkdir -p "$out" "$tensors"
@@ -55,7 +56,7 @@ mark() { touch "$out/$1.done" && say "done: $1"; }
 export_rows() { # recordings, name
     local recordings exported
     # Put in place whole: an interrupted one is made anew.
-    rm -rf "$tensors/$2" "$tensors/.$2.part"
+    rm -rf "${tensors:?}/${2:?}" "$tensors/.$2.part"
     find "$1" -name '*.h5' -print0 | sort -z | xargs -0 -r -P $(((jobs + 1) / 2)) -n 25 sh -c \
         'out=$0; exec wheelarm-dataset export --format tensors --trim-idle 0.5 "$@" --out "$out"' "$tensors/.$2.part" >"$out/export-$2.log" 2>&1 ||
         say "export of $2: $(tail -n 2 "$out/export-$2.log")"

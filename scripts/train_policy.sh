@@ -36,7 +36,8 @@ starts=${STARTS:-near}
 split=${SPLIT:-assets/splits/policy-claim.toml}
 draws=(${ADAPTERS:+--adapters "$ADAPTERS"})
 python=${PYTHON:-python3}
-export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+PATH=$(realpath "${PROGRAMS:-target/release}"):$PATH
+export PATH PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
 learn=client/learn/python
 mkdir -p "$out"
 read -ra network <<<"--width 48 --norm batch --precision bf16 --batch 128 --lr 2e-4 --warm-up 300 --shift 4 --execute 10 --pause 2 --without-state *.velocity,odometry.* ${NETWORK:-}"

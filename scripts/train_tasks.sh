@@ -56,7 +56,8 @@ last=${LAST:-1000000}
 collected_by=${COLLECTED_BY:-1000000}
 tensors=${TENSORS:-$out/tensors}
 python=${PYTHON:-python3}
-export PATH="$(realpath "${PROGRAMS:-target/release}"):$PATH" PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
+PATH=$(realpath "${PROGRAMS:-target/release}"):$PATH
+export PATH PYTHONPATH="$PWD/client/python/src${PYTHONPATH:+:$PYTHONPATH}"
 export PYTHONUNBUFFERED=1 OMP_NUM_THREADS=${OMP_NUM_THREADS:-4}
 learn=client/learn/python
 seen_split=assets/splits/axes/language-1.toml
@@ -235,6 +236,7 @@ PAIRS
 table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && cat "$out/table.md"; }
 
 # Programs of the stages in the background too, not their shells alone.
+# shellcheck disable=SC2154 # `stage` is the loop variable of the trap itself.
 trap 'for stage in $(jobs -p); do pkill -TERM -P "$stage"; kill "$stage"; done 2>/dev/null || true' EXIT
 say "begin; tasks: $tasks"
 [ -e "$out/pieces.txt" ] || echo "$plan in $parts parts" >"$out/pieces.txt"

@@ -172,4 +172,4 @@ for file in "$out"/episodes/*.h5; do
     "$WHEELARM" dataset info "$file" >/dev/null || { echo "$file is not complete"; exit 1; }
 done
 [ -z "$(ls "$out/staging")" ] || { echo "half-made episodes are left: $(ls "$out/staging")"; exit 1; }
-echo "the Slurm test passed: $(ls "$out"/episodes/*.h5 | wc -l) episodes, complete"
+echo "the Slurm test passed: $(find "$out"/episodes -name '*.h5' | wc -l) episodes, complete"

@@ -21,7 +21,7 @@ python_of() { # version
 }
 whole=
 for pair in 3.10=3.20.3=numpy==1.23.5 3.11=5.29.6=numpy 3.12=6.31.1=numpy '3.13=7.*=numpy'; do
-    IFS== read -r version protobuf numpy <<<"$pair"
+    IFS="=" read -r version protobuf numpy <<<"$pair"
     if ! found=$(python_of "$version"); then
         missing+=("$version")
         continue

@@ -35,7 +35,7 @@ done
 own() { # prefix, packages that only this distribution needs
     local name prefix=$1
     shift
-    for name in "$@" rclpy[fastrtps] sensor-msgs nav-msgs rosgraph-msgs ament-package ament-cmake \
+    for name in "$@" "rclpy[fastrtps]" sensor-msgs nav-msgs rosgraph-msgs ament-package ament-cmake \
         ament-cmake-core ament-cmake-gen-version-h ament-cmake-include-directories \
         ament-cmake-libraries ament-cmake-python ament-cmake-target-dependencies \
         ament-cmake-test ament-cmake-version rosidl-core-generators \
