@@ -30,6 +30,8 @@
 # make test-learn   lints, documents and tests client/learn, which trains and serves networks
 #                   (burn, about nine minutes of one core the first time)
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
+# make test-expert   the scripted expert, 20 seeds of each task from EXPERT_SEED: near and
+#                    anywhere, without and with a person; about an hour on two cores
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
 # make demo-policy   the policy that ships takes the mustard, or does POLICY_TASK=pick_blue_mug,
@@ -46,6 +48,7 @@ OUT ?= data/demo
 SEED ?= 0
 STATIC ?= target/static
 RUN ?= data/mustard
+EXPERT_SEED ?= 950000
 POLICY_SEED ?= 557
 POLICY_TASK ?= pick_mustard
 PLAN ?= assets/campaigns/small.toml
@@ -59,7 +62,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # What this shell was told of a server elsewhere is not for servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-expert soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -165,6 +168,11 @@ test-adversarial:
 	scripts/setup.sh
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins
 	"$(BUILT)/adversarial"
+
+test-expert:
+	scripts/setup.sh
+	$(CARGO) build --release --bins
+	python3 tests/bench/expert.py --programs "$(BUILT)" --out data/expert --first $(EXPERT_SEED) --jobs "$$(nproc)"
 
 soak:
 	scripts/setup.sh
