@@ -31,6 +31,7 @@ use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHea
 use budget::Budget;
 use encode::Encoder;
 use group::Group;
+pub use pictures::MAX_SIDE;
 use threads::{Job, Progress, Record, Work};
 
 /// How an episode is written.
@@ -264,9 +265,9 @@ impl EpisodeWriter {
         }));
         let sync = syncing.map(|syncing| {
             let (sync, done) = crossbeam_channel::bounded(0);
-            let told = progress.clone();
+            let (told, log) = (progress.clone(), log.clone());
             handles.push(std::thread::spawn(move || {
-                threads::sync(&syncing, &done, &told)
+                threads::sync(&syncing, &log, &done, &told)
             }));
             sync
         });
