@@ -7,8 +7,10 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+use hdf5::types::VarLenUnicode;
 use parking_lot::{Mutex, MutexGuard};
 use wheelarm_dataset::finish::finish;
+use wheelarm_dataset::read::Episode;
 
 /// One test at a time: a child that starts while a file is written inherits its
 /// lock.
@@ -153,6 +155,149 @@ fn a_recording_of_the_wrong_size_is_told_with_its_dataset_and_the_rest_goes_on()
     }
 }
 
+/// A change of a recording's file.
+type Change<'a> = &'a dyn Fn(&hdf5::File);
+
+#[test]
+fn a_hostile_recording_is_rejected_before_anything_in_it_is_read() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    std::fs::write(folder.join("secret"), vec![b'x'; 1 << 20]).unwrap();
+    let (image, robot) = ("streams/camera/gen3/rgb", "robot/message");
+    let moved = |file: &hdf5::File, path: &str| {
+        let shape = file.dataset(path).unwrap().shape();
+        file.unlink(path).unwrap();
+        let outside = folder.join("secret");
+        let data = file.new_dataset::<u8>().shape(shape);
+        let data = data.with_dcpl(|p| p.external(outside.to_str().unwrap(), 0, 0));
+        data.create(path).unwrap();
+    };
+    let claims = |file: &hdf5::File, path: &str, bytes: usize| {
+        file.unlink(path).unwrap();
+        let data = file.new_dataset::<u8>().chunk(1 << 20).deflate(9);
+        data.shape(bytes).create(path).unwrap();
+    };
+    let cases: [(&str, Change<'_>, &str); 9] = [
+        (
+            "image",
+            &|file| moved(file, image),
+            "rgb is stored in another file",
+        ),
+        (
+            "text",
+            &|file| moved(file, robot),
+            "robot/message is stored in another file",
+        ),
+        (
+            "external",
+            &|file| {
+                file.unlink(robot).unwrap();
+                file.link_external("whole.h5", "/robot/message", robot)
+                    .unwrap();
+            },
+            "robot/message is a link to another file",
+        ),
+        (
+            "soft",
+            &|file| file.link_soft("/robot", "streams/robot").unwrap(),
+            "streams/robot is a soft link",
+        ),
+        (
+            "cycle",
+            &|file| file.link_hard("/streams", "streams/camera/again").unwrap(),
+            "nested more than 16 groups deep",
+        ),
+        (
+            "snapshot",
+            &|file| claims(file, "initial_state/snapshot", 8 << 30),
+            "initial_state/snapshot claims 8589934592 bytes, at most 268435456",
+        ),
+        (
+            "robot",
+            &|file| claims(file, robot, 17 << 20),
+            "robot/message claims 17825792 bytes, at most 16777216",
+        ),
+        (
+            "frame",
+            &|file| {
+                file.unlink(image).unwrap();
+                let data = file.new_dataset::<u8>().shape([10, 1 << 17, 1 << 17, 3]);
+                data.create(image).unwrap();
+            },
+            "rgb claims 51539607552 bytes",
+        ),
+        (
+            "column",
+            &|file| {
+                file.unlink("streams/imu/stamp_nanos").unwrap();
+                let data = file.new_dataset::<u64>().chunk(1 << 20).shape(1 << 30);
+                data.create("streams/imu/stamp_nanos").unwrap();
+            },
+            "stamp_nanos and the columns before it claim",
+        ),
+    ];
+    for (name, change, words) in cases {
+        let name = format!("{name}.h5");
+        std::fs::copy(folder.join("whole.h5"), folder.join(&name)).unwrap();
+        let file = hdf5::File::open_rw(folder.join(&name)).unwrap();
+        change(&file);
+        file.close().unwrap();
+        // All commands open recordings alike.
+        let commands = [
+            &["info", &name][..],
+            &["validate", &name],
+            &["export", "--format", "csv", "--out", "out", &name],
+        ];
+        let commands = match name.as_str() {
+            "image.h5" => &commands[..],
+            _ => &commands[..1],
+        };
+        for command in commands {
+            let told = refused(folder, command);
+            assert!(told.contains(words), "{command:?}: {told}");
+            assert!(told.contains("no recorder writes such a file"), "{told}");
+        }
+    }
+}
+
+#[test]
+fn rows_that_share_one_stored_list_claim_no_more_memory_than_the_file_has() {
+    use std::os::unix::fs::FileExt;
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    let path = folder.join("whole.h5");
+    let file = hdf5::File::open_rw(&path).unwrap();
+    let column = "streams/phase/phase";
+    let rows = file.dataset(column).unwrap().shape()[0];
+    file.unlink(column).unwrap();
+    let data = file.new_dataset::<VarLenUnicode>().shape(rows);
+    let data = data.create(column).unwrap();
+    let mut words = vec!["short".parse::<VarLenUnicode>().unwrap(); rows];
+    words[0] = "x".repeat(100_000).parse().unwrap();
+    data.write(&words).unwrap();
+    let at = data.offset().unwrap();
+    drop(data);
+    file.close().unwrap();
+    let bytes = std::fs::File::options()
+        .read(true)
+        .write(true)
+        .open(&path)
+        .unwrap();
+    // Length, address of the heap and number of the list in it.
+    let mut first = [0; 16];
+    bytes.read_exact_at(&mut first, at).unwrap();
+    for row in 1..rows as u64 {
+        bytes.write_all_at(&first, at + 16 * row).unwrap();
+    }
+    let episode = Episode::open(&path).unwrap();
+    let found = episode.texts("phase", "phase").unwrap_err().to_string();
+    assert!(found.contains("its lists need "), "{found}");
+}
+
 #[test]
 fn a_label_that_leads_out_of_the_folder_is_refused() {
     let _turn = alone();
@@ -160,7 +305,7 @@ fn a_label_that_leads_out_of_the_folder_is_refused() {
     let folder = folder.path();
     episode(folder, "whole");
     let file = hdf5::File::open_rw(folder.join("whole.h5")).unwrap();
-    let label: hdf5::types::VarLenUnicode = "../escaped".parse().unwrap();
+    let label: VarLenUnicode = "../escaped".parse().unwrap();
     file.attr("label").unwrap().write_scalar(&label).unwrap();
     drop(file);
     for format in ["csv", "mcap", "tensors", "wheelarm-sim", "rosbag2"] {
