@@ -299,6 +299,35 @@ fn rows_that_share_one_stored_list_claim_no_more_memory_than_the_file_has() {
 }
 
 #[test]
+fn corrections_of_an_unknown_episode_are_an_error_and_those_of_a_file_beside_are_not() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for label in ["a", "b"] {
+        episode(folder, label);
+    }
+    let align = |out: &str, table: &str| {
+        std::fs::write(folder.join("labels.csv"), table).unwrap();
+        let options = ["--no-pictures", "--corrections", "labels.csv", "--out", out];
+        run(folder, &[&["align", "a.h5"][..], &options].concat())
+    };
+    let header = "label,episode,from_seconds";
+    let told = align("o", &format!("{header}\n2,a,0\n3,c,0\n"));
+    let words = String::from_utf8_lossy(&told.stderr).into_owned();
+    assert_eq!(told.status.code(), Some(1), "{words}");
+    assert!(
+        words.contains("labels.csv, line 3: there is no recording \"c\""),
+        "{words}"
+    );
+    assert!(!folder.join("o").exists());
+    let told = align("o", &format!("{header}\n2,a.h5,0\n3,b,0\n"));
+    assert!(told.status.success(), "{told:?}");
+    let file = hdf5::File::open(folder.join("o/a.aligned.h5")).unwrap();
+    let labels: Vec<u8> = file.dataset("label").unwrap().read_raw().unwrap();
+    assert!(labels.iter().all(|label| *label == 2), "{labels:?}");
+}
+
+#[test]
 fn a_label_that_leads_out_of_the_folder_is_refused() {
     let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
