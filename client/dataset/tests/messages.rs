@@ -328,6 +328,27 @@ fn corrections_of_an_unknown_episode_are_an_error_and_those_of_a_file_beside_are
 }
 
 #[test]
+fn no_chunk_of_an_exported_mcap_is_empty() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "a");
+    for (format, file) in [("mcap", "mcap/a.mcap"), ("rosbag2", "rosbag2/a/a_0.mcap")] {
+        let told = run(
+            folder,
+            &["export", "--format", format, "--out", format, "a.h5"],
+        );
+        assert!(told.status.success(), "{told:?}");
+        let bytes = std::fs::read(folder.join(file)).unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        assert!(!summary.chunk_indexes.is_empty());
+        for chunk in &summary.chunk_indexes {
+            assert!(!chunk.message_index_offsets.is_empty(), "{file}: {chunk:?}");
+        }
+    }
+}
+
+#[test]
 fn a_label_that_leads_out_of_the_folder_is_refused() {
     let _turn = alone();
     let folder = tempfile::tempdir().unwrap();
