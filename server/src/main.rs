@@ -387,7 +387,8 @@ fn main() -> ExitCode {
     end_with_output();
     let args = Args::parse();
     environment::complete();
-    let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start");
+    let runtime = allow_open_files()
+        .and_then(|()| tokio::runtime::Runtime::new().context("the runtime cannot start"));
     let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
         return ExitCode::SUCCESS;
     };
@@ -395,6 +396,32 @@ fn main() -> ExitCode {
     match error.downcast_ref() {
         Some(SimError::Broken(_) | SimError::Panicked(_)) => ExitCode::from(EXIT_SCENARIO),
         _ => ExitCode::FAILURE,
+    }
+}
+
+/// Files that may be open at the least: connections, threads' event queues, the graphics
+/// driver. The transport panics where one cannot be opened.
+const OPEN_FILES: u64 = 256;
+
+/// Raises the limit of open files as far as the user may.
+fn allow_open_files() -> anyhow::Result<()> {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    // Where it cannot be raised, what is allowed counts.
+    let allowed = match setrlimit(Resource::Nofile, raised) {
+        Ok(()) => limit.maximum,
+        Err(_) => limit.current,
+    };
+    match allowed {
+        Some(allowed) if allowed < OPEN_FILES => bail!(
+            "cannot start: at most {allowed} files may be open, a server needs {OPEN_FILES}: \
+             raise the limit (`ulimit -n 1024`)"
+        ),
+        _ => Ok(()),
     }
 }
 
