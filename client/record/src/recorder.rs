@@ -201,6 +201,14 @@ impl Recorder {
         {
             self.end(SERVER_LOST);
         }
+        // A full disk or a removed log is reported at once, and not with the next sample.
+        let failure = match &self.stage {
+            Stage::Recording(recording) | Stage::Stopping { recording, .. } => recording.failure(),
+            _ => None,
+        };
+        if let Some(words) = failure {
+            self.fail(words);
+        }
         if let Stage::Opening { since, asked, .. } = &mut self.stage {
             if now.duration_since(*since) > SNAPSHOT_PATIENCE {
                 self.fail("the server did not answer the query `snapshot`, without which an episode cannot be replayed".into());
@@ -390,8 +398,8 @@ impl Recorder {
             Ok(Accepted::Frame) => self.publish(),
             Ok(Accepted::State | Accepted::Not) => {}
             Err(words) => {
-                let log = recording.log().display().to_string();
-                self.fail(format!("{words}; the log is {log}"));
+                let words = recording.failed(&words);
+                self.fail(words);
             }
         }
     }

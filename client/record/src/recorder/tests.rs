@@ -293,6 +293,46 @@ fn an_existing_file_fails_before_time_goes_on() {
 }
 
 #[test]
+fn a_removed_log_is_reported_at_once_and_saved() {
+    for whole_folder in [false, true] {
+        let mut b = Bench::new();
+        b.open(1, "gone");
+        for sequence in 0..3 {
+            b.feed(hash(1, sequence));
+        }
+        let log = b.dir.path().join("gone.h5.wal");
+        let written = || wheelarm_dataset::log::scan(&log).map_or(0, |scan| scan.entries.len());
+        while written() < 3 {
+            std::thread::yield_now();
+        }
+        match whole_folder {
+            true => std::fs::remove_dir_all(b.dir.path()).unwrap(),
+            false => std::fs::remove_file(&log).unwrap(),
+        }
+        // No sample comes: it is the passing time that shows it.
+        let out = loop {
+            let out = b.wait(Duration::ZERO);
+            if !out.is_empty() {
+                break out;
+            }
+            std::thread::yield_now();
+        };
+        let [Output::Status(status), Output::Failed(words)] = &out[..] else {
+            panic!("{out:?}")
+        };
+        assert_eq!(status.state(), v1::RecorderState::Failed);
+        let saved = format!(
+            "what was acknowledged is saved in {}: `wheelarm",
+            log.display()
+        );
+        assert!(words.contains("was removed or replaced"), "{words}");
+        assert!(words.contains(&saved), "{words}");
+        let finished = wheelarm_dataset::finish::finish(&log, None).unwrap();
+        assert_eq!(hashes(&finished.path), [(0, 0), (1, 7), (2, 14)]);
+    }
+}
+
+#[test]
 fn a_discarded_episode_leaves_nothing() {
     let mut b = Bench::new();
     b.open(1, "bad");

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::v1::{FailureCode, WaitingFor};
-use wheelarm_proto::{StreamId, TopicId, check, v1};
+use wheelarm_proto::{Message, StreamId, TopicId, check, v1};
 
 use super::{Engine, NAP, Next, Waits};
 use crate::service::denied::Denied;
@@ -24,10 +24,76 @@ const PRESENT_SECS: u64 = 120;
 /// How long a server that ends waits for its recorders to get the rest, s.
 const FAREWELL_SECS: u64 = 10;
 
+/// Longest wait for recorders to receive the manifest before `episode_stop` is answered, s.
+/// What was lost on a slow line is fetched first.
+const ACKNOWLEDGED_SECS: u64 = 10;
+
 /// Ended episodes whose manifests are kept for recorders that ask late.
 const ENDED_EPISODES: usize = 8;
 
+/// An answer to `episode_stop` that waits for the recorders: a server that is killed right
+/// behind its answer must not leave files without a manifest.
+pub(in crate::service) struct Unacknowledged {
+    asked: zenoh::query::Query,
+    stopped: v1::EpisodeStopped,
+    participants: Vec<String>,
+    since: Instant,
+}
+
 impl Engine {
+    /// Ends the episode and answers `asked` when its recorders have the manifest.
+    pub(super) fn stop_for(
+        &mut self,
+        asked: Option<zenoh::query::Query>,
+        discard: bool,
+        cause: v1::EndCause,
+    ) {
+        let episode = self.episode.as_ref();
+        let participants = episode.map_or_else(Vec::new, |e| e.participants.clone());
+        let stopped = self.stop_episode(discard, cause);
+        let Some(asked) = asked else {
+            return;
+        };
+        match stopped {
+            Some(stopped) => self.unacknowledged.push(Unacknowledged {
+                asked,
+                stopped,
+                participants,
+                since: Instant::now(),
+            }),
+            None => {
+                let words = "no episode is running";
+                self.refuse(asked, Denied::new(FailureCode::NoEpisode, words));
+            }
+        }
+        self.answer_acknowledged(false);
+    }
+
+    /// Answers those whose recorders have the manifest or have had their time, or `all`.
+    pub(super) fn answer_acknowledged(&mut self, all: bool) {
+        if self.unacknowledged.is_empty() {
+            return;
+        }
+        let now = Instant::now();
+        let waiting = std::mem::take(&mut self.unacknowledged);
+        let patience = Duration::from_secs(ACKNOWLEDGED_SECS);
+        let (waiting, due): (Vec<_>, Vec<_>) = {
+            let mut recorders = self.shared.recorders.lock();
+            recorders.expire(now);
+            let run = self.shared.outbox.run_id();
+            waiting.into_iter().partition(|answer| {
+                let header = answer.stopped.header.as_ref();
+                let episode = header.map_or(0, |header| header.episode);
+                !all && now.duration_since(answer.since) < patience
+                    && recorders.is_anyone_recording(run, episode, &answer.participants)
+            })
+        };
+        self.unacknowledged = waiting;
+        for answer in due {
+            self.reply(answer.asked, Ok(answer.stopped.encode_to_vec()));
+        }
+    }
+
     /// Announces an episode; simulation time goes on when its recorders are ready.
     /// What the cameras drew before it is out.
     pub(super) fn start_episode(

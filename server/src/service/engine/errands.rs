@@ -170,13 +170,7 @@ impl Engine {
                     discard,
                     cause,
                 } => {
-                    let stopped = self.stop_episode(discard, cause);
-                    if let Some(asked) = asked {
-                        let answer = stopped.ok_or_else(|| {
-                            Denied::new(FailureCode::NoEpisode, "no episode is running")
-                        });
-                        self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
-                    }
+                    self.stop_for(asked, discard, cause);
                 }
             }
         }
