@@ -343,9 +343,8 @@ impl RobotBody {
         })
     }
 
-    /// Gives the joint that moves a body a velocity, rad/s, to see what happens.
-    #[cfg(test)]
-    pub(super) fn spin(&self, physics: &mut PhysicsWorld, body: usize, speed: f64) {
+    /// Gives the joint that moves a body a velocity, rad/s.
+    pub(super) fn set_velocity(&self, physics: &mut PhysicsWorld, body: usize, speed: f64) {
         let multibody = self
             .multibody
             .and_then(|index| physics.multibody_joints.get_multibody_mut(index));

@@ -223,8 +223,7 @@ impl World {
             drive::surface(model, link)
         })?;
         let drives = Drives::new(model, &robot)?;
-        drives.insert_dampers(&mut physics, &robot);
-        let wheels = Wheels::new(model, &robot)?;
+        let wheels = Wheels::new(model, &robot, &physics)?;
         let grip = GripFriction::new(physics.integration_parameters.dt);
         let mut world = Self {
             physics,
@@ -294,6 +293,7 @@ impl World {
         self.drive();
         self.step_soft();
         self.begin_push();
+        self.wheels.begin_tick(&mut self.physics, &self.robot);
         if let Some(seated) = &mut self.seated {
             seated.begin_tick(&mut self.physics, self.tick);
         }
@@ -301,7 +301,10 @@ impl World {
         self.signals.begin_tick(&self.physics, &self.robot);
         self.physics.step_with_events(&self.grip, &());
         self.end_push();
-        self.signals.end_tick(&self.physics, &self.robot);
+        self.wheels.end_tick(&mut self.physics, &self.robot);
+        self.drives.brake(&mut self.physics, &self.robot);
+        let limits = self.drives.limits();
+        self.signals.end_tick(&self.physics, &self.robot, limits);
         self.wheels.roll(&self.physics, &self.robot);
         if let Some(seated) = &mut self.seated {
             seated.end_tick(&mut self.physics);

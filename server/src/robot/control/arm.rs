@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
 
 pub use self::cartesian::Velocity;
-use super::profile::stopping_speed;
+use super::profile::{SPEED_SHARE, stopping_speed};
 use super::{ArmIntent, IntentFrame, TICKS};
 use crate::robot::kinematics::{ArmKinematics, joint_word};
 use crate::robot::{ArmSettings, RobotModel};
@@ -298,7 +298,7 @@ impl ArmControl {
         let most = self.settings.tool_speed;
         let most = self.limit.map_or(most, |limit| limit.min(most));
         let excess = (0..6)
-            .map(|i| wanted[i].abs() / speed[i])
+            .map(|i| wanted[i].abs() / (SPEED_SHARE * speed[i]))
             .fold(tool_speed / (TOOL_SHARE * most), f64::max);
         if excess > 1.0 {
             wanted = wanted.map(|part| part / excess);

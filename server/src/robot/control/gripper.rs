@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
 
 use super::GripperIntent;
-use super::profile::{stopping_speed, towards};
+use super::profile::{SPEED_SHARE, stopping_speed, towards};
 use crate::geometry::Shape;
 use crate::robot::{GripperSettings, PAD, RobotModel};
 
@@ -158,7 +158,8 @@ impl GripperState {
     /// One step towards the goal.
     pub(super) fn advance(&mut self, settings: &GripperSettings, dt: f64) {
         let way = self.goal - self.position;
-        let speed = stopping_speed(way.abs(), settings.acceleration, dt).min(settings.speed);
+        let speed = stopping_speed(way.abs(), settings.acceleration, dt);
+        let speed = speed.min(SPEED_SHARE * settings.speed);
         let room = |distance: f64| stopping_speed(distance, settings.acceleration, dt);
         // A turned command may not carry the knuckle past its range.
         let velocity = towards(
