@@ -45,7 +45,7 @@ use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
 use crate::way::Way;
 use attempt::Setup;
-use capacity::{Host, PIPELINES, free_disk, is_memory};
+use capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
 use fleet::Tally;
@@ -172,6 +172,17 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     if let Some(problem) = unknown {
         bail!("{problem}");
     }
+    let needed = worker_bytes(&plan) + kept;
+    if let Some(free) = host
+        .memory
+        .filter(|free| (*free as f64) < needed * workers as f64)
+    {
+        tracing::warn!(
+            "{workers} workers need {} of memory and {} are free; a worker that the system kills is replaced, with fewer at a time",
+            estimate::bytes(needed * workers as f64),
+            estimate::bytes(free as f64)
+        );
+    }
     let mut folder = Folder::make(&out)?;
     if let Some(scratch) = &args.scratch {
         folder = folder.with_scratch(scratch, args.shard)?;
@@ -280,6 +291,12 @@ fn explain(tally: &Tally, attempts: u32) {
     }
     for (id, words) in &tally.broken {
         println!("{id}: could not be made, the next run tries again: {words}");
+    }
+    if tally.retired > 0 {
+        println!(
+            "{} workers were killed and did not go on, most likely for lack of memory; their episodes were made again with their seeds: a smaller --workers, or a job with more memory",
+            tally.retired
+        );
     }
     if tally.discarded > 0 {
         println!(
