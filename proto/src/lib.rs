@@ -16,6 +16,7 @@ pub mod exact;
 pub mod geometry;
 pub mod installed;
 pub mod keys;
+pub mod label;
 pub mod look;
 pub mod output;
 pub mod person;

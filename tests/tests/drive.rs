@@ -334,6 +334,67 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
 }
 
 #[test]
+fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = server("kept");
+    let gateway = Gateway::open(&server);
+    let mut page = Page::open(&gateway, "a1", true);
+    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    // Without a recorder nothing starts, loudly.
+    let refused = page.ask("episode.start", json!({}));
+    assert_eq!(refused["ok"], false, "{refused}");
+    let told = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
+    wait_until("the alarm", || told(&page, "nothing can be recorded"));
+    let practice = page.ask("episode.start", json!({"recorders": 0}));
+    assert_eq!(practice["practice"], true, "{practice}");
+    let label = practice["label"].as_str().expect("a label").to_owned();
+    wait_until("it clears the alarm", || !told(&page, "recorded"));
+    page.ask("episode.finish", json!({}));
+
+    // Another session has used the folder: the label is the next free one.
+    let file = |number: u64| {
+        let name = wheelarm_proto::label::numbered(wheelarm_proto::label::split(&label).0, number);
+        folder.path().join(format!("{name}.h5"))
+    };
+    std::fs::write(file(1), "precious").expect("a file");
+    let mut recorder = wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &[]);
+    let there = |page: &Page| !page.situation()["recorders"].to_string().eq("[]");
+    wait_until("the recorder is there", || there(&page));
+    let practice = page.ask("episode.start", json!({"recorders": 0}));
+    assert_eq!(practice["label"], label.as_str(), "{practice}");
+    pass(&page, 48);
+    page.ask("episode.finish", json!({}));
+    let taken = page.ask("episode.start", json!({"label": label}));
+    assert!(
+        taken["error"].to_string().contains("next free label is"),
+        "{taken}"
+    );
+    let started = page.ask("episode.start", json!({}));
+    assert_eq!(started["ok"], true, "{started}");
+    assert_eq!(
+        file(2).file_stem().and_then(|s| s.to_str()),
+        started["label"].as_str()
+    );
+    let status: v1::Status = server.link().ask(&v1::StatusRequest {}).expect("a status");
+    let limit = status.episode.and_then(|e| e.scenario?.time_limit_seconds);
+    assert_eq!(limit, Some(wheelarm_proto::check::MAX_TIME_LIMIT));
+    pass(&page, 48);
+    let finished = page.ask("episode.finish", json!({}));
+    assert!(!finished["text"].to_string().contains("kept"), "{finished}");
+    wait_until("the recorder confirms", || page.was_noted("kept in"));
+    assert!(file(2).is_file());
+
+    // A recorder that goes in an episode is an alarm at once.
+    assert_eq!(page.ask("episode.start", json!({}))["ok"], true);
+    recorder.kill();
+    wait_until("the alarm", || told(&page, "NOTHING IS RECORDED"));
+    assert_eq!(
+        std::fs::read_to_string(file(1)).expect("the file"),
+        "precious"
+    );
+}
+
+#[test]
 fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
     let server = Server::start(
         "goal",

@@ -143,6 +143,11 @@ struct Said {
     sign: f64,
 }
 
+/// A person who starts an episode wants it recorded.
+fn one() -> u32 {
+    1
+}
+
 fn middle() -> u8 {
     3
 }
@@ -342,8 +347,8 @@ pub enum Ask {
         /// Instruction; the scenario's when empty.
         #[serde(default)]
         instruction: String,
-        /// Recorders that must be ready.
-        #[serde(default)]
+        /// Recorders that must be ready; 0 is practice.
+        #[serde(default = "one")]
         recorders: u32,
     },
     /// The episode is kept.

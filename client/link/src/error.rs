@@ -117,6 +117,16 @@ pub enum LinkError {
         /// The server's words.
         message: String,
     },
+    /// An episode was announced and did not begin.
+    #[error("episode {label:?} did not begin: {why}")]
+    NotBegun {
+        /// Its label.
+        label: String,
+        /// Why, with the cure.
+        why: String,
+        /// Where a recorder has a file of that label: the next label that is free there.
+        free_label: Option<String>,
+    },
     /// No pictures come from a camera of that name.
     #[error(
         "the camera {camera:?} is not in use (in use: {found}): choose one of them, or ask for it when the server starts (--camera) or with a reset"

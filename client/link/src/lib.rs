@@ -14,6 +14,7 @@
 mod asking;
 mod camera;
 mod commander;
+mod episode;
 mod error;
 mod frame;
 mod holder;

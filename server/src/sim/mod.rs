@@ -235,10 +235,12 @@ impl Simulation {
     }
 
     /// Starts the task anew from the present state: an episode's clock and its
-    /// conditions begin with the episode.
-    pub fn begin_episode(&mut self) {
+    /// conditions begin with the episode. `time_limit`, simulated seconds, is for this
+    /// episode alone; the scenario's when absent.
+    pub fn begin_episode(&mut self, time_limit: Option<f64>) {
         if let Some(evaluator) = &mut self.evaluator {
             evaluator.reset();
+            evaluator.limit_episode(time_limit);
             self.evaluation = evaluator.update(&self.snapshot);
         }
     }

@@ -23,6 +23,8 @@ pub struct Evaluator {
     conditions: Vec<(String, AnyPredicate, bool)>,
     failure: FailureSpec,
     time_limit: f64,
+    /// Of the running episode, where it has one of its own.
+    episode_limit: Option<f64>,
     /// What falls from the hand and stays where the arm gets it is not lost.
     fetches: bool,
     context: Context,
@@ -170,6 +172,7 @@ impl Evaluator {
                 .collect(),
             failure: spec.failure,
             time_limit: spec.time_limit,
+            episode_limit: None,
             fetches: false,
             context: Context {
                 bodies: scene.objects.clone(),
@@ -206,6 +209,11 @@ impl Evaluator {
     pub fn bend(&mut self, time_limit: Option<f64>, fetches: bool) {
         self.time_limit = time_limit.unwrap_or(self.time_limit);
         self.fetches = fetches;
+    }
+
+    /// Takes the time limit of one episode, simulated seconds; the task's when absent.
+    pub fn limit_episode(&mut self, time_limit: Option<f64>) {
+        self.episode_limit = time_limit;
     }
 
     /// Forgets everything; the next snapshot is the first.
@@ -298,7 +306,7 @@ impl Evaluator {
         if self.context.collision_force(snapshot) > self.failure.force {
             return Some(Failure::HardCollision);
         }
-        (elapsed >= self.time_limit).then_some(Failure::Timeout)
+        (elapsed >= self.episode_limit.unwrap_or(self.time_limit)).then_some(Failure::Timeout)
     }
 
     /// What became of the target that ends the task.

@@ -376,6 +376,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
             .map(String::from)
             .to_vec(),
         robot: wheelarm_dataset::read::first_robot().ok(),
+        ..v1::EpisodeStarted::default()
     }
 }
 

@@ -44,8 +44,9 @@ export class Panels {
 
   /** What must not be overlooked stays until the person says that it was read, or it is over. */
   alarms(s) {
-    const { read, settings } = this.app;
-    const all = s.alarms || [];
+    const { read, settings, role } = this.app;
+    // Who watches can do nothing about it.
+    const all = role === "viewer" ? [] : s.alarms || [];
     for (const words of read) if (!all.includes(words)) read.delete(words);
     const list = all.filter((words) => !read.has(words));
     const fresh = list.some((words) => !this.alarmed.includes(words));

@@ -5,7 +5,7 @@ use wheelarm_proto::v1;
 
 use super::{Effect, Model, note};
 use crate::errand::Errand;
-use crate::watch::Connection;
+use crate::watch::{Connection, Verdict};
 
 /// A status this soon after control was given may be older than that, s.
 const FRESH: f64 = 2.0;
@@ -97,23 +97,36 @@ impl Model {
     /// The server's account of itself, and the round trip it took, s.
     pub fn status(&mut self, status: v1::Status, round_trip: f64, time: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
-        self.situation.take_status(status, round_trip);
+        let verdicts = self.situation.take_status(status, round_trip, time);
+        let mut effects = self.tell_verdicts(&verdicts);
         let Control::Ours { page, name, since } = &self.control else {
-            return Vec::new();
+            return effects;
         };
         if time - since < FRESH || holder == *name {
-            return Vec::new();
+            return effects;
         }
         let page = page.clone();
         if holder.is_empty() {
-            return self.ask_again(&page, time);
+            effects.extend(self.ask_again(&page, time));
+            return effects;
         }
-        let mut effects = self.halt(&format!("{holder} took control"), time);
+        effects.extend(self.halt(&format!("{holder} took control"), time));
         effects.push(note(&page, true, &format!("{holder} took control")));
         effects.push(self.audit(&page, "lost", &holder));
         effects.push(Effect::Release);
         self.control = Control::None;
         effects
+    }
+
+    /// Every page that may drive is told what became of an episode's file.
+    fn tell_verdicts(&self, verdicts: &[Verdict]) -> Vec<Effect> {
+        let driving = self
+            .pages
+            .iter()
+            .filter(|(_, page)| page.visitor.role.may_drive());
+        driving
+            .flat_map(|(name, _)| verdicts.iter().map(move |v| note(name, v.bad, &v.text)))
+            .collect()
     }
 
     /// A page asks for control, or takes it.

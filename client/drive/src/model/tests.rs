@@ -393,11 +393,16 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     let effects = ask(&mut model, "a", start, 0.3);
     assert!(stops(&effects));
     let begun = effects.iter().find_map(|effect| match effect {
-        Effect::Errand(Errand::Start(start), name) => Some((start.label.clone(), name.clone())),
+        Effect::Errand(Errand::Start(start), name) => Some((start.clone(), name.clone())),
         _ => None,
     });
-    let expected = ("pick_mustard-seed5-1".to_owned(), "anna".to_owned());
-    assert_eq!(begun, Some(expected));
+    let (begun, name) = begun.unwrap();
+    assert_eq!(
+        (begun.label.as_str(), name.as_str()),
+        ("pick_mustard-seed5-1", "anna")
+    );
+    // A person who starts an episode wants it recorded, under whichever label is free.
+    assert!(begun.numbered && begun.recorders == 1, "{begun:?}");
     // One errand at a time.
     assert!(answers(&ask(&mut model, "a", start, 0.3))["error"].is_string());
     let started = v1::EpisodeStarted {
@@ -420,6 +425,7 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     );
     let effects = model.done(Done::Started(Err("the disk is full".to_owned())), 0.7);
     assert_eq!(answers(&effects)["error"], "the disk is full");
+    assert_eq!(model.situation.alarms(), ["the disk is full"]);
 }
 
 #[test]

@@ -2751,6 +2751,12 @@ class EpisodeStartRequest(_Message):
     """Commands are taken as they are, without the age rule: for replaying what the gate let
     through once already. Lock-step only, where time waits for every command (no unit).
     """
+    practice: bool
+    """Nothing of the episode is recorded, whichever recorders are connected (no unit)."""
+    time_limit_seconds: float
+    """Simulated seconds after which the task of this episode has failed. Absent takes the time
+    limit of the scenario, s. Optional.
+    """
     def __init__(
         self,
         *,
@@ -2759,6 +2765,8 @@ class EpisodeStartRequest(_Message):
         require_recorders: int | None = ...,
         commander: str | None = ...,
         replay: bool | None = ...,
+        practice: bool | None = ...,
+        time_limit_seconds: float | None = ...,
     ) -> None: ...
 
 class EpisodeStarted(_Message):
@@ -2801,6 +2809,8 @@ class EpisodeStarted(_Message):
     """Picture sensors that will be published (no unit)."""
     compressed_cameras: bool
     """The cameras' pictures come compressed as well, see CompressedCameraFrame (no unit)."""
+    practice: bool
+    """Recorders leave this episode out (no unit)."""
     def __init__(
         self,
         *,
@@ -2821,6 +2831,7 @@ class EpisodeStarted(_Message):
         as_recorded: bool | None = ...,
         sensors: _Iterable[str] | None = ...,
         compressed_cameras: bool | None = ...,
+        practice: bool | None = ...,
     ) -> None: ...
 
 class SnapshotRequest(_Message):
@@ -2909,6 +2920,18 @@ class StreamCount(_Message):
 
 class EpisodeRequest(_Message):
     """Asks what runs and what has run lately. Query `episode`."""
+    recorder: str
+    """Name that a recorder claims when it starts. The server refuses a second recorder of that
+    name. Empty claims none (no unit).
+    """
+    session: str
+    """Id of the session that claims the name (no unit)."""
+    def __init__(
+        self,
+        *,
+        recorder: str | None = ...,
+        session: str | None = ...,
+    ) -> None: ...
 
 class EpisodeState(_Message):
     """What runs and what has run lately. Query `episode`. Whoever records asks for it: what is
@@ -2994,6 +3017,10 @@ class RecorderStatus(_Message):
     at least every 48 ticks. Absent from older recorders, for which time waits only with
     cameras. Optional.
     """
+    free_label: str
+    """Where recording failed because a file or a log of that label exists: the next label of the
+    same stem that is free at this recorder (no unit).
+    """
     def __init__(
         self,
         *,
@@ -3007,6 +3034,7 @@ class RecorderStatus(_Message):
         message: str | None = ...,
         credit_frames: int | None = ...,
         credit_tick: int | None = ...,
+        free_label: str | None = ...,
     ) -> None: ...
 
 class Clock(_Message):

@@ -87,6 +87,14 @@ pub fn header<'a>(model: &Model, theme: Theme, now: f64, width: u16) -> Vec<Line
     }
 }
 
+/// What must not be overlooked, in the order of the top of the screen.
+pub fn alarms<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let alarms = model.situation.alarms().into_iter();
+    alarms
+        .map(|words| Line::from(Span::styled(format!("!! {words} "), theme.alarm())))
+        .collect()
+}
+
 /// The last line: what can be done now.
 pub fn hints<'a>(model: &Model, theme: Theme) -> Line<'a> {
     let words: &[(&str, &str)] = if model.form.is_some() {

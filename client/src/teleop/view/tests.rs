@@ -49,7 +49,7 @@ fn model() -> Model {
         real_time_factor: 1.0,
         ..Default::default()
     };
-    model.situation.take_status(status, 0.0123);
+    model.situation.take_status(status, 0.0123, 0.0);
     model.robot(&described_robot());
     model
 }
@@ -103,6 +103,40 @@ fn no_size_of_the_terminal_makes_it_panic() {
         model.form = Some(super::super::form::Form::start("a", "b", 1));
         screen(&model, width, height);
         model.form = None;
+    }
+}
+
+#[test]
+fn a_failed_recorder_a_lost_task_and_a_refused_start_cannot_be_overlooked() {
+    let mut model = model();
+    model.situation.refused("nothing can be recorded", 7.0);
+    let mut status = model.situation.status.clone().unwrap();
+    let header = Some(v1::Header {
+        run_id: "run".to_owned(),
+        episode: 1,
+        ..Default::default()
+    });
+    status.episode = Some(v1::EpisodeStarted {
+        header: header.clone(),
+        ..Default::default()
+    });
+    status.recorders[0].header = header;
+    status.recorders[0].state = v1::RecorderState::Failed.into();
+    status.recorders[0].message = "no disk".to_owned();
+    model.situation.take_status(status, 0.01, 8.0);
+    model.situation.evaluation = Some(v1::Evaluation {
+        failure: "dropped".to_owned(),
+        ..Default::default()
+    });
+    for (width, height) in [(120, 36), (60, 24)] {
+        let text = screen(&model, width, height);
+        for words in [
+            "nothing can be recorded",
+            "THE TASK IS LOST",
+            "NOTHING IS RECORDED",
+        ] {
+            assert!(text.contains(words), "{words:?} is missing:\n{text}");
+        }
     }
 }
 

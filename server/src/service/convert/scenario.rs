@@ -333,7 +333,12 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         })?;
     }
     if let Some(limit) = asked.time_limit_seconds {
-        s.time_limit = Some(check::within("time_limit_seconds", limit, 0.0, 1e5)?);
+        s.time_limit = Some(check::within(
+            "time_limit_seconds",
+            limit,
+            0.0,
+            check::MAX_TIME_LIMIT,
+        )?);
         s.asked.open_limit = false;
     }
     keep(&mut s.imu_noise, asked.imu_noise);

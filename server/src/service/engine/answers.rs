@@ -177,7 +177,16 @@ impl Engine {
                 self.event(kind, "by a client");
                 self.ack()
             }
-            Query::Episode => self.episode_state().encode_to_vec().into(),
+            Query::Episode => {
+                let request: v1::EpisodeRequest = decode(payload)?;
+                if !request.recorder.is_empty() {
+                    let mut recorders = self.shared.recorders.lock();
+                    recorders
+                        .claim(&request.recorder, &request.session, Instant::now())
+                        .map_err(|words| Denied::new(FailureCode::Invalid, words))?;
+                }
+                self.episode_state().encode_to_vec().into()
+            }
             Query::Snapshot => self.snapshot()?,
             Query::Sensors => self.sensors_given().encode_to_vec().into(),
             Query::Shutdown => {

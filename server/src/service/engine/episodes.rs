@@ -127,8 +127,17 @@ impl Engine {
                  with --pacing lock-step",
             ));
         }
+        if request.practice && request.require_recorders > 0 {
+            return Err(Denied::new(
+                FailureCode::Invalid,
+                "a practice episode is not recorded: ask for 0 recorders, or leave `practice` out",
+            ));
+        }
+        if let Some(limit) = request.time_limit_seconds {
+            check::within("time_limit_seconds", limit, 1.0, check::MAX_TIME_LIMIT)?;
+        }
         // In lock-step time waits for every recorder that is there.
-        let required = match lock_step {
+        let required = match lock_step && !request.practice {
             true => self
                 .shared
                 .recorders
@@ -139,7 +148,7 @@ impl Engine {
         };
         self.shared.recorders.lock().begin();
         if !request.replay && !shown {
-            self.sim.begin_episode();
+            self.sim.begin_episode(request.time_limit_seconds);
         }
         self.signals.restart();
         if let Some(lag) = &mut self.lag {
@@ -152,7 +161,11 @@ impl Engine {
         self.episodes += 1;
         let number = self.episodes;
         let tick = self.sim.snapshot().tick;
-        let started = self.announcement(number, request.label, request.instruction, shown);
+        let mut started = self.announcement(number, &request, shown);
+        if let (Some(limit), Some(scenario)) = (request.time_limit_seconds, &mut started.scenario) {
+            // The file says which limit was in force, and a replay takes it from there.
+            scenario.time_limit_seconds = Some(limit);
+        }
         self.episode = Some(Episode {
             number,
             started: started.clone(),
@@ -185,16 +198,18 @@ impl Engine {
     fn announcement(
         &self,
         number: u64,
-        label: String,
-        instruction: Option<String>,
+        request: &v1::EpisodeStartRequest,
         shown: bool,
     ) -> v1::EpisodeStarted {
         let scenario = self.sim.scenario();
         let task = self.sim.task();
         v1::EpisodeStarted {
             header: Some(self.shared.outbox.header(number, self.sim.snapshot().tick)),
-            label,
-            instruction: instruction.unwrap_or_else(|| scenario.instruction.clone()),
+            label: request.label.clone(),
+            instruction: match &request.instruction {
+                Some(instruction) => instruction.clone(),
+                None => scenario.instruction.clone(),
+            },
             scenario: Some(convert::scenario(scenario)),
             activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
             area: task.map(|t| t.area.name.clone()).unwrap_or_default(),
@@ -228,6 +243,7 @@ impl Engine {
             },
             as_recorded: shown,
             compressed_cameras: true,
+            practice: request.practice,
         }
     }
 
@@ -284,7 +300,8 @@ impl Engine {
         }
         let stopped = v1::EpisodeStopped {
             header: Some(self.shared.outbox.header(episode.number, tick)),
-            discard,
+            // Of a practice episode there is nothing to keep.
+            discard: discard || episode.started.practice,
             evaluation: match &self.shown {
                 Some(shown) => shown.evaluation.clone(),
                 None => Some(convert::evaluation(self.sim.evaluation())),

@@ -97,6 +97,25 @@ fn failures_say_why() {
 }
 
 #[test]
+fn the_time_limit_of_an_episode_is_for_that_episode_alone() {
+    let mut stage = Stage::new();
+    for (limit, expected) in [
+        (Some(1e5), None),
+        (Some(5.0), Some(Failure::Timeout)),
+        (None, None),
+    ] {
+        stage.evaluator.reset();
+        stage.evaluator.limit_episode(limit);
+        stage.run(0.1);
+        stage.snapshot.tick += match limit {
+            Some(1e5) => 1000 * PHYSICS_HZ,
+            _ => 6 * PHYSICS_HZ,
+        };
+        assert_eq!(stage.run(0.1).failure, expected, "{limit:?}");
+    }
+}
+
+#[test]
 fn accidents_are_remembered_and_reported() {
     let mut stage = Stage::new();
     let quiet = stage.run(0.1);
