@@ -134,7 +134,8 @@ struct Args {
     #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
     look: Option<LookText>,
     /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], a
-    /// folder in assets/people; then ,guard ,mouth_open ,motion=0..1 [default: none].
+    /// folder in assets/people; then ,mouth_open ,motion=0..1 ,unguarded
+    /// (no bounds on speed and force beside the person) [default: none].
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text)]
     person: Option<v1::Person>,
     /// Ends when standard input is closed: with the program that started it.

@@ -117,7 +117,7 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
     pub look: Option<LookText>,
     /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], then
-    /// ,guard ,mouth_open ,motion=0..1.
+    /// ,mouth_open ,motion=0..1 ,unguarded.
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text, conflicts_with = "split")]
     pub person: Option<v1::Person>,
     /// Hinders the robot: strength of noise, pushes and slips, 1 to 3.

@@ -20,6 +20,7 @@ pub(super) fn told(of: &PersonSetting) -> v1::Person {
         motion: of.motion,
         mouth_open: of.mouth_open,
         guard: of.guard,
+        unguarded: !of.guard,
         drawn: of.drawn.as_ref().map(drawn),
     }
 }
@@ -41,6 +42,13 @@ fn drawn(of: &DrawnPerson) -> v1::PersonDrawn {
 pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
     if of.body == NOBODY {
         return Ok(None);
+    }
+    if of.guard && of.unguarded {
+        return Err(Invalid::Word {
+            what: "person.unguarded",
+            value: "true".to_owned(),
+            expected: "false while person.guard is true",
+        });
     }
     let none = v1::PersonDrawn::default();
     let drawn = of.drawn.as_ref().unwrap_or(&none);
@@ -72,7 +80,8 @@ pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
             .map(|motion| check::within("person.motion", motion, 0.0, 1.0))
             .transpose()?,
         mouth_open: of.mouth_open,
-        guard: of.guard,
+        // A recording that does not set the field is of a version with the guard off.
+        guard: of.guard || (!of.unguarded && of.drawn.is_none()),
         drawn: of.drawn.as_ref().map(|drawn| DrawnPerson {
             body: drawn.body.clone(),
             posture: drawn.posture.clone(),

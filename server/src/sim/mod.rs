@@ -14,6 +14,7 @@ mod error;
 mod expected;
 mod guard;
 mod open;
+mod person_guard;
 mod scenario;
 mod shown;
 mod state;
@@ -47,6 +48,7 @@ use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use open::{check_pose, draw_open_values, say, seated, variant};
+use person_guard::Carriers;
 
 /// A running simulation.
 pub struct Simulation {
@@ -63,6 +65,7 @@ pub struct Simulation {
     person: Option<Arc<Person>>,
     motion: Option<Motion>,
     arm_balls: ArmBalls,
+    carriers: Carriers,
     imu: Imu,
     odometry: Odometry,
     evaluator: Option<Evaluator>,
@@ -176,6 +179,7 @@ impl Simulation {
         }
         let (person, motion) = person.unzip();
         let arm_balls = ArmBalls::new(&model);
+        let carriers = Carriers::new(&model);
         if let Some((one, other, depth)) = world.overlap(&placed) {
             let name = |object: usize| scenario.objects[object].0.clone();
             return Err(SimError::Overlap {
@@ -221,6 +225,7 @@ impl Simulation {
             person,
             motion,
             arm_balls,
+            carriers,
             evaluator,
             evaluation,
             snapshot,
@@ -275,7 +280,7 @@ impl Simulation {
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
         let disturbance = self.disturbance();
-        self.control.limit_tool_speed(self.guarded_speed());
+        self.control.set_guard(self.person_guard(input));
         let mut targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
         let push = disturbance.as_ref().and_then(|d| d.push);

@@ -10,13 +10,14 @@ use std::sync::Arc;
 use nalgebra::Isometry3;
 use rapier3d::math::Pose;
 use rapier3d::prelude::{
-    ColliderBuilder, ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle,
+    Collider, ColliderBuilder, ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle,
 };
 use wheelarm_proto::TICKS_PER_CONTROL;
 
 use super::body::{RobotBody, person_groups};
 use super::contact::{body_of, contacts_among, tag};
 use super::convert::{mass_properties, pose};
+use super::gap;
 use super::mass::Mass;
 use super::shape;
 use super::tree::Place;
@@ -185,6 +186,37 @@ impl Seated {
                 body.set_angular_damping(rate);
             }
         }
+    }
+
+    /// All capsules with their index and their place at a tick, the chair where it is now.
+    pub(super) fn capsules<'a>(
+        &self,
+        physics: &'a PhysicsWorld,
+        tick: u64,
+    ) -> Vec<(usize, &'a Collider, Pose)> {
+        let head = self.motion.at(tick);
+        let body = physics.bodies[self.body].position();
+        let mut capsules = Vec::with_capacity(self.colliders.len());
+        for handle in &self.colliders {
+            let Some(collider) = physics.colliders.get(*handle) else {
+                continue;
+            };
+            let BodyRef::Person(index) = body_of(collider.user_data) else {
+                continue;
+            };
+            let moving = self.moving.iter().find(|(_, moving, _)| moving == handle);
+            let place = match moving {
+                Some((_, _, joint_from_shape)) if head != self.state.head => {
+                    let joint = self.person.capsules[index].joint;
+                    let chair_from_joint = self.person.skeleton.joint(joint, &head);
+                    let body_from_joint = pose(&(self.body_from_chair * chair_from_joint));
+                    *body * body_from_joint * *joint_from_shape
+                }
+                _ => gap::place(physics, collider),
+            };
+            capsules.push((index, collider, place));
+        }
+        capsules
     }
 
     /// Now.

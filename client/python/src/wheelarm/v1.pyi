@@ -2034,11 +2034,14 @@ class Person(_Message):
     """The mouth opens in the first second and stays open, as of who waits for a sip (no unit).
     """
     guard: bool
-    """The server slows the arm near the face: the grasp point moves at 0.03 m/s at most, and 0.4
-    m/s more for each metre beyond 0.15 m that it is away from the head (no unit).
+    """The guard is on: the server bounds speed and force of arm, gripper and chair beside the
+    person (no unit). Replies always set it. A request needs it only with `drawn`: otherwise the
+    guard is on unless `unguarded` is set.
     """
     drawn: PersonDrawn
     """Who was drawn; where it is told it is taken as it is."""
+    unguarded: bool
+    """The guard is off (no unit)."""
     def __init__(
         self,
         *,
@@ -2052,6 +2055,7 @@ class Person(_Message):
         mouth_open: bool | None = ...,
         guard: bool | None = ...,
         drawn: PersonDrawn | _Mapping[str, _Any] | None = ...,
+        unguarded: bool | None = ...,
     ) -> None: ...
 
 class PersonDrawn(_Message):
