@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
-use wheelarm_access::{Folder, router};
+use wheelarm_access::{Folder, Subjects, follow, router};
 use wheelarm_link::words_of_transport;
 use wheelarm_proto::endpoint;
 use zenoh::Wait;
@@ -31,7 +31,9 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     if let Some(any) = args.listen.iter().find(|e| takes_any_port(e)) {
         bail!("{any}: servers and clients have to know the port, name one");
     }
-    let text = router(&folder, &args.listen)?;
+    let problem = |why: &str| tracing::error!("the users stay as they were: {why}");
+    follow(&folder, zenoh_link_tls::admit, problem)?;
+    let text = router(&folder, &args.listen, Subjects::Roles)?;
     let listen = args.listen.join(", ");
     let config = zenoh::Config::from_json5(&text)
         .map_err(|e| anyhow!("the configuration of a router: {}", words_of_transport(&e)))?;

@@ -8,6 +8,9 @@ use crate::errand::{Done, Errand, Start};
 use crate::protocol::{Ask, Asked};
 use crate::watch::Connection;
 
+/// The errand during which the server is not expected to be silent.
+pub(super) const LISTING: &str = "listing the tasks";
+
 /// What an ask brought: further fields of the answer, or why not.
 pub type Answered = Result<Value, String>;
 
@@ -19,7 +22,14 @@ impl Model {
             Ask::LeaseAsk => return self.ask_lease(page, id, false, time),
             Ask::LeaseTake => return self.ask_lease(page, id, true, time),
             Ask::LeaseGive { to } => return self.give_lease(page, id, to.as_deref(), time),
-            Ask::Tasks => return self.errand(page, id, "listing the tasks", Errand::Tasks),
+            Ask::Tasks => {
+                let known = self.pages.get(page);
+                if !known.is_some_and(|page| page.visitor.role.may_drive()) {
+                    let words = "the tasks are for those who may drive";
+                    return self.answer(page, id, Err(words.to_owned()));
+                }
+                return self.errand(page, id, LISTING, Errand::Tasks);
+            }
             Ask::Unknown => return self.answer(page, id, Err("nobody knows this".to_owned())),
             _ => {}
         }
