@@ -9,7 +9,7 @@ use wheelarm_proto::{Message, StreamId, TopicId, check, v1};
 
 use super::{Engine, NAP, Next, Waits};
 use crate::service::denied::Denied;
-use crate::service::episode::{Episode, Stage};
+use crate::service::episode::{Episode, Stage, Unacknowledged};
 use crate::service::inbox::Listening;
 use crate::service::recorders::Progress;
 use crate::service::{convert, describe};
@@ -30,15 +30,6 @@ const ACKNOWLEDGED_SECS: u64 = 10;
 
 /// Ended episodes whose manifests are kept for recorders that ask late.
 const ENDED_EPISODES: usize = 8;
-
-/// An answer to `episode_stop` that waits for the recorders: a server that is killed right
-/// behind its answer must not leave files without a manifest.
-pub(in crate::service) struct Unacknowledged {
-    asked: zenoh::query::Query,
-    stopped: v1::EpisodeStopped,
-    participants: Vec<String>,
-    since: Instant,
-}
 
 impl Engine {
     /// Ends the episode and answers `asked` when its recorders have the manifest.

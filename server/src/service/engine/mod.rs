@@ -22,7 +22,7 @@ use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::WaitingFor;
 
-use super::episode::{Episode, Stage};
+use super::episode::{Episode, Stage, Unacknowledged};
 use super::errand::Errand;
 use super::error::ServiceError;
 use super::inbox::{Listening, Standing};
@@ -76,7 +76,7 @@ pub struct Engine {
     pub(in crate::service) pace: Pace,
     pub(in crate::service) episodes: u64,
     /// Answers to `episode_stop` that wait for recorders.
-    pub(in crate::service) unacknowledged: Vec<episodes::Unacknowledged>,
+    pub(in crate::service) unacknowledged: Vec<Unacknowledged>,
     /// The last episodes that ended, oldest first.
     pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
     pub(in crate::service) seen_anomalies: Vec<Anomaly>,
