@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use super::Evaluator;
 use super::tests::{Stage, condition, task};
+use super::{Evaluator, Failure};
 use crate::people::{BodyPart, HeadPose, PARTS, Person, PersonSetting};
 use crate::scene::tests::assets;
 use crate::snapshot::PersonState;
@@ -92,6 +92,7 @@ fn a_sip_is_served_level_at_the_lips_for_two_seconds() {
     spilt.bring(0.02, 0.0);
     let judged = spilt.stage.run(3.0);
     assert!(!judged.success && !condition(&judged, "kept_level").holds);
+    assert_eq!(judged.failure, Some(Failure::Tilted));
 }
 
 #[test]
@@ -104,10 +105,29 @@ fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
     let judged = hard.stage.run(3.0);
     let gentle = condition(&judged, "gentle_on_face");
     assert!(!judged.success && !gentle.holds && gentle.value == 2.5);
+    assert_eq!(judged.failure, Some(Failure::PersonForce));
     let mut light = Sip::new();
     light.press_face(1.5);
     light.bring(0.02, 0.0);
     assert!(light.stage.run(2.5).success);
+}
+
+#[test]
+fn task_fails_with_the_lost_condition_as_cause_in_the_tick_in_which_it_is_lost() {
+    let (mut stage, _) = seated("pick_mustard", "mustard");
+    assert!(!stage.run(0.1).done);
+    let press = |stage: &mut Stage, newtons| {
+        stage.snapshot.person.as_mut().unwrap().robot_force = newtons;
+    };
+    press(&mut stage, 181_000.0);
+    // The target falls in the same tick, which is a consequence and not the cause.
+    stage.raise(-0.5);
+    let judged = stage.run(0.0);
+    assert!(judged.done && !judged.success, "{judged:?}");
+    assert_eq!(judged.failure, Some(Failure::PersonForce));
+    press(&mut stage, 0.0);
+    stage.snapshot.tick += 200 * wheelarm_proto::PHYSICS_HZ;
+    assert_eq!(stage.run(1.0).failure, Some(Failure::PersonForce));
 }
 
 /// The remote control, taken and then `forward` metres before the middle of the lap,

@@ -6,6 +6,7 @@ use crate::people::BodyPart;
 use crate::snapshot::{PersonState, Snapshot};
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// The chair moves slower than `speed` and turns slower than `turn_rate_deg_s`.
 /// Value: its speed, m/s.
@@ -33,6 +34,10 @@ impl Predicate for ChairStopped {
             Threshold::new("speed", self.speed, "m/s", 1.0),
             Threshold::new("turn_rate_deg_s", turn_rate, "degrees/s", 60.0),
         ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(
@@ -74,6 +79,10 @@ impl Predicate for NoHardCollision {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("force", self.force, "N", 10_000.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::HardCollision)
     }
 
     fn measure(
@@ -119,6 +128,10 @@ impl Predicate for ClearOfPerson {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("force", self.force, "N", 1_000.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::PersonForce)
     }
 
     fn measure(

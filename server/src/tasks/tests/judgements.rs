@@ -245,6 +245,7 @@ fn another_can_is_not_the_one_that_was_asked_for() {
     let evaluation = stage.run(3.0);
     assert!(condition(&evaluation, "lifted_and_held(target)").holds);
     assert!(!condition(&evaluation, "correct_instance").holds && !evaluation.success);
+    assert_eq!(evaluation.failure, Some(Failure::WrongObject));
     let model = &stage.model;
     let wrong = Evaluator::new(&task("select_coke"), &stage.scene, model, "mustard", None);
     assert!(wrong.unwrap_err().to_string().contains("coke_4"));
