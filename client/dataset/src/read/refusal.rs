@@ -116,6 +116,13 @@ fn look(path: &Path) -> std::io::Result<Option<ReadError>> {
     if metadata.is_dir() {
         return unreadable(folder(path));
     }
+    if path.to_str().is_none() {
+        return unreadable(
+            "its path is not UTF-8, which the HDF5 library does not open: rename the file or \
+             its folder"
+                .to_owned(),
+        );
+    }
     let mut head = Vec::new();
     let file = std::fs::File::open(path)?;
     file.take(HEAD).read_to_end(&mut head)?;

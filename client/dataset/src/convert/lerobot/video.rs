@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::depth_code;
 use crate::convert::Size;
-use crate::convert::ffmpeg::{Encoders, Program, Stream};
+use crate::convert::ffmpeg::{Encoders, Program, Stream, argument};
 
 /// Of so many frames one is a key frame, from which a reader may begin.
 const KEY_FRAMES: u32 = 2;
@@ -104,7 +104,7 @@ impl Codec {
 
     /// What ffmpeg is asked: frames of `size` from its input, `rate` of them a
     /// second, become `path`.
-    fn arguments(self, size: Size, rate: u32, path: &Path) -> Vec<OsString> {
+    fn arguments(self, size: Size, rate: u32, path: &Path) -> std::io::Result<Vec<OsString>> {
         let Size { width, height } = size;
         let (keys, video) = (KEY_FRAMES.to_string(), format!("{width}x{height}"));
         let rate = rate.to_string();
@@ -117,7 +117,7 @@ impl Codec {
         let all = [&head[..], &input, &frames, &scaler, &coder];
         let all = all.into_iter().chain([self.options(), &end]).flatten();
         let all = all.map(OsString::from);
-        all.chain([path.as_os_str().to_owned()]).collect()
+        Ok(all.chain([argument(path)?]).collect())
     }
 
     /// What `meta/info.json` tells of a feature, as LeRobot reads it.
@@ -201,7 +201,8 @@ impl Ffmpeg {
             "{} takes pictures of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
             codec.encoder()
         );
-        self.program.begin(&codec.arguments(size, rate, path), path)
+        self.program
+            .begin(&codec.arguments(size, rate, path)?, path)
     }
 
     /// Puts videos of one codec one behind the other, as they are. All lie in
@@ -238,9 +239,9 @@ impl Ffmpeg {
             "-i",
         ];
         let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
-        arguments.push(path.into());
+        arguments.push(argument(&path)?);
         arguments.extend(["-c", "copy", "-bsf:v", &times, "-f", "mp4"].map(OsString::from));
-        arguments.push(to.into());
+        arguments.push(argument(to)?);
         let output = self.program.run(&arguments)?;
         let said = String::from_utf8_lossy(&output.stderr);
         ensure!(
@@ -391,8 +392,8 @@ mod tests {
     fn arguments_and_metadata_say_the_same() {
         for codec in [Codec::Av1, Codec::H264, Codec::Depth] {
             let path = Path::new("a folder/it's $(here).mp4");
-            let asked = codec.arguments(SIZE, 10, path);
-            assert_eq!(asked.last().unwrap(), path.as_os_str());
+            let asked = codec.arguments(SIZE, 10, path).unwrap();
+            assert_eq!(*asked.last().unwrap(), argument(path).unwrap());
             let asked: Vec<_> = asked.iter().map(|a| a.to_string_lossy()).collect();
             let after = |flag: &str| {
                 let found = asked.iter().rposition(|a| a == flag).unwrap();
