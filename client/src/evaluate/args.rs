@@ -101,6 +101,10 @@ pub struct EvaluateArgs {
     /// Does those episodes anew in which something broke; without it they count as done.
     #[arg(long)]
     pub again: bool,
+    /// Does all episodes anew; the results of before are set aside as `episodes-N.jsonl`.
+    /// Needed in a folder whose results are of another state of the policy's files.
+    #[arg(long)]
+    pub fresh: bool,
     /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
     /// any of its postures.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]

@@ -18,6 +18,8 @@ pub struct Job {
     pub variation: Variation,
     /// Name of the policy that does it; empty for the scripted operator.
     pub policy: String,
+    /// Digest of the policy's files (`crate::policy::files`); empty without any.
+    pub policy_files: String,
 }
 
 impl Job {
@@ -76,6 +78,9 @@ pub struct Entry {
     /// Name of the policy; empty for the scripted operator.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub policy: String,
+    /// Digest of the policy's files when it was done; empty without any.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub policy_files: String,
     /// Label of its recording; empty where it was not recorded, absent in lines from
     /// before labels were written down.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -131,6 +136,16 @@ impl Entry {
     /// Whether it is the result of `job`.
     #[must_use]
     pub fn is_of(&self, job: &Job) -> bool {
+        self.is_of_name(job) && self.policy_files == job.policy_files
+    }
+
+    /// Whether it is the result of `job` by other files of its policy.
+    #[must_use]
+    pub fn is_outdated(&self, job: &Job) -> bool {
+        self.is_of_name(job) && self.policy_files != job.policy_files
+    }
+
+    fn is_of_name(&self, job: &Job) -> bool {
         (&self.task, self.seed, &self.policy) == (&job.task, job.seed, &job.policy)
             && self.settings == job.settings()
     }
@@ -181,7 +196,7 @@ impl Entry {
             if self.success {
                 String::new()
             } else {
-                format!("  {}", self.why)
+                format!("  {}", self.why.lines().next().unwrap_or_default())
             }
         )
     }

@@ -173,6 +173,7 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         seed: job.seed,
         settings: job.settings(),
         policy: job.policy.clone(),
+        policy_files: job.policy_files.clone(),
         label: None,
         success: report.succeeded(),
         end: match (report.succeeded(), broken) {

@@ -281,6 +281,7 @@ impl fmt::Display for Report {
                 writeln!(f, "    only reported, not {name}: {count}")?;
             }
             for (seed, why) in &task.failed_seeds {
+                let why = why.replace('\n', "\n        ");
                 writeln!(f, "    seed {seed}: {why}")?;
             }
         }
@@ -318,6 +319,7 @@ mod tests {
             seed,
             settings: String::new(),
             policy: String::new(),
+            policy_files: String::new(),
             label: None,
             thinking: None,
             success,
