@@ -78,7 +78,8 @@ pub struct CollectArgs {
     /// dataset is slow; in the dataset when absent.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Only tells episodes, samples, disk and time.
+    /// Only tells episodes, samples, disk and time; fails where the plan names what the
+    /// assets lack, or the disk is too small.
     #[arg(long)]
     pub dry_run: bool,
     /// Report of `wheelarm evaluate` (JSON) with mean durations and success rates.
@@ -159,18 +160,16 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
     let unknown = unknown(path, &plan, args.assets.as_deref())?;
+    if let Some(problem) = unknown {
+        bail!("{problem}");
+    }
     if args.dry_run {
         print!("{}", estimate.table(&plan, &out, (workers, kept)));
         if let Some(scratch) = &args.scratch {
             println!("{}", estimate.scratch(scratch, workers));
         }
-        if let Some(problem) = unknown {
-            println!("NOTE      {problem}");
-        }
+        estimate.check_disk(&out)?;
         return Ok(ExitCode::SUCCESS);
-    }
-    if let Some(problem) = unknown {
-        bail!("{problem}");
     }
     let needed = worker_bytes(&plan) + kept;
     if let Some(free) = host
