@@ -29,6 +29,8 @@ pub mod schema;
 pub mod seal;
 pub mod seeds;
 pub mod settings;
+#[cfg(feature = "signals")]
+pub mod signals;
 mod time;
 pub mod topic;
 mod words;

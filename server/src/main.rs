@@ -8,7 +8,6 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_access::Folder;
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::installed;
@@ -17,6 +16,7 @@ use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Pacing, Quality, Starts};
+use wheelarm_proto::signals::{Signals, end_as_first_process};
 use wheelarm_proto::v1;
 use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
@@ -363,8 +363,12 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
         }
         return Ok(told);
     }
-    installed::assets()
-        .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
+    let found = installed::assets()
+        .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")?;
+    if let Some(warning) = installed::unused_assets(&found) {
+        tracing::warn!("{warning}");
+    }
+    Ok(found)
 }
 
 /// Replaces port 0 of an endpoint by a free one.
@@ -386,6 +390,7 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
 
 fn main() -> ExitCode {
     end_with_output();
+    end_as_first_process();
     let args = Args::parse();
     environment::complete();
     let runtime = allow_open_files()
@@ -516,7 +521,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
     // Heard from here on: whoever reads that the server is ready may end it.
-    let signals = Signals::listen()?;
+    let signals = Signals::listen_here().context("cannot listen to signals")?;
     let serves = Ready {
         endpoint,
         sim: name,
@@ -527,8 +532,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Resolves on Ctrl-C or SIGTERM, and at the end of standard input if told so.
-async fn interrupted(signals: Signals, end_with_stdin: bool) {
+/// Resolves on Ctrl-C, SIGTERM or SIGHUP, and at the end of standard input if told so.
+async fn interrupted(mut signals: Signals, end_with_stdin: bool) {
     let (closed, input_closed) = tokio::sync::oneshot::channel();
     let closed = if end_with_stdin {
         std::thread::spawn(move || {
@@ -541,31 +546,7 @@ async fn interrupted(signals: Signals, end_with_stdin: bool) {
     };
     tokio::select! {
         _ = input_closed => {}
-        () = signals.come() => {}
+        _ = signals.next() => {}
     }
     drop(closed);
-}
-
-/// Ctrl-C and SIGTERM, heard from the moment this exists.
-struct Signals {
-    interrupt: Signal,
-    terminate: Signal,
-}
-
-impl Signals {
-    fn listen() -> anyhow::Result<Self> {
-        let hear = |kind| signal(kind).context("signals cannot be heard");
-        Ok(Self {
-            interrupt: hear(SignalKind::interrupt())?,
-            terminate: hear(SignalKind::terminate())?,
-        })
-    }
-
-    /// Resolves at the first of them.
-    async fn come(mut self) {
-        tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-        }
-    }
 }

@@ -3,6 +3,7 @@
 use wheelarm_proto::bundle::NoIdentity;
 use wheelarm_proto::endpoint::BadEndpoint;
 use wheelarm_proto::keys::BadName;
+use wheelarm_proto::program::without_source_places;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::v1::FailureCode;
 
@@ -179,6 +180,5 @@ pub(super) fn closed(operation: &'static str) -> LinkError {
 /// The transport's words without the place in its source.
 #[must_use]
 pub fn words(error: &zenoh::Error) -> String {
-    let text = error.to_string();
-    text.split(" at /").next().unwrap_or(&text).to_owned()
+    without_source_places(&error.to_string())
 }

@@ -10,7 +10,7 @@ use super::goal::Goal;
 use super::grasp_candidate::GraspCandidate;
 use super::hand;
 use super::observation::Observation;
-use super::operator::{Act, Operator, Outcome};
+use super::operator::{Act, Extent, Operator, Outcome};
 use super::profile::OperatorProfile;
 use super::scene::{Grasp, Item, SceneModel};
 use wheelarm_route::footprint_check::{Outline, Pose2};

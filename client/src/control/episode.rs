@@ -68,6 +68,10 @@ pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<()> {
 
 fn start(link: &Link, args: &EpisodeStartArgs) -> anyhow::Result<()> {
     let instruction = &args.instruction;
+    let status = link.ask(&v1::StatusRequest {})?;
+    if let Some(words) = waiting(args.require_recorders, &status) {
+        eprintln!("{words}");
+    }
     let started = link.start_episode(&v1::EpisodeStartRequest {
         label: args.label.clone(),
         instruction: (!instruction.is_empty()).then(|| instruction.clone()),
@@ -77,4 +81,39 @@ fn start(link: &Link, args: &EpisodeStartArgs) -> anyhow::Result<()> {
     })?;
     println!("started {}", episode_line(&started));
     Ok(())
+}
+
+/// The recorders that an episode will wait for because they are not connected, in words.
+fn waiting(required: u32, status: &v1::Status) -> Option<String> {
+    let recorders = status.recorders.iter();
+    let names: Vec<&str> = recorders.map(|one| one.recorder.as_str()).collect();
+    (names.len() < required as usize).then(|| {
+        let connected = match names.is_empty() {
+            true => "none".to_owned(),
+            false => names.join(", "),
+        };
+        format!(
+            "waiting for {required} recorder(s), connected: {connected}; start one with \
+             `wheelarm record`"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wait_for_recorders_names_those_that_are_connected() {
+        let mut status = v1::Status::default();
+        assert_eq!(waiting(0, &status), None);
+        let words = waiting(1, &status).unwrap();
+        assert!(words.contains("connected: none; start one with `wheelarm record`"));
+        status.recorders = vec![v1::RecorderStatus {
+            recorder: "r".to_owned(),
+            ..v1::RecorderStatus::default()
+        }];
+        assert_eq!(waiting(1, &status), None);
+        assert!(waiting(2, &status).unwrap().contains("connected: r;"));
+    }
 }

@@ -110,7 +110,7 @@ impl AreaSpec {
             return Err(place.key("scene").wrong(
                 format!("{:?}", file.scene),
                 format!("the scene in use, {:?}", scene.name),
-                &format!("take the scene {:?}, or a task of this one", file.scene),
+                format!("take the scene {:?}, or a task of this one", file.scene),
             ));
         }
         let start = place.key("start");

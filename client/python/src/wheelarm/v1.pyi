@@ -516,6 +516,14 @@ class FailureReason(int, metaclass=_EnumWrapper):
     """The state of the simulation broke."""
     FAILURE_REASON_NONE: _ClassVar[FailureReason]
     """It has not failed."""
+    FAILURE_REASON_PERSON_FORCE: _ClassVar[FailureReason]
+    """The person in the chair was pressed harder than the task allows."""
+    FAILURE_REASON_WRONG_OBJECT: _ClassVar[FailureReason]
+    """An object that was not asked for was lifted."""
+    FAILURE_REASON_KNOCKED_OVER: _ClassVar[FailureReason]
+    """Another object fell or leaned further than the task allows."""
+    FAILURE_REASON_TILTED: _ClassVar[FailureReason]
+    """The target leaned further than the task allows."""
 
 FAILURE_REASON_UNSPECIFIED: FailureReason
 FAILURE_REASON_DROPPED: FailureReason
@@ -526,6 +534,10 @@ FAILURE_REASON_HARD_COLLISION: FailureReason
 FAILURE_REASON_LOST: FailureReason
 FAILURE_REASON_PHYSICS: FailureReason
 FAILURE_REASON_NONE: FailureReason
+FAILURE_REASON_PERSON_FORCE: FailureReason
+FAILURE_REASON_WRONG_OBJECT: FailureReason
+FAILURE_REASON_KNOCKED_OVER: FailureReason
+FAILURE_REASON_TILTED: FailureReason
 
 class InstanceKind(int, metaclass=_EnumWrapper):
     """What an instance id stands for."""
@@ -3004,7 +3016,7 @@ class RecorderStatus(_Message):
     missed: int
     """Samples missing so far in this episode, also those that may still come (count)."""
     path: str
-    """Path of the finished file (no unit)."""
+    """Path of the finished file; empty where the episode was discarded (no unit)."""
     complete: bool
     """The file holds everything that was published (no unit)."""
     message: str

@@ -414,6 +414,9 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
             v1::RecorderState::Ready => ("recording", theme.good()),
             v1::RecorderState::Finishing => ("finishing", theme.strong()),
             v1::RecorderState::Finished if recorder.complete => ("complete", theme.good()),
+            v1::RecorderState::Finished if recorder.path.is_empty() => {
+                ("discarded", theme.strong())
+            }
             v1::RecorderState::Finished => ("PARTIAL", theme.bad()),
             v1::RecorderState::Failed => ("FAILED", theme.bad()),
             v1::RecorderState::Idle => ("ready", theme.strong()),
@@ -428,7 +431,11 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         let more = if recorder.message.is_empty() {
             file.to_owned()
         } else {
-            recorder.message.clone()
+            recorder
+                .message
+                .strip_prefix(word)
+                .unwrap_or(&recorder.message)
+                .to_owned()
         };
         Line::from(vec![
             Span::raw(format!("{:<10} ", recorder.recorder)),

@@ -85,6 +85,28 @@ fn a_wide_terminal_shows_keys_state_and_the_address_of_the_page() {
 }
 
 #[test]
+fn discarded_episode_is_not_shown_as_a_partial_file() {
+    let mut model = model();
+    let recorder = |path: &str| v1::RecorderStatus {
+        state: v1::RecorderState::Finished.into(),
+        path: path.to_owned(),
+        ..v1::RecorderStatus::default()
+    };
+    let mut shown = |path| {
+        if let Some(status) = &mut model.situation.status {
+            status.recorders = vec![recorder(path)];
+        }
+        screen(&model, 120, 36)
+    };
+    let text = shown("");
+    assert!(
+        text.contains("discarded") && !text.contains("PARTIAL"),
+        "{text}"
+    );
+    assert!(shown("a.h5").contains("PARTIAL"));
+}
+
+#[test]
 fn a_narrow_terminal_keeps_what_matters() {
     let text = screen(&model(), 60, 24);
     for words in ["control is yours", "lifted_and_held", "7 missed", "chair"] {

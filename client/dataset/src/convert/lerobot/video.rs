@@ -262,7 +262,7 @@ impl Ffmpeg {
     pub fn check(&self, video: &Path, frames: usize, rate: u32) -> anyhow::Result<()> {
         let head = ["-hide_banner", "-loglevel", "error", "-i"];
         let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
-        arguments.push(video.into());
+        arguments.push(argument(video)?);
         // A line for each packet, `0, dts, pts, duration, bytes, hash`, behind the line
         // `#tb 0: 1/15360`; nothing is decoded.
         arguments.extend(["-map", "0:v", "-c", "copy", "-f", "framecrc", "-"].map(OsString::from));
