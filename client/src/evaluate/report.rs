@@ -307,7 +307,9 @@ impl fmt::Display for Report {
             "" => String::new(),
             words => format!(", {words}"),
         };
-        if let [drawn, rejected @ 1..] = self.drawn_starts {
+        if let [drawn, rejected] = self.drawn_starts
+            && rejected > 0
+        {
             let share = 100.0 * rejected as f64 / drawn as f64;
             writeln!(
                 f,
