@@ -65,6 +65,11 @@ impl From<&v1::Condition> for Condition {
     }
 }
 
+/// For serde, which passes a reference.
+fn is_zero(count: &u32) -> bool {
+    *count == 0
+}
+
 /// What came of one episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
@@ -105,6 +110,10 @@ pub struct Entry {
     /// Hash of the newest state that was published, once per simulated second;
     /// equal in every run of the same episode.
     pub hash: String,
+    /// Start poses that the server rejected because of the person before it took one
+    /// (count); absent for none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rejected_starts: u32,
     /// What the operator noted.
     pub notes: Vec<String>,
     /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100

@@ -42,6 +42,7 @@ mod tests {
             seconds: 16.5,
             factor: 8.0,
             hash: "00".to_owned(),
+            rejected_starts: 0,
             notes: Vec::new(),
             broken: None,
             scenario: None,

@@ -190,6 +190,7 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         hash: tried
             .hash
             .map_or_else(String::new, |hash| format!("{hash:016x}")),
+        rejected_starts: tried.scenario.rejected_starts,
         notes: limit.into_iter().chain(tried.notes).collect(),
         thinking: None,
         broken,

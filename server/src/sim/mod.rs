@@ -106,7 +106,22 @@ impl Simulation {
         scenario: Scenario,
         late: &dyn Fn() -> bool,
     ) -> Result<Self, SimError> {
-        let made = guard::caught(|| Self::make(assets, scenario, late));
+        let made = guard::caught(|| Self::make(assets, scenario, late, false));
+        made.unwrap_or_else(|words| Err(SimError::Panicked(words)))
+    }
+
+    /// As [`Simulation::new_within`], for showing recorded states
+    /// ([`Simulation::show`]): a robot that starts inside of something is accepted,
+    /// since older physics versions recorded such starts.
+    ///
+    /// # Errors
+    /// As [`Simulation::new_within`].
+    pub fn for_playback(
+        assets: &Path,
+        scenario: Scenario,
+        late: &dyn Fn() -> bool,
+    ) -> Result<Self, SimError> {
+        let made = guard::caught(|| Self::make(assets, scenario, late, true));
         made.unwrap_or_else(|words| Err(SimError::Panicked(words)))
     }
 
@@ -114,6 +129,7 @@ impl Simulation {
         assets: &Path,
         mut scenario: Scenario,
         late: &dyn Fn() -> bool,
+        playback: bool,
     ) -> Result<Self, SimError> {
         scenario.schedules()?;
         let model = RobotModel::load(assets, &scenario.robot)?;
@@ -144,9 +160,24 @@ impl Simulation {
         };
         scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
         scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
+        if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
+            scenario.asked.person = scenario.person.clone();
+        }
+        if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
+            // A care task needs a person.
+            scenario.person = Some(care.cared_for(scenario.person.take()));
+        }
+        let seated_person = seated(assets, &mut scenario, &model)?;
+        let arm_balls = ArmBalls::new(&model);
+        let open_floor = |scene: &Scene| match &seated_person {
+            None => Floor::new(&model, scene),
+            Some((person, _)) => Floor::occupied(&model, scene, person, |arm| {
+                arm_balls.is_clear(person, &model, arm)
+            }),
+        };
         let floor = match scenario.starts {
             Starts::Near => None,
-            Starts::Anywhere => Some(Floor::new(&model, &scene)),
+            Starts::Anywhere => Some(open_floor(&scene)),
         };
         let drawn = task
             .as_ref()
@@ -166,24 +197,31 @@ impl Simulation {
         let control = RobotControl::at(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
-        if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
-            scenario.asked.person = scenario.person.clone();
-        }
-        if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
-            // Somebody must be there; who cares is careful.
-            scenario.person = Some(care.cared_for(scenario.person.take()));
-        }
-        let person = seated(assets, &mut scenario, &model)?;
-        if let Some((person, motion)) = &person {
+        if let Some((person, motion)) = &seated_person {
             world.seat(person, *motion);
         }
-        let (person, motion) = person.unzip();
-        let arm_balls = ArmBalls::new(&model);
+        let (person, motion) = seated_person.clone().unzip();
         let carriers = Carriers::new(&model);
         if let Some((one, other, depth)) = world.overlap(&placed) {
             let name = |object: usize| scenario.objects[object].0.clone();
             return Err(SimError::Overlap {
                 one: name(one),
+                other: name(other),
+                depth,
+            });
+        }
+        if !playback && let Some((link, other, depth)) = world.robot_overlap() {
+            let name = |body: BodyRef| match body {
+                BodyRef::Link(link) => model.links[link].name.clone(),
+                BodyRef::Object(object) => scenario.objects[object].0.clone(),
+                BodyRef::Furniture(piece) => scene.furniture[piece].name.clone(),
+                BodyRef::Person(part) => {
+                    let capsule = person.as_ref().map(|p| p.capsules[part].name.as_str());
+                    format!("{} of the person", capsule.unwrap_or("body"))
+                }
+            };
+            return Err(SimError::RobotOverlap {
+                link: name(link),
                 other: name(other),
                 depth,
             });
@@ -198,7 +236,7 @@ impl Simulation {
             if scenario.time_limit == Some(0.0)
                 && let Some(about) = task.as_ref().zip(variant.as_ref())
             {
-                let floor = floor.unwrap_or_else(|| Floor::new(&model, &scene));
+                let floor = floor.unwrap_or_else(|| open_floor(&scene));
                 let expected = expected::seconds(about, &floor, &model, &scene, &scenario);
                 scenario.time_limit = Some((expected::ROOM * expected).ceil());
                 scenario.asked.open_limit = true;

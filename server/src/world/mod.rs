@@ -32,6 +32,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::dynamics::{FrictionModel, SpringCoefficients};
+use rapier3d::parry::bounding_volume::BoundingVolume;
 use rapier3d::parry::query;
 use rapier3d::prelude::{IntegrationParameters, PhysicsWorld, RigidBodyHandle};
 use thiserror::Error;
@@ -43,6 +44,7 @@ use crate::robot::control::Targets;
 use crate::scene::{Placement, Scene};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
+use contact::body_of;
 use drive::Drives;
 pub use gap::Gap;
 use grip::GripFriction;
@@ -436,6 +438,35 @@ impl World {
                 let depth = depths.fold(0.0, f64::max);
                 (depth > OVERLAP).then_some((a, b, depth))
             })
+    }
+
+    /// A link of the robot that reaches into furniture, an object or the person by more
+    /// than `OVERLAP`, the deepest of all: link, the other body, depth in metres. The
+    /// floor and deformable objects are left out.
+    #[must_use]
+    pub fn robot_overlap(&self) -> Option<(BodyRef, BodyRef, f64)> {
+        let colliders = || self.physics.colliders.iter().map(|(_, collider)| collider);
+        let robot = colliders().filter(|c| matches!(body_of(c.user_data), BodyRef::Link(_)));
+        let mut deepest: Option<(BodyRef, BodyRef, f64)> = None;
+        for link in robot {
+            let bounds = link.compute_aabb();
+            for other in colliders() {
+                let body = body_of(other.user_data);
+                let counts = !matches!(body, BodyRef::Link(_) | BodyRef::Furniture(0))
+                    && link.collision_groups().test(other.collision_groups())
+                    && bounds.intersects(&other.compute_aabb());
+                if !counts {
+                    continue;
+                }
+                let (at, there) = (link.position(), other.position());
+                let contact = query::contact(at, link.shape(), there, other.shape(), 0.0);
+                let depth = contact.ok().flatten().map_or(0.0, |c| f64::from(-c.dist));
+                if depth > deepest.map_or(OVERLAP, |(.., most)| most) {
+                    deepest = Some((body_of(link.user_data), body, depth));
+                }
+            }
+        }
+        deepest
     }
 
     /// Ticks since the start.

@@ -73,6 +73,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             })
             .collect(),
         start: s.start.as_ref().map(pose),
+        rejected_starts: s.rejected_starts,
         instruction: Some(s.instruction.clone()),
         language: s.language.as_ref().map(language::told),
         target: Some(s.target.clone()),
@@ -279,6 +280,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.objects.clear();
         s.slides.clear();
         s.start = None;
+        s.rejected_starts = 0;
         s.instruction.clear();
         if let Some(language) = &mut s.language {
             language.template.clear();
@@ -403,6 +405,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if let Some(start) = &asked.start {
         s.start = Some(place("start", Some(start))?);
+        s.rejected_starts = asked.rejected_starts;
     }
     let objects = asked
         .objects
