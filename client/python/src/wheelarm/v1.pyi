@@ -2094,6 +2094,12 @@ class PersonState(_Message):
     """
     robot_force: float
     """What the robot itself presses on all of the body, likewise, N."""
+    contacts: _Messages[PersonContact]
+    """Each body that touched a part of the person in these four physics ticks, strongest first, at
+    most 16. The seat of the person's own chair is left out.
+    """
+    contact_count: int
+    """Number of these contacts, also of those beyond 16 (no unit)."""
     def __init__(
         self,
         *,
@@ -2103,6 +2109,26 @@ class PersonState(_Message):
         mouth: Pose | _Mapping[str, _Any] | None = ...,
         forces: _Iterable[float] | None = ...,
         robot_force: float | None = ...,
+        contacts: _Iterable[PersonContact | _Mapping[str, _Any]] | None = ...,
+        contact_count: int | None = ...,
+    ) -> None: ...
+
+class PersonContact(_Message):
+    """A body that touches a part of the person."""
+    part: str
+    """Part of the person: head, face, mouth, torso, arms, hands, lap or legs. A contact at the
+    mouth is listed for mouth and face (no unit).
+    """
+    partner: str
+    """Link of the robot, object or furniture, as in the scene query (no unit)."""
+    force: float
+    """Force on the part, of four physics ticks the greatest, N."""
+    def __init__(
+        self,
+        *,
+        part: str | None = ...,
+        partner: str | None = ...,
+        force: float | None = ...,
     ) -> None: ...
 
 class CameraSetting(_Message):
@@ -3188,19 +3214,24 @@ class Contact(_Message):
     ) -> None: ...
 
 class Contacts(_Message):
-    """Contacts of the robot with anything but the floor."""
+    """Contacts of the robot with anything but the floor, and of objects and the person."""
     header: Header
     """Stamp of the sample."""
     pad_forces: _Scalars[float]
     """Contact force at the left and the right finger tip, normal and friction, N."""
     contacts: _Messages[Contact]
-    """Touching pairs, strongest first, at most 16."""
+    """Touching pairs, at most 16. Pairs of the robot, of the objects that it touches and of the
+    person come first, then the others; strongest first in both groups.
+    """
+    contact_count: int
+    """Number of touching pairs, also of those beyond 16 (no unit)."""
     def __init__(
         self,
         *,
         header: Header | _Mapping[str, _Any] | None = ...,
         pad_forces: _Iterable[float] | None = ...,
         contacts: _Iterable[Contact | _Mapping[str, _Any]] | None = ...,
+        contact_count: int | None = ...,
     ) -> None: ...
 
 class PhaseSample(_Message):
