@@ -11,9 +11,9 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d::dynamics::{Multibody, MultibodyDofCoupling, MultibodyIndex, MultibodyLink};
 use rapier3d::math::Pose;
 use rapier3d::prelude::{
-    ActiveHooks, CoefficientCombineRule, ColliderBuilder, ColliderHandle, GenericJoint, GenericJointBuilder, Group,
-    InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, PhysicsWorld,
-    RigidBodyBuilder, RigidBodyHandle,
+    ActiveHooks, CoefficientCombineRule, ColliderBuilder, ColliderHandle, GenericJoint,
+    GenericJointBuilder, Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis,
+    PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
 };
 
 use super::WorldError;
@@ -180,8 +180,8 @@ impl RobotBody {
                         .user_data(tag(BodyRef::Link(*link)));
                     physics.insert_collider(surface.coat(ball), Some(handle));
                 }
-                let body_from_link = parallel
-                    .map(|p| pose(&p.crank_from_link(model, q(p.hinge.joint))));
+                let body_from_link =
+                    parallel.map(|p| pose(&p.crank_from_link(model, q(p.hinge.joint))));
                 for (link_from_shape, shape) in solids {
                     let place = body_from_link.map_or(link_from_shape, |b| b * link_from_shape);
                     let collider = ColliderBuilder::new(shape)

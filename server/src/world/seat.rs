@@ -267,10 +267,7 @@ impl Seated {
             .map(u64::from);
         let numbers = [yaw, pitch, roll, jaw, self.state.robot_force];
         let touches = self.state.touches.iter().map(|touch| touch.force);
-        let numbers = numbers
-            .into_iter()
-            .chain(self.state.forces)
-            .chain(touches);
+        let numbers = numbers.into_iter().chain(self.state.forces).chain(touches);
         numbers.map(f64::to_bits).chain(names)
     }
 }

@@ -59,6 +59,37 @@ FAILURE_CODE_FOREIGN: FailureCode
 FAILURE_CODE_VERSION: FailureCode
 FAILURE_CODE_INTERNAL: FailureCode
 
+class BodyPart(int, metaclass=_EnumWrapper):
+    """A part of a person."""
+    BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
+    """None, or the whole person."""
+    BODY_PART_HEAD: _ClassVar[BodyPart]
+    """The head without the face."""
+    BODY_PART_FACE: _ClassVar[BodyPart]
+    """The face."""
+    BODY_PART_MOUTH: _ClassVar[BodyPart]
+    """The mouth."""
+    BODY_PART_TORSO: _ClassVar[BodyPart]
+    """Neck and torso."""
+    BODY_PART_ARMS: _ClassVar[BodyPart]
+    """Upper arms and forearms."""
+    BODY_PART_HANDS: _ClassVar[BodyPart]
+    """Hands."""
+    BODY_PART_LAP: _ClassVar[BodyPart]
+    """The lap: thighs of who sits."""
+    BODY_PART_LEGS: _ClassVar[BodyPart]
+    """Legs below the knee, and feet."""
+
+BODY_PART_UNSPECIFIED: BodyPart
+BODY_PART_HEAD: BodyPart
+BODY_PART_FACE: BodyPart
+BODY_PART_MOUTH: BodyPart
+BODY_PART_TORSO: BodyPart
+BODY_PART_ARMS: BodyPart
+BODY_PART_HANDS: BodyPart
+BODY_PART_LAP: BodyPart
+BODY_PART_LEGS: BodyPart
+
 class PixelFormat(int, metaclass=_EnumWrapper):
     """How the pixels of a plane are written; rows follow each other from the top, numbers are
     little-endian.
@@ -545,37 +576,6 @@ INSTANCE_KIND_FURNITURE: InstanceKind
 INSTANCE_KIND_OBJECT: InstanceKind
 INSTANCE_KIND_ROBOT: InstanceKind
 INSTANCE_KIND_PERSON: InstanceKind
-
-class BodyPart(int, metaclass=_EnumWrapper):
-    """A part of a person."""
-    BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
-    """None, or the whole person."""
-    BODY_PART_HEAD: _ClassVar[BodyPart]
-    """The head without the face."""
-    BODY_PART_FACE: _ClassVar[BodyPart]
-    """The face."""
-    BODY_PART_MOUTH: _ClassVar[BodyPart]
-    """The mouth."""
-    BODY_PART_TORSO: _ClassVar[BodyPart]
-    """Neck and torso."""
-    BODY_PART_ARMS: _ClassVar[BodyPart]
-    """Upper arms and forearms."""
-    BODY_PART_HANDS: _ClassVar[BodyPart]
-    """Hands."""
-    BODY_PART_LAP: _ClassVar[BodyPart]
-    """The lap: thighs of who sits."""
-    BODY_PART_LEGS: _ClassVar[BodyPart]
-    """Legs below the knee, and feet."""
-
-BODY_PART_UNSPECIFIED: BodyPart
-BODY_PART_HEAD: BodyPart
-BODY_PART_FACE: BodyPart
-BODY_PART_MOUTH: BodyPart
-BODY_PART_TORSO: BodyPart
-BODY_PART_ARMS: BodyPart
-BODY_PART_HANDS: BodyPart
-BODY_PART_LAP: BodyPart
-BODY_PART_LEGS: BodyPart
 
 class EndCause(int, metaclass=_EnumWrapper):
     """Why an episode ended."""
@@ -2115,10 +2115,8 @@ class PersonState(_Message):
 
 class PersonContact(_Message):
     """A body that touches a part of the person."""
-    part: str
-    """Part of the person: head, face, mouth, torso, arms, hands, lap or legs. A contact at the
-    mouth is listed for mouth and face (no unit).
-    """
+    part: BodyPart
+    """Part of the person. A contact at the mouth is listed for mouth and face (no unit)."""
     partner: str
     """Link of the robot, object or furniture, as in the scene query (no unit)."""
     force: float
@@ -2126,7 +2124,7 @@ class PersonContact(_Message):
     def __init__(
         self,
         *,
-        part: str | None = ...,
+        part: BodyPart | str | int | None = ...,
         partner: str | None = ...,
         force: float | None = ...,
     ) -> None: ...

@@ -34,7 +34,8 @@ fn grasp(shape: Shape, force: f64) -> Grasp {
 fn grasp_asset(kind: &str, force: f64) -> Grasp {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let body = crate::scene::object(&assets, kind).expect("an object");
-    let hand_from_object = at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
+    let hand_from_object =
+        at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
     // The frame of these objects is at the middle of the bottom.
     grasp_body(body, 0.0, |hand, _| hand * hand_from_object, force)
 }
@@ -253,11 +254,18 @@ fn inner_knuckles_stay_outside_what_is_held() {
             }
         }
         assert_eq!(knuckles, 2);
-        let grasped = grasp.hand_from_bottle().inverse() * at(0.0, 0.0, grasp.model.settings.tool_length);
-        let body = crate::scene::object(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets"), kind);
+        let grasped =
+            grasp.hand_from_bottle().inverse() * at(0.0, 0.0, grasp.model.settings.tool_length);
+        let body = crate::scene::object(
+            &Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets"),
+            kind,
+        );
         let told = body.expect("an object").grasps[0].pose;
         let moved = (told.inverse() * grasped).translation.vector;
-        assert!(moved.z.abs() < 3e-3, "{kind} moves by {moved} m while the pads close");
+        assert!(
+            moved.z.abs() < 3e-3,
+            "{kind} moves by {moved} m while the pads close"
+        );
     }
 }
 
@@ -268,6 +276,8 @@ fn inner_knuckles_push_out_what_is_too_deep() {
     let can = crate::scene::object(&assets, "meat_can").expect("an object");
     let deep = at(0.0, 0.0, model().settings.tool_length - 0.017) * can.grasps[0].pose.inverse();
     let grasp = grasp_body(can, 0.0, |hand, _| hand * deep, 40.0);
-    let moved = (deep.inverse() * grasp.hand_from_bottle()).translation.vector;
+    let moved = (deep.inverse() * grasp.hand_from_bottle())
+        .translation
+        .vector;
     assert!(moved.norm() > 5e-3, "it moves by {moved} m only");
 }

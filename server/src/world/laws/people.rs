@@ -290,7 +290,11 @@ fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
     };
     let ([top, bottom], radius) = ends("left_shank").expect("a shank");
     // A board at two thirds of the shin's height, 0.05 m before it.
-    let [top, bottom] = if top.z > bottom.z { [top, bottom] } else { [bottom, top] };
+    let [top, bottom] = if top.z > bottom.z {
+        [top, bottom]
+    } else {
+        [bottom, top]
+    };
     let touched = bottom + (top - bottom) * 0.67;
     let half = [0.1, 0.5, 0.01];
     let place = at(touched.x + radius + 0.05 + half[0], 0.0, touched.z);
