@@ -90,3 +90,6 @@ pub const CONTRACT_VERSION: u32 = 2;
 ///   a head that moves once in a control tick. Without a person the bits are those of 6.
 /// - 8: the repairs of an outside audit (contacts, starts, joints); the changelog lists them.
 pub const PHYSICS_VERSION: u32 = 8;
+
+/// Contacts that one sample of the streams `contact` and `person` holds at most.
+pub const MAX_CONTACTS: usize = 16;

@@ -3,10 +3,12 @@
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{pose, vector};
 use wheelarm_proto::person::NOBODY;
-use wheelarm_proto::v1;
+use wheelarm_proto::{MAX_CONTACTS, v1};
 
+use super::convert::body_name;
 use crate::people::{BodyPart, DrawnPerson, HeadPose, Person, PersonSetting};
 use crate::sim::Simulation;
+use crate::snapshot::Touch;
 
 /// Who is to sit there.
 pub(super) fn told(of: &PersonSetting) -> v1::Person {
@@ -161,5 +163,22 @@ pub(super) fn state(sim: &Simulation) -> Option<v1::PersonState> {
         mouth: Some(pose(&(chair * person.mouth(head)))),
         forces: state.forces.to_vec(),
         robot_force: state.robot_force,
+        contact_count: state.touches.len().try_into().unwrap_or(u32::MAX),
+        contacts: strongest(&state.touches)
+            .into_iter()
+            .map(|touch| v1::PersonContact {
+                part: part(touch.part).into(),
+                partner: body_name(touch.partner, sim.model(), sim.scene()),
+                force: touch.force,
+            })
+            .collect(),
     })
+}
+
+/// The strongest contacts of the person that one sample holds.
+fn strongest(touches: &[Touch]) -> Vec<Touch> {
+    let mut sorted = touches.to_vec();
+    sorted.sort_by(|a, b| b.force.total_cmp(&a.force));
+    sorted.truncate(MAX_CONTACTS);
+    sorted
 }

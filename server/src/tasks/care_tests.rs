@@ -4,9 +4,9 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::tests::{Stage, condition, task};
 use super::{Evaluator, Failure};
-use crate::people::{BodyPart, HeadPose, PARTS, Person, PersonSetting};
+use crate::people::{BodyPart, HeadPose, Person, PersonSetting};
 use crate::scene::tests::assets;
-use crate::snapshot::PersonState;
+use crate::snapshot::{BodyRef, PersonState, Touch};
 
 /// A stage of a task with somebody in the chair.
 fn seated(name: &str, target: &str) -> (Stage, Person) {
@@ -25,8 +25,7 @@ fn seated(name: &str, target: &str) -> (Stage, Person) {
         .unwrap_or_else(|error| panic!("{error}"));
     stage.snapshot.person = Some(PersonState {
         head: HeadPose::default(),
-        forces: [0.0; PARTS.len()],
-        robot_force: 0.0,
+        ..PersonState::default()
     });
     (stage, person)
 }
@@ -160,5 +159,65 @@ fn a_thing_is_given_when_it_lies_in_the_lap_and_is_let_go() {
         let lies = condition(&judged, "in_lap");
         assert!(!judged.success && !lies.holds, "{forward} {above}");
         assert!((lies.value - forward).abs() < 0.01, "{}", lies.value);
+    }
+}
+
+/// The object weighs 4 N: in lap or hands it may press with 12 N once the robot does not
+/// touch it.
+#[test]
+fn every_part_of_the_person_and_every_body_that_touches_it_count() {
+    let (mut stage, _) = seated("serve_remote", "remote_control");
+    let object = BodyRef::Object(stage.target);
+    let (link, floor, table) = (
+        BodyRef::Link(1),
+        BodyRef::Furniture(0),
+        BodyRef::Furniture(1),
+    );
+    let new_evaluator = stage.evaluator.clone();
+    // Part, partner, force in N, whether the robot touches the object, whether it is clear.
+    let cases = [
+        (BodyPart::Legs, table, 4.9, false, true),
+        (BodyPart::Legs, table, 5.1, false, false),
+        (BodyPart::Legs, floor, 5.1, false, false),
+        (BodyPart::Legs, link, 5.1, false, false),
+        (BodyPart::Legs, object, 5.1, false, false),
+        (BodyPart::Hands, link, 4.9, false, true),
+        (BodyPart::Hands, link, 5.1, false, false),
+        (BodyPart::Lap, table, 5.1, false, false),
+        (BodyPart::Torso, object, 5.1, true, false),
+        (BodyPart::Face, object, 1.9, true, true),
+        (BodyPart::Face, object, 2.1, true, false),
+        (BodyPart::Mouth, object, 2.1, true, false),
+        (BodyPart::Lap, object, 11.9, false, true),
+        (BodyPart::Hands, object, 11.9, false, true),
+        (BodyPart::Lap, object, 12.1, false, false),
+        (BodyPart::Lap, object, 4.9, true, true),
+        (BodyPart::Lap, object, 5.1, true, false),
+    ];
+    for (part, partner, force, held, clear) in cases {
+        stage.evaluator = new_evaluator.clone();
+        stage.snapshot.contacts.clear();
+        if held {
+            stage.grip();
+        }
+        let touch = Touch {
+            part,
+            partner,
+            force,
+            weight: if partner == object { 4.0 } else { 0.0 },
+        };
+        let person = stage.snapshot.person.as_mut().unwrap();
+        person.touches = vec![touch];
+        stage.run(0.0);
+        // Once is enough.
+        let person = stage.snapshot.person.as_mut().unwrap();
+        person.touches.clear();
+        let judged = stage.run(0.0);
+        let condition = condition(&judged, "clear_of_person");
+        assert_eq!(
+            (condition.holds, condition.value),
+            (clear, force),
+            "{part:?} touched by {partner:?} with {force} N, held: {held}"
+        );
     }
 }

@@ -98,6 +98,8 @@ pub(super) struct Memory {
     since: Option<u64>,
     /// Greatest value so far.
     pub worst: f64,
+    /// Whether a limit has ever been exceeded.
+    pub exceeded: bool,
     /// Tick and pose of what was looked at before.
     before: Option<(u64, Isometry3<f64>)>,
 }

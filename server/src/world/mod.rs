@@ -261,8 +261,18 @@ impl World {
 
     /// Puts a person into the seat, before the first tick.
     pub fn seat(&mut self, person: &Arc<Person>, motion: Motion) {
+        let bodies = &self.physics.bodies;
+        let masses = self
+            .stage
+            .objects
+            .iter()
+            .map(|&handle| bodies[handle].mass());
+        let mut weights: Vec<f64> = masses.map(|mass| f64::from(mass) * GRAVITY).collect();
+        for soft in &self.soft {
+            weights[soft.object] = soft.mass() * GRAVITY;
+        }
         let person = Arc::clone(person);
-        self.seated = Seated::insert(&mut self.physics, &self.robot, person, motion);
+        self.seated = Seated::insert(&mut self.physics, &self.robot, person, motion, weights);
         self.fingerprint = self.hash();
     }
 
@@ -301,6 +311,7 @@ impl World {
         if let Some(seated) = &mut self.seated {
             seated.begin_tick(&mut self.physics, self.tick);
         }
+        self.robot.place_shapes(&mut self.physics, &self.model);
         self.grip.begin_tick();
         self.signals.begin_tick(&self.physics, &self.robot);
         self.physics.step_with_events(&self.grip, &());
@@ -311,7 +322,8 @@ impl World {
         self.signals.end_tick(&self.physics, &self.robot, limits);
         self.wheels.roll(&self.physics, &self.robot);
         if let Some(seated) = &mut self.seated {
-            seated.end_tick(&mut self.physics);
+            let soft = self.soft.iter().flat_map(|soft| soft.contacts());
+            seated.end_tick(&mut self.physics, soft);
         }
         self.tick += 1;
     }

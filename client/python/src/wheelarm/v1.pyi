@@ -59,6 +59,37 @@ FAILURE_CODE_FOREIGN: FailureCode
 FAILURE_CODE_VERSION: FailureCode
 FAILURE_CODE_INTERNAL: FailureCode
 
+class BodyPart(int, metaclass=_EnumWrapper):
+    """A part of a person."""
+    BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
+    """None, or the whole person."""
+    BODY_PART_HEAD: _ClassVar[BodyPart]
+    """The head without the face."""
+    BODY_PART_FACE: _ClassVar[BodyPart]
+    """The face."""
+    BODY_PART_MOUTH: _ClassVar[BodyPart]
+    """The mouth."""
+    BODY_PART_TORSO: _ClassVar[BodyPart]
+    """Neck and torso."""
+    BODY_PART_ARMS: _ClassVar[BodyPart]
+    """Upper arms and forearms."""
+    BODY_PART_HANDS: _ClassVar[BodyPart]
+    """Hands."""
+    BODY_PART_LAP: _ClassVar[BodyPart]
+    """The lap: thighs of who sits."""
+    BODY_PART_LEGS: _ClassVar[BodyPart]
+    """Legs below the knee, and feet."""
+
+BODY_PART_UNSPECIFIED: BodyPart
+BODY_PART_HEAD: BodyPart
+BODY_PART_FACE: BodyPart
+BODY_PART_MOUTH: BodyPart
+BODY_PART_TORSO: BodyPart
+BODY_PART_ARMS: BodyPart
+BODY_PART_HANDS: BodyPart
+BODY_PART_LAP: BodyPart
+BODY_PART_LEGS: BodyPart
+
 class PixelFormat(int, metaclass=_EnumWrapper):
     """How the pixels of a plane are written; rows follow each other from the top, numbers are
     little-endian.
@@ -557,37 +588,6 @@ INSTANCE_KIND_FURNITURE: InstanceKind
 INSTANCE_KIND_OBJECT: InstanceKind
 INSTANCE_KIND_ROBOT: InstanceKind
 INSTANCE_KIND_PERSON: InstanceKind
-
-class BodyPart(int, metaclass=_EnumWrapper):
-    """A part of a person."""
-    BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
-    """None, or the whole person."""
-    BODY_PART_HEAD: _ClassVar[BodyPart]
-    """The head without the face."""
-    BODY_PART_FACE: _ClassVar[BodyPart]
-    """The face."""
-    BODY_PART_MOUTH: _ClassVar[BodyPart]
-    """The mouth."""
-    BODY_PART_TORSO: _ClassVar[BodyPart]
-    """Neck and torso."""
-    BODY_PART_ARMS: _ClassVar[BodyPart]
-    """Upper arms and forearms."""
-    BODY_PART_HANDS: _ClassVar[BodyPart]
-    """Hands."""
-    BODY_PART_LAP: _ClassVar[BodyPart]
-    """The lap: thighs of who sits."""
-    BODY_PART_LEGS: _ClassVar[BodyPart]
-    """Legs below the knee, and feet."""
-
-BODY_PART_UNSPECIFIED: BodyPart
-BODY_PART_HEAD: BodyPart
-BODY_PART_FACE: BodyPart
-BODY_PART_MOUTH: BodyPart
-BODY_PART_TORSO: BodyPart
-BODY_PART_ARMS: BodyPart
-BODY_PART_HANDS: BodyPart
-BODY_PART_LAP: BodyPart
-BODY_PART_LEGS: BodyPart
 
 class EndCause(int, metaclass=_EnumWrapper):
     """Why an episode ended."""
@@ -2110,6 +2110,12 @@ class PersonState(_Message):
     """
     robot_force: float
     """What the robot itself presses on all of the body, likewise, N."""
+    contacts: _Messages[PersonContact]
+    """Each body that touched a part of the person in these four physics ticks, strongest first, at
+    most 16. The seat of the person's own chair is left out.
+    """
+    contact_count: int
+    """Number of these contacts, also of those beyond 16 (no unit)."""
     def __init__(
         self,
         *,
@@ -2119,6 +2125,24 @@ class PersonState(_Message):
         mouth: Pose | _Mapping[str, _Any] | None = ...,
         forces: _Iterable[float] | None = ...,
         robot_force: float | None = ...,
+        contacts: _Iterable[PersonContact | _Mapping[str, _Any]] | None = ...,
+        contact_count: int | None = ...,
+    ) -> None: ...
+
+class PersonContact(_Message):
+    """A body that touches a part of the person."""
+    part: BodyPart
+    """Part of the person. A contact at the mouth is listed for mouth and face (no unit)."""
+    partner: str
+    """Link of the robot, object or furniture, as in the scene query (no unit)."""
+    force: float
+    """Force on the part, of four physics ticks the greatest, N."""
+    def __init__(
+        self,
+        *,
+        part: BodyPart | str | int | None = ...,
+        partner: str | None = ...,
+        force: float | None = ...,
     ) -> None: ...
 
 class CameraSetting(_Message):
@@ -2328,6 +2352,10 @@ class Scenario(_Message):
     the operator is expected to take, which the answer tells. Absent takes the one in force, at
     start-up that of the task, s. Optional.
     """
+    rejected_starts: int
+    """Start poses that the server drew before `start` and rejected because chair or arm would have
+    met the person (count).
+    """
     def __init__(
         self,
         *,
@@ -2360,6 +2388,7 @@ class Scenario(_Message):
         variant_share: float | None = ...,
         sensors: _Iterable[SensorSetting | _Mapping[str, _Any]] | None = ...,
         time_limit_seconds: float | None = ...,
+        rejected_starts: int | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):
@@ -3204,19 +3233,24 @@ class Contact(_Message):
     ) -> None: ...
 
 class Contacts(_Message):
-    """Contacts of the robot with anything but the floor."""
+    """Contacts of the robot with anything but the floor, and of objects and the person."""
     header: Header
     """Stamp of the sample."""
     pad_forces: _Scalars[float]
     """Contact force at the left and the right finger tip, normal and friction, N."""
     contacts: _Messages[Contact]
-    """Touching pairs, strongest first, at most 16."""
+    """Touching pairs, at most 16. Pairs of the robot, of the objects that it touches and of the
+    person come first, then the others; strongest first in both groups.
+    """
+    contact_count: int
+    """Number of touching pairs, also of those beyond 16 (no unit)."""
     def __init__(
         self,
         *,
         header: Header | _Mapping[str, _Any] | None = ...,
         pad_forces: _Iterable[float] | None = ...,
         contacts: _Iterable[Contact | _Mapping[str, _Any]] | None = ...,
+        contact_count: int | None = ...,
     ) -> None: ...
 
 class PhaseSample(_Message):
@@ -3429,6 +3463,10 @@ class ResetRequest(_Message):
     """Resets although somebody else is in control (no unit)."""
     secret: str
     """Secret of the lease of whoever is in control (no unit)."""
+    playback: bool
+    """The scenario only shows recorded states (query `show`): a robot that starts inside of
+    something is accepted (no unit).
+    """
     def __init__(
         self,
         *,
@@ -3436,6 +3474,7 @@ class ResetRequest(_Message):
         snapshot: bytes | None = ...,
         force: bool | None = ...,
         secret: str | None = ...,
+        playback: bool | None = ...,
     ) -> None: ...
 
 class ResetReply(_Message):
