@@ -22,13 +22,11 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio_rustls::TlsAcceptor;
 use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
-use wheelarm_access::{User, Users};
 use wheelarm_proto::keys;
 
 use crate::files::Files;
 use crate::hub::Event;
 use crate::pipe::Shared;
-use crate::places::{Place, Places};
 use crate::protocol::{MOST_BYTES, PROTOCOL};
 use crate::session::{TICKET, same};
 use crate::socket::{self, Kind};
@@ -37,8 +35,8 @@ use crate::visitor::{Role, Visitor};
 
 /// Longest time that a browser may take to send the head, or the body, of a question.
 const QUESTION: Duration = Duration::from_secs(10);
-/// Time between two looks for sessions that are over.
-const SWEEP: Duration = Duration::from_secs(5);
+/// Connections at a time; more wait.
+const CONNECTIONS: usize = 256;
 /// Most tickets of one question.
 const TICKETS: u64 = 8;
 
@@ -58,14 +56,8 @@ pub struct Token {
     pub visitor: Visitor,
 }
 
-/// Users who sign in with a password.
-pub trait LogIn: Send + Sync {
-    /// The role and the entry of the user with this password.
-    fn verify(&self, name: &str, password: &str) -> Option<(Role, User)>;
-
-    /// All users as they are now.
-    fn users(&self) -> Arc<Users>;
-}
+/// Who a user is whose password this is.
+pub type LogIn = Arc<dyn Fn(&str, &str) -> Option<Role> + Send + Sync>;
 
 /// The site.
 pub struct Site {
@@ -80,7 +72,7 @@ pub struct Site {
     /// As whom everybody is let in who opens the page.
     pub everybody: Option<Visitor>,
     /// Users with passwords, if there are any.
-    pub users: Option<Arc<dyn LogIn>>,
+    pub users: Option<LogIn>,
     /// Encrypts, if it does.
     pub tls: Option<TlsAcceptor>,
     /// Names by which this host is known, beside those of the loopback interface.
@@ -95,12 +87,11 @@ pub struct Site {
 
 /// Serves until the runtime ends.
 pub async fn serve(listener: TcpListener, site: Arc<Site>) {
-    let places = Arc::new(Places::default());
-    tokio::join!(accept(&listener, &site, &places), sweep(&site));
-}
-
-async fn accept(listener: &TcpListener, site: &Arc<Site>, places: &Arc<Places>) {
+    let room = Arc::new(Semaphore::new(CONNECTIONS));
     loop {
+        let Ok(permit) = Arc::clone(&room).acquire_owned().await else {
+            return;
+        };
         let (stream, from) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
@@ -111,47 +102,31 @@ async fn accept(listener: &TcpListener, site: &Arc<Site>, places: &Arc<Places>) 
             }
         };
         tune(&stream);
-        let site = Arc::clone(site);
-        let place = Arc::new(places.take(from.ip()));
+        let site = Arc::clone(&site);
         tokio::spawn(async move {
-            let talked = async {
-                match site.tls.clone() {
-                    None => talk(&site, stream, from, &place).await,
-                    Some(tls) => {
-                        // Who speaks no TLS, or an old one, is let go.
-                        let met = tokio::time::timeout(QUESTION, tls.accept(stream)).await;
-                        if let Ok(Ok(stream)) = met {
-                            talk(&site, stream, from, &place).await;
-                        }
+            match site.tls.clone() {
+                None => talk(site, stream, from).await,
+                Some(tls) => {
+                    // Who speaks no TLS, or an old one, is let go.
+                    let met = tokio::time::timeout(QUESTION, tls.accept(stream)).await;
+                    if let Ok(Ok(stream)) = met {
+                        talk(site, stream, from).await;
                     }
                 }
-            };
-            tokio::select! {
-                () = talked => {}
-                // It makes room for a newer one.
-                () = place.over() => {}
             }
+            drop(permit);
         });
     }
 }
 
-/// Ends sessions that are over, and with them their sockets.
-async fn sweep(site: &Site) {
-    loop {
-        tokio::time::sleep(SWEEP).await;
-        site.shared.sessions.sweep(Instant::now());
-    }
-}
-
 /// Answers what comes on one connection.
-async fn talk<S>(site: &Arc<Site>, stream: S, from: SocketAddr, place: &Arc<Place>)
+async fn talk<S>(site: Arc<Site>, stream: S, from: SocketAddr)
 where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
-    let (site, place) = (Arc::clone(site), Arc::clone(place));
     let answer = service_fn(move |request| {
-        let (site, place) = (Arc::clone(&site), Arc::clone(&place));
-        async move { Ok::<_, Infallible>(site.answer(request, from, &place).await) }
+        let site = Arc::clone(&site);
+        async move { Ok::<_, Infallible>(site.answer(request, from).await) }
     });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
@@ -173,33 +148,25 @@ fn tune(stream: &TcpStream) {
 }
 
 impl Site {
-    async fn answer(
-        &self,
-        request: Request<Incoming>,
-        from: SocketAddr,
-        place: &Arc<Place>,
-    ) -> Answer {
+    async fn answer(&self, request: Request<Incoming>, from: SocketAddr) -> Answer {
         let host = text(request.headers(), &header::HOST);
         if !self.is_known(host) {
             let words = "this page is served for the name of this host only: open the address that `wheelarm drive` printed";
             return problem(StatusCode::FORBIDDEN, words);
         }
-        if let Some((_, visitor)) = self.visitor(request.headers()) {
-            place.belongs_to(&visitor);
-        }
         let path = request.uri().path().to_owned();
         match (request.method().clone(), path.as_str()) {
-            (Method::GET, "/ws/state") => self.upgrade(request, Kind::State, place),
-            (Method::GET, "/ws/video") => self.upgrade(request, Kind::Video, place),
-            (Method::GET, "/ws/control") => self.upgrade(request, Kind::Control, place),
+            (Method::GET, "/ws/state") => self.upgrade(request, Kind::State),
+            (Method::GET, "/ws/video") => self.upgrade(request, Kind::Video),
+            (Method::GET, "/ws/control") => self.upgrade(request, Kind::Control),
             (Method::GET, "/session") => self.session(request.headers()),
             (Method::GET, "/situation") => self.situation(request.headers()).await,
             (Method::GET, "/") if request.uri().query().is_some_and(|q| q.contains("token=")) => {
-                self.token(request.headers(), request.uri().query().unwrap_or_default())
+                self.token(request.uri().query().unwrap_or_default())
             }
             (Method::GET, "/") if self.visitor(request.headers()).is_none() => {
                 match &self.everybody {
-                    Some(visitor) => self.let_in(self.file("/"), visitor, None),
+                    Some(visitor) => self.let_in(self.file("/"), visitor),
                     None => self.file("/"),
                 }
             }
@@ -271,7 +238,7 @@ impl Site {
     }
 
     /// Lets in who opened the link that was printed at the start.
-    fn token(&self, headers: &HeaderMap, query: &str) -> Answer {
+    fn token(&self, query: &str) -> Answer {
         let given = query
             .split('&')
             .find_map(|pair| pair.strip_prefix("token="));
@@ -285,28 +252,14 @@ impl Site {
         answer
             .headers_mut()
             .insert(header::LOCATION, HeaderValue::from_static("/"));
-        match self.visitor(headers) {
-            // The link was opened again, in another tab: the session goes on.
-            Some((_, visitor)) if visitor == token.visitor => answer,
-            _ => self.let_in(answer, &token.visitor, None),
-        }
+        self.let_in(answer, &token.visitor)
     }
 
-    /// Begins a session, by the entry of a user or by a link. Its key is always new:
-    /// whatever cookie came with the request opens nothing.
-    fn let_in(&self, mut answer: Answer, visitor: &Visitor, user: Option<User>) -> Answer {
-        let sessions = &self.shared.sessions;
-        let key = match sessions.begin(visitor.clone(), user, Instant::now()) {
+    fn let_in(&self, mut answer: Answer, visitor: &Visitor) -> Answer {
+        let key = match self.shared.sessions.begin(visitor.clone(), Instant::now()) {
             Ok(key) => key,
             Err(e) => return problem(StatusCode::INTERNAL_SERVER_ERROR, &e.to_string()),
         };
-        // The user may have been changed while the password was checked.
-        if let Some(users) = &self.users {
-            sessions.keep(&users.users());
-            if sessions.visitor(&key, Instant::now()).is_none() {
-                return not_together();
-            }
-        }
         let line = json!({"what": "signed in", "who": visitor.name, "role": visitor.role.name()});
         self.shared.hub.tell(Event::Audit(line));
         let cookie = format!(
@@ -348,10 +301,10 @@ impl Site {
         };
         match path {
             "/ticket" => self.tickets(&headers, &body),
-            "/login" => self.log_in(&headers, &body, from).await,
+            "/login" => self.log_in(&body, from).await,
             "/logout" => {
                 if let Some(key) = self.cookie(&headers) {
-                    self.shared.sessions.end(key, "signed out");
+                    self.shared.sessions.end(key);
                 }
                 let mut answer = whole(StatusCode::NO_CONTENT, "text/plain", Bytes::new());
                 let secure = if self.tls.is_some() { "; Secure" } else { "" };
@@ -365,19 +318,20 @@ impl Site {
         }
     }
 
-    async fn log_in(&self, headers: &HeaderMap, body: &Value, from: SocketAddr) -> Answer {
+    async fn log_in(&self, body: &Value, from: SocketAddr) -> Answer {
         let Some(users) = self.users.clone() else {
             let words = "this gateway has no users: open the link that `wheelarm drive` printed";
             return problem(StatusCode::UNAUTHORIZED, words);
         };
         let word = |name: &str| body[name].as_str().unwrap_or_default().to_owned();
-        let (name, password) = (word("user"), word("password"));
-        if keys::check_name(&name).is_err() {
-            return not_together();
+        let (user, password) = (word("user"), word("password"));
+        if keys::check_name(&user).is_err() {
+            let words = "this user and this password do not belong together";
+            return problem(StatusCode::UNAUTHORIZED, words);
         }
-        let from = from.ip();
+        let accounts = [format!("from {}", from.ip()), format!("for {user}")];
         let now = self.began.elapsed().as_secs_f64();
-        if let Err(wait) = self.tries.lock().may(from, &name, now) {
+        if let Err(wait) = self.tries.lock().may(&accounts, now) {
             let wait = wait.ceil();
             let words = json!({
                 "error": format!("too many wrong passwords; try again in {wait:.0} s"),
@@ -386,24 +340,22 @@ impl Site {
             return json_answer(StatusCode::TOO_MANY_REQUESTS, &words);
         }
         // Counted before it is looked at, so that nobody tries many at once.
-        self.tries.lock().wrong(from, &name, now);
+        self.tries.lock().wrong(&accounts, now);
         let Ok(_one) = self.gate.acquire().await else {
             return problem(StatusCode::SERVICE_UNAVAILABLE, "the gateway ends");
         };
-        let asked = name.clone();
-        let verified = tokio::task::spawn_blocking(move || users.verify(&asked, &password)).await;
-        let Ok(Some((role, user))) = verified else {
-            let line = json!({"what": "wrong password", "who": name, "text": from.to_string()});
+        let name = user.clone();
+        let role = tokio::task::spawn_blocking(move || users(&name, &password)).await;
+        let Ok(Some(role)) = role else {
+            let line =
+                json!({"what": "wrong password", "who": user, "text": from.ip().to_string()});
             self.shared.hub.tell(Event::Audit(line));
-            return not_together();
+            let words = "this user and this password do not belong together";
+            return problem(StatusCode::UNAUTHORIZED, words);
         };
-        self.tries.lock().right(from, &name, now);
-        // Whoever was signed in with this browser is not any more.
-        if let Some(key) = self.cookie(headers) {
-            self.shared.sessions.end(key, "signed in again");
-        }
-        let visitor = Visitor { name, role };
-        self.let_in(told(&visitor), &visitor, Some(user))
+        self.tries.lock().right(&accounts, now);
+        let visitor = Visitor { name: user, role };
+        self.let_in(told(&visitor), &visitor)
     }
 
     fn tickets(&self, headers: &HeaderMap, body: &Value) -> Answer {
@@ -416,9 +368,8 @@ impl Site {
         }
         let sessions = &self.shared.sessions;
         let tickets = (0..count).map(|_| sessions.ticket(&key, Instant::now()));
-        match tickets.collect::<Result<Option<Vec<_>>, _>>() {
-            Ok(None) => not_signed_in(),
-            Ok(Some(tickets)) => json_answer(
+        match tickets.collect::<Result<Vec<_>, _>>() {
+            Ok(tickets) => json_answer(
                 StatusCode::OK,
                 &json!({"tickets": tickets, "expires_s": TICKET.as_secs()}),
             ),
@@ -433,7 +384,7 @@ impl Site {
         }
     }
 
-    fn upgrade(&self, mut request: Request<Incoming>, kind: Kind, place: &Arc<Place>) -> Answer {
+    fn upgrade(&self, mut request: Request<Incoming>, kind: Kind) -> Answer {
         let headers = request.headers();
         if !self.is_own_origin(headers) {
             let line = json!({"what": "foreign origin", "text": text(headers, &header::ORIGIN)});
@@ -459,10 +410,9 @@ impl Site {
         let cookie = self.cookie(headers).map(str::to_owned);
         let shared = Arc::clone(&self.shared);
         let coming = hyper::upgrade::on(&mut request);
-        let place = Arc::clone(place);
         tokio::spawn(async move {
             if let Ok(upgraded) = coming.await {
-                socket::serve(shared, kind, upgraded, cookie, place).await;
+                socket::serve(shared, kind, upgraded, cookie).await;
             }
         });
         let mut answer = Response::new(Full::default());
@@ -500,11 +450,6 @@ fn json_answer(status: StatusCode, value: &Value) -> Answer {
 
 fn problem(status: StatusCode, words: &str) -> Answer {
     json_answer(status, &json!({"error": words}))
-}
-
-fn not_together() -> Answer {
-    let words = "this user and this password do not belong together";
-    problem(StatusCode::UNAUTHORIZED, words)
 }
 
 fn not_signed_in() -> Answer {

@@ -39,9 +39,6 @@ pub enum Outcome {
 
 /// The whole work takes no longer than this, seconds of simulation time.
 const LONGEST: f64 = 150.0;
-/// The expert stops when the robot presses the person harder than this, N: the limit of
-/// `clear_of_person` in the task templates, for work outside a task as well.
-const PERSON_FORCE: f64 = 5.0;
 /// Skills that may end at one tick.
 const ENDINGS: usize = 4;
 
@@ -236,12 +233,6 @@ impl Operator {
             return self.finish(Outcome::Failure(format!(
                 "the task failed: {}",
                 seen.failure
-            )));
-        }
-        if seen.person_force > PERSON_FORCE {
-            return self.finish(Outcome::Failure(format!(
-                "the robot pressed the person with {:.0} N (limit {PERSON_FORCE} N)",
-                seen.person_force
             )));
         }
         if seen.time - begun > self.longest {

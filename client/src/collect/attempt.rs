@@ -5,8 +5,7 @@
 //! simulation that breaks and an operator that panics or stalls; where a server or a
 //! worker dies or hangs, which may be the host's fault, the same seed is tried once
 //! more; anything else that goes wrong is the host's, and the same seed is tried
-//! again. A server or worker that something else killed ran out of memory: the same
-//! seed is tried again by fewer workers, and the journal has no entry.
+//! again.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -61,8 +60,6 @@ pub enum Outcome {
     Failed(Failed),
     /// The server died or hung.
     Broke(Failed),
-    /// Something else killed the server or the worker; how it ended.
-    Killed(String),
     /// Thrown away because the campaign is to end.
     Stopped,
 }

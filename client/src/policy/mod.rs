@@ -3,7 +3,6 @@
 
 mod choice;
 mod driver;
-pub mod files;
 mod nearest;
 
 use std::path::PathBuf;

@@ -24,7 +24,7 @@ use super::person;
 use super::pick::Picked;
 use super::preview::Previews;
 use super::priority::step_back;
-use super::sensed::{DepthView, Sensed};
+use super::sensed::Sensed;
 use super::signal::Signal;
 use crate::look::Drawn;
 use crate::people::Person;
@@ -80,8 +80,7 @@ struct Setup {
 }
 
 impl Setup {
-    /// Draws the scenario's cameras and, behind them, the views of depth sensors.
-    fn renderer(&self, views: &[DepthView]) -> Result<(Renderer, RenderScene), RenderError> {
+    fn renderer(&self) -> Result<(Renderer, RenderScene), RenderError> {
         let look = self.scenario.look.filter(|look| !look.is_plain());
         let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
         let look = look.transpose()?;
@@ -92,18 +91,12 @@ impl Setup {
             look.as_ref(),
             self.person.as_ref(),
         )?;
-        let mut cameras = self
+        let cameras = self
             .scenario
             .cameras
             .iter()
             .map(|c| self.camera(c))
             .collect::<Result<Vec<_>, _>>()?;
-        let views = views.iter().filter_map(|view| {
-            let camera = cameras.get(view.camera)?;
-            Some(models::depth_view(camera, &view.parameters))
-        });
-        let views: Vec<CameraSpec> = views.collect();
-        cameras.extend(views);
         let quality = self.scenario.quality;
         let renderer = Renderer::over(&self.graphics, &scene, &cameras, quality)?;
         Ok((renderer, scene))
@@ -232,8 +225,7 @@ impl RenderThread {
                 .name("render".to_owned())
                 .spawn(move || {
                     step_back();
-                    let views = sensed.depth_views();
-                    let mut renderer = match setup.renderer(views) {
+                    let mut renderer = match setup.renderer() {
                         Ok((renderer, scene)) => {
                             let adapter = renderer.adapter().to_string();
                             let legend = legend(&scene);
@@ -262,19 +254,11 @@ impl RenderThread {
                             let wanted = outbox.wants_compressed(&names[camera]);
                             wanted.then_some(depth)
                         };
-                        let beside = |camera: usize| {
-                            let views = (names.len()..).zip(views);
-                            let beside = views.filter(move |(_, view)| view.camera == camera);
-                            beside.map(|(index, _)| index)
-                        };
-                        draw(&mut renderer, &queue, wanted, beside, |frames, of| {
+                        draw(&mut renderer, &queue, wanted, |frames, of| {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
                             for mut frame in frames {
                                 let deflated = std::mem::take(&mut frame.deflated);
-                                let Some(name) = names.get(frame.camera) else {
-                                    sensed.offer(&frame, episode, tick);
-                                    continue;
-                                };
+                                let name = &names[frame.camera];
                                 if previews.offer(&frame, episode, tick) {
                                     picked.keep(&frame, tick);
                                 }
@@ -438,13 +422,11 @@ struct Flying {
 }
 
 /// Draws, and publishes what is drawn; while a batch is read and sent the next
-/// one is drawn already, if there is one. `beside` names the views that are drawn with a
-/// camera.
-fn draw<Views: Iterator<Item = usize>>(
+/// one is drawn already, if there is one.
+fn draw(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
     wanted: impl Fn(usize) -> Option<Depth>,
-    beside: impl Fn(usize) -> Views,
     mut publish: impl FnMut(Vec<Frame>, Flying),
 ) -> Result<(), RenderError> {
     let mut flying: VecDeque<Flying> = VecDeque::new();
@@ -467,9 +449,7 @@ fn draw<Views: Iterator<Item = usize>>(
                     let wanted = wanted(camera).filter(|_| renderer.deflates(camera));
                     renderer.deflate(camera, wanted);
                 }
-                let views = cameras.iter().flat_map(|&camera| beside(camera));
-                let all: Vec<usize> = cameras.iter().copied().chain(views).collect();
-                renderer.submit(&snapshot, &all)?;
+                renderer.submit(&snapshot, &cameras)?;
                 flying.push_back(Flying { snapshot, episode });
                 continue;
             }

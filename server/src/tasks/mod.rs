@@ -16,7 +16,6 @@ mod condition;
 mod context;
 mod draw;
 mod evaluate;
-mod failure;
 mod file;
 mod floor;
 mod goal;
@@ -39,8 +38,7 @@ mod tests;
 
 pub use area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
 pub use draw::{Draw, draw, variant_of};
-pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
-pub use failure::Failure;
+pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure, HARD};
 pub use floor::Floor;
 pub use goal::Goal;
 pub use load::list;

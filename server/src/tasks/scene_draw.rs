@@ -44,8 +44,6 @@ pub struct SceneDraw {
     pub clearance: f64,
     /// A start was found where one was asked for.
     pub has_start: bool,
-    /// Start poses that were rejected because of the person (count).
-    pub rejected_starts: u32,
 }
 
 /// The variant of an area that a seed takes out of those that offer what is
@@ -108,7 +106,6 @@ pub fn draw_scene(
             pose: near,
             arm: None,
             knuckle: None,
-            rejected: 0,
         },
     };
     let mut sliding = random("slides");
@@ -150,7 +147,6 @@ pub fn draw_scene(
         attempts,
         clearance,
         has_start,
-        rejected_starts: start.rejected,
     }
 }
 

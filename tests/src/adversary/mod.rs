@@ -3,7 +3,6 @@
 //! A [`Run`] is a scenario in process, without a network and without cameras:
 //! a policy drives the robot at 60 Hz and a judge looks at every control tick.
 
-mod guard;
 mod judge;
 mod policy;
 mod recorded;
@@ -17,7 +16,6 @@ use wheelarm_server::sim::{Pacing, Scenario, Simulation};
 
 use crate::TASKS;
 
-pub use guard::{GuardRun, GuardVerdict};
 pub use judge::{Judge, Verdict};
 pub use policy::{Kind, Policy};
 pub use recorded::Recorded;

@@ -6,7 +6,6 @@
 //! followed, on the same session, by something that is let through and seen: what
 //! was sent before it must not have been.
 
-mod changes;
 mod lab;
 mod programs;
 mod rules;

@@ -5,12 +5,10 @@
 mod attributes;
 mod chunks;
 mod column;
-mod lists;
 
 pub use attributes::Attributes;
 pub use chunks::{Chunked, Filters};
 pub use column::ColumnWriter;
-pub use lists::list_bytes;
 
 use hdf5::Group;
 use hdf5::types::{VarLenArray, VarLenUnicode};

@@ -10,7 +10,6 @@ mod robot;
 mod samples;
 mod shape;
 mod states;
-mod structure;
 mod summary;
 
 pub use camera::{Camera, Frame};
@@ -52,8 +51,10 @@ impl Episode {
             path: path.to_owned(),
             reason,
         };
+        refusal::check_regular(path)?;
+        let file = hdf5::File::open(path).map_err(|e| refusal::refusal(path, &e))?;
         let episode = Self {
-            file: open_file(path)?,
+            file,
             path: path.to_owned(),
             context: OnceLock::new(),
         };
@@ -341,28 +342,8 @@ impl Episode {
     fn raw<T: H5Type>(&self, path: &str) -> Result<Vec<T>, ReadError> {
         self.file
             .dataset(path)
-            .and_then(|d| {
-                held(&d)?;
-                self.check_lists(&d)?;
-                d.read_raw()
-            })
+            .and_then(|d| held(&d).and_then(|()| d.read_raw()))
             .map_err(|e| self.hdf5(path, e))
-    }
-
-    /// Rejects lists of variable length that need more memory than the file has bytes:
-    /// many rows can refer to the same stored list.
-    fn check_lists(&self, data: &Dataset) -> hdf5::Result<()> {
-        let Some(bytes) = crate::hdf::list_bytes(data)? else {
-            return Ok(());
-        };
-        let length = std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len());
-        if bytes > length {
-            return Err(hdf5::Error::Internal(format!(
-                "its lists need {bytes} bytes, but the file has {length}: the file was changed or \
-                 is damaged; leave it out, or copy it again from where it was recorded"
-            )));
-        }
-        Ok(())
     }
 
     fn texts_at(&self, path: &str) -> Result<Vec<String>, ReadError> {
@@ -412,25 +393,6 @@ fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
         camera.rate_hz.get_or_insert_default();
     }
     scenario
-}
-
-/// Opens a recording for reading. Every reader opens files here: a file whose data are
-/// stored elsewhere, or that claims more memory than a recording can need, is rejected
-/// before anything in it is read.
-///
-/// # Errors
-/// [`ReadError::Unreadable`] with the cause and the fix.
-pub fn open_file(path: &Path) -> Result<hdf5::File, ReadError> {
-    refusal::check_path(path)?;
-    let file = match hdf5::File::open(path) {
-        // NFS without a lock service, Lustre, some FUSE file systems.
-        Err(problem) if refusal::has_no_locks(&problem) => crate::hdf::unlocked().open(path),
-        opened => opened,
-    };
-    let file = file.map_err(|e| refusal::refusal(path, &e))?;
-    let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    structure::check(&file, length).map_err(|problem| refusal::untrusted(path, &problem))?;
-    Ok(file)
 }
 
 /// Waits until HDF5 is in no call: it does one at a time.

@@ -16,7 +16,6 @@ use crate::align::Aligned;
 use crate::convert::batch::parallel;
 use crate::convert::{PendingFile, Recording, Size, scaled};
 use crate::label;
-use crate::publish;
 use crate::read::{Camera, Frame};
 use crate::sheet::picture;
 
@@ -108,10 +107,9 @@ pub fn page(
         }
     }
     write!(file, "{tail}")?;
-    let file = file
-        .into_inner()
-        .map_err(std::io::IntoInnerError::into_error)?;
-    publish::sync_file(&file)?;
+    file.into_inner()
+        .map_err(std::io::IntoInnerError::into_error)?
+        .sync_all()?;
     pending.commit()?;
     Ok(())
 }

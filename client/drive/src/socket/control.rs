@@ -1,18 +1,17 @@
 //! A control socket: intents, of which the same come on two lanes.
 
 use crate::hub::Event;
-use crate::pipe::{Close, Entered, Pipe, Shared};
+use crate::pipe::{Close, Entered, Pipe, Shared, replaced};
 use crate::protocol::Intent;
 
 /// Serves until its end; why it is closed, if it is.
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
-    let mut ends = entered.ends;
+    let mut ended = entered.replaced;
     let joined = Event::Joined(entered.page.clone(), entered.visitor, entered.socket, None);
     shared.hub.tell(joined);
     loop {
         let next = tokio::select! {
-            biased;
-            close = ends.close() => return Some(close),
+            _ = &mut ended => return Some(replaced()),
             next = pipe.next() => next,
         };
         let text = match next {

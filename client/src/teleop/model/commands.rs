@@ -2,7 +2,6 @@
 
 use wheelarm_proto::v1;
 
-use super::super::drive;
 use super::{Effect, Model};
 use wheelarm_drive::phase::{self, Work};
 use wheelarm_proto::geometry::{self, normalized};
@@ -17,22 +16,22 @@ impl Model {
         );
     }
 
-    /// Does what a key of the chair stands for, if it is one.
-    pub(super) fn chair(&mut self, key: char, now: f64) -> Option<Vec<Effect>> {
-        if drive::SPEEDS.iter().any(|(k, _)| *k == key) {
+    pub(super) fn chair(&mut self, key: char, now: f64) -> Vec<Effect> {
+        if matches!(key, 'q' | 'z' | 'w' | 'x' | 'e' | 'c') {
             self.drive.key(key, now);
             let [linear, angular] = self.drive.speeds;
             self.say(now, format!("speeds {linear:.2} m/s, {angular:.2} rad/s"));
-            return Some(Vec::new());
-        }
-        if !self.drive.key(key, now) {
-            return None;
+            return Vec::new();
         }
         if let Err(why) = self.can_command(now) {
             // A stop is told even when nobody may hear it.
             self.drive.forget();
             self.warn(now, why);
-            return Some(Vec::new());
+            return Vec::new();
+        }
+        if !self.drive.key(key, now) {
+            self.warn(now, format!("{key} is no key; ? shows the keys"));
+            return Vec::new();
         }
         let work = self.drive.direction.is_some().then_some(Work::Chair);
         let base = self.drive.due(now);
@@ -40,7 +39,7 @@ impl Model {
             base,
             ..v1::Command::default()
         };
-        Some(self.command(command, work))
+        self.command(command, work)
     }
 
     pub(super) fn arm(&mut self, axis: usize, sign: f64, now: f64) -> Vec<Effect> {

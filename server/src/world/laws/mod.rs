@@ -1,6 +1,5 @@
 //! Laws of mechanics that the world keeps, on small scenes made in code.
 
-mod friction;
 mod grip;
 mod oddities;
 mod people;

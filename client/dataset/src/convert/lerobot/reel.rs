@@ -5,7 +5,6 @@ use std::path::Path;
 
 use super::layout::{FOLDER_FILES, VIDEO_BYTES};
 use super::video::Ffmpeg;
-use crate::publish;
 
 /// Where an episode stands in the videos of a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,10 +65,7 @@ impl Reel {
         let parts = std::mem::take(&mut self.parts);
         match parts.as_slice() {
             [] => return Ok(()),
-            [(one, frames)] => {
-                std::fs::rename(scratch.join(one), &to)?;
-                ffmpeg.check(&to, *frames, rate)?;
-            }
+            [(one, _)] => std::fs::rename(scratch.join(one), &to)?,
             all => {
                 ffmpeg.join(scratch, all, rate, &to)?;
                 for (name, _) in all {
@@ -77,7 +73,7 @@ impl Reel {
                 }
             }
         }
-        publish::sync_file(&std::fs::File::open(&to)?)?;
+        std::fs::File::open(&to)?.sync_all()?;
         *self = Self {
             file: self.file + 1,
             ..Self::default()

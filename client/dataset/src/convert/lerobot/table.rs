@@ -18,8 +18,6 @@ use parquet::basic::Compression;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
-use crate::publish;
-
 /// A column for some rows.
 #[derive(Clone, Debug)]
 pub struct Column {
@@ -224,7 +222,7 @@ impl Table {
     /// # Errors
     /// When the disk is full.
     pub fn close(self) -> anyhow::Result<()> {
-        publish::sync_file(&self.writer.into_inner()?)?;
+        self.writer.into_inner()?.sync_all()?;
         Ok(())
     }
 }
