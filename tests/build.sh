@@ -23,7 +23,8 @@ env -u WHEELARM_PYTHON -u CARGO_TARGET_DIR -u MAKEFLAGS -u MAKELEVEL \
 }
 # Every other target expands to commands whose words survive the space: no unquoted
 # use of a path that make computes.
-for target in $(sed -n 's/^\.PHONY: //p' Makefile); do
+read -ra targets <<<"$(sed -n 's/^\.PHONY: //p' Makefile)"
+for target in "${targets[@]}"; do
     make --no-print-directory -C "$copy" -n "$target" CARGO=true BUILD_TEST= SCRIPTS="$folder/a folder" WHEEL="$folder/a folder" \
         OUT="$folder/a folder" RUN="$folder/a folder" PLAN="$folder/a folder" CARGO_TARGET_DIR="$folder/a folder" >"$folder/commands"
     # shellcheck disable=SC2016 # Programs for another shell.
