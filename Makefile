@@ -31,7 +31,8 @@
 #                   (burn, about nine minutes of one core the first time)
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
 # make test-expert   the scripted expert, 20 seeds of each task from EXPERT_SEED: near and
-#                    anywhere, without and with a person; about an hour on two cores
+#                    anywhere, without and with a person; about an hour on two cores;
+#                    results in data/expert-COMMIT, where an interrupted run is resumed
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
 # make demo-policy   the policy that ships takes the mustard, or does POLICY_TASK=pick_blue_mug,
@@ -172,7 +173,7 @@ test-adversarial:
 test-expert:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	python3 tests/bench/expert.py --programs "$(BUILT)" --out data/expert --first $(EXPERT_SEED) --jobs "$$(nproc)"
+	python3 tests/bench/expert.py --programs "$(BUILT)" --out "data/expert-$(WHEELARM_COMMIT)" --first $(EXPERT_SEED) --jobs "$$(nproc)"
 
 soak:
 	scripts/setup.sh

@@ -8,8 +8,8 @@ and writes DIR/expert.json. Every attempted seed counts: none is drawn again. Gr
 
     near             every task
     anywhere         every task that is not a care task
-    near+person      every task, somebody drawn by the seed
-    anywhere+person  every task that is not a care task, somebody drawn by the seed
+    near+person      every task, with a person drawn by the seed
+    anywhere+person  every task that is not a care task, with a person drawn by the seed
 
 Exit status 1 when a group is below its goal (98, 97, 95, 95 %).
 """
