@@ -30,6 +30,7 @@
 # make test-learn   lints, documents and tests client/learn, which trains and serves networks
 #                   (burn, about nine minutes of one core the first time)
 # make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
+#                         and 1,000 episodes that press the seated person under the guard
 # make test-expert   the scripted expert, 20 seeds of each task from EXPERT_SEED: near and
 #                    anywhere, without and with a person; about an hour on two cores;
 #                    results in data/expert-COMMIT, where an interrupted run is resumed
@@ -169,6 +170,7 @@ test-adversarial:
 	scripts/setup.sh
 	$(CARGO) build --release --workspace $(WITHOUT_LEARN) --bins
 	"$(BUILT)/adversarial"
+	"$(BUILT)/adversarial" --guard 1000 --seconds 10
 
 test-expert:
 	scripts/setup.sh

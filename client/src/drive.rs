@@ -9,12 +9,12 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_drive::{Gateway, Options};
 use wheelarm_link::Connect;
+use wheelarm_proto::signals::Signals;
 use wheelarm_proto::v1;
 use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions, all_cameras};
 
 use crate::choice;
 use crate::control::refuse_closed;
-use crate::interrupt::Signals;
 
 /// Where the page is served when nothing else is said.
 const PAGE: &str = "127.0.0.1:7460";
@@ -100,10 +100,7 @@ pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
         told => told.context("writing the page's address")?,
     }
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::listen()?.and_hangup()?
-    };
+    let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     runtime.block_on(signals.next());
     gateway.finish();
     if let Some(rig) = rig {

@@ -73,6 +73,33 @@ impl<L: Line> Ledger<L> {
         self.inner.lock().1.clone()
     }
 
+    /// Removes the results that `is_old` says, where there are any, and keeps a copy of the
+    /// whole file of before; its path.
+    ///
+    /// # Errors
+    /// When the copy or the file cannot be written.
+    pub fn set_aside(&self, is_old: impl Fn(&L) -> bool) -> anyhow::Result<Option<PathBuf>> {
+        let mut inner = self.inner.lock();
+        if !inner.1.iter().any(&is_old) {
+            return Ok(None);
+        }
+        let context = || format!("writing {}", self.path.display());
+        let name = |number: u32| self.path.with_file_name(format!("episodes-{number}.jsonl"));
+        let free = (1..).map(name).find(|path| !path.exists());
+        let aside = free.context("no free name for the results of before")?;
+        std::fs::copy(&self.path, &aside)
+            .with_context(|| format!("writing {}", aside.display()))?;
+        inner.1.retain(|line| !is_old(line));
+        let mut text = String::new();
+        for line in &inner.1 {
+            text += &serde_json::to_string(line)?;
+            text.push('\n');
+        }
+        inner.0.set_len(0).with_context(context)?;
+        inner.0.write_all(text.as_bytes()).with_context(context)?;
+        Ok(Some(aside))
+    }
+
     /// Appends one result.
     ///
     /// # Errors

@@ -24,7 +24,6 @@ pub mod drive;
 mod episode_seed;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;
-pub mod interrupt;
 #[cfg(feature = "hdf5")]
 mod language;
 #[cfg(feature = "hdf5")]

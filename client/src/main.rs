@@ -41,6 +41,7 @@ use wheelarm_link::Connect;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{told, version};
 use wheelarm_proto::restart::{self, SENDING_THREADS, TRANSPORT_THREADS};
+use wheelarm_proto::signals::end_as_first_process;
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
@@ -253,6 +254,7 @@ impl Command {
 
 fn main() -> ExitCode {
     end_with_output();
+    end_as_first_process();
     let matches = Cli::command().get_matches();
     refuse_without_effect(&matches);
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
@@ -395,11 +397,20 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Dataset { words } => {
             let name = std::iter::once(OsString::from("dataset"));
             let words: Vec<OsString> = name.chain(words.iter().cloned()).collect();
-            return control::run_external(&words);
+            return control::run_external(&words, subcommands());
         }
-        Command::External(words) => return control::run_external(words),
+        Command::External(words) => return control::run_external(words, subcommands()),
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Names of the commands that are built in.
+fn subcommands() -> Vec<String> {
+    let cli = Cli::command();
+    let shown = cli
+        .get_subcommands()
+        .filter(|command| !command.is_hide_set());
+    shown.map(|command| command.get_name().to_owned()).collect()
 }
 
 fn write_manual(folder: &Path) -> anyhow::Result<()> {

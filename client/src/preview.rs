@@ -12,8 +12,7 @@ use clap::Args;
 use tokio::runtime::Runtime;
 use wheelarm_drive::{Gateway, Options};
 use wheelarm_link::Connect;
-
-use crate::interrupt::Signals;
+use wheelarm_proto::signals::Signals;
 
 /// Where the page is served when nothing else is said.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:7450";
@@ -68,10 +67,7 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
         told => told.context("writing the page's address")?,
     }
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::listen()?.and_hangup()?
-    };
+    let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     runtime.block_on(signals.next());
     gateway.finish();
     Ok(ExitCode::SUCCESS)

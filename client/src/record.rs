@@ -3,13 +3,14 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::Args;
 use wheelarm_link::{Connect, Link, Silence};
 use wheelarm_proto::settings::Depth;
+use wheelarm_proto::signals::Signals;
 use wheelarm_record::{self as record, Output, RecordOptions, Told};
 
 use crate::choice::{self, named};
-use crate::interrupt::Signals;
 
 /// The server name that stands for every server.
 const EVERY_SERVER: &str = "*";
@@ -56,20 +57,27 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         episodes: args.episodes,
     };
     let runtime = tokio::runtime::Runtime::new()?;
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::listen()?
+    let waits = |server: &str| {
+        println!(
+            "recorder {:?} of {server}: each episode becomes a file in {}; waiting for the first \
+             (`wheelarm episode start --label NAME`), Ctrl-C ends",
+            args.name,
+            args.out.display()
+        );
     };
+    let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     let interrupted = async move {
         signals.next().await;
     };
     let summary = if connect.sim == EVERY_SERVER {
         let session = wheelarm_link::open_session(connect, Silence::Still)?;
         let endpoint = &connect.endpoint;
+        waits("every server");
         let all = record::run_many(&session, endpoint, &options, interrupted, print_told);
         runtime.block_on(all)?
     } else {
         let link = Link::open_as(connect, Silence::Still)?;
+        waits(&format!("the server {:?}", connect.sim));
         runtime.block_on(record::run(&link, options, interrupted, print))?
     };
     Ok(ExitCode::from(summary.exit_code()))

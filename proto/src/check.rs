@@ -391,7 +391,7 @@ pub fn stops(c: &v1::Command) -> bool {
 /// # Errors
 /// [`Invalid::Word`].
 pub fn label(text: &str) -> Result<(), Invalid> {
-    let fits = (1..=100).contains(&text.len())
+    let fits = (1..=crate::label::LONGEST).contains(&text.len())
         && !text.starts_with('.')
         && text
             .bytes()
@@ -406,6 +406,10 @@ pub fn label(text: &str) -> Result<(), Invalid> {
         })
     }
 }
+
+/// Longest time limit of a task, simulated seconds: more than a day. People who drive
+/// get it, for they have no time limit.
+pub const MAX_TIME_LIMIT: f64 = 1e5;
 
 /// Most bytes of an instruction sentence.
 pub const MAX_INSTRUCTION: usize = 64 << 10;

@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 /// The environment's word for the assets folder.
 pub const ASSETS_VARIABLE: &str = "WHEELARM_ASSETS";
 
+/// The assets folder of the working directory.
+const HERE: &str = "assets";
+
 /// Whether a folder is an assets folder of WheelArm: it holds scenes and robots.
 #[must_use]
 pub fn is_assets(folder: &Path) -> bool {
@@ -13,10 +16,10 @@ pub fn is_assets(folder: &Path) -> bool {
 
 /// The assets folder of this program, when nobody told one.
 ///
-/// In this order: `assets` in the working directory;
-/// `<program>/../share/wheelarm/assets`, where a wheel, a Debian package, an
-/// archive and an image have it; `assets` in a folder above the program, as in a
-/// checkout.
+/// In this order: `<program>/../share/wheelarm/assets`, where a wheel, a Debian package,
+/// an archive and an image have it; `assets` in a folder above the program, as in a
+/// checkout; `assets` in the working directory. The working directory comes last, so that
+/// a folder that happens to lie there does not replace the assets of an installation.
 #[must_use]
 pub fn assets() -> Option<PathBuf> {
     let program = std::env::current_exe().unwrap_or_default();
@@ -45,15 +48,32 @@ fn file_or_asset_of(folder: &Path, named: &Path) -> PathBuf {
     }
 }
 
+/// Warning about an assets folder in the working directory that is not used in place of
+/// `used`.
+#[must_use]
+pub fn unused_assets(used: &Path) -> Option<String> {
+    unused_in(Path::new(HERE), used)
+}
+
+fn unused_in(here: &Path, used: &Path) -> Option<String> {
+    let same = || std::fs::canonicalize(here).ok() == std::fs::canonicalize(used).ok();
+    (is_assets(here) && !same()).then(|| {
+        format!(
+            "the assets in use are {}; those in ./assets are not used: name them with --assets \
+             assets or {ASSETS_VARIABLE}",
+            used.display()
+        )
+    })
+}
+
 /// Where the assets of `program` may lie; relative ones to the working directory.
 fn candidates(program: &Path) -> impl Iterator<Item = PathBuf> {
     let shared = program.ancestors().nth(2);
     let shared = shared.map(|prefix| prefix.join("share/wheelarm/assets"));
     let above = program.ancestors().skip(1);
     let above = above.map(|folder| folder.join("assets"));
-    std::iter::once(PathBuf::from("assets"))
-        .chain(shared)
-        .chain(above)
+    let here = std::iter::once(PathBuf::from(HERE));
+    shared.into_iter().chain(above).chain(here)
 }
 
 #[cfg(test)]
@@ -88,6 +108,22 @@ mod tests {
         let share = prefix.join("share/wheelarm/assets");
         make(&share);
         assert_eq!(found(home.path(), "v/bin/wheelarm-server"), Some(share));
+    }
+
+    #[test]
+    fn folder_in_the_working_directory_does_not_replace_installed_assets() {
+        let prefix = tempfile::tempdir().unwrap();
+        let program = prefix.path().join("bin/wheelarm-server");
+        let last = candidates(&program).last();
+        assert_eq!(last, Some(PathBuf::from(HERE)));
+        let [used, other] = ["share/wheelarm/assets", "assets"].map(|path| {
+            let path = prefix.path().join(path);
+            make(&path);
+            path
+        });
+        assert_eq!(unused_in(&used, &used), None);
+        let told = unused_in(&other, &used).unwrap();
+        assert!(told.contains("--assets assets"), "{told}");
     }
 
     #[test]

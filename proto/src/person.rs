@@ -2,6 +2,12 @@
 
 use crate::v1;
 
+/// Greatest contact force on a part of the seated person's body, N: the limit of the task
+/// templates, of the guard and of the expert.
+pub const FORCE_LIMIT: f64 = 5.0;
+/// The same for face and mouth; the guard keeps it at the whole head.
+pub const FACE_FORCE_LIMIT: f64 = 2.0;
+
 /// Drawn by the seed.
 const ANY: &str = "any";
 /// Nobody.
@@ -9,14 +15,14 @@ pub const NOBODY: &str = "none";
 
 impl v1::Person {
     /// Reads `any`, `none`, `BODY` or `BODY/POSTURE`, followed by any of `,guard`,
-    /// `,mouth_open` and `,motion=0.5`. `any` may take the place of a body.
+    /// `,unguarded`, `,mouth_open` and `,motion=0.5`. `any` may take the place of a body.
     ///
     /// # Errors
     /// The text and its form.
     pub fn from_text(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "{text:?} is not any, none or BODY[/POSTURE] with ,guard ,mouth_open \
+                "{text:?} is not any, none or BODY[/POSTURE] with ,guard or ,unguarded ,mouth_open \
                  ,motion=0..1, for example woman_p50/hands_in_lap,motion=0.5"
             )
         };
@@ -38,6 +44,7 @@ impl v1::Person {
         for word in words {
             match word.split_once('=') {
                 None if word == "guard" => person.guard = true,
+                None if word == "unguarded" => person.unguarded = true,
                 None if word == "mouth_open" => person.mouth_open = true,
                 Some(("motion", number)) => {
                     let motion = number.parse().ok().filter(|m| (0.0..=1.0).contains(m));
@@ -45,6 +52,9 @@ impl v1::Person {
                 }
                 _ => return Err(wrong()),
             }
+        }
+        if person.guard && person.unguarded {
+            return Err(wrong());
         }
         Ok(person)
     }
@@ -69,6 +79,9 @@ impl v1::Person {
         if self.guard {
             text.push_str(",guard");
         }
+        if self.unguarded {
+            text.push_str(",unguarded");
+        }
         text
     }
 }
@@ -85,10 +98,19 @@ mod tests {
             "man_p95",
             "any/leaning_left",
             "woman_80/hands_in_lap,motion=0.5,mouth_open,guard",
+            "any,unguarded",
         ] {
             assert_eq!(v1::Person::from_text(text).unwrap().text(), text);
         }
-        for wrong in ["", "../x", "a/", "any,motion=2", "any,guarded", "a/b/c"] {
+        for wrong in [
+            "",
+            "../x",
+            "a/",
+            "any,motion=2",
+            "any,guarded",
+            "any,guard,unguarded",
+            "a/b/c",
+        ] {
             let told = v1::Person::from_text(wrong).unwrap_err();
             assert!(told.contains("BODY[/POSTURE]"), "{told}");
         }

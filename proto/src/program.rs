@@ -46,6 +46,24 @@ pub fn told(error: &dyn Error) -> String {
     text
 }
 
+/// The words of an error without the places in source files that the transport adds to
+/// them (` at /cargo/registry/...rs:12.`).
+#[must_use]
+pub fn without_source_places(text: &str) -> String {
+    let mut parts = text.split(" at /");
+    let mut out = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let line = part.split_once(".rs:").map(|(_, line)| line);
+        let rest = line.map(|line| line.trim_start_matches(|c: char| c.is_ascii_digit()));
+        match rest {
+            Some(rest) => out.push_str(rest),
+            // A path of the user's.
+            None => out.extend([" at /", part]),
+        }
+    }
+    out.trim_end_matches(['.', ' ']).to_owned()
+}
+
 /// The first line of a server's standard output, as soon as it serves.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ready {
@@ -166,6 +184,18 @@ pub const EXIT_NOT_DONE: u8 = 5;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn error_of_the_transport_names_no_source_file() {
+        let text = "Can not create a new TCP listener bound to tcp/[::1]:7447: [Address already \
+                    in use (os error 98) at /cargo/registry/src/z/src/unicast.rs:372.] at \
+                    /cargo/registry/src/z/src/mod.rs:31. - no file at /data/x";
+        assert_eq!(
+            without_source_places(text),
+            "Can not create a new TCP listener bound to tcp/[::1]:7447: [Address already in use \
+             (os error 98).]. - no file at /data/x"
+        );
+    }
 
     #[test]
     fn a_line_is_read_as_it_is_written() {

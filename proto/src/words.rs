@@ -65,6 +65,21 @@ impl v1::FailureReason {
     }
 }
 
+impl v1::BodyPart {
+    /// For example `legs`; empty for an unspecified part. Files contain the word.
+    #[must_use]
+    pub fn word(self) -> String {
+        told(self.as_str_name(), "BODY_PART", self.into())
+    }
+
+    /// The part of that word.
+    #[must_use]
+    pub fn from_word(text: &str) -> Self {
+        let name = format!("BODY_PART_{}", text.to_ascii_uppercase());
+        Self::from_str_name(&name).unwrap_or_default()
+    }
+}
+
 impl v1::ArmProblem {
     /// For example `unreachable`; empty when it is not told. Files hold the word.
     #[must_use]

@@ -19,7 +19,7 @@ use wheelarm_sensors::depth::DepthModel;
 use wheelarm_sensors::{Exact, Lens, Model};
 use wheelarm_server::robot::control::ControlInput;
 use wheelarm_server::sensors::camera::{CameraSpec, Frame, Quality, RenderScene, Renderer};
-use wheelarm_server::sensors::models::surfaces;
+use wheelarm_server::sensors::models::{depth_name, depth_view, surfaces};
 use wheelarm_server::sim::{Scenario, Simulation};
 
 #[derive(Parser)]
@@ -62,6 +62,17 @@ fn main() -> Result<()> {
     let size = [options.width, options.height];
     let mut cameras = CameraSpec::all(sim.model(), sim.scene(), size)?;
     cameras.retain(|camera| PAIRS.iter().any(|(name, _)| *name == camera.name));
+    let mut models = Vec::new();
+    for (camera, model) in PAIRS {
+        let file = format!("sensors/{model}.toml");
+        let text = std::fs::read_to_string(options.assets.join(&file))?;
+        let model = Model::read(&file, &text)?;
+        let spec = cameras.iter().find(|spec| spec.name == camera);
+        let spec = spec.with_context(|| format!("no camera {camera}"))?;
+        let depth = model.depth.as_ref().context("no depth")?;
+        cameras.push(depth_view(spec, depth));
+        models.push(model);
+    }
     let drawn = RenderScene::new(sim.model(), sim.scene(), &options.assets)?;
     let surfaces = surfaces(&options.assets, &drawn)?;
     let mut renderer = Renderer::new(&drawn, &cameras, Quality::Standard, None)?;
@@ -71,19 +82,19 @@ fn main() -> Result<()> {
     println!("drawing: {:.1} ms", began.elapsed().as_secs_f64() * 1e3);
 
     let mut sheet = vec![255; 3 * 4 * TILE[0] * PAIRS.len() * TILE[1]];
-    for (row, (camera, model)) in PAIRS.into_iter().enumerate() {
-        let index = cameras.iter().position(|c| c.name == camera);
-        let frame = frames.iter().find(|frame| Some(frame.camera) == index);
-        let frame = frame.with_context(|| format!("no picture of {camera}"))?;
-        let file = format!("sensors/{model}.toml");
-        let text = std::fs::read_to_string(options.assets.join(&file))?;
-        let model = Model::read(&file, &text)?;
+    for (row, ((camera, _), model)) in PAIRS.into_iter().zip(models).enumerate() {
+        let frame_of = |name: &str| {
+            let index = cameras.iter().position(|c| c.name == name);
+            let frame = frames.iter().find(|frame| Some(frame.camera) == index);
+            frame.with_context(|| format!("no image of {name}"))
+        };
+        let (frame, depth_frame) = (frame_of(camera)?, frame_of(&depth_name(camera))?);
         let mut color = ColorModel::new(
             model.color.context("no colour")?,
             options.seed,
             options.strength,
         );
-        let mut depth = DepthModel::new(
+        let depth = DepthModel::new(
             model.depth.context("no depth")?,
             options.seed,
             options.strength,
@@ -97,7 +108,7 @@ fn main() -> Result<()> {
             seen = color.picture(&exact);
             took[0] += began.elapsed().as_secs_f64() * 1e3 / (BEFORE + 1) as f64;
             let began = Instant::now();
-            measured = depth.picture(&exact, &surfaces);
+            measured = depth.image(&self::exact(depth_frame, tick), &surfaces);
             took[1] += began.elapsed().as_secs_f64() * 1e3 / (BEFORE + 1) as f64;
         }
         let returns = measured.chunks_exact(2).filter(|p| p != &[0, 0]).count();

@@ -8,7 +8,6 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
-use tokio::signal::unix::{Signal, SignalKind, signal};
 use wheelarm_access::Folder;
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::installed;
@@ -17,6 +16,7 @@ use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Pacing, Quality, Starts};
+use wheelarm_proto::signals::{Signals, end_as_first_process};
 use wheelarm_proto::v1;
 use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
@@ -134,7 +134,8 @@ struct Args {
     #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
     look: Option<LookText>,
     /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], a
-    /// folder in assets/people; then ,guard ,mouth_open ,motion=0..1 [default: none].
+    /// folder in assets/people; then ,mouth_open ,motion=0..1 ,unguarded
+    /// (no bounds on speed and force beside the person) [default: none].
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text)]
     person: Option<v1::Person>,
     /// Ends when standard input is closed: with the program that started it.
@@ -362,8 +363,12 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
         }
         return Ok(told);
     }
-    installed::assets()
-        .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
+    let found = installed::assets()
+        .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")?;
+    if let Some(warning) = installed::unused_assets(&found) {
+        tracing::warn!("{warning}");
+    }
+    Ok(found)
 }
 
 /// Replaces port 0 of an endpoint by a free one.
@@ -385,9 +390,11 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
 
 fn main() -> ExitCode {
     end_with_output();
+    end_as_first_process();
     let args = Args::parse();
     environment::complete();
-    let runtime = tokio::runtime::Runtime::new().context("the runtime cannot start");
+    let runtime = allow_open_files()
+        .and_then(|()| tokio::runtime::Runtime::new().context("the runtime cannot start"));
     let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
         return ExitCode::SUCCESS;
     };
@@ -395,6 +402,32 @@ fn main() -> ExitCode {
     match error.downcast_ref() {
         Some(SimError::Broken(_) | SimError::Panicked(_)) => ExitCode::from(EXIT_SCENARIO),
         _ => ExitCode::FAILURE,
+    }
+}
+
+/// Files that may be open at the least: connections, threads' event queues, the graphics
+/// driver. The transport panics where one cannot be opened.
+const OPEN_FILES: u64 = 256;
+
+/// Raises the limit of open files as far as the user may.
+fn allow_open_files() -> anyhow::Result<()> {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    // Where it cannot be raised, what is allowed counts.
+    let allowed = match setrlimit(Resource::Nofile, raised) {
+        Ok(()) => limit.maximum,
+        Err(_) => limit.current,
+    };
+    match allowed {
+        Some(allowed) if allowed < OPEN_FILES => bail!(
+            "cannot start: at most {allowed} files may be open, a server needs {OPEN_FILES}: \
+             raise the limit (`ulimit -n 1024`)"
+        ),
+        _ => Ok(()),
     }
 }
 
@@ -488,7 +521,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
     // Heard from here on: whoever reads that the server is ready may end it.
-    let signals = Signals::listen()?;
+    let signals = Signals::listen_here().context("cannot listen to signals")?;
     let serves = Ready {
         endpoint,
         sim: name,
@@ -499,8 +532,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Resolves on Ctrl-C or SIGTERM, and at the end of standard input if told so.
-async fn interrupted(signals: Signals, end_with_stdin: bool) {
+/// Resolves on Ctrl-C, SIGTERM or SIGHUP, and at the end of standard input if told so.
+async fn interrupted(mut signals: Signals, end_with_stdin: bool) {
     let (closed, input_closed) = tokio::sync::oneshot::channel();
     let closed = if end_with_stdin {
         std::thread::spawn(move || {
@@ -513,31 +546,7 @@ async fn interrupted(signals: Signals, end_with_stdin: bool) {
     };
     tokio::select! {
         _ = input_closed => {}
-        () = signals.come() => {}
+        _ = signals.next() => {}
     }
     drop(closed);
-}
-
-/// Ctrl-C and SIGTERM, heard from the moment this exists.
-struct Signals {
-    interrupt: Signal,
-    terminate: Signal,
-}
-
-impl Signals {
-    fn listen() -> anyhow::Result<Self> {
-        let hear = |kind| signal(kind).context("signals cannot be heard");
-        Ok(Self {
-            interrupt: hear(SignalKind::interrupt())?,
-            terminate: hear(SignalKind::terminate())?,
-        })
-    }
-
-    /// Resolves at the first of them.
-    async fn come(mut self) {
-        tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-        }
-    }
 }

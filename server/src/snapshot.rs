@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::stamp_nanos;
 
-use crate::people::{HeadPose, PARTS};
+use crate::people::{BodyPart, HeadPose, PARTS};
 
 /// State of the simulation after one physics tick. Never changed afterwards.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +75,7 @@ pub struct SoftSkin {
 }
 
 /// A person in the chair.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PersonState {
     /// How head and jaw are turned beside the posture.
     pub head: HeadPose,
@@ -84,6 +84,22 @@ pub struct PersonState {
     pub forces: [f64; PARTS.len()],
     /// What the robot itself presses on all of it, likewise, N.
     pub robot_force: f64,
+    /// Each body that touched a part of the person in these physics ticks, sorted by part
+    /// and body. A contact at the mouth is listed for mouth and face.
+    pub touches: Vec<Touch>,
+}
+
+/// One body on one part of the person.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Touch {
+    /// The part that is touched.
+    pub part: BodyPart,
+    /// The body that touches it.
+    pub partner: BodyRef,
+    /// Force on the part, N: the greatest of the control tick's physics ticks.
+    pub force: f64,
+    /// Weight of an object, N; 0 for robot and furniture.
+    pub weight: f64,
 }
 
 impl BodyState {
@@ -116,13 +132,15 @@ impl BodyState {
 }
 
 /// A body that can touch another.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum BodyRef {
     /// Index into `RobotModel::links`.
     Link(usize),
     /// Index into `Scene::objects`.
     Object(usize),
-    /// Index into `Scene::furniture`.
+    /// Index into `Scene::furniture`; 0 is the floor.
     Furniture(usize),
     /// Capsule of the person in the chair, index into `people::CAPSULES`.
     Person(usize),

@@ -57,6 +57,11 @@ export class Gateway {
     this.episodes = 0;
     this.log = [];
     this.extra = {};
+    /** Recorders that are connected, and labels of which they have a file. */
+    this.recorders = ["disk"];
+    this.labels = ["mustard-seed3-1"];
+    this.recorderState = null;
+    this.alarms = [];
   }
 
   async start() {
@@ -284,14 +289,27 @@ export class Gateway {
         this.brake();
         this.holder = message.to || "";
         return answer({});
-      case "episode.start":
+      case "episode.start": {
+        const practice = message.recorders === 0;
+        let refusal = "";
+        let label = message.label || "mustard-seed3-1";
+        if (!practice && this.recorders.length < (message.recorders ?? 1)) {
+          refusal = "nothing can be recorded: 0 of 1 recorders connected. Start one with `wheelarm record`, or practise without recording";
+        } else if (!practice && message.label && this.labels.includes(label)) refusal = `recorder disk cannot record it: ${label}.h5 exists already; the next free label is ${label}-2`;
+        else for (let number = 2; !practice && this.labels.includes(label); number += 1) label = `mustard-seed3-${number}`;
+        this.alarms = refusal ? [refusal] : [];
+        if (refusal) return refuse(refusal);
         this.episodes += 1;
-        this.episode = { number: this.episodes, label: message.label || "mustard-seed3-1", instruction: message.instruction || "Bring the mustard to the person.", seconds: 0 };
-        return answer({ number: this.episodes, label: this.episode.label });
+        this.episode = { number: this.episodes, label, practice, instruction: message.instruction || "Bring the mustard to the person.", seconds: 0 };
+        return answer({ number: this.episodes, label, practice });
+      }
       case "episode.finish":
+        if (!this.episode.practice) this.written(this.episode.label);
+        this.episode = null;
+        return answer({ success: true, text: "episode over: success after 12.0 s" });
       case "episode.discard":
         this.episode = null;
-        return answer({ success: true, text: message.ask === "episode.finish" ? "Episode kept: success after 12 s" : "Episode discarded" });
+        return answer({ success: true, text: "episode over: success after 12.0 s; discarded" });
       case "pick":
         return answer(message.v < 0.1 ? { candidates: [], note: "Nothing is there" } : { candidates: [
           { candidate: "c1", name: "mustard bottle", actions: ["near", "take"], note: "0.62 m away",
@@ -307,6 +325,17 @@ export class Gateway {
         return answer({});
       default: return answer({});
     }
+  }
+
+  /** The recorder says a moment later what became of the file. */
+  written(label) {
+    this.labels.push(label);
+    setTimeout(() => {
+      const kept = this.recorderState !== "failed";
+      const words = kept ? `episode ${label}: kept in data/${label}.h5` : `episode ${label} is NOT KEPT: recorder disk failed: the disk is full`;
+      if (!kept) this.alarms = [words];
+      this.toAll("state", { t: "note", bad: !kept, text: words });
+    }, 300);
   }
 
   toAll(kind, message) {
@@ -335,7 +364,8 @@ export class Gateway {
       t: "situation", n: this.count, tick: this.tick, sim_s: this.tick / 240, link: "open", link_for_s: 10,
       you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, asked: this.asked && this.asked !== this.holder ? [this.asked] : [], for_s: 10 },
       people, scenario: { task: "pick_mustard", seed: 3, instruction: "Bring the mustard to the person." }, episode: this.episode,
-      recorders: [{ name: "disk", state: this.episode ? "ready" : "idle", missed: 0, frames: this.episode ? Math.round(this.episode.seconds * 20) : 0, complete: false, message: "" }],
+      alarms: this.alarms,
+      recorders: this.recorders.map((name) => ({ name, state: this.recorderState || (this.episode ? "ready" : "idle"), missed: 0, frames: this.episode ? Math.round(this.episode.seconds * 20) : 0, complete: false, message: "" })),
       evaluation: { success: false, failure: "", elapsed_s: 0, conditions: [{ name: "mustard in the hand", holds: false, required: true }] },
       paused: faults.paused, waiting_for: "", factor: 1, busy: "",
       cameras: ["wheelchair", "gen3"].map((name, index) => ({ index, name, width: 1280, height: 720, hz: 10, codec: "jpeg", width_sent: 640 })),

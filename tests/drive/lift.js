@@ -29,9 +29,9 @@ const url = await new Promise((found, failed) => {
 const browser = await launch();
 let presses = 0;
 try {
+  // The times of scanning are those that somebody has who changed nothing.
   const settings = { ...preset("one_switch"), speed: 5, sound: false };
-  settings.scan = { ...settings.scan, interval: 900, first: 300, hold: 0, debounce: 200, loops: 20 };
-  const page = await (await browser.newContext({ viewport: { width: 1280, height: 900 } })).newPage();
+  const page = await (await browser.newContext({ viewport: { width: 1280, height: 800 } })).newPage();
   await page.addInitScript((value) => localStorage.setItem("wheelarm.drive", JSON.stringify(value)), settings);
   await page.goto(url);
   await page.locator("#stage canvas").first().waitFor();
@@ -44,9 +44,9 @@ try {
   const hit = async () => {
     presses += 1;
     await page.keyboard.down("Space");
-    await page.waitForTimeout(40);
+    await page.waitForTimeout(settings.scan.hold + 50);
     await page.keyboard.up("Space");
-    await page.waitForTimeout(60);
+    await page.waitForTimeout(settings.scan.debounce);
   };
   const take = async (...names) => {
     for (const name of names) {
@@ -76,7 +76,8 @@ try {
   });
   /** Where the sweeping line is, 0 to 1: `down` the one across the picture. */
   const line = (down) => page.evaluate((isDown) => {
-    for (const over of document.querySelectorAll("#stage canvas.over, #stage canvas")) {
+    // Of the chair's camera, which shows the bottle; the line sweeps over the others too.
+    for (const over of document.querySelectorAll("#stage figure:first-of-type canvas.over")) {
       const { width, height } = over;
       const { data } = over.getContext("2d").getImageData(0, 0, width, height);
       const bright = (x, y) => { const at = 4 * (y * width + x); return data[at] === 255 && data[at + 1] === 225 && data[at + 2] === 77; };

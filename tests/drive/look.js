@@ -46,6 +46,10 @@ export const LOOKS = {
     gateway.frozen = true;
     await wait(page, 1800);
   } },
+  alarm: { settings: preset("one_switch"), episode: true, size: { width: 1280, height: 800 }, after: async ({ gateway, page }) => {
+    gateway.alarms = ["THE TASK IS LOST (dropped). Finish, discard or redo this episode", "recorder disk failed: the disk is full"];
+    await wait(page, 400);
+  } },
   settings: { after: async ({ page }) => {
     await page.locator('[data-item="settings"]').click();
   } },

@@ -263,11 +263,15 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
 
     // Too long, too many, no text, no JSON.
     let oversize = "x".repeat(5000);
-    let drive = json!({"t":"drive","seq":1,"epoch":1,"shown":null,"chair":[1,0]}).to_string();
+    let drive = json!({"t":"drive","seq":1,"epoch":1,"shown":null,"chair":[1,0],
+        "device":"keyboard","mode":"hold"})
+    .to_string();
+    let unknown = drive.replace("keyboard", "mind");
     for (text, count, code) in [
         (oversize.as_str(), 1, 4400),
         (drive.as_str(), 400, 4429),
         ("nothing", 1, 4400),
+        (unknown.as_str(), 1, 4400),
     ] {
         let hello = hello(&gateway.ticket(true));
         let socket = gateway
@@ -275,6 +279,19 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
             .expect("a socket");
         assert_eq!(gateway::flood(socket, text, count), Some(code), "{count}");
     }
+    // Connections that say nothing, and sessions of viewers, take no place of hers.
+    let silent: Vec<_> = (0..600)
+        .map(|_| std::net::TcpStream::connect(&own))
+        .collect();
+    let viewer = gateway.cookie(false);
+    for _ in 0..40 {
+        let eight = gateway.post("/ticket", &viewer, &[], "{\"count\":8}");
+        assert_eq!(eight.0, 200, "{}", eight.1);
+    }
+    assert_eq!(gateway.get("/session", &own, &cookie).0, 200);
+    let hello = hello(&gateway.ticket(true));
+    assert!(gateway.enter("/ws/state", true, &hello).is_ok());
+    drop(silent);
     // Nothing of it moved the chair, and whoever is in control still is.
     pass(&anna, 60);
     assert!(moved(&anna, at) < 0.01);
@@ -330,6 +347,67 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
     assert!(
         commands.iter().any(|c| c.loop_age_ticks > 0),
         "{commands:?}"
+    );
+}
+
+#[test]
+fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let server = server("kept");
+    let gateway = Gateway::open(&server);
+    let mut page = Page::open(&gateway, "a1", true);
+    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    // Without a recorder nothing starts, loudly.
+    let refused = page.ask("episode.start", json!({}));
+    assert_eq!(refused["ok"], false, "{refused}");
+    let told = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
+    wait_until("the alarm", || told(&page, "nothing can be recorded"));
+    let practice = page.ask("episode.start", json!({"recorders": 0}));
+    assert_eq!(practice["practice"], true, "{practice}");
+    let label = practice["label"].as_str().expect("a label").to_owned();
+    wait_until("it clears the alarm", || !told(&page, "recorded"));
+    page.ask("episode.finish", json!({}));
+
+    // Another session has used the folder: the label is the next free one.
+    let file = |number: u64| {
+        let name = wheelarm_proto::label::numbered(wheelarm_proto::label::split(&label).0, number);
+        folder.path().join(format!("{name}.h5"))
+    };
+    std::fs::write(file(1), "precious").expect("a file");
+    let mut recorder = wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &[]);
+    let there = |page: &Page| !page.situation()["recorders"].to_string().eq("[]");
+    wait_until("the recorder is there", || there(&page));
+    let practice = page.ask("episode.start", json!({"recorders": 0}));
+    assert_eq!(practice["label"], label.as_str(), "{practice}");
+    pass(&page, 48);
+    page.ask("episode.finish", json!({}));
+    let taken = page.ask("episode.start", json!({"label": label}));
+    assert!(
+        taken["error"].to_string().contains("next free label is"),
+        "{taken}"
+    );
+    let started = page.ask("episode.start", json!({}));
+    assert_eq!(started["ok"], true, "{started}");
+    assert_eq!(
+        file(2).file_stem().and_then(|s| s.to_str()),
+        started["label"].as_str()
+    );
+    let status: v1::Status = server.link().ask(&v1::StatusRequest {}).expect("a status");
+    let limit = status.episode.and_then(|e| e.scenario?.time_limit_seconds);
+    assert_eq!(limit, Some(wheelarm_proto::check::MAX_TIME_LIMIT));
+    pass(&page, 48);
+    let finished = page.ask("episode.finish", json!({}));
+    assert!(!finished["text"].to_string().contains("kept"), "{finished}");
+    wait_until("the recorder confirms", || page.was_noted("kept in"));
+    assert!(file(2).is_file());
+
+    // A recorder that goes in an episode is an alarm at once.
+    assert_eq!(page.ask("episode.start", json!({}))["ok"], true);
+    recorder.kill();
+    wait_until("the alarm", || told(&page, "NOTHING IS RECORDED"));
+    assert_eq!(
+        std::fs::read_to_string(file(1)).expect("the file"),
+        "precious"
     );
 }
 
@@ -413,15 +491,83 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     }
     let cookie = cookie.split(';').next().expect("a value");
     assert_eq!(safe.ask("GET /session", cookie, "").0, 200);
-    let (code, text) = safe.ask("POST /ticket", cookie, "{\"count\":1}");
-    assert_eq!(code, 200, "{text}");
-    assert!(safe.welcomes(cookie, &text));
+    // A cookie that somebody else chose is never the one of a session.
+    let name = cookie.split('=').next().expect("a name");
+    let chosen = format!("{name}={}", "0".repeat(32));
+    let body = json!({"user": "anna", "password": "right and long"}).to_string();
+    let (code, head) = safe.ask("POST /login", &chosen, &body);
+    assert!(code == 200 && !head.contains(&chosen), "{head}");
+    assert_eq!(safe.ask("GET /session", &chosen, "").0, 401);
+    drop(safe.enter("/ws/control", cookie));
     for _ in 0..5 {
         assert_eq!(login("anna", "wrong").0, 401);
     }
-    // Now not even the right one, and nobody else's either.
+    // Now not even the right one; others may still try.
     assert_eq!(login("anna", "right and long").0, 429);
-    assert_eq!(login("nobody", "wrong").0, 429);
+    assert_eq!(login("nobody", "wrong").0, 401);
     assert_eq!(safe.ask("POST /logout", cookie, "{}").0, 204);
     assert_eq!(safe.ask("GET /session", cookie, "").0, 401);
+}
+
+/// Takes control for the page `s1`, which ends `how` says.
+fn loses_control(safe: &Safe, cookie: &str, how: impl FnOnce()) {
+    let link = safe.link();
+    let holder = || {
+        let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+        status.holder
+    };
+    let lane = safe.enter("/ws/control", cookie);
+    let mut state = safe.enter("/ws/state", cookie);
+    let mut asked = 0;
+    wait_until("anna is in control", || {
+        // The gateway may not be connected yet.
+        asked += 1;
+        let ask = json!({"t": "ask", "id": asked, "ask": "lease.ask"}).to_string();
+        let sent = state.send(tungstenite::Message::Text(ask.into()));
+        sent.is_ok() && holder() == "anna"
+    });
+    how();
+    assert_eq!(safe::close_code(lane), Some(4401));
+    assert_eq!(safe::close_code(state), Some(4401));
+    wait_until("control is back", || holder().is_empty());
+    assert_eq!(safe.ask("GET /session", cookie, "").0, 401);
+}
+
+#[test]
+fn the_end_of_a_session_closes_its_sockets_and_takes_control_back() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("keys");
+    let server = Server::start("sessions", &["--no-cameras"]).expect("a server");
+    let safe = Safe::open(server, &path);
+    let keys = wheelarm_access::Folder::open(&path).expect("keys");
+    let change = |change: &dyn Fn(&mut wheelarm_access::Users)| {
+        let mut users = keys.users().expect("users");
+        change(&mut users);
+        users.save(&keys.users_file()).expect("a file");
+    };
+    let (first, second) = ("right and long", "another one");
+    let cookie = safe.sign_in(first).expect("anna");
+    loses_control(&safe, &cookie, || {
+        assert_eq!(safe.ask("POST /logout", &cookie, "{}").0, 204);
+    });
+    let cookie = safe.sign_in(first).expect("anna");
+    loses_control(&safe, &cookie, || {
+        change(&|users| users.set_password("anna", Some(second)).expect("anna"));
+    });
+    assert_eq!(safe.sign_in(first), None);
+    let cookie = safe.sign_in(second).expect("anna");
+    loses_control(&safe, &cookie, || {
+        change(&|users| {
+            let viewer = wheelarm_access::Role::Viewer;
+            users.set_role("anna", viewer, false).expect("anna");
+        });
+    });
+    // A session of the lowered role, and whatever cookie came before it.
+    let cookie = safe.sign_in(second).expect("anna");
+    let (code, text) = safe.ask("GET /session", &cookie, "");
+    assert!(code == 200 && text.contains("viewer"), "{text}");
+    let socket = safe.enter("/ws/state", &cookie);
+    change(&|users| drop(users.remove("anna").expect("anna")));
+    assert_eq!(safe::close_code(socket), Some(4401));
+    assert_eq!(safe.sign_in(second), None);
 }

@@ -11,6 +11,7 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     wheelarm_proto::output::end_with_output();
+    wheelarm_proto::signals::end_as_first_process();
     match commands::main(commands::Cli::parse()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {

@@ -1,21 +1,46 @@
-//! Publication: what was made under another name gets its final one, durably, in
-//! one step and never over another. Whoever makes files or folders that others
-//! look for goes through here: recorder, exports, campaigns.
+//! Publication: a file or folder that was made under another name gets its final one,
+//! durably, in one step and never over another. Recorder, exports and campaigns make
+//! files and folders that others look for through here.
+//!
+//! Some file systems lack a call: VirtualBox's and old CIFS shares cannot sync a folder,
+//! others have no rename that refuses a taken name. A missing call is tolerated, an error
+//! of a present one is not. Behind the rename nothing is an error: the file is complete
+//! and has its name.
 
 use std::fs::File;
 use std::io;
 use std::path::Path;
+use std::sync::Once;
 
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
+
+/// A name that was given. Where the folder could not be synced, a loss of power may
+/// still undo it.
+#[derive(Debug, Default)]
+pub struct Published {
+    /// Why the name is not durable.
+    pub not_durable: Option<io::Error>,
+}
+
+/// Makes the name of a complete file or folder durable. An error is a warning: the file
+/// has its name already.
+pub fn settle(target: &Path) -> Published {
+    let not_durable = sync_folder(target).err();
+    if let Some(problem) = &not_durable {
+        let name = target.display();
+        tracing::warn!("{name} is complete, but its folder cannot be synced: {problem}");
+    }
+    Published { not_durable }
+}
 
 /// Gives the temporary file its final name.
 ///
 /// # Errors
 /// `AlreadyExists` when the name is taken; then both files stay as they are. Else
-/// what the disk says.
-pub fn file(temporary: &Path, target: &Path) -> io::Result<()> {
-    File::open(temporary)?.sync_all()?;
+/// what the disk says; then the final name does not exist.
+pub fn file(temporary: &Path, target: &Path) -> io::Result<Published> {
+    sync_file(&File::open(temporary)?)?;
     let mut done = rename(temporary, target);
     if done.is_err_and(cannot) {
         // Some network folders do not know that call, but have hard links.
@@ -26,7 +51,7 @@ pub fn file(temporary: &Path, target: &Path) -> io::Result<()> {
         Err(problem) if cannot(problem) => take_name(temporary, target)?,
         Err(problem) => return Err(problem.into()),
     }
-    sync_folder(target)
+    Ok(settle(target))
 }
 
 /// Gives the temporary folder its final name; what is in it is durable already,
@@ -34,14 +59,14 @@ pub fn file(temporary: &Path, target: &Path) -> io::Result<()> {
 ///
 /// # Errors
 /// `AlreadyExists` when the name is taken; then both stay as they are. Else what
-/// the disk says.
-pub fn folder(temporary: &Path, target: &Path) -> io::Result<()> {
+/// the disk says; then the final name does not exist.
+pub fn folder(temporary: &Path, target: &Path) -> io::Result<Published> {
     match rename(temporary, target) {
         Ok(()) => {}
         Err(problem) if cannot(problem) => take_folder(temporary, target)?,
         Err(problem) => return Err(problem.into()),
     }
-    sync_folder(target)
+    Ok(settle(target))
 }
 
 fn rename(temporary: &Path, target: &Path) -> Result<(), Errno> {
@@ -85,7 +110,7 @@ fn take_folder(temporary: &Path, target: &Path) -> io::Result<()> {
     })
 }
 
-/// Makes a new or removed name durable.
+/// Makes a new or removed name durable, where the file system can sync folders.
 ///
 /// # Errors
 /// What the disk says.
@@ -94,7 +119,54 @@ pub fn sync_folder(file: &Path) -> io::Result<()> {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    File::open(folder)?.sync_all()
+    // A folder that may be written and not listed cannot be opened.
+    let synced = File::open(folder).and_then(|folder| folder.sync_all());
+    tolerated(synced, &format!("the folder {}", folder.display()))
+}
+
+/// Brings a file to the disk, where the file system can sync files.
+///
+/// # Errors
+/// What the disk says.
+pub fn sync_file(file: &File) -> io::Result<()> {
+    tolerated(file.sync_all(), "a file")
+}
+
+/// Brings the contents of a file to the disk, where the file system can sync files.
+///
+/// # Errors
+/// What the disk says.
+pub fn sync_data(file: &File) -> io::Result<()> {
+    tolerated(file.sync_data(), "a file")
+}
+
+/// Turns the answer of a file system that has no such call into success, which is told
+/// once.
+fn tolerated(synced: io::Result<()>, what: &str) -> io::Result<()> {
+    static TOLD: Once = Once::new();
+    let missing = [
+        Errno::ACCESS,
+        Errno::NOTSUP,
+        Errno::BADF,
+        Errno::ISDIR,
+        Errno::NOTTY,
+    ];
+    let is_missing = |problem: &io::Error| {
+        let number = Errno::from_io_error(problem);
+        number.is_some_and(|number| cannot(number) || missing.contains(&number))
+    };
+    match synced {
+        Err(problem) if is_missing(&problem) => {
+            TOLD.call_once(|| {
+                tracing::warn!(
+                    "this file system cannot sync {what} ({problem}): files are complete, but a \
+                     loss of power may cost the newest"
+                );
+            });
+            Ok(())
+        }
+        synced => synced,
+    }
 }
 
 #[cfg(test)]
@@ -108,13 +180,13 @@ mod tests {
     type Way = fn(&Path, &Path) -> io::Result<()>;
 
     const FILES: [Way; 4] = [
-        file,
+        |from, to| file(from, to).map(drop),
         |from, to| rename(from, to).map_err(Into::into),
         |from, to| link(from, to).map_err(Into::into),
         take_name,
     ];
     const FOLDERS: [Way; 3] = [
-        folder,
+        |from, to| folder(from, to).map(drop),
         |from, to| rename(from, to).map_err(Into::into),
         take_folder,
     ];
@@ -203,6 +275,17 @@ mod tests {
         for way in [take_name, take_folder] {
             assert!(way(&temporary, &target).is_err());
             assert!(!target.exists());
+        }
+    }
+
+    #[test]
+    fn a_missing_sync_is_tolerated_and_a_failed_one_is_not() {
+        let answer = |number: Errno| tolerated(Err(number.into()), "the folder f");
+        for missing in [Errno::INVAL, Errno::OPNOTSUPP, Errno::NOSYS, Errno::BADF] {
+            assert!(answer(missing).is_ok(), "{missing}");
+        }
+        for failed in [Errno::IO, Errno::NOSPC, Errno::DQUOT] {
+            assert!(answer(failed).is_err(), "{failed}");
         }
     }
 }

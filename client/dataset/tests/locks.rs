@@ -80,3 +80,60 @@ fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
     assert!(told.contains("exists already"), "{told}");
     assert!(second.exists() && !first.exists());
 }
+
+/// Calls that some file systems lack: no lock (NFS without its service, Lustre), and no
+/// sync of a folder (VirtualBox's shares, old CIFS).
+const SHIM: &str = r#"
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <sys/stat.h>
+int flock(int fd, int op) { (void)fd; (void)op; errno = ENOLCK; return -1; }
+int fsync(int fd) {
+    struct stat found;
+    if (fstat(fd, &found) == 0 && S_ISDIR(found.st_mode)) { errno = EINVAL; return -1; }
+    return ((int (*)(int))dlsym(RTLD_NEXT, "fsync"))(fd);
+}
+"#;
+
+#[cfg(target_os = "linux")]
+#[test]
+fn recordings_are_made_and_read_on_a_file_system_without_locks_and_folder_syncs() {
+    let _alone = ALONE.lock();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (source, shim) = (folder.join("shim.c"), folder.join("shim.so"));
+    std::fs::write(&source, SHIM).unwrap();
+    let built = Command::new("cc")
+        .args(["-shared", "-fPIC", "-o"])
+        .args([&shim, &source])
+        .arg("-ldl")
+        .status();
+    assert!(built.unwrap().success());
+    let run = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_wheelarm-dataset"))
+            .args(arguments)
+            .env("LD_PRELOAD", &shim)
+            .current_dir(folder)
+            .output()
+            .unwrap();
+        let words = [output.stdout, output.stderr].concat();
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&words).into_owned(),
+        )
+    };
+    let log = synthetic::smooth::record(folder, "far", 2, (32, 18)).unwrap();
+    let (code, words) = run(&["recover", "far.h5.wal"]);
+    assert_eq!(code, Some(0), "{words}");
+    assert!(!log.exists() && folder.join("far.h5").exists(), "{words}");
+    for command in [
+        &["info", "far.h5"][..],
+        &["validate", "far.h5"],
+        &["export", "--format", "csv", "--out", "out", "far.h5"],
+    ] {
+        let (code, words) = run(command);
+        assert_ne!(code, Some(1), "{words}");
+        assert!(!words.contains("damaged"), "{words}");
+    }
+}

@@ -7,8 +7,10 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+use hdf5::types::VarLenUnicode;
 use parking_lot::{Mutex, MutexGuard};
 use wheelarm_dataset::finish::finish;
+use wheelarm_dataset::read::Episode;
 
 /// One test at a time: a child that starts while a file is written inherits its
 /// lock.
@@ -153,6 +155,199 @@ fn a_recording_of_the_wrong_size_is_told_with_its_dataset_and_the_rest_goes_on()
     }
 }
 
+/// A change of a recording's file.
+type Change<'a> = &'a dyn Fn(&hdf5::File);
+
+#[test]
+fn a_hostile_recording_is_rejected_before_anything_in_it_is_read() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    std::fs::write(folder.join("secret"), vec![b'x'; 1 << 20]).unwrap();
+    let (image, robot) = ("streams/camera/gen3/rgb", "robot/message");
+    let moved = |file: &hdf5::File, path: &str| {
+        let shape = file.dataset(path).unwrap().shape();
+        file.unlink(path).unwrap();
+        let outside = folder.join("secret");
+        let data = file.new_dataset::<u8>().shape(shape);
+        let data = data.with_dcpl(|p| p.external(outside.to_str().unwrap(), 0, 0));
+        data.create(path).unwrap();
+    };
+    let claims = |file: &hdf5::File, path: &str, bytes: usize| {
+        file.unlink(path).unwrap();
+        let data = file.new_dataset::<u8>().chunk(1 << 20).deflate(9);
+        data.shape(bytes).create(path).unwrap();
+    };
+    let cases: [(&str, Change<'_>, &str); 9] = [
+        (
+            "image",
+            &|file| moved(file, image),
+            "rgb is stored in another file",
+        ),
+        (
+            "text",
+            &|file| moved(file, robot),
+            "robot/message is stored in another file",
+        ),
+        (
+            "external",
+            &|file| {
+                file.unlink(robot).unwrap();
+                file.link_external("whole.h5", "/robot/message", robot)
+                    .unwrap();
+            },
+            "robot/message is a link to another file",
+        ),
+        (
+            "soft",
+            &|file| file.link_soft("/robot", "streams/robot").unwrap(),
+            "streams/robot is a soft link",
+        ),
+        (
+            "cycle",
+            &|file| file.link_hard("/streams", "streams/camera/again").unwrap(),
+            "nested more than 16 groups deep",
+        ),
+        (
+            "snapshot",
+            &|file| claims(file, "initial_state/snapshot", 8 << 30),
+            "initial_state/snapshot claims 8589934592 bytes, at most 268435456",
+        ),
+        (
+            "robot",
+            &|file| claims(file, robot, 17 << 20),
+            "robot/message claims 17825792 bytes, at most 16777216",
+        ),
+        (
+            "frame",
+            &|file| {
+                file.unlink(image).unwrap();
+                let data = file.new_dataset::<u8>().shape([10, 1 << 17, 1 << 17, 3]);
+                data.create(image).unwrap();
+            },
+            "rgb claims 51539607552 bytes",
+        ),
+        (
+            "column",
+            &|file| {
+                file.unlink("streams/imu/stamp_nanos").unwrap();
+                let data = file.new_dataset::<u64>().chunk(1 << 20).shape(1 << 30);
+                data.create("streams/imu/stamp_nanos").unwrap();
+            },
+            "stamp_nanos and the columns before it claim",
+        ),
+    ];
+    for (name, change, words) in cases {
+        let name = format!("{name}.h5");
+        std::fs::copy(folder.join("whole.h5"), folder.join(&name)).unwrap();
+        let file = hdf5::File::open_rw(folder.join(&name)).unwrap();
+        change(&file);
+        file.close().unwrap();
+        // All commands open recordings alike.
+        let commands = [
+            &["info", &name][..],
+            &["validate", &name],
+            &["export", "--format", "csv", "--out", "out", &name],
+        ];
+        let commands = match name.as_str() {
+            "image.h5" => &commands[..],
+            _ => &commands[..1],
+        };
+        for command in commands {
+            let told = refused(folder, command);
+            assert!(told.contains(words), "{command:?}: {told}");
+            assert!(told.contains("no recorder writes such a file"), "{told}");
+        }
+    }
+}
+
+#[test]
+fn rows_that_share_one_stored_list_claim_no_more_memory_than_the_file_has() {
+    use std::os::unix::fs::FileExt;
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "whole");
+    let path = folder.join("whole.h5");
+    let file = hdf5::File::open_rw(&path).unwrap();
+    let column = "streams/phase/phase";
+    let rows = file.dataset(column).unwrap().shape()[0];
+    file.unlink(column).unwrap();
+    let data = file.new_dataset::<VarLenUnicode>().shape(rows);
+    let data = data.create(column).unwrap();
+    let mut words = vec!["short".parse::<VarLenUnicode>().unwrap(); rows];
+    words[0] = "x".repeat(100_000).parse().unwrap();
+    data.write(&words).unwrap();
+    let at = data.offset().unwrap();
+    drop(data);
+    file.close().unwrap();
+    let bytes = std::fs::File::options()
+        .read(true)
+        .write(true)
+        .open(&path)
+        .unwrap();
+    // Length, address of the heap and number of the list in it.
+    let mut first = [0; 16];
+    bytes.read_exact_at(&mut first, at).unwrap();
+    for row in 1..rows as u64 {
+        bytes.write_all_at(&first, at + 16 * row).unwrap();
+    }
+    let episode = Episode::open(&path).unwrap();
+    let found = episode.texts("phase", "phase").unwrap_err().to_string();
+    assert!(found.contains("its lists need more than "), "{found}");
+}
+
+#[test]
+fn corrections_of_an_unknown_episode_are_an_error_and_those_of_a_file_beside_are_not() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for label in ["a", "b"] {
+        episode(folder, label);
+    }
+    let align = |out: &str, table: &str| {
+        std::fs::write(folder.join("labels.csv"), table).unwrap();
+        let options = ["--no-pictures", "--corrections", "labels.csv", "--out", out];
+        run(folder, &[&["align", "a.h5"][..], &options].concat())
+    };
+    let header = "label,episode,from_seconds";
+    let told = align("o", &format!("{header}\n2,a,0\n3,c,0\n"));
+    let words = String::from_utf8_lossy(&told.stderr).into_owned();
+    assert_eq!(told.status.code(), Some(1), "{words}");
+    assert!(
+        words.contains("labels.csv, line 3: there is no recording \"c\""),
+        "{words}"
+    );
+    assert!(!folder.join("o").exists());
+    let told = align("o", &format!("{header}\n2,a.h5,0\n3,b,0\n"));
+    assert!(told.status.success(), "{told:?}");
+    let file = hdf5::File::open(folder.join("o/a.aligned.h5")).unwrap();
+    let labels: Vec<u8> = file.dataset("label").unwrap().read_raw().unwrap();
+    assert!(labels.iter().all(|label| *label == 2), "{labels:?}");
+}
+
+#[test]
+fn no_chunk_of_an_exported_mcap_is_empty() {
+    let _turn = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    episode(folder, "a");
+    for (format, file) in [("mcap", "mcap/a.mcap"), ("rosbag2", "rosbag2/a/a_0.mcap")] {
+        let told = run(
+            folder,
+            &["export", "--format", format, "--out", format, "a.h5"],
+        );
+        assert!(told.status.success(), "{told:?}");
+        let bytes = std::fs::read(folder.join(file)).unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        assert!(!summary.chunk_indexes.is_empty());
+        for chunk in &summary.chunk_indexes {
+            assert!(!chunk.message_index_offsets.is_empty(), "{file}: {chunk:?}");
+        }
+    }
+}
+
 #[test]
 fn a_label_that_leads_out_of_the_folder_is_refused() {
     let _turn = alone();
@@ -160,7 +355,7 @@ fn a_label_that_leads_out_of_the_folder_is_refused() {
     let folder = folder.path();
     episode(folder, "whole");
     let file = hdf5::File::open_rw(folder.join("whole.h5")).unwrap();
-    let label: hdf5::types::VarLenUnicode = "../escaped".parse().unwrap();
+    let label: VarLenUnicode = "../escaped".parse().unwrap();
     file.attr("label").unwrap().write_scalar(&label).unwrap();
     drop(file);
     for format in ["csv", "mcap", "tensors", "wheelarm-sim", "rosbag2"] {

@@ -35,6 +35,10 @@ class Page {
     this.candidates = null;
     this.lastStep = null;
     this.inForce = false;
+    /** Alarms that the person has read. */
+    this.read = new Set();
+    /** With scanning on: the pointer presses what it points at instead of being the switch. */
+    this.carer = false;
     this.isArranging = false;
     this.where = "login";
     this.xr = null;
@@ -60,6 +64,10 @@ class Page {
   }
 
   async begin() {
+    // What is below the images scrolls to where it can be seen.
+    new ResizeObserver(([{ target }]) => {
+      document.documentElement.style.setProperty("--view", `${target.offsetHeight}px`);
+    }).observe($("view"));
     this.buttons();
     this.inputs.listen();
     this.applySettings();
@@ -99,6 +107,7 @@ class Page {
     } else if (where === "login") $("user").focus();
     else $("stage").focus({ preventScroll: true });
     this.applySettings();
+    if (where === "drive") this.setCarer(false);
     window.scrollTo(0, 0);
   }
 
@@ -119,6 +128,7 @@ class Page {
     $("instruction_buttons").append(button("read", "Read aloud", () => {
       if (!readAloud($("instruction").textContent || "No instruction")) this.say("This browser cannot read aloud", true);
     }));
+    $("carer").addEventListener("click", () => this.setCarer(!this.carer));
     navigator.xr?.isSessionSupported?.("immersive-vr").then((can) => {
       document.querySelector('[data-item="xr"]').hidden = !can;
     }).catch(() => {});
@@ -156,6 +166,8 @@ class Page {
     document.documentElement.dataset.theme = settings.theme;
     this.driver.speed = settings.speed;
     this.inputs.apply(settings);
+    $("carer").hidden = !settings.scan.on;
+    if (!settings.scan.on) this.carer = false;
     this.pads.draw(this.isArranging);
     this.drawVoice();
     // A finger taps the picture itself.
@@ -275,13 +287,14 @@ class Page {
 
   async episode(what) {
     this.driver.guard("guard", "");
-    if (what !== "start") {
+    if (what !== "start" && what !== "practise") {
       await this.ask(`episode.${what}`);
       return;
     }
-    const answer = await this.ask("episode.start", { label: $("label").value.trim(), instruction: $("sentence").value.trim(), recorders: 0 });
+    const answer = await this.ask("episode.start", { label: $("label").value.trim(), instruction: $("sentence").value.trim(),
+      recorders: what === "practise" ? 0 : 1 });
     if (!answer) return;
-    this.say(`Episode ${answer.number} runs`, false);
+    this.say(answer.practice ? "Practice: nothing is kept" : `Episode ${answer.number} runs: ${answer.label}`, false);
     $("label").value = "";
     $("sentence").value = "";
   }
@@ -462,7 +475,7 @@ class Page {
         : this.shownFrozen && this.situation && !this.situation.paused && this.stage.figures.size > 0 ? "The picture is not live: only STOP works." : "");
     } else text($("alarm"), "");
     if (at - (this.saidAt ?? -Infinity) > 6000) {
-      text($("hint"), this.where === "drive" && this.situation ? lock : "");
+      text($("hint"), this.resting() || (this.where === "drive" && this.situation ? lock : ""));
       $("hint").className = "";
     }
     if (this.situation && this.twice.asked) {
@@ -474,11 +487,28 @@ class Page {
     $("keys_state").classList.toggle("told", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
   }
 
+  /** What to do while the frame of scanning rests, or nothing. */
+  resting() {
+    if (!this.settings.scan.on) return "";
+    if (this.carer) return "Carer: the pointer presses buttons. Press Carer again, or your switch, to begin.";
+    return this.inputs.scanner.resting ? "Press your switch to begin." : "";
+  }
+
+  /** Whether the pointer belongs to a carer instead of being the switch. */
+  setCarer(on) {
+    if (on === this.carer || (on && !this.settings.scan.on)) return;
+    this.carer = on;
+    $("carer").setAttribute("aria-pressed", String(this.carer));
+    this.saidAt = -Infinity;
+    this.slow(now());
+  }
+
   keysState() {
     const { settings, driver } = this;
     if (this.situation?.goal) return "The robot moves on its own: any press stops it.";
     if (driver.lock) return `Driving is off: ${driver.lock}.`;
-    if (settings.scan.on) return this.inputs.scanner.resting ? "Scanning rests. Press the switch." : "Scanning.";
+    // The hint beside STOP says what to press.
+    if (settings.scan.on) return this.resting() ? "" : "Scanning.";
     if (this.inputs.gamepads.pads.size > 0) return `Stick: ${STICK_MODES[this.inputs.gamepads.mode].label}`;
     if (!settings.keysOn) return "";
     if (takesKeys(document.activeElement)) return "Keys are for the button or field that has the focus. Press Esc or click a picture to drive by keys.";

@@ -1,7 +1,10 @@
 //! Queries that take time: control, episodes, scenarios. Each runs on a thread of
 //! its own, and what came of it goes back to whoever decides.
 
-use wheelarm_proto::v1;
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::{check, v1};
 
 use super::send::Commands;
 use wheelarm_link::{Commander, Link, LinkError};
@@ -38,14 +41,21 @@ pub enum Errand {
     Scene,
 }
 
+/// How long a person who starts an episode waits for recorders that are not connected.
+const RECORDERS_COME: Duration = Duration::from_secs(2);
+/// Time between two questions for them.
+const LOOK: Duration = Duration::from_millis(100);
+
 /// How an episode is started.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Start {
     /// File label.
     pub label: String,
+    /// Nobody chose the label: a recorder that has such a file numbers it anew.
+    pub numbered: bool,
     /// Instruction sentence.
     pub instruction: String,
-    /// Recorders that must be ready.
+    /// Recorders that must be ready; 0 is practice, of which nothing is recorded.
     pub recorders: u32,
 }
 
@@ -130,7 +140,7 @@ pub fn run(
     });
 }
 
-/// The server's own words where it refused; else all of it.
+/// The server's own words where it refused; else the whole error.
 fn words(error: &LinkError) -> String {
     match error {
         LinkError::Refused { message, .. } => message.clone(),
@@ -138,15 +148,46 @@ fn words(error: &LinkError) -> String {
     }
 }
 
+/// Starts an episode of a person: it has no time limit, and it begins only when its
+/// recorders have opened their files.
 fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
+    wait_for_recorders(link, args.recorders)?;
     let request = v1::EpisodeStartRequest {
         label: args.label.clone(),
         instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
         require_recorders: args.recorders,
         commander: name.to_owned(),
+        practice: args.recorders == 0,
+        time_limit_seconds: Some(check::MAX_TIME_LIMIT),
         ..Default::default()
     };
-    link.ask(&request).map(Box::new).map_err(|e| words(&e))
+    let started = match args.numbered {
+        true => link.start_episode_numbered(request),
+        false => link.start_episode(&request),
+    };
+    started.map(Box::new).map_err(|e| words(&e))
+}
+
+/// The server waits half a minute for recorders that are not connected, which a person
+/// would take for a fault.
+fn wait_for_recorders(link: &Link, wanted: u32) -> Result<(), String> {
+    let since = Instant::now();
+    while wanted > 0 {
+        let status = link.ask(&v1::StatusRequest {}).map_err(|e| words(&e))?;
+        let names: BTreeSet<_> = status.recorders.iter().map(|r| &r.recorder).collect();
+        if names.len() >= wanted as usize {
+            break;
+        }
+        if since.elapsed() > RECORDERS_COME {
+            return Err(format!(
+                "nothing can be recorded: {} of {wanted} recorders connected. Start one with \
+                 `wheelarm record`, or practise without recording",
+                names.len()
+            ));
+        }
+        std::thread::sleep(LOOK);
+    }
+    Ok(())
 }
 
 fn stop(link: &Link, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
@@ -168,45 +209,4 @@ fn pause_time(link: &Link, pause: bool) -> Result<(), LinkError> {
         false => link.ask(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
-}
-
-/// The label that a scenario suggests.
-#[must_use]
-pub fn label_of(scenario: &v1::Scenario) -> String {
-    let task = if scenario.task().is_empty() {
-        "episode"
-    } else {
-        scenario.task()
-    };
-    format!("{task}-seed{}-1", scenario.seed())
-}
-
-/// The label with its last number counted up: a recorder refuses a taken name.
-#[must_use]
-pub fn next_label(label: &str) -> String {
-    let digits = label
-        .bytes()
-        .rev()
-        .take_while(u8::is_ascii_digit)
-        .count()
-        .min(9);
-    let (stem, number) = label.split_at(label.len() - digits);
-    match number.parse::<u64>() {
-        Ok(number) => format!("{stem}{}", number + 1),
-        Err(_) if label.is_empty() => String::new(),
-        Err(_) => format!("{label}-2"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn labels_count_up() {
-        assert_eq!(next_label("try-9"), "try-10");
-        assert_eq!(next_label("demo"), "demo-2");
-        assert_eq!(next_label(""), "");
-        assert!(next_label(&"9".repeat(100)).ends_with("1000000000"));
-    }
 }

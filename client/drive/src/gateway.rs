@@ -1,7 +1,7 @@
 //! The gateway: a hub beside a site.
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use tokio::sync::Semaphore;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::crypto::ring;
-use wheelarm_access::Folder;
+use wheelarm_access::{Folder, User, Users, Watch};
 use wheelarm_link::Connect;
 use wheelarm_proto::keys;
 
@@ -79,8 +79,10 @@ impl Gateway {
             true => Role::Viewer,
             false => Role::Admin,
         };
-        let access = options.keys.as_deref().map(|keys| access(keys, most));
-        let access = access.transpose()?;
+        let folder = options.keys.as_deref().map(Folder::open).transpose()?;
+        let tls = folder.as_ref().map(acceptor).transpose()?;
+        // A wrong file of users is an error before anything is opened.
+        folder.as_ref().map(Folder::users).transpose()?;
         keys::check_name(&options.commander)?;
         let audit = Audit::open(options.audit.as_deref())?;
         let listener = match TcpListener::bind(options.listen).await {
@@ -111,29 +113,31 @@ impl Gateway {
             visitor("viewer", Role::Viewer),
         ];
         let (hub, thread) = Hub::start(&options.connect, audit);
+        let shared = Arc::new(Shared {
+            feeds: Feeds::new(hub.link.clone()),
+            hub: hub.clone(),
+            sessions: Sessions::default(),
+            registry: Registry::default(),
+        });
+        let users = folder.map(|folder| users_of(&folder, most, &shared));
+        let users = users.transpose()?;
         let site = Site {
-            shared: Arc::new(Shared {
-                feeds: Feeds::new(hub.link.clone()),
-                hub: hub.clone(),
-                sessions: Sessions::default(),
-                registry: Registry::default(),
-            }),
+            shared,
             files: Files {
                 folder: options.files.clone(),
             },
             address,
-            users: access.as_ref().map(|(_, users)| Arc::clone(users)),
-            tls: access.as_ref().map(|(tls, _)| tls.clone()),
+            tls,
             names: options.names.clone(),
             tries: Mutex::default(),
             gate: Semaphore::new(1),
             began: Instant::now(),
             everybody: visitors
                 .last()
-                .filter(|_| options.watch_only && access.is_none())
+                .filter(|_| options.watch_only && users.is_none())
                 .cloned(),
             // Who has users has no need of links that let anybody in.
-            tokens: match access {
+            tokens: match users {
                 Some(_) => Vec::new(),
                 None if options.watch_only => Vec::new(),
                 None => tokens
@@ -145,6 +149,7 @@ impl Gateway {
                     })
                     .collect(),
             },
+            users: users.map(|users| Arc::new(users) as Arc<dyn LogIn>),
         };
         let task = tokio::spawn(site::serve(listener, Arc::new(site)));
         Ok(Self {
@@ -219,10 +224,43 @@ fn host(address: SocketAddr, names: &[String]) -> String {
     }
 }
 
-/// What encrypts, and who is let in with `most` rights at most, by a folder of keys
-/// and users.
-fn access(folder: &Path, most: Role) -> anyhow::Result<(TlsAcceptor, LogIn)> {
-    let folder = Folder::open(folder)?;
+/// Users of a folder of keys, with `most` rights at most.
+struct FolderUsers {
+    watch: Watch,
+    most: Role,
+}
+
+impl LogIn for FolderUsers {
+    fn verify(&self, name: &str, password: &str) -> Option<(Role, User)> {
+        let users = self.watch.look();
+        let users = users.inspect_err(|e| tracing::error!("nobody is let in: {e}"));
+        let user = users.ok()?.verify(name, password)?.clone();
+        let role = match user.role {
+            wheelarm_access::Role::Viewer | wheelarm_access::Role::Recorder => Role::Viewer,
+            wheelarm_access::Role::Operator => Role::Operator,
+            wheelarm_access::Role::Admin => Role::Admin,
+        };
+        Some((role.min(self.most), user))
+    }
+
+    fn users(&self) -> Arc<Users> {
+        self.watch.look().unwrap_or_else(|_| self.watch.users())
+    }
+}
+
+/// The users of a folder; sessions of those that are changed or removed end.
+fn users_of(folder: &Folder, most: Role, shared: &Arc<Shared>) -> anyhow::Result<FolderUsers> {
+    let shared = Arc::clone(shared);
+    let watch = Watch::start(
+        folder,
+        move |users| shared.sessions.keep(users),
+        |why| tracing::error!("the users stay as they were: {why}"),
+    )?;
+    Ok(FolderUsers { watch, most })
+}
+
+/// What encrypts, by a folder of keys.
+fn acceptor(folder: &Folder) -> anyhow::Result<TlsAcceptor> {
     let identity = folder.server_identity()?;
     let config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_safe_default_protocol_versions()
@@ -230,23 +268,7 @@ fn access(folder: &Path, most: Role) -> anyhow::Result<(TlsAcceptor, LogIn)> {
         .with_no_client_auth()
         .with_single_cert(identity.certificates, identity.key)
         .context("taking the server's certificate")?;
-    // A wrong file is told at the start; later ones are read anew at every log-in, so
-    // that a new password or a user who is gone counts at once.
-    folder.users()?;
-    let users: LogIn = Arc::new(move |name, password| {
-        let users = folder
-            .users()
-            .inspect_err(|e| tracing::error!("nobody is let in: {e}"))
-            .ok()?;
-        let role = users.verify(name, password)?;
-        let role = match role {
-            wheelarm_access::Role::Viewer | wheelarm_access::Role::Recorder => Role::Viewer,
-            wheelarm_access::Role::Operator => Role::Operator,
-            wheelarm_access::Role::Admin => Role::Admin,
-        };
-        Some(role.min(most))
-    });
-    Ok((TlsAcceptor::from(Arc::new(config)), users))
+    Ok(TlsAcceptor::from(Arc::new(config)))
 }
 
 #[cfg(test)]

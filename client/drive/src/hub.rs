@@ -1,10 +1,14 @@
 //! The gateway at work: one thread takes what comes from the server and from the
-//! pages, in order, and carries out what the model decides.
+//! pages, and carries out what the model decides.
+//!
+//! Events wait in three lanes, each in order: stops first, then pages, then the
+//! server. However much the server sends, a stop waits for one event at most. The
+//! server's lane is bounded; behind it [`Line`] drops the oldest.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{Receiver, Sender, unbounded};
+use crossbeam_channel::{Receiver, Select, Sender, bounded, unbounded};
 use tokio::sync::{mpsc, oneshot, watch as latest};
 use wheelarm_link::{Commander, Connect, Link, LinkError};
 use wheelarm_proto::TopicId;
@@ -13,7 +17,7 @@ use wheelarm_proto::v1;
 use crate::audit::Audit;
 use crate::errand::{self, Brought, Done, Errand};
 use crate::model::{Effect, Model, Picked, Socket};
-use crate::protocol::{Asked, Intent};
+use crate::protocol::{Action, Asked, Intent};
 use crate::report::{self, Sent};
 use crate::send::Commands;
 use crate::skills::{self, Skills};
@@ -39,6 +43,10 @@ const STREAMS: [TopicId; 12] = [
 const REPORT: Duration = Duration::from_millis(100);
 /// Time between two looks at what is due: while something moves, and else.
 const LOOK: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
+/// Events of the server that may wait.
+const SERVER: usize = 256;
+/// Events that are taken before time goes on.
+const AT_ONCE: usize = 500;
 /// Time from the last command until the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(150);
 
@@ -58,8 +66,12 @@ pub enum Event {
     Joined(String, Visitor, Socket, Option<Outlet>),
     /// A socket was closed.
     Left(String, Socket),
+    /// The session of a page's socket ended; why.
+    SignedOut(String, String),
     /// An intent of a page.
     Intent(String, Intent),
+    /// A stop that came before the event that its socket was opened.
+    Late(String, Intent),
     /// A question of a page.
     Asked(String, Asked),
     /// What a page gets of the cameras.
@@ -92,10 +104,72 @@ impl std::fmt::Debug for Server {
     }
 }
 
+/// Where events are put.
+#[derive(Clone)]
+struct Lanes {
+    stops: Sender<Event>,
+    pages: Sender<Event>,
+    server: Sender<Event>,
+}
+
+impl Lanes {
+    /// Hands an event over; one that comes after the end is dropped.
+    fn tell(&self, event: Event) {
+        let lane = match &event {
+            Event::Intent(_, intent) if intent.action == Action::Stop => &self.stops,
+            _ => &self.pages,
+        };
+        let _ = lane.send(event);
+    }
+}
+
+/// Where events come from.
+struct Came {
+    stops: Receiver<Event>,
+    pages: Receiver<Event>,
+    server: Receiver<Event>,
+}
+
+impl Came {
+    fn lanes() -> (Lanes, Self) {
+        let (stops, stops_came) = unbounded();
+        let (pages, pages_came) = unbounded();
+        let (server, server_came) = bounded(SERVER);
+        let lanes = Lanes {
+            stops,
+            pages,
+            server,
+        };
+        let came = Self {
+            stops: stops_came,
+            pages: pages_came,
+            server: server_came,
+        };
+        (lanes, came)
+    }
+
+    /// The most urgent event.
+    fn next(&self) -> Option<Event> {
+        let mut lanes = [&self.stops, &self.pages, &self.server].into_iter();
+        lanes.find_map(|lane| lane.try_recv().ok())
+    }
+
+    /// As [`Came::next`]; waits for one.
+    fn wait(&self, patience: Duration) -> Option<Event> {
+        let mut select = Select::new();
+        for lane in [&self.stops, &self.pages, &self.server] {
+            select.recv(lane);
+        }
+        // Which lane has one does not matter here.
+        let _ = select.ready_timeout(patience);
+        self.next()
+    }
+}
+
 /// How to speak to the hub.
 #[derive(Clone)]
 pub struct Hub {
-    events: Sender<Event>,
+    lanes: Lanes,
     /// The connection to the server, while there is one.
     pub link: latest::Receiver<Option<Link>>,
     /// Names of the cameras, by their index.
@@ -106,12 +180,12 @@ impl Hub {
     /// Starts the thread.
     #[must_use]
     pub fn start(connect: &Connect, audit: Audit) -> (Self, std::thread::JoinHandle<()>) {
-        let (events, came) = unbounded();
+        let (lanes, came) = Came::lanes();
         let (link, link_of) = latest::channel(None);
         let (cameras, cameras_of) = latest::channel(Vec::new());
         let work = Work {
             model: Model::default(),
-            events: events.clone(),
+            lanes: lanes.clone(),
             link: None,
             link_told: link,
             cameras,
@@ -123,27 +197,33 @@ impl Hub {
             began: Instant::now(),
             reports: 0,
         };
-        let line = Line::open(connect.clone(), STREAMS.to_vec(), events.clone(), |heard| {
+        let server = lanes.server.clone();
+        let line = Line::open(connect.clone(), STREAMS.to_vec(), server, |heard| {
             Event::Server(Server::Heard(heard))
         });
-        let thread = std::thread::spawn(move || work.run(&came, line));
+        let thread = std::thread::spawn(move || {
+            work.run(&came);
+            // The line may wait for room: without a reader it ends.
+            drop(came);
+            drop(line);
+        });
         let hub = Self {
-            events,
+            lanes,
             link: link_of,
             cameras: cameras_of,
         };
         (hub, thread)
     }
 
-    /// Hands an event over; one that comes after the end is let go.
+    /// Hands an event over; one that comes after the end is dropped.
     pub fn tell(&self, event: Event) {
-        let _ = self.events.send(event);
+        self.lanes.tell(event);
     }
 }
 
 struct Work {
     model: Model,
-    events: Sender<Event>,
+    lanes: Lanes,
     link: Option<Link>,
     link_told: latest::Sender<Option<Link>>,
     cameras: latest::Sender<Vec<String>>,
@@ -161,34 +241,30 @@ impl Work {
         self.began.elapsed().as_secs_f64()
     }
 
-    fn run(mut self, came: &Receiver<Event>, line: Line) {
+    fn run(mut self, came: &Came) {
         let mut next_report = Instant::now();
         loop {
             let look = LOOK[usize::from(!self.model.is_busy())];
             let due = next_report.saturating_duration_since(Instant::now());
-            if let Ok(event) = came.recv_timeout(look.min(due)) {
-                if matches!(event, Event::End) {
-                    break;
+            let mut event = came.wait(look.min(due));
+            // What came meanwhile is taken before time goes on.
+            let mut taken = 0;
+            while let Some(one) = event {
+                if matches!(one, Event::End) {
+                    return self.farewell();
                 }
-                self.take(event);
-                // What came meanwhile is taken before time goes on.
-                for event in came.try_iter().take(500) {
-                    if matches!(event, Event::End) {
-                        self.farewell();
-                        return;
-                    }
-                    self.take(event);
-                }
+                self.take(one);
+                taken += 1;
+                event = (taken < AT_ONCE).then(|| came.next()).flatten();
             }
             let effects = self.model.tick(self.now());
             self.perform(effects);
             if Instant::now() >= next_report {
                 next_report = Instant::now() + REPORT;
                 self.report();
+                self.audit.tick();
             }
         }
-        self.farewell();
-        drop(line);
     }
 
     fn take(&mut self, event: Event) {
@@ -212,7 +288,16 @@ impl Work {
                 }
                 effects
             }
-            Event::Intent(page, intent) => self.model.intent(&page, &intent, now),
+            Event::SignedOut(page, why) => self.model.signed_out(&page, &why, now),
+            Event::Intent(page, intent) => {
+                // A stop overtook the opening of its socket: it waits behind it, once.
+                if intent.action == Action::Stop && !self.model.knows(&page) {
+                    let _ = self.lanes.pages.send(Event::Late(page, intent));
+                    return;
+                }
+                self.model.intent(&page, &intent, now)
+            }
+            Event::Late(page, intent) => self.model.intent(&page, &intent, now),
             Event::Asked(page, asked) => self.model.asked(&page, &asked, now),
             Event::Sent(page, sent) => {
                 self.sent.insert(page, sent);
@@ -319,9 +404,9 @@ impl Work {
                 Effect::Release => self.release(),
                 Effect::Pick(picked) => self.pick(picked),
                 Effect::Goal(asked) => {
-                    let events = self.events.clone();
+                    let lanes = self.lanes.clone();
                     let tell = move |said| {
-                        let _ = events.send(Event::Server(Server::Skill(said)));
+                        lanes.tell(Event::Server(Server::Skill(said)));
                     };
                     self.skills = self
                         .link
@@ -345,9 +430,9 @@ impl Work {
     }
 
     fn errand(&mut self, errand: Errand, name: String) {
-        let events = self.events.clone();
+        let lanes = self.lanes.clone();
         let bring = move |brought| {
-            let _ = events.send(Event::Server(Server::Brought(brought)));
+            lanes.tell(Event::Server(Server::Brought(brought)));
         };
         let Some(link) = &self.link else {
             let lease = matches!(errand, Errand::Lease { .. });
@@ -366,7 +451,7 @@ impl Work {
     }
 
     fn pick(&self, picked: Picked) {
-        let events = self.events.clone();
+        let lanes = self.lanes.clone();
         let link = self.link.clone();
         std::thread::spawn(move || {
             let reply = match link {
@@ -376,7 +461,7 @@ impl Work {
                 }),
                 None => Err("there is no connection to the simulation".to_owned()),
             };
-            let _ = events.send(Event::Server(Server::Picked(picked, reply)));
+            lanes.tell(Event::Server(Server::Picked(picked, reply)));
         });
     }
 
@@ -400,5 +485,45 @@ impl Work {
             std::thread::sleep(FAREWELL);
             commands.finish();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn intent(kind: &str) -> Intent {
+        let text = format!(r#"{{"t":"{kind}","seq":1,"epoch":1}}"#);
+        Intent::read(&text).unwrap().unwrap()
+    }
+
+    #[test]
+    fn a_stop_is_taken_before_everything_that_waits() {
+        let (lanes, came) = Came::lanes();
+        let mut refused = 0;
+        while refused < 100_000 {
+            let heard = Event::Server(Server::Heard(Heard::Silent));
+            if lanes.server.try_send(heard).is_err() {
+                break;
+            }
+            refused += 1;
+        }
+        assert_eq!(refused, SERVER, "the lane of the server is bounded");
+        for _ in 0..1000 {
+            lanes.tell(Event::Intent("a".to_owned(), intent("alive")));
+        }
+        lanes.tell(Event::Intent("a".to_owned(), intent("stop")));
+        let first = came.next();
+        assert!(
+            matches!(&first, Some(Event::Intent(_, one)) if one.action == Action::Stop),
+            "{first:?}"
+        );
+        for _ in 0..1000 {
+            assert!(
+                matches!(came.next(), Some(Event::Intent(..))),
+                "pages first"
+            );
+        }
+        assert!(matches!(came.next(), Some(Event::Server(_))));
     }
 }

@@ -25,6 +25,7 @@ pub mod model;
 pub mod motion;
 pub mod phase;
 pub mod pipe;
+mod places;
 pub mod protocol;
 mod rate;
 pub mod registry;

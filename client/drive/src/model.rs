@@ -141,14 +141,18 @@ impl Model {
                 empty: now,
             }
         });
+        // Signed in anew: the former role counts no more.
+        known.visitor.clone_from(visitor);
         known.sockets.push(socket);
     }
 
-    /// Whether this page belongs to somebody else than `visitor`.
-    #[must_use]
-    pub fn is_foreign(&self, page: &str, visitor: &Visitor) -> bool {
-        let known = self.pages.get(page);
-        known.is_some_and(|known| known.visitor != *visitor)
+    /// The session of a page ended: everything stops and control goes back to the
+    /// server at once.
+    pub fn signed_out(&mut self, page: &str, why: &str, now: f64) -> Vec<Effect> {
+        let mut effects = self.end_goal_of(page, why, now);
+        effects.extend(self.cut(page, why, now));
+        effects.extend(self.take_back(page, why));
+        effects
     }
 
     /// A socket of a page was closed.
@@ -168,6 +172,12 @@ impl Model {
             return effects;
         }
         Vec::new()
+    }
+
+    /// Whether a page is open, or was a moment ago.
+    #[must_use]
+    pub fn knows(&self, page: &str) -> bool {
+        self.pages.contains_key(page)
     }
 
     /// Pages that have a socket (count).
@@ -438,6 +448,16 @@ impl Model {
     fn refusal(&mut self, refusal: &v1::Refusal, time: f64) -> Vec<Effect> {
         if !self.control.is_named(&refusal.commander) {
             return Vec::new();
+        }
+        // Somebody else sent it in this name: what we sent is not affected.
+        let foreign = [
+            RefusalCode::Seal,
+            RefusalCode::Foreign,
+            RefusalCode::Version,
+        ];
+        if foreign.contains(&refusal.code()) {
+            let page = self.control.page().unwrap_or_default();
+            return vec![self.audit(page, "foreign", &refusal.reason)];
         }
         self.refused += refusal.count.max(1);
         let Some(holder) = self.control.page().map(str::to_owned) else {

@@ -1,6 +1,7 @@
 //! What the sockets of a page have in common: what they share, how they read and
 //! write, and with what they are closed.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use futures_util::{SinkExt, StreamExt};
@@ -14,10 +15,11 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 use crate::feed::Feeds;
 use crate::hub::Hub;
 use crate::model::Socket;
+use crate::places::Place;
 use crate::protocol::MOST_BYTES;
 use crate::rate::Allowance;
-use crate::registry::Registry;
-use crate::session::Sessions;
+use crate::registry::{Evicted, Registry};
+use crate::session::{Life, Sessions};
 use crate::visitor::Visitor;
 
 /// Longest wait for a page that does not read.
@@ -137,10 +139,35 @@ pub(crate) struct Entered {
     pub(crate) visitor: Visitor,
     pub(crate) socket: Socket,
     pub(crate) number: u64,
-    pub(crate) replaced: tokio::sync::oneshot::Receiver<()>,
+    pub(crate) ends: Ends,
 }
 
-/// What a socket is closed with when a newer one took its place.
-pub(crate) fn replaced() -> Close {
-    Close::new(4409, "this page opened the same socket anew")
+/// Close code of a socket whose session ended: its page loses control at once.
+pub(crate) const SIGNED_OUT: u16 = 4401;
+
+/// What ends a socket from this side.
+pub(crate) struct Ends {
+    pub(crate) registered: tokio::sync::oneshot::Receiver<Evicted>,
+    pub(crate) life: Life,
+    pub(crate) place: Arc<Place>,
+}
+
+impl Ends {
+    /// Waits until the socket is to be closed.
+    pub(crate) async fn close(&mut self) -> Close {
+        tokio::select! {
+            biased;
+            why = self.life.over() => Close::new(SIGNED_OUT, why),
+            ended = &mut self.registered => match ended {
+                Ok(Evicted) => Close::new(4429, "a newer page of yours took the place of this one"),
+                Err(_) => Close::new(4409, "this page opened the same socket anew"),
+            },
+            () = self.place.over() => crowded(),
+        }
+    }
+}
+
+/// The socket makes room for others.
+pub(crate) fn crowded() -> Close {
+    Close::new(4429, "too many connections are open")
 }

@@ -2,7 +2,7 @@
 //! Unknown fields and kinds are left alone, so that a page may be newer.
 
 use serde::Deserialize;
-use wheelarm_proto::v1;
+use wheelarm_proto::{check, v1};
 
 /// Version of the protocol.
 pub const PROTOCOL: u32 = 1;
@@ -67,6 +67,18 @@ pub enum Action {
     Stop,
     /// Nothing; the page is there.
     Alive,
+}
+
+impl Action {
+    /// Whether it moves anything.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        match self {
+            Self::Drive(held) => !held.is_rest(),
+            Self::Step { .. } => true,
+            Self::Stop | Self::Alive => false,
+        }
+    }
 }
 
 /// What is held, -1 to 1 each.
@@ -143,6 +155,11 @@ struct Said {
     sign: f64,
 }
 
+/// A person who starts an episode wants it recorded.
+fn one() -> u32 {
+    1
+}
+
 fn middle() -> u8 {
     3
 }
@@ -209,13 +226,18 @@ impl Intent {
             "alive" => Action::Alive,
             _ => return Ok(None),
         };
+        // A stop or a release is taken from anything.
+        if action.moves() {
+            check_named("device", &DEVICES, &said.device)?;
+            check_named("mode", &MODES, &said.mode)?;
+        }
         Ok(Some(Self {
             seq: said.seq,
             epoch: said.epoch,
             shown: said.shown,
             ms: if said.ms.is_finite() { said.ms } else { 0.0 },
-            device: device(&said.device),
-            mode: mode(&said.mode),
+            device: named(&DEVICES, &said.device),
+            mode: named(&MODES, &said.mode),
             speed: said.speed.clamp(1, 5),
             action,
         }))
@@ -230,28 +252,42 @@ pub fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Unreadable> {
     serde_json::from_str(text).map_err(|e| Unreadable(format!("the message cannot be read: {e}")))
 }
 
-fn device(word: &str) -> v1::Device {
-    match word {
-        "keyboard" => v1::Device::Keyboard,
-        "mouse" => v1::Device::Mouse,
-        "touch" => v1::Device::Touch,
-        "gamepad" => v1::Device::Gamepad,
-        "switch" => v1::Device::Switch,
-        "dwell" => v1::Device::Dwell,
-        "voice" => v1::Device::Voice,
-        "vr" => v1::Device::Vr,
-        _ => v1::Device::Unspecified,
-    }
+const DEVICES: [(&str, v1::Device); 8] = [
+    ("keyboard", v1::Device::Keyboard),
+    ("mouse", v1::Device::Mouse),
+    ("touch", v1::Device::Touch),
+    ("gamepad", v1::Device::Gamepad),
+    ("switch", v1::Device::Switch),
+    ("dwell", v1::Device::Dwell),
+    ("voice", v1::Device::Voice),
+    ("vr", v1::Device::Vr),
+];
+
+const MODES: [(&str, v1::InputMode); 4] = [
+    ("hold", v1::InputMode::Hold),
+    ("latch", v1::InputMode::Latch),
+    ("step", v1::InputMode::Step),
+    ("stream", v1::InputMode::Stream),
+];
+
+/// The value of a name, the default where it is not known.
+fn named<T: Copy + Default>(known: &[(&str, T)], word: &str) -> T {
+    let found = known.iter().find(|(name, _)| *name == word);
+    found.map_or_else(T::default, |(_, value)| *value)
 }
 
-fn mode(word: &str) -> v1::InputMode {
-    match word {
-        "hold" => v1::InputMode::Hold,
-        "latch" => v1::InputMode::Latch,
-        "step" => v1::InputMode::Step,
-        "stream" => v1::InputMode::Stream,
-        _ => v1::InputMode::Unspecified,
+/// Refuses a name that is not known, for a message that moves something.
+fn check_named<T>(what: &str, known: &[(&str, T)], word: &str) -> Result<(), Unreadable> {
+    if known.iter().any(|(name, _)| *name == word) {
+        return Ok(());
     }
+    let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
+    let words = format!(
+        "unknown {what} {:?}: use {}",
+        check::beginning(word),
+        names.join(", ")
+    );
+    Err(Unreadable(words))
 }
 
 /// A camera that a page wants to see.
@@ -342,8 +378,8 @@ pub enum Ask {
         /// Instruction; the scenario's when empty.
         #[serde(default)]
         instruction: String,
-        /// Recorders that must be ready.
-        #[serde(default)]
+        /// Recorders that must be ready; 0 is practice.
+        #[serde(default = "one")]
         recorders: u32,
     },
     /// The episode is kept.
@@ -438,6 +474,32 @@ mod tests {
             Viewing::Unknown
         );
         assert_eq!(Intent::read(r#"{"t":"wave","seq":1,"epoch":1}"#), Ok(None));
+    }
+
+    #[test]
+    fn an_unknown_device_or_mode_moves_nothing_and_may_stop() {
+        let message = |kind: &str, chair: i32, device: &str, mode: &str| {
+            let text = format!(
+                r#"{{"t":"{kind}","seq":1,"epoch":1,"chair":[{chair},0],"part":"chair","sign":1,
+                    "device":"{device}","mode":"{mode}"}}"#
+            );
+            Intent::read(&text)
+        };
+        for (device, mode) in [("mind", "hold"), ("", "hold"), ("keyboard", "fly")] {
+            for (kind, chair) in [("drive", 1), ("step", 0)] {
+                let error = message(kind, chair, device, mode).unwrap_err().to_string();
+                assert!(error.contains("unknown"), "{error}");
+            }
+            for kind in ["stop", "alive", "drive"] {
+                assert!(
+                    message(kind, 0, device, mode).is_ok(),
+                    "{kind} {device} {mode}"
+                );
+            }
+        }
+        assert!(message("drive", 1, "keyboard", "hold").is_ok());
+        let without = r#"{"t":"drive","seq":1,"epoch":1,"chair":[1,0]}"#;
+        assert!(Intent::read(without).is_err());
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! Which sockets are open: one of each kind of a page, and no more pages than there
-//! is room for.
+//! Open sockets: one of each kind of a page, and a bounded number of pages. Those who
+//! may drive and those who only watch have places of their own.
 
 use std::collections::BTreeMap;
 
@@ -9,17 +9,26 @@ use tokio::sync::oneshot;
 use crate::model::Socket;
 use crate::visitor::Visitor;
 
-/// Most pages at a time: 32 that look and one that drives.
-pub const PAGES: usize = 33;
+/// Most pages of viewers at a time.
+const VIEWERS: usize = 32;
+/// Most pages at a time of those who may drive, and of one of them.
+const DRIVERS: [usize; 2] = [16, 6];
+
+/// Another page took the place of a socket's page. Without this word a newer socket
+/// replaced it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Evicted;
 
 struct Open {
     number: u64,
-    /// Ends the socket, because a newer one took its place.
-    _replaced: oneshot::Sender<()>,
+    /// Ends the socket; dropped when a newer one replaces it.
+    ended: oneshot::Sender<Evicted>,
 }
 
 struct Page {
     visitor: Visitor,
+    /// Number of the socket that opened the page.
+    since: u64,
     sockets: BTreeMap<Socket, Open>,
 }
 
@@ -27,6 +36,45 @@ struct Page {
 struct Pages {
     pages: BTreeMap<String, Page>,
     count: u64,
+}
+
+impl Pages {
+    /// Makes room for another page of `visitor`.
+    fn make_room(&mut self, visitor: &Visitor) -> Result<(), Full> {
+        let drives = visitor.role.may_drive();
+        let most = if drives { DRIVERS[0] } else { VIEWERS };
+        let same_kind = |page: &Page| page.visitor.role.may_drive() == drives;
+        let mut shares: BTreeMap<&Visitor, usize> = BTreeMap::new();
+        for page in self.pages.values().filter(|page| same_kind(page)) {
+            *shares.entry(&page.visitor).or_default() += 1;
+        }
+        let own = shares.get(visitor).copied().unwrap_or_default();
+        let all: usize = shares.values().sum();
+        let loser = if drives && own >= DRIVERS[1] {
+            visitor.clone()
+        } else if all < most {
+            return Ok(());
+        } else {
+            let largest = shares.iter().max_by_key(|(_, share)| **share);
+            match largest {
+                Some((other, share)) if *share > own + 1 => (*other).clone(),
+                // A page that was lost without a word keeps no driver out.
+                _ if drives && own > 0 => visitor.clone(),
+                _ => return Err(Full::Pages),
+            }
+        };
+        let theirs = self.pages.iter().filter(|(_, p)| p.visitor == loser);
+        let oldest = theirs.min_by_key(|(_, page)| page.since);
+        if let Some(name) = oldest.map(|(name, _)| name.clone())
+            && let Some(page) = self.pages.remove(&name)
+        {
+            for open in page.sockets.into_values() {
+                // A socket that is gone already needs no word.
+                let _ = open.ended.send(Evicted);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The open sockets.
@@ -40,12 +88,13 @@ pub struct Registry {
 pub enum Full {
     /// There is no room for another page.
     Pages,
-    /// The page is somebody else's.
+    /// The page belongs to another visitor.
     Foreign,
 }
 
 impl Registry {
-    /// Opens a socket: its number, and what ends when a newer one takes its place.
+    /// Opens a socket: its number, and what ends it. A visitor with too many pages
+    /// loses its oldest.
     ///
     /// # Errors
     /// [`Full`].
@@ -54,28 +103,23 @@ impl Registry {
         page: &str,
         visitor: &Visitor,
         socket: Socket,
-    ) -> Result<(u64, oneshot::Receiver<()>), Full> {
+    ) -> Result<(u64, oneshot::Receiver<Evicted>), Full> {
         let mut all = self.pages.lock();
         all.count += 1;
         let number = all.count;
-        let many = all.pages.len() >= PAGES;
-        if many && !all.pages.contains_key(page) {
-            return Err(Full::Pages);
+        match all.pages.get(page) {
+            Some(known) if known.visitor != *visitor => return Err(Full::Foreign),
+            Some(_) => {}
+            None => all.make_room(visitor)?,
         }
         let known = all.pages.entry(page.to_owned()).or_insert_with(|| Page {
             visitor: visitor.clone(),
+            since: number,
             sockets: BTreeMap::new(),
         });
-        if known.visitor != *visitor {
-            return Err(Full::Foreign);
-        }
-        let (replaced, ended) = oneshot::channel();
-        let open = Open {
-            number,
-            _replaced: replaced,
-        };
-        known.sockets.insert(socket, open);
-        Ok((number, ended))
+        let (ended, ends) = oneshot::channel();
+        known.sockets.insert(socket, Open { number, ended });
+        Ok((number, ends))
     }
 
     /// A socket was closed.
@@ -99,41 +143,73 @@ impl Registry {
 
 #[cfg(test)]
 mod tests {
+    use tokio::sync::oneshot::error::TryRecvError;
+
     use super::*;
     use crate::visitor::Role;
 
-    fn visitor(name: &str) -> Visitor {
+    fn visitor(name: &str, role: Role) -> Visitor {
         Visitor {
             name: name.to_owned(),
-            role: Role::Viewer,
+            role,
         }
     }
 
     #[test]
-    fn a_newer_socket_ends_the_older_and_there_is_room_for_so_many_pages() {
+    fn a_newer_socket_ends_the_older_and_a_page_has_one_visitor() {
         let registry = Registry::default();
-        let anna = visitor("anna");
+        let anna = visitor("anna", Role::Viewer);
         let (first, mut ended) = registry.open("p", &anna, Socket::State).unwrap();
-        assert!(ended.try_recv() == Err(oneshot::error::TryRecvError::Empty));
-        let (second, _kept) = registry.open("p", &anna, Socket::State).unwrap();
-        assert!(ended.try_recv() == Err(oneshot::error::TryRecvError::Closed));
+        assert_eq!(ended.try_recv(), Err(TryRecvError::Empty));
+        let (second, mut kept) = registry.open("p", &anna, Socket::State).unwrap();
+        assert_eq!(ended.try_recv(), Err(TryRecvError::Closed));
         // The older one's end does not end the newer one.
         registry.close("p", Socket::State, first);
-        let foreign = registry.open("p", &visitor("ben"), Socket::Video);
+        assert_eq!(kept.try_recv(), Err(TryRecvError::Empty));
+        let ben = visitor("ben", Role::Viewer);
+        let foreign = registry.open("p", &ben, Socket::Video);
         assert_eq!(foreign.err(), Some(Full::Foreign));
-        let mut kept = Vec::new();
-        for i in 1..PAGES {
-            kept.push(
-                registry
-                    .open(&format!("q{i}"), &anna, Socket::State)
-                    .unwrap(),
-            );
-        }
-        let more = registry.open("more", &anna, Socket::State);
-        assert_eq!(more.err(), Some(Full::Pages));
-        assert!(registry.open("p", &anna, Socket::Video).is_ok());
-        registry.close("q1", Socket::State, kept[0].0);
-        assert!(registry.open("more", &anna, Socket::State).is_ok());
         registry.close("p", Socket::State, second);
+        assert!(registry.open("p", &ben, Socket::Video).is_ok());
+    }
+
+    #[test]
+    fn pages_of_viewers_keep_no_driver_out() {
+        let registry = Registry::default();
+        let (viewer, anna) = (
+            visitor("viewer", Role::Viewer),
+            visitor("anna", Role::Operator),
+        );
+        let open = |page: String, visitor: &Visitor| registry.open(&page, visitor, Socket::State);
+        let kept: Vec<_> = (0..VIEWERS)
+            .map(|i| open(format!("v{i}"), &viewer))
+            .collect();
+        assert!(kept.iter().all(Result::is_ok));
+        assert_eq!(open("v".to_owned(), &viewer).err(), Some(Full::Pages));
+        assert!(open("a".to_owned(), &anna).is_ok());
+        // A viewer with many pages makes room for another viewer, by its oldest.
+        let mut kept: Vec<_> = kept.into_iter().map(Result::unwrap).collect();
+        assert!(open("c".to_owned(), &visitor("carl", Role::Viewer)).is_ok());
+        assert_eq!(kept[0].1.try_recv(), Ok(Evicted));
+        assert_eq!(kept[1].1.try_recv(), Err(TryRecvError::Empty));
+    }
+
+    #[test]
+    fn a_driver_with_too_many_pages_loses_the_oldest_and_no_other_driver_does() {
+        let registry = Registry::default();
+        let (anna, ben) = (
+            visitor("anna", Role::Operator),
+            visitor("ben", Role::Operator),
+        );
+        let open = |page: &str, visitor| registry.open(page, visitor, Socket::State).unwrap().1;
+        let mut bens = open("b", &ben);
+        let mut first = open("a", &anna);
+        for i in 0..100 {
+            open(&format!("a{i}"), &anna);
+        }
+        assert_eq!(first.try_recv(), Ok(Evicted));
+        assert_eq!(bens.try_recv(), Err(TryRecvError::Empty));
+        let pages = registry.pages.lock().pages.len();
+        assert_eq!(pages, 1 + DRIVERS[1]);
     }
 }

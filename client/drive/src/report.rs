@@ -51,8 +51,10 @@ pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
             "number": e.header.as_ref().map_or(0, |h| h.episode),
             "label": e.label,
             "instruction": e.instruction,
+            "practice": e.practice,
             "seconds": situation.episode_clock(),
         })),
+        "alarms": situation.alarms(),
         "recorders": status.map(|s| s.recorders.iter().map(recorder).collect::<Vec<_>>()),
         "evaluation": evaluation.map(|e| json!({
             "success": e.success,

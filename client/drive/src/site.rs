@@ -22,11 +22,13 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio_rustls::TlsAcceptor;
 use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
+use wheelarm_access::{User, Users};
 use wheelarm_proto::keys;
 
 use crate::files::Files;
 use crate::hub::Event;
 use crate::pipe::Shared;
+use crate::places::{Place, Places};
 use crate::protocol::{MOST_BYTES, PROTOCOL};
 use crate::session::{TICKET, same};
 use crate::socket::{self, Kind};
@@ -35,8 +37,8 @@ use crate::visitor::{Role, Visitor};
 
 /// Longest time that a browser may take to send the head, or the body, of a question.
 const QUESTION: Duration = Duration::from_secs(10);
-/// Connections at a time; more wait.
-const CONNECTIONS: usize = 256;
+/// Time between two looks for sessions that are over.
+const SWEEP: Duration = Duration::from_secs(5);
 /// Most tickets of one question.
 const TICKETS: u64 = 8;
 
@@ -56,8 +58,14 @@ pub struct Token {
     pub visitor: Visitor,
 }
 
-/// Who a user is whose password this is.
-pub type LogIn = Arc<dyn Fn(&str, &str) -> Option<Role> + Send + Sync>;
+/// Users who sign in with a password.
+pub trait LogIn: Send + Sync {
+    /// The role and the entry of the user with this password.
+    fn verify(&self, name: &str, password: &str) -> Option<(Role, User)>;
+
+    /// All users as they are now.
+    fn users(&self) -> Arc<Users>;
+}
 
 /// The site.
 pub struct Site {
@@ -72,7 +80,7 @@ pub struct Site {
     /// As whom everybody is let in who opens the page.
     pub everybody: Option<Visitor>,
     /// Users with passwords, if there are any.
-    pub users: Option<LogIn>,
+    pub users: Option<Arc<dyn LogIn>>,
     /// Encrypts, if it does.
     pub tls: Option<TlsAcceptor>,
     /// Names by which this host is known, beside those of the loopback interface.
@@ -87,11 +95,12 @@ pub struct Site {
 
 /// Serves until the runtime ends.
 pub async fn serve(listener: TcpListener, site: Arc<Site>) {
-    let room = Arc::new(Semaphore::new(CONNECTIONS));
+    let places = Arc::new(Places::default());
+    tokio::join!(accept(&listener, &site, &places), sweep(&site));
+}
+
+async fn accept(listener: &TcpListener, site: &Arc<Site>, places: &Arc<Places>) {
     loop {
-        let Ok(permit) = Arc::clone(&room).acquire_owned().await else {
-            return;
-        };
         let (stream, from) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
@@ -102,31 +111,47 @@ pub async fn serve(listener: TcpListener, site: Arc<Site>) {
             }
         };
         tune(&stream);
-        let site = Arc::clone(&site);
+        let site = Arc::clone(site);
+        let place = Arc::new(places.take(from.ip()));
         tokio::spawn(async move {
-            match site.tls.clone() {
-                None => talk(site, stream, from).await,
-                Some(tls) => {
-                    // Who speaks no TLS, or an old one, is let go.
-                    let met = tokio::time::timeout(QUESTION, tls.accept(stream)).await;
-                    if let Ok(Ok(stream)) = met {
-                        talk(site, stream, from).await;
+            let talked = async {
+                match site.tls.clone() {
+                    None => talk(&site, stream, from, &place).await,
+                    Some(tls) => {
+                        // Who speaks no TLS, or an old one, is let go.
+                        let met = tokio::time::timeout(QUESTION, tls.accept(stream)).await;
+                        if let Ok(Ok(stream)) = met {
+                            talk(&site, stream, from, &place).await;
+                        }
                     }
                 }
+            };
+            tokio::select! {
+                () = talked => {}
+                // It makes room for a newer one.
+                () = place.over() => {}
             }
-            drop(permit);
         });
     }
 }
 
+/// Ends sessions that are over, and with them their sockets.
+async fn sweep(site: &Site) {
+    loop {
+        tokio::time::sleep(SWEEP).await;
+        site.shared.sessions.sweep(Instant::now());
+    }
+}
+
 /// Answers what comes on one connection.
-async fn talk<S>(site: Arc<Site>, stream: S, from: SocketAddr)
+async fn talk<S>(site: &Arc<Site>, stream: S, from: SocketAddr, place: &Arc<Place>)
 where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
+    let (site, place) = (Arc::clone(site), Arc::clone(place));
     let answer = service_fn(move |request| {
-        let site = Arc::clone(&site);
-        async move { Ok::<_, Infallible>(site.answer(request, from).await) }
+        let (site, place) = (Arc::clone(&site), Arc::clone(&place));
+        async move { Ok::<_, Infallible>(site.answer(request, from, &place).await) }
     });
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
@@ -148,25 +173,33 @@ fn tune(stream: &TcpStream) {
 }
 
 impl Site {
-    async fn answer(&self, request: Request<Incoming>, from: SocketAddr) -> Answer {
+    async fn answer(
+        &self,
+        request: Request<Incoming>,
+        from: SocketAddr,
+        place: &Arc<Place>,
+    ) -> Answer {
         let host = text(request.headers(), &header::HOST);
         if !self.is_known(host) {
             let words = "this page is served for the name of this host only: open the address that `wheelarm drive` printed";
             return problem(StatusCode::FORBIDDEN, words);
         }
+        if let Some((_, visitor)) = self.visitor(request.headers()) {
+            place.belongs_to(&visitor);
+        }
         let path = request.uri().path().to_owned();
         match (request.method().clone(), path.as_str()) {
-            (Method::GET, "/ws/state") => self.upgrade(request, Kind::State),
-            (Method::GET, "/ws/video") => self.upgrade(request, Kind::Video),
-            (Method::GET, "/ws/control") => self.upgrade(request, Kind::Control),
+            (Method::GET, "/ws/state") => self.upgrade(request, Kind::State, place),
+            (Method::GET, "/ws/video") => self.upgrade(request, Kind::Video, place),
+            (Method::GET, "/ws/control") => self.upgrade(request, Kind::Control, place),
             (Method::GET, "/session") => self.session(request.headers()),
             (Method::GET, "/situation") => self.situation(request.headers()).await,
             (Method::GET, "/") if request.uri().query().is_some_and(|q| q.contains("token=")) => {
-                self.token(request.uri().query().unwrap_or_default())
+                self.token(request.headers(), request.uri().query().unwrap_or_default())
             }
             (Method::GET, "/") if self.visitor(request.headers()).is_none() => {
                 match &self.everybody {
-                    Some(visitor) => self.let_in(self.file("/"), visitor),
+                    Some(visitor) => self.let_in(self.file("/"), visitor, None),
                     None => self.file("/"),
                 }
             }
@@ -238,7 +271,7 @@ impl Site {
     }
 
     /// Lets in who opened the link that was printed at the start.
-    fn token(&self, query: &str) -> Answer {
+    fn token(&self, headers: &HeaderMap, query: &str) -> Answer {
         let given = query
             .split('&')
             .find_map(|pair| pair.strip_prefix("token="));
@@ -252,14 +285,28 @@ impl Site {
         answer
             .headers_mut()
             .insert(header::LOCATION, HeaderValue::from_static("/"));
-        self.let_in(answer, &token.visitor)
+        match self.visitor(headers) {
+            // The link was opened again, in another tab: the session goes on.
+            Some((_, visitor)) if visitor == token.visitor => answer,
+            _ => self.let_in(answer, &token.visitor, None),
+        }
     }
 
-    fn let_in(&self, mut answer: Answer, visitor: &Visitor) -> Answer {
-        let key = match self.shared.sessions.begin(visitor.clone(), Instant::now()) {
+    /// Begins a session, by the entry of a user or by a link. Its key is always new:
+    /// whatever cookie came with the request opens nothing.
+    fn let_in(&self, mut answer: Answer, visitor: &Visitor, user: Option<User>) -> Answer {
+        let sessions = &self.shared.sessions;
+        let key = match sessions.begin(visitor.clone(), user, Instant::now()) {
             Ok(key) => key,
             Err(e) => return problem(StatusCode::INTERNAL_SERVER_ERROR, &e.to_string()),
         };
+        // The user may have been changed while the password was checked.
+        if let Some(users) = &self.users {
+            sessions.keep(&users.users());
+            if sessions.visitor(&key, Instant::now()).is_none() {
+                return not_together();
+            }
+        }
         let line = json!({"what": "signed in", "who": visitor.name, "role": visitor.role.name()});
         self.shared.hub.tell(Event::Audit(line));
         let cookie = format!(
@@ -301,10 +348,10 @@ impl Site {
         };
         match path {
             "/ticket" => self.tickets(&headers, &body),
-            "/login" => self.log_in(&body, from).await,
+            "/login" => self.log_in(&headers, &body, from).await,
             "/logout" => {
                 if let Some(key) = self.cookie(&headers) {
-                    self.shared.sessions.end(key);
+                    self.shared.sessions.end(key, "signed out");
                 }
                 let mut answer = whole(StatusCode::NO_CONTENT, "text/plain", Bytes::new());
                 let secure = if self.tls.is_some() { "; Secure" } else { "" };
@@ -318,20 +365,19 @@ impl Site {
         }
     }
 
-    async fn log_in(&self, body: &Value, from: SocketAddr) -> Answer {
+    async fn log_in(&self, headers: &HeaderMap, body: &Value, from: SocketAddr) -> Answer {
         let Some(users) = self.users.clone() else {
             let words = "this gateway has no users: open the link that `wheelarm drive` printed";
             return problem(StatusCode::UNAUTHORIZED, words);
         };
         let word = |name: &str| body[name].as_str().unwrap_or_default().to_owned();
-        let (user, password) = (word("user"), word("password"));
-        if keys::check_name(&user).is_err() {
-            let words = "this user and this password do not belong together";
-            return problem(StatusCode::UNAUTHORIZED, words);
+        let (name, password) = (word("user"), word("password"));
+        if keys::check_name(&name).is_err() {
+            return not_together();
         }
-        let accounts = [format!("from {}", from.ip()), format!("for {user}")];
+        let from = from.ip();
         let now = self.began.elapsed().as_secs_f64();
-        if let Err(wait) = self.tries.lock().may(&accounts, now) {
+        if let Err(wait) = self.tries.lock().may(from, &name, now) {
             let wait = wait.ceil();
             let words = json!({
                 "error": format!("too many wrong passwords; try again in {wait:.0} s"),
@@ -340,22 +386,24 @@ impl Site {
             return json_answer(StatusCode::TOO_MANY_REQUESTS, &words);
         }
         // Counted before it is looked at, so that nobody tries many at once.
-        self.tries.lock().wrong(&accounts, now);
+        self.tries.lock().wrong(from, &name, now);
         let Ok(_one) = self.gate.acquire().await else {
             return problem(StatusCode::SERVICE_UNAVAILABLE, "the gateway ends");
         };
-        let name = user.clone();
-        let role = tokio::task::spawn_blocking(move || users(&name, &password)).await;
-        let Ok(Some(role)) = role else {
-            let line =
-                json!({"what": "wrong password", "who": user, "text": from.ip().to_string()});
+        let asked = name.clone();
+        let verified = tokio::task::spawn_blocking(move || users.verify(&asked, &password)).await;
+        let Ok(Some((role, user))) = verified else {
+            let line = json!({"what": "wrong password", "who": name, "text": from.to_string()});
             self.shared.hub.tell(Event::Audit(line));
-            let words = "this user and this password do not belong together";
-            return problem(StatusCode::UNAUTHORIZED, words);
+            return not_together();
         };
-        self.tries.lock().right(&accounts, now);
-        let visitor = Visitor { name: user, role };
-        self.let_in(told(&visitor), &visitor)
+        self.tries.lock().right(from, &name, now);
+        // Whoever was signed in with this browser is not any more.
+        if let Some(key) = self.cookie(headers) {
+            self.shared.sessions.end(key, "signed in again");
+        }
+        let visitor = Visitor { name, role };
+        self.let_in(told(&visitor), &visitor, Some(user))
     }
 
     fn tickets(&self, headers: &HeaderMap, body: &Value) -> Answer {
@@ -368,8 +416,9 @@ impl Site {
         }
         let sessions = &self.shared.sessions;
         let tickets = (0..count).map(|_| sessions.ticket(&key, Instant::now()));
-        match tickets.collect::<Result<Vec<_>, _>>() {
-            Ok(tickets) => json_answer(
+        match tickets.collect::<Result<Option<Vec<_>>, _>>() {
+            Ok(None) => not_signed_in(),
+            Ok(Some(tickets)) => json_answer(
                 StatusCode::OK,
                 &json!({"tickets": tickets, "expires_s": TICKET.as_secs()}),
             ),
@@ -384,7 +433,7 @@ impl Site {
         }
     }
 
-    fn upgrade(&self, mut request: Request<Incoming>, kind: Kind) -> Answer {
+    fn upgrade(&self, mut request: Request<Incoming>, kind: Kind, place: &Arc<Place>) -> Answer {
         let headers = request.headers();
         if !self.is_own_origin(headers) {
             let line = json!({"what": "foreign origin", "text": text(headers, &header::ORIGIN)});
@@ -410,9 +459,10 @@ impl Site {
         let cookie = self.cookie(headers).map(str::to_owned);
         let shared = Arc::clone(&self.shared);
         let coming = hyper::upgrade::on(&mut request);
+        let place = Arc::clone(place);
         tokio::spawn(async move {
             if let Ok(upgraded) = coming.await {
-                socket::serve(shared, kind, upgraded, cookie).await;
+                socket::serve(shared, kind, upgraded, cookie, place).await;
             }
         });
         let mut answer = Response::new(Full::default());
@@ -450,6 +500,11 @@ fn json_answer(status: StatusCode, value: &Value) -> Answer {
 
 fn problem(status: StatusCode, words: &str) -> Answer {
     json_answer(status, &json!({"error": words}))
+}
+
+fn not_together() -> Answer {
+    let words = "this user and this password do not belong together";
+    problem(StatusCode::UNAUTHORIZED, words)
 }
 
 fn not_signed_in() -> Answer {

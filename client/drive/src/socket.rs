@@ -11,7 +11,8 @@ use hyper::upgrade::Upgraded;
 
 use crate::hub::Event;
 use crate::model::Socket;
-use crate::pipe::{Close, Entered, Pipe, Shared};
+use crate::pipe::{Close, Ends, Entered, Pipe, SIGNED_OUT, Shared, crowded};
+use crate::places::Place;
 use crate::protocol::{self, Hello, PROTOCOL};
 use crate::registry::Full;
 
@@ -31,10 +32,21 @@ pub enum Kind {
     Control,
 }
 
-/// Serves a socket until its end. `cookie` came with the request for it.
-pub async fn serve(shared: Arc<Shared>, kind: Kind, upgraded: Upgraded, cookie: Option<String>) {
+/// Serves a socket until its end. `cookie` came with the request for it, on the
+/// connection at `place`.
+pub async fn serve(
+    shared: Arc<Shared>,
+    kind: Kind,
+    upgraded: Upgraded,
+    cookie: Option<String>,
+    place: Arc<Place>,
+) {
     let mut pipe = Pipe::new(upgraded).await;
-    let close = match enter(&shared, kind, &mut pipe, cookie.as_deref()).await {
+    let entered = tokio::select! {
+        entered = enter(&shared, kind, &mut pipe, cookie.as_deref(), &place) => entered,
+        () = place.over() => Err(crowded()),
+    };
+    let close = match entered {
         Ok(entered) => live(&shared, &mut pipe, entered).await,
         Err(close) => Some(close),
     };
@@ -52,6 +64,7 @@ async fn enter(
     kind: Kind,
     pipe: &mut Pipe,
     cookie: Option<&str>,
+    place: &Arc<Place>,
 ) -> Result<Entered, Close> {
     let first = tokio::time::timeout(HELLO, pipe.next()).await;
     let first = first.map_err(|_| Close::new(4408, "no hello came within 5 s"))??;
@@ -64,10 +77,10 @@ async fn enter(
         let words = format!("this gateway speaks protocol {PROTOCOL}; load the page again");
         return Err(Close::new(4426, words));
     }
-    let visitor = shared.sessions.enter(&hello.ticket, cookie, Instant::now());
-    let visitor = visitor.ok_or_else(|| {
+    let entry = shared.sessions.enter(&hello.ticket, cookie, Instant::now());
+    let (visitor, life) = entry.ok_or_else(|| {
         Close::new(
-            4401,
+            SIGNED_OUT,
             "the ticket is unknown, used or expired; ask for another",
         )
     })?;
@@ -89,16 +102,20 @@ async fn enter(
         Kind::Control => Socket::Control(hello.lane),
     };
     let opened = shared.registry.open(&hello.page, &visitor, socket);
-    let (number, replaced) = opened.map_err(|full| match full {
+    let (number, registered) = opened.map_err(|full| match full {
         Full::Pages => Close::new(4429, "too many pages are open"),
-        Full::Foreign => Close::new(4401, "this page is somebody else's"),
+        Full::Foreign => Close::new(SIGNED_OUT, "this page is somebody else's"),
     })?;
     Ok(Entered {
         page: hello.page,
         visitor,
         socket,
         number,
-        replaced,
+        ends: Ends {
+            registered,
+            life,
+            place: Arc::clone(place),
+        },
     })
 }
 
@@ -113,6 +130,11 @@ async fn live(shared: &Arc<Shared>, pipe: &mut Pipe, entered: Entered) -> Option
             Socket::Control(_) => control::serve(shared, pipe, entered).await,
         },
     };
+    // Nothing of a session that ended stays in control.
+    if let Some(close) = close.as_ref().filter(|close| close.code == SIGNED_OUT) {
+        let gone = Event::SignedOut(page.clone(), close.why.clone());
+        shared.hub.tell(gone);
+    }
     shared.registry.close(&page, socket, number);
     shared.hub.tell(Event::Left(page, socket));
     close

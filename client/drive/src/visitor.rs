@@ -30,7 +30,7 @@ impl Role {
 }
 
 /// Somebody who has signed in.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Visitor {
     /// Name; an operator's commands carry it.
     pub name: String,

@@ -3,6 +3,7 @@
 use wheelarm_proto::bundle::NoIdentity;
 use wheelarm_proto::endpoint::BadEndpoint;
 use wheelarm_proto::keys::BadName;
+use wheelarm_proto::program::without_source_places;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::v1::FailureCode;
 
@@ -117,6 +118,16 @@ pub enum LinkError {
         /// The server's words.
         message: String,
     },
+    /// An episode was announced and did not begin.
+    #[error("episode {label:?} did not begin: {why}")]
+    NotBegun {
+        /// Its label.
+        label: String,
+        /// Why, with the cure.
+        why: String,
+        /// Where a recorder has a file of that label: the next label that is free there.
+        free_label: Option<String>,
+    },
     /// No pictures come from a camera of that name.
     #[error(
         "the camera {camera:?} is not in use (in use: {found}): choose one of them, or ask for it when the server starts (--camera) or with a reset"
@@ -169,6 +180,5 @@ pub(super) fn closed(operation: &'static str) -> LinkError {
 /// The transport's words without the place in its source.
 #[must_use]
 pub fn words(error: &zenoh::Error) -> String {
-    let text = error.to_string();
-    text.split(" at /").next().unwrap_or(&text).to_owned()
+    without_source_places(&error.to_string())
 }

@@ -14,6 +14,7 @@
 mod asking;
 mod camera;
 mod commander;
+mod episode;
 mod error;
 mod frame;
 mod holder;
@@ -45,7 +46,7 @@ pub use preview::Preview;
 pub use samples::Samples;
 pub use server::Server;
 pub use server::session_of;
-pub use streams::Streams;
+pub use streams::{Bound, Streams};
 pub use turns::{Turn, Turns};
 
 use error::{transport, words};
@@ -369,23 +370,40 @@ impl Link {
             .map_err(transport("subscribing"))
     }
 
-    /// Subscribes to topics; their samples come out of one queue.
+    /// Subscribes to topics; their samples come out of one queue. They wait in memory
+    /// until they are taken.
     ///
     /// # Errors
     /// [`LinkError::Transport`].
     pub fn streams(&self, topics: &[TopicId]) -> Result<Streams, LinkError> {
-        let (sender, receiver) = std::sync::mpsc::channel();
+        self.streams_within(topics, None)
+    }
+
+    /// As [`Link::streams`] with at most `bound` waiting: the oldest are dropped and
+    /// counted.
+    ///
+    /// # Errors
+    /// As [`Link::streams`].
+    pub fn newest_streams(&self, topics: &[TopicId], bound: Bound) -> Result<Streams, LinkError> {
+        self.streams_within(topics, Some(bound))
+    }
+
+    fn streams_within(
+        &self,
+        topics: &[TopicId],
+        bound: Option<Bound>,
+    ) -> Result<Streams, LinkError> {
+        let queue = Arc::default();
         let mut subscribers = Vec::new();
         for topic in topics {
-            let (topic, sender) = (*topic, sender.clone());
+            let (topic, sender) = (*topic, streams::Sender::new(&queue, bound));
             let subscriber = self.subscribe(&self.keys.topic(topic), move |sample| {
-                // A closed queue means that nobody reads any more.
-                let _ = sender.send((topic, sample.payload().clone()));
+                sender.send(topic, sample.payload().clone());
             })?;
             subscribers.push(subscriber);
         }
         Ok(Streams {
-            receiver,
+            queue,
             _subscribers: subscribers,
         })
     }

@@ -48,6 +48,8 @@ pub struct Observation {
     pub objects: Vec<Isometry3<f64>>,
     /// The mouth of who sits in the chair, in `house`, x out of it.
     pub mouth: Option<Isometry3<f64>>,
+    /// Force of the robot on the person in the chair, N; 0 without a person.
+    pub person_force: f64,
     /// Positions of the furniture's joints, metres.
     pub slides: Vec<f64>,
     /// All required conditions hold.
@@ -187,6 +189,7 @@ impl Collector {
                 .as_ref()
                 .map(|person| normalized("pose of the mouth", person.mouth.as_ref()))
                 .transpose()?,
+            person_force: self.person.as_ref().map_or(0.0, |p| p.robot_force),
             slides: self
                 .slides
                 .as_ref()

@@ -11,6 +11,7 @@ mod start;
 
 use nalgebra::Isometry3;
 use wheelarm_proto::geometry;
+use wheelarm_proto::person::FORCE_LIMIT;
 use wheelarm_proto::v1::{self, Phase};
 
 pub use self::plan::Extent;
@@ -233,6 +234,12 @@ impl Operator {
             return self.finish(Outcome::Failure(format!(
                 "the task failed: {}",
                 seen.failure
+            )));
+        }
+        if seen.person_force > FORCE_LIMIT {
+            return self.finish(Outcome::Failure(format!(
+                "the robot pressed the person with {:.0} N (limit {FORCE_LIMIT} N)",
+                seen.person_force
             )));
         }
         if seen.time - begun > self.longest {

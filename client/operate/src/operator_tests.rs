@@ -10,7 +10,7 @@ use super::goal::Goal;
 use super::grasp_candidate::GraspCandidate;
 use super::hand;
 use super::observation::Observation;
-use super::operator::{Act, Operator, Outcome};
+use super::operator::{Act, Extent, Operator, Outcome};
 use super::profile::OperatorProfile;
 use super::scene::{Grasp, Item, SceneModel};
 use wheelarm_route::footprint_check::{Outline, Pose2};
@@ -49,6 +49,7 @@ struct KinematicWorld {
     clumsy: usize,
     time: f64,
     held_for: f64,
+    person_force: f64,
     arm: Shell,
 }
 
@@ -157,6 +158,7 @@ impl KinematicWorld {
             clumsy,
             time: 0.0,
             held_for: 0.0,
+            person_force: 0.0,
             arm: Shell { longest: 0.87 },
         }
     }
@@ -188,6 +190,7 @@ impl KinematicWorld {
             pad_force: if gripped { [30.0, 30.0] } else { [0.0, 0.0] },
             objects: self.objects.clone(),
             mouth: None,
+            person_force: self.person_force,
             slides: Vec::new(),
             success: raised > 0.1 && self.held_for > 1.0,
             done: false,
@@ -393,6 +396,23 @@ fn a_bottle_out_of_reach_is_given_up_with_a_reason() {
         panic!("a short arm cannot take it");
     };
     assert!(why.contains("mustard") && why.contains("reach"), "{why}");
+}
+
+#[test]
+fn expert_stops_at_once_when_the_robot_presses_the_person() {
+    let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    for extent in [Extent::Task, Extent::Near, Extent::Take] {
+        let mut operator = world.operator(6).only(extent);
+        world.person_force = 4.9;
+        assert_eq!(operator.step(&world.observe(), &mut world.arm).1, None);
+        world.person_force = 181_213.0;
+        let (act, outcome) = operator.step(&world.observe(), &mut world.arm);
+        assert_eq!(act.base, Some([0.0, 0.0]));
+        let Some(Outcome::Failure(why)) = outcome else {
+            panic!("it went on: {outcome:?}");
+        };
+        assert!(why.contains("pressed the person with 181213 N"), "{why}");
+    }
 }
 
 /// The arm reaches down to the floor from its shoulder: what stands there is taken

@@ -426,16 +426,22 @@ fn start(
     options: &OperateOptions,
     scenario: &v1::Scenario,
 ) -> Result<v1::EpisodeStarted, LinkError> {
-    link.ask(&v1::EpisodeStartRequest {
-        label: options
-            .label
-            .clone()
-            .unwrap_or_else(|| format!("{}-seed{}", scenario.task(), scenario.seed())),
+    let mut request = v1::EpisodeStartRequest {
         instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
         require_recorders: options.require_recorders,
         commander: options.commander.clone(),
         ..Default::default()
-    })
+    };
+    match &options.label {
+        Some(label) => {
+            request.label.clone_from(label);
+            link.ask(&request)
+        }
+        None => {
+            request.label = format!("{}-seed{}", scenario.task(), scenario.seed());
+            link.start_episode_numbered(request)
+        }
+    }
 }
 
 /// Asks the server's kinematics.

@@ -8,7 +8,7 @@ use wheelarm_proto::v1;
 
 use super::hand::Hand;
 use super::observation::Observation;
-use wheelarm_route::footprint_check::Outline;
+use wheelarm_route::footprint_check::{Limb, Outline, occupied};
 use wheelarm_route::obb::Obb;
 
 /// A thing that can be moved: an object, or a piece of furniture that slides.
@@ -73,6 +73,14 @@ pub struct Capsule {
 }
 
 impl Capsule {
+    /// What it adds to the footprint of the chair.
+    fn limb(&self) -> Limb {
+        Limb {
+            ends: self.ends.map(|end| end.coords.into()),
+            radius: self.radius,
+        }
+    }
+
     /// Distance of a point from the surface, metres; negative inside.
     #[must_use]
     pub fn distance(&self, at: &Point3<f64>) -> f64 {
@@ -101,8 +109,8 @@ pub struct SceneModel {
     pub tool_length: f64,
     /// Footprint of the chair: x min, x max, y min, y max, metres.
     pub footprint: [f64; 4],
-    /// The robot by height, bottom up: height to which it holds, metres, and
-    /// outline with the arm at home.
+    /// The robot and the person in it by height, bottom up: height to which it holds,
+    /// metres, and outline with the arm at home.
     pub outlines: Vec<(f64, Outline)>,
     /// Least and greatest distance on the floor plan from the arm's base to what
     /// is taken, metres.
@@ -229,6 +237,10 @@ impl SceneModel {
             let top = check::within("top of an outline", outline.top, 0.0, 10.0)?;
             Ok((top, Outline { sides }))
         });
+        let outlines = outlines.collect::<Result<Vec<_>, Invalid>>()?;
+        let person = reply.persons.first().map(read_seated).transpose()?;
+        let capsules = person.iter().flat_map(|person| &person.capsules);
+        let limbs: Vec<Limb> = capsules.map(Capsule::limb).collect();
         // A thing that the hand cannot take in has no grasp.
         let hand = Hand::read(gripper.ok_or(Invalid::Missing("gripper"))?)?;
         grasps.retain(|grasp| grasp.width <= hand.stroke);
@@ -240,11 +252,11 @@ impl SceneModel {
             chair_from_base: normalized("arm mount", robot.arm_mount.as_ref())?,
             tool_length: check::within("tool length", robot.tool_length, 0.0, 0.5)?,
             footprint: footprint(robot.footprint.as_ref())?,
-            outlines: outlines.collect::<Result<_, Invalid>>()?,
+            outlines: occupied(&outlines, &limbs),
             arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
             hand,
             home: check::list("home of the arm", &robot.home_positions)?,
-            person: reply.persons.first().map(read_seated).transpose()?,
+            person,
         })
     }
 

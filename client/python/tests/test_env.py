@@ -342,3 +342,42 @@ def test_many_in_one_process_are_the_same_as_one_by_one(mode):
     assert ours.call("task_description")[0]
     ours.close()
     theirs.close()
+
+
+def test_a_seed_that_is_not_whole_is_refused():
+    env = wheelarm.WheelArmEnv("pick_mustard")
+    for bad in (1.5, "7", float("nan")):
+        with pytest.raises(ValueError, match="scenario_seed=.* is not a whole number"):
+            env.reset(options={"scenario_seed": bad})
+    assert env._client is None
+    with pytest.raises(ValueError, match="control_rate=7.5 is not a whole number"):
+        wheelarm.WheelArmEnv("pick_mustard", control_rate=7.5)
+
+
+def test_an_environment_goes_on_after_its_server_has_died_and_keeps_nothing_that_was_closed():
+    envs = wheelarm.WheelArmVectorEnv(2, task="pick_mustard", control_mode="keys")
+    envs.reset(seed=1)
+    dead, alive = (env.unwrapped for env in envs.envs)
+    opened = len(alive.client._open)
+    for seed in range(3):
+        alive.reset(seed=seed)
+        assert len(alive.client._open) == opened
+    envs.reset(seed=2)
+    dead._server.process.kill()
+    dead._server.process.wait()
+    rest = np.zeros((2, 4), np.int64)
+    _, _, terminated, truncated, info = envs.step(rest)
+    assert truncated.tolist() == [True, False]
+    assert not terminated.any()
+    assert info["failure"][0] == "server"
+    # The next step begins the dead one anew, in another server.
+    observation, _, terminated, truncated, _ = envs.step(rest)
+    assert not truncated.any()
+    assert not terminated.any()
+    assert np.isfinite(observation["agent_pos"]).all()
+    # Between two episodes it is noticed at once.
+    dead._server.process.kill()
+    dead._server.process.wait()
+    dead.reset(seed=3)
+    dead.step(rest[0])
+    envs.close()

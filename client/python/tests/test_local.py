@@ -80,3 +80,11 @@ def test_fields_of_a_scenario_are_those_of_the_contract():
         pid = server.process.pid
     assert gone(pid, within=1.0)
     server.close()
+
+
+def test_a_server_that_may_open_few_files_says_so(program):
+    asked = ["sh", "-c", 'ulimit -n 20; exec "$0" --no-cameras', str(program)]
+    ended = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 1, ended.stderr
+    assert "at most 20 files may be open" in ended.stderr
+    assert "panicked" not in ended.stderr

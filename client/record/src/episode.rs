@@ -412,8 +412,14 @@ impl Recording {
         })
     }
 
-    pub fn log(&self) -> &Path {
-        self.writer.log()
+    /// Why writing failed, with the place of the log.
+    pub fn failure(&self) -> Option<String> {
+        Some(self.failed(&self.writer.failure()?))
+    }
+
+    /// The words of a failure, with the place of the log unless they name it.
+    pub fn failed(&self, words: &str) -> String {
+        with_log(words, self.writer.log())
     }
 
     pub fn discard(self) -> std::io::Result<()> {
@@ -490,6 +496,15 @@ impl std::fmt::Debug for Finishing {
     }
 }
 
+/// The words of a failure, with the place of what was acknowledged unless they name it.
+fn with_log(words: &str, log: &Path) -> String {
+    let log = log.display().to_string();
+    match words.contains(&log) {
+        true => words.to_owned(),
+        false => format!("{words}; what was acknowledged is still in {log}"),
+    }
+}
+
 /// How a log is made into a file of `dir` once more.
 fn again(log: &Path, dir: &Path) -> String {
     let out = match log.parent() == Some(dir) {
@@ -519,7 +534,7 @@ impl Finishing {
         let log = self.writer.log().to_owned();
         self.writer
             .close(self.closing)
-            .map_err(|e| format!("{e}; what was acknowledged is still in {}", log.display()))?;
+            .map_err(|e| with_log(&e.to_string(), &log))?;
         let finished = finish(&log, Some(&self.dir)).map_err(|problem| match problem {
             // These name the log and the cure already.
             FinishError::Exists { .. } | FinishError::Io { .. } => problem.to_string(),

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use tokio::sync::mpsc;
 use wheelarm_dataset::writer::WriterOptions;
-use wheelarm_link::{Link, session_of};
+use wheelarm_link::{Link, LinkError, session_of};
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::schema;
 use wheelarm_proto::{Message, TopicId, v1};
@@ -216,7 +216,15 @@ async fn check(link: &Link, options: &RecordOptions) -> anyhow::Result<()> {
             keys.sim()
         );
     }
-    Ok(())
+    // Of two that start together the server takes one.
+    let claim = v1::EpisodeRequest {
+        recorder: options.name.clone(),
+        session: link.session().zid().to_string(),
+    };
+    match aside(link, move |link| link.ask(&claim)).await? {
+        Err(LinkError::Refused { message, .. }) => bail!(message),
+        other => other.map(|_| ()).context("claiming the recorder's name"),
+    }
 }
 
 async fn status_publisher(link: &Link, name: &str) -> anyhow::Result<Publisher<'static>> {

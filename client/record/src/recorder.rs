@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use wheelarm_dataset::columns::header_of;
-use wheelarm_dataset::writer::{WriterOptions, file_path};
+use wheelarm_dataset::writer::{WriterOptions, check_free};
 use wheelarm_proto::v1;
 
 use self::early::Early;
@@ -201,6 +201,14 @@ impl Recorder {
         {
             self.end(SERVER_LOST);
         }
+        // A full disk or a removed log is reported at once, and not with the next sample.
+        let failure = match &self.stage {
+            Stage::Recording(recording) | Stage::Stopping { recording, .. } => recording.failure(),
+            _ => None,
+        };
+        if let Some(words) = failure {
+            self.fail(words);
+        }
         if let Stage::Opening { since, asked, .. } = &mut self.stage {
             if now.duration_since(*since) > SNAPSHOT_PATIENCE {
                 self.fail("the server did not answer the query `snapshot`, without which an episode cannot be replayed".into());
@@ -270,6 +278,10 @@ impl Recorder {
             }
             return;
         }
+        if started.practice {
+            self.last = Some(new);
+            return;
+        }
         if self.is_ending || self.limit.is_some_and(|limit| self.counted >= limit) {
             return;
         }
@@ -283,19 +295,16 @@ impl Recorder {
         };
         self.out
             .extend(self.hearing.begin(started.compressed_cameras));
-        let file = file_path(&self.dir, &started.label);
+        let free = check_free(&self.dir, self.options.scratch.as_deref(), &started.label);
         self.stage = Stage::Opening {
             started: Box::new(started),
             since: now,
             asked: now,
             stopped: None,
         };
-        if file.exists() {
+        if let Err(problem) = free {
             // Told at once, so that nobody waits for a snapshot in vain.
-            self.fail(format!(
-                "{} exists already and is never overwritten; choose another label or folder, or move the file away",
-                file.display()
-            ));
+            self.fail_taken(&problem);
             return;
         }
         self.out.push(Output::AskSnapshot);
@@ -390,8 +399,8 @@ impl Recorder {
             Ok(Accepted::Frame) => self.publish(),
             Ok(Accepted::State | Accepted::Not) => {}
             Err(words) => {
-                let log = recording.log().display().to_string();
-                self.fail(format!("{words}; the log is {log}"));
+                let words = recording.failed(&words);
+                self.fail(words);
             }
         }
     }

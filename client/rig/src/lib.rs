@@ -21,7 +21,7 @@ mod worker;
 
 pub use label::free_label;
 pub use process::{Input, Launch, Process, Program, end_with_parent};
-pub use program::{find_program, required_program};
+pub use program::{find_program, programs_named, required_program};
 pub use recorder::{Recorder, RecorderOptions};
 pub use server::{Server, ServerOptions, StartError, all_cameras};
 pub use socket::remove_socket;

@@ -6,7 +6,7 @@ use std::ffi::OsString;
 use std::fs::File;
 use std::io::Write;
 use std::os::unix::fs::FileExt;
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -71,6 +71,8 @@ pub struct Process {
     child: Child,
     /// How it ended, once that is known.
     status: Option<ExitStatus>,
+    /// This program killed it.
+    ended_here: bool,
     log: File,
     /// Where its own messages begin: those of another before it may stand there.
     begin: u64,
@@ -132,6 +134,7 @@ impl Process {
             name: launch.name,
             child,
             status: None,
+            ended_here: false,
             log,
             begin,
         };
@@ -214,9 +217,18 @@ impl Process {
     /// Kills it and all that it started, also when it is stopped.
     pub fn kill(&mut self) {
         if self.status.is_none() {
+            self.ended_here = true;
             self.signal(Signal::KILL);
             self.status = self.child.wait().ok();
         }
+    }
+
+    /// Whether SIGKILL ended it that this program did not send: a process rarely gets it
+    /// from anything but a kernel or a job scheduler without memory left.
+    #[must_use]
+    pub fn was_killed(&self) -> bool {
+        let signal = self.status.and_then(|status| status.signal());
+        !self.ended_here && signal == Some(Signal::KILL.as_raw())
     }
 
     /// Its newest messages, 64 KiB at most.

@@ -189,6 +189,12 @@ impl Server {
         Ok(status.map(|status| died(status, &self.process.last_words())))
     }
 
+    /// Whether something else killed it, see [`Process::was_killed`].
+    #[must_use]
+    pub fn was_killed(&self) -> bool {
+        self.process.was_killed()
+    }
+
     /// Kills it, also when it is stopped.
     pub fn kill(&mut self) {
         self.process.kill();

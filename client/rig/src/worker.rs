@@ -160,6 +160,12 @@ impl Worker {
         }))
     }
 
+    /// Whether something else killed it, see [`Process::was_killed`].
+    #[must_use]
+    pub fn was_killed(&self) -> bool {
+        self.process.lock().was_killed()
+    }
+
     /// Kills it, also when it is stopped.
     pub fn kill(&self) {
         self.process.lock().kill();

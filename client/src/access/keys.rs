@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Subcommand;
-use wheelarm_access::{Folder, router};
+use wheelarm_access::{Folder, Subjects, router};
 
-use super::{START_ANEW, folder};
+use super::folder;
 use crate::choice;
 
 /// Hosts under which a server is reached on its own machine.
@@ -80,13 +80,16 @@ pub fn keys(named: Option<&PathBuf>, command: &KeysCommand) -> anyhow::Result<()
             );
         }
         KeysCommand::Router { listen, out } => {
-            let text = router(&Folder::open(path)?, listen)?;
+            let text = router(&Folder::open(path)?, listen, Subjects::Names)?;
             match out {
                 None => println!("{text}"),
                 Some(file) => {
                     std::fs::write(file, text)
                         .with_context(|| format!("writing {}", file.display()))?;
-                    println!("made {}; {START_ANEW}", file.display());
+                    println!(
+                        "made {}; a router that runs with it follows it when it is started again",
+                        file.display()
+                    );
                 }
             }
         }

@@ -21,6 +21,3 @@ fn folder(named: Option<&PathBuf>) -> anyhow::Result<&Path> {
         .map(PathBuf::as_path)
         .context("name the folder of keys with --keys DIR or WHEELARM_KEYS")
 }
-
-/// What must follow a change, for rules are read when a server starts.
-const START_ANEW: &str = "servers and routers that run go by it once they are started anew";

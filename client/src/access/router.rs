@@ -5,14 +5,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
-use wheelarm_access::{Folder, router};
+use wheelarm_access::{Folder, Subjects, follow, router};
 use wheelarm_link::words_of_transport;
 use wheelarm_proto::endpoint;
+use wheelarm_proto::signals::Signals;
 use zenoh::Wait;
 
 use super::folder;
 use crate::choice;
-use crate::interrupt::Signals;
 
 /// What `wheelarm router` is told.
 #[derive(Args, Clone, Debug)]
@@ -31,15 +31,14 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     if let Some(any) = args.listen.iter().find(|e| takes_any_port(e)) {
         bail!("{any}: servers and clients have to know the port, name one");
     }
-    let text = router(&folder, &args.listen)?;
+    let problem = |why: &str| tracing::error!("the users stay as they were: {why}");
+    follow(&folder, zenoh_link_tls::admit, problem)?;
+    let text = router(&folder, &args.listen, Subjects::Roles)?;
     let listen = args.listen.join(", ");
     let config = zenoh::Config::from_json5(&text)
         .map_err(|e| anyhow!("the configuration of a router: {}", words_of_transport(&e)))?;
     let runtime = tokio::runtime::Runtime::new()?;
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::listen()?
-    };
+    let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     // The file of a local socket is the user's own, whom the rules call admin.
     let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
     let opened = zenoh::open(config).wait();

@@ -7,8 +7,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 use wheelarm_access::{About, Folder, Role, User};
 
+use super::folder;
 use super::secret::new_password;
-use super::{START_ANEW, folder};
 use crate::choice;
 
 /// What `wheelarm users` does.
@@ -32,11 +32,26 @@ pub enum UsersCommand {
         #[arg(long)]
         password: bool,
     },
-    /// Removes a user and the keys of that name in the folder.
+    /// Removes a user and the keys of that name in the folder. Within a second its
+    /// connections and sessions end, on servers, routers and pages that run; what it
+    /// drives brakes.
     Remove {
         /// Who.
         #[arg(value_parser = choice::name)]
         name: String,
+    },
+    /// Gives a user another role. Within a second its connections and sessions end; it
+    /// connects again with the new role.
+    Role {
+        /// Who.
+        #[arg(value_parser = choice::name)]
+        name: String,
+        /// The new role, as for `add`.
+        #[arg(long, value_parser = roles())]
+        role: Role,
+        /// An operator that also takes full pictures, as a policy does.
+        #[arg(long)]
+        pictures: bool,
     },
     /// Lists the users.
     List {
@@ -53,6 +68,16 @@ pub enum UsersCommand {
         #[arg(long)]
         none: bool,
     },
+}
+
+/// What follows a change of a user that servers know.
+const AT_ONCE: &str = "its connections and sessions end within a second";
+
+fn check_pictures(role: Role, pictures: bool) -> anyhow::Result<()> {
+    if pictures && role != Role::Operator {
+        anyhow::bail!("--pictures is for operators: a {role} has its role's already");
+    }
+    Ok(())
 }
 
 fn roles() -> impl TypedValueParser<Value = Role> {
@@ -86,16 +111,16 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
             password,
         } => {
             let mut user = User::new(name, *role)?;
-            if *pictures && *role != Role::Operator {
-                anyhow::bail!("--pictures is for operators: a {role} has its role's already");
-            }
+            check_pictures(*role, *pictures)?;
             user.pictures = *pictures;
             users.add(user)?;
             if *password {
                 users.set_password(name, Some(&new_password(name)?))?;
             }
             users.save(&file)?;
-            println!("added {name}, {role}; {START_ANEW}");
+            println!(
+                "added {name}, {role}; servers and routers let it in when they are started again"
+            );
             println!(
                 "next: wheelarm keys user {name} --keys {}",
                 folder.path().display()
@@ -105,7 +130,17 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
             users.remove(name)?;
             users.save(&file)?;
             folder.discard(name)?;
-            println!("removed {name}; {START_ANEW}");
+            println!("removed {name}; {AT_ONCE}");
+        }
+        UsersCommand::Role {
+            name,
+            role,
+            pictures,
+        } => {
+            check_pictures(*role, *pictures)?;
+            users.set_role(name, *role, *pictures)?;
+            users.save(&file)?;
+            println!("{name} is {role}; {AT_ONCE}");
         }
         UsersCommand::List { json } => {
             let listed: Vec<Listed<'_>> = users
@@ -146,7 +181,7 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
             users.set_password(name, new.as_deref())?;
             users.save(&file)?;
             println!(
-                "{name}: {}",
+                "{name}: {}; its sessions on pages end within a second",
                 if *none { "no password" } else { "new password" }
             );
         }

@@ -5,7 +5,8 @@
 //! simulation that breaks and an operator that panics or stalls; where a server or a
 //! worker dies or hangs, which may be the host's fault, the same seed is tried once
 //! more; anything else that goes wrong is the host's, and the same seed is tried
-//! again.
+//! again. A server or worker that something else killed ran out of memory: the same
+//! seed is tried again by fewer workers, and the journal has no entry.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -60,6 +61,8 @@ pub enum Outcome {
     Failed(Failed),
     /// The server died or hung.
     Broke(Failed),
+    /// Something else killed the server or the worker; how it ended.
+    Killed(String),
     /// Thrown away because the campaign is to end.
     Stopped,
 }

@@ -139,7 +139,10 @@ impl Making<'_> {
                 self.watch.look();
                 let worker = self.ongoing.worker();
                 if let Some(death) = worker.death(Duration::ZERO)? {
-                    return Err(self.broke(death));
+                    return Err(match worker.was_killed() {
+                        true => over(Outcome::Killed(death)),
+                        false => self.broke(death),
+                    });
                 }
                 let patience = self.attempt.setup.patience;
                 if self.watch.silent_for() >= patience {

@@ -207,6 +207,7 @@ impl Attempt<'_> {
         }
         match rig.lost(self.setup.patience)? {
             None => Ok(()),
+            Some(death) if rig.server.was_killed() => Err(over(Outcome::Killed(death))),
             Some(reason) => {
                 let failed = self.failed(Broken::Server, reason, rig.watch.scenario());
                 Err(over(Outcome::Broke(failed)))

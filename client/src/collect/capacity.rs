@@ -83,11 +83,8 @@ pub fn worker_bytes(plan: &Plan) -> f64 {
     WORKER_BYTES + BYTES_PER_PIXEL * pixels
 }
 
-fn number(path: &str) -> Option<u64> {
-    std::fs::read_to_string(path).ok()?.trim().parse().ok()
-}
-
-/// Free memory, bytes: what the kernel calls available, within the cgroup.
+/// Free memory, bytes: what the kernel calls available, within the control groups of this
+/// process.
 fn memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
@@ -98,15 +95,82 @@ fn memory() -> Option<u64> {
         .parse::<u64>()
         .ok()?
         * 1024;
-    let v2 = "/sys/fs/cgroup/memory";
-    let left = |limit: &str, used: &str| Some(number(limit)?.saturating_sub(number(used)?));
-    let cgroup = left(&format!("{v2}.max"), &format!("{v2}.current")).or_else(|| {
-        left(
-            "/sys/fs/cgroup/memory/memory.limit_in_bytes",
-            "/sys/fs/cgroup/memory/memory.usage_in_bytes",
-        )
+    let left = left_in_groups(Path::new("/"));
+    Some(left.map_or(available, |left| left.min(available)))
+}
+
+/// Files of a control group of one version with its limits, use and statistics, and the
+/// statistic that counts file pages which the kernel drops first.
+struct GroupFiles {
+    limits: &'static [&'static str],
+    used: &'static str,
+    dropped: &'static str,
+}
+
+const VERSION_1: GroupFiles = GroupFiles {
+    limits: &["memory.limit_in_bytes"],
+    used: "memory.usage_in_bytes",
+    dropped: "total_inactive_file",
+};
+/// Beyond `memory.high` a group is slowed down until it cannot work.
+const VERSION_2: GroupFiles = GroupFiles {
+    limits: &["memory.max", "memory.high"],
+    used: "memory.current",
+    dropped: "inactive_file",
+};
+
+impl GroupFiles {
+    /// Memory that a group still allows, bytes; absent without a limit.
+    fn left(&self, group: &Path) -> Option<u64> {
+        let text = |name: &str| std::fs::read_to_string(group.join(name)).ok();
+        let number = |name: &str| text(name)?.trim().parse::<u64>().ok();
+        let limit = self.limits.iter().filter_map(|name| number(name)).min()?;
+        let stat = text("memory.stat").unwrap_or_default();
+        let dropped = stat.lines().find_map(|line| {
+            let value = line.strip_prefix(self.dropped)?.strip_prefix(' ')?;
+            value.trim().parse::<u64>().ok()
+        });
+        let used = number(self.used)?.saturating_sub(dropped.unwrap_or(0));
+        Some(limit.saturating_sub(used))
+    }
+}
+
+/// Memory that all control groups of this process still allow, bytes: the least of its own
+/// and those above it, of version 1 and 2, as systemd, Slurm and containers nest them.
+/// Absent without a limit. `root` is where `/proc` and the groups are looked for.
+fn left_in_groups(root: &Path) -> Option<u64> {
+    let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap_or_default();
+    let (groups, mounts) = (text("proc/self/cgroup"), text("proc/self/mountinfo"));
+    // ID:CONTROLLERS:PATH, of version 2 without controllers.
+    let own = |is_own: &dyn Fn(&str) -> bool| {
+        groups.lines().find_map(|line| {
+            let (controllers, path) = line.split_once(':')?.1.split_once(':')?;
+            is_own(controllers).then_some(path)
+        })
+    };
+    let left = mounts.lines().filter_map(|line| {
+        // ID PARENT DEVICE ROOT MOUNT OPTIONS... - TYPE SOURCE OPTIONS
+        let (place, system) = line.split_once(" - ")?;
+        let mut place = place.split(' ').skip(3);
+        let (top, mount) = (place.next()?, place.next()?);
+        let mut system = system.split(' ');
+        let (kind, options) = (system.next()?, system.nth(1).unwrap_or_default());
+        let holds = |list: &str| list.split(',').any(|name| name == "memory");
+        let (files, path) = match kind {
+            "cgroup2" => (VERSION_2, own(&|controllers: &str| controllers.is_empty())?),
+            "cgroup" if holds(options) => (VERSION_1, own(&holds)?),
+            _ => return None,
+        };
+        // A container may see a part of the tree alone, in which it is the top.
+        let below = Path::new(path).strip_prefix(top).unwrap_or(Path::new(""));
+        let mount = root.join(mount.trim_start_matches('/'));
+        let group = mount.join(below);
+        let up = group
+            .ancestors()
+            .take_while(|group| group.starts_with(&mount));
+        up.filter_map(|group| files.left(group)).min()
     });
-    Some(cgroup.map_or(available, |left| left.min(available)))
+    left.min()
 }
 
 /// Free bytes on the disk of `path`, or of the nearest folder above it that exists.
@@ -149,6 +213,88 @@ fn existing(path: &Path) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Files of a machine, by path.
+    fn machine(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (path, text) in files {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn the_smallest_limit_of_nested_control_groups_counts() {
+        let unlimited = "9223372036854771712\n";
+        // Slurm on version 1: the limit is that of the job, above the step.
+        let slurm = machine(&[
+            (
+                "proc/self/cgroup",
+                "5:cpu,cpuacct:/\n3:memory:/slurm/job_7/step_0\n0::/\n",
+            ),
+            (
+                "proc/self/mountinfo",
+                "30 25 0:26 / /sys/fs/cgroup/unified rw - cgroup2 cgroup2 rw\n\
+                 33 25 0:29 / /sys/fs/cgroup/memory rw,nosuid shared:9 - cgroup cgroup rw,memory\n",
+            ),
+            ("sys/fs/cgroup/memory/memory.limit_in_bytes", unlimited),
+            ("sys/fs/cgroup/memory/memory.usage_in_bytes", "8000000000\n"),
+            (
+                "sys/fs/cgroup/memory/slurm/job_7/memory.limit_in_bytes",
+                "1000\n",
+            ),
+            (
+                "sys/fs/cgroup/memory/slurm/job_7/memory.usage_in_bytes",
+                "400\n",
+            ),
+            (
+                "sys/fs/cgroup/memory/slurm/job_7/memory.stat",
+                "cache 9\ntotal_inactive_file 100\n",
+            ),
+            (
+                "sys/fs/cgroup/memory/slurm/job_7/step_0/memory.limit_in_bytes",
+                unlimited,
+            ),
+            (
+                "sys/fs/cgroup/memory/slurm/job_7/step_0/memory.usage_in_bytes",
+                "400\n",
+            ),
+        ]);
+        assert_eq!(left_in_groups(slurm.path()), Some(700));
+        // Version 2, where the root has no limit and an inner group the smaller one.
+        let nested = machine(&[
+            ("proc/self/cgroup", "0::/user.slice/job\n"),
+            (
+                "proc/self/mountinfo",
+                "30 25 0:26 / /sys/fs/cgroup rw - cgroup2 cgroup2 rw,nsdelegate\n",
+            ),
+            ("sys/fs/cgroup/user.slice/memory.max", "5000\n"),
+            ("sys/fs/cgroup/user.slice/memory.current", "4500\n"),
+            ("sys/fs/cgroup/user.slice/job/memory.max", "max\n"),
+            ("sys/fs/cgroup/user.slice/job/memory.high", "900\n"),
+            ("sys/fs/cgroup/user.slice/job/memory.current", "600\n"),
+            (
+                "sys/fs/cgroup/user.slice/job/memory.stat",
+                "anon 1\ninactive_file 50\n",
+            ),
+        ]);
+        assert_eq!(left_in_groups(nested.path()), Some(350));
+        // A container: its group is the top of what is mounted.
+        let container = machine(&[
+            ("proc/self/cgroup", "0::/docker/abc\n"),
+            (
+                "proc/self/mountinfo",
+                "30 25 0:26 /docker/abc /sys/fs/cgroup ro - cgroup2 cgroup rw\n",
+            ),
+            ("sys/fs/cgroup/memory.max", "2000\n"),
+            ("sys/fs/cgroup/memory.current", "500\n"),
+        ]);
+        assert_eq!(left_in_groups(container.path()), Some(1500));
+        let without = machine(&[("proc/self/cgroup", "0::/\n")]);
+        assert_eq!(left_in_groups(without.path()), None);
+    }
 
     #[test]
     fn workers_are_bounded_by_cores_and_by_memory() {

@@ -209,6 +209,14 @@ impl Estimate {
         longest * self.byte_rate
     }
 
+    /// Checks that the disk of the folder `out` has room for the files that are missing.
+    ///
+    /// # Errors
+    /// When it is too small, with both sizes.
+    pub fn check_disk(&self, out: &Path) -> anyhow::Result<()> {
+        fits(out, self.bytes_left(), free_disk(out))
+    }
+
     /// The table of `--dry-run`; each worker keeps so many bytes of recordings in memory.
     #[must_use]
     pub fn table(&self, plan: &Plan, out: &Path, workers: (usize, f64)) -> String {
@@ -363,12 +371,39 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// Checks `left` bytes against the `free` ones of a disk.
+fn fits(out: &Path, left: f64, free: Option<u64>) -> anyhow::Result<()> {
+    match free {
+        Some(free) if (free as f64) < left => anyhow::bail!(
+            "the disk of {} is too small: the files need {}, {} are free; free some space, \
+             name another folder with --out, or make a part with --shard",
+            out.display(),
+            bytes(left),
+            bytes(free as f64)
+        ),
+        _ => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::collect::episode::episodes;
 
     const PLAN: &str = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [100, 100]\n[[task]]\nname = \"a\"\nepisodes = 4\nseconds = 10\nreference_samples = 50\n[[task]]\nname = \"b\"\nepisodes = 2\n";
+
+    #[test]
+    fn disk_without_room_is_refused_with_both_sizes() {
+        let out = Path::new("data/x");
+        assert!(fits(out, 5e9, Some(6_000_000_000)).is_ok());
+        assert!(fits(out, 5e9, None).is_ok());
+        let told = fits(out, 5e9, Some(4_000_000_000)).unwrap_err().to_string();
+        assert!(told.contains("data/x is too small"), "{told}");
+        assert!(
+            told.contains(&bytes(5e9)) && told.contains(&bytes(4e9)),
+            "{told}"
+        );
+    }
 
     #[test]
     fn samples_disk_and_time_follow_from_what_is_known_best() {

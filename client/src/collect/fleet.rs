@@ -1,17 +1,22 @@
 //! The workers: each simulates one episode after the other, with programs of
 //! its own. A worker has a slot and two pipelines: while one waits for a finished
 //! file, checks and publishes it, the other has the permit to simulate.
+//!
+//! A worker that something else kills has run out of memory. Its slot retires while
+//! there is another one, and its episodes go back to the queue with their seeds: memory
+//! never decides which scenes a dataset has.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
-use parking_lot::Mutex;
+use parking_lot::{Condvar, Mutex};
 use wheelarm_rig::Panicked;
 
 use super::attempt::{Outcome, Setup};
-use super::capacity::{PIPELINES, free_disk, size};
+use super::capacity::{PIPELINES, free_disk, size, worker_bytes};
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
@@ -37,6 +42,8 @@ pub struct Job {
     pub deaths: u32,
     /// Simulated seconds expected, failed attempts included.
     pub expected: f64,
+    /// Times that the only worker was killed while it made this episode.
+    pub kills: u32,
 }
 
 /// What a run came to.
@@ -53,6 +60,8 @@ pub struct Tally {
     pub entered: Vec<(String, String)>,
     /// Episodes thrown away because the run was ended.
     pub discarded: usize,
+    /// Workers that something else killed and that did not go on.
+    pub retired: usize,
     /// Why the run ended early.
     pub ended: Option<String>,
 }
@@ -61,13 +70,23 @@ struct Shared<'a> {
     setup: &'a Setup,
     stop: &'a Stop,
     show: &'a Show,
-    jobs: Mutex<VecDeque<Job>>,
+    jobs: Mutex<Jobs>,
+    /// An episode came back, or none is made any more.
+    changed: Condvar,
     journal: Mutex<Journal>,
     tally: Mutex<Tally>,
     /// Bytes of the longest episode.
     largest: f64,
     /// Pipelines that make an episode.
     busy: AtomicUsize,
+    /// Slots that take episodes.
+    slots: Mutex<usize>,
+}
+
+/// Episodes to be made, and how many are being made.
+struct Jobs {
+    waiting: VecDeque<Job>,
+    taken: usize,
 }
 
 /// Makes all jobs with a worker in each slot, which has two pipelines.
@@ -84,11 +103,16 @@ pub fn work(
         setup,
         stop,
         show,
-        jobs: Mutex::new(jobs.into()),
+        jobs: Mutex::new(Jobs {
+            waiting: jobs.into(),
+            taken: 0,
+        }),
+        changed: Condvar::new(),
         journal: Mutex::new(journal),
         tally: Mutex::default(),
         largest,
         busy: AtomicUsize::new(0),
+        slots: Mutex::new(slots.len()),
     };
     std::thread::scope(|scope| {
         let shared = &shared;
@@ -121,23 +145,89 @@ impl Shared<'_> {
             pipeline,
             slot: part.slot(),
         };
-        loop {
-            let permit = place.slot.permit();
-            if self.stop.asked() {
-                return;
-            }
-            let Some(job) = self.jobs.lock().pop_front() else {
-                return;
-            };
+        while let Some((permit, job)) = self.next(place.slot) {
             let busy = 1 + self.busy.fetch_add(1, Ordering::AcqRel);
             let made = self
                 .room(busy)
                 .and_then(|()| self.episode(place, permit, &job));
             self.busy.fetch_sub(1, Ordering::AcqRel);
-            if let Err(problem) = made {
-                self.end(format!("{}: {problem:#}", job.episode.id));
+            let back = match made {
+                Ok(None) => None,
+                Ok(Some(killed)) => self.after_kill(place.slot, job, killed),
+                Err(problem) => {
+                    self.end(format!("{}: {problem:#}", job.episode.id));
+                    None
+                }
+            };
+            let mut jobs = self.jobs.lock();
+            jobs.taken -= 1;
+            if let Some(job) = back {
+                jobs.waiting.push_front(job);
+            }
+            self.changed.notify_all();
+        }
+    }
+
+    /// The next episode for a slot, with the permit to simulate. Where none waits but
+    /// some are made, one of them may come back.
+    fn next<'s>(&self, slot: &'s Slot) -> Option<(Permit<'s>, Job)> {
+        /// How often it is looked whether the campaign is to end.
+        const LOOK: Duration = Duration::from_millis(200);
+        loop {
+            let permit = slot.permit();
+            let mut jobs = self.jobs.lock();
+            if self.stop.asked() || slot.is_retired() {
+                return None;
+            }
+            if let Some(job) = jobs.waiting.pop_front() {
+                jobs.taken += 1;
+                return Some((permit, job));
+            }
+            if jobs.taken == 0 {
+                return None;
+            }
+            drop(permit);
+            drop(jobs);
+            // What waits takes no memory from those that work.
+            slot.rest();
+            let mut jobs = self.jobs.lock();
+            if jobs.waiting.is_empty() && jobs.taken > 0 {
+                self.changed.wait_for(&mut jobs, LOOK);
             }
         }
+    }
+
+    /// What becomes of an episode whose worker something else killed: another worker
+    /// makes it, or the same where there is no other, once more.
+    fn after_kill(&self, slot: &Slot, mut job: Job, killed: Killed) -> Option<Job> {
+        job.attempt = killed.attempt;
+        job.deaths = killed.deaths;
+        let mut slots = self.slots.lock();
+        if slot.is_retired() {
+            return Some(job);
+        }
+        if *slots > 1 && slot.retire() {
+            *slots -= 1;
+            self.tally.lock().retired += 1;
+            tracing::warn!(
+                "{}: {}; most likely memory ran out: {} workers go on, and the episode is made again with its seed",
+                job.episode.id,
+                killed.words,
+                *slots
+            );
+            return Some(job);
+        }
+        job.kills += 1;
+        if job.kills < DEATHS {
+            return Some(job);
+        }
+        self.end(format!(
+            "{}: {}, and no other worker ran; a worker needs {} of memory here: raise the job's memory limit, or make images smaller in the plan",
+            job.episode.id,
+            killed.words,
+            bytes(worker_bytes(&self.setup.plan))
+        ));
+        None
     }
 
     /// No other episode begins.
@@ -165,11 +255,17 @@ impl Shared<'_> {
         scratch.map_or(Ok(()), |scratch| check(scratch, size(scratch)))
     }
 
-    /// Attempts an episode until it is done, dropped or the run ends.
+    /// Attempts an episode until it is done, dropped or the run ends. How its worker was
+    /// killed, if something else did that: the episode is to be made again.
     ///
     /// # Errors
     /// When the folder or the journal cannot be written: that ends the run.
-    fn episode<'s>(&self, place: Place<'s>, permit: Permit<'s>, job: &Job) -> anyhow::Result<()> {
+    fn episode<'s>(
+        &self,
+        place: Place<'s>,
+        permit: Permit<'s>,
+        job: &Job,
+    ) -> anyhow::Result<Option<Killed>> {
         let episode = &job.episode;
         let mut permit = Some(permit);
         for number in job.attempt..self.setup.plan.attempts {
@@ -190,17 +286,18 @@ impl Shared<'_> {
                     self.tally.lock().done += 1;
                     self.show
                         .end(place.pipeline, seconds, job.expected, true, &words);
-                    return Ok(());
+                    return Ok(None);
                 }
                 Tried::Again => {}
-                Tried::Broken | Tried::Stopped => return Ok(()),
+                Tried::Killed(killed) => return Ok(Some(killed)),
+                Tried::Broken | Tried::Stopped => return Ok(None),
             }
             if self.stop.asked() && number + 1 < self.setup.plan.attempts {
-                return Ok(());
+                return Ok(None);
             }
         }
         self.tally.lock().given_up.push(episode.id.clone());
-        Ok(())
+        Ok(None)
     }
 
     /// Enters an attempt that failed, and says so.
@@ -285,6 +382,19 @@ impl Shared<'_> {
                         return Ok(Tried::Again);
                     }
                 }
+                Ok(Outcome::Killed(words)) => {
+                    self.setup.folder.clean(&episode.id)?;
+                    if self.stop.at_once() {
+                        return Ok(Tried::Stopped);
+                    }
+                    let line = format!("{} is made again: {words}", episode.id);
+                    self.show.end(place.pipeline, 0.0, 0.0, false, &line);
+                    return Ok(Tried::Killed(Killed {
+                        attempt: number,
+                        deaths,
+                        words,
+                    }));
+                }
                 Ok(Outcome::Stopped) => {
                     self.setup.folder.clean(&episode.id)?;
                     self.tally.lock().discarded += 1;
@@ -341,8 +451,20 @@ enum Tried {
     Done(Box<Done>),
     /// The task was not done.
     Again,
+    /// Something else killed the worker.
+    Killed(Killed),
     Broken,
     Stopped,
+}
+
+/// An attempt whose worker something else killed.
+struct Killed {
+    /// The attempt, from 0.
+    attempt: u32,
+    /// Servers that died or hung in it.
+    deaths: u32,
+    /// How the worker ended.
+    words: String,
 }
 
 #[cfg(test)]

@@ -346,13 +346,15 @@ fn free(path: &Path, ending: &str) -> PathBuf {
 /// # Errors
 /// When `to` exists or the file system refuses.
 pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
-    publish::file(from, to).map_err(|problem| match problem.kind() {
-        ErrorKind::AlreadyExists => anyhow!(
-            "{} exists already and is never overwritten; no journal knows it, move it away",
-            to.display()
-        ),
-        _ => anyhow!("making {}: {problem}", to.display()),
-    })
+    publish::file(from, to)
+        .map(drop)
+        .map_err(|problem| match problem.kind() {
+            ErrorKind::AlreadyExists => anyhow!(
+                "{} exists already and is never overwritten; no journal knows it, move it away",
+                to.display()
+            ),
+            _ => anyhow!("making {}: {problem}", to.display()),
+        })
 }
 
 /// Writes a file so that it is there whole or not at all.
@@ -362,10 +364,14 @@ pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let new = path.with_extension(format!("new-{}", std::process::id()));
     let written = File::create(&new)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|mut file| {
+            file.write_all(bytes)
+                .and_then(|()| publish::sync_file(&file))
+        })
         .and_then(|()| std::fs::rename(&new, path));
     written.with_context(|| format!("writing {}", path.display()))?;
-    publish::sync_folder(path).with_context(|| format!("syncing the folder of {}", path.display()))
+    publish::settle(path);
+    Ok(())
 }
 
 /// SHA-256 of a file, hexadecimal.

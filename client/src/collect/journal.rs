@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
+use wheelarm_dataset::publish;
 
 use super::episode::Shard;
 use super::loss::Loss;
@@ -263,7 +264,7 @@ impl Journal {
         // A line that was cut must not swallow this one.
         cut.try_for_each(|whole| self.file.set_len(whole))
             .and_then(|()| self.file.write_all(&line))
-            .and_then(|()| self.file.sync_data())
+            .and_then(|()| publish::sync_data(&self.file))
             .context("writing the journal; is the disk full?")
     }
 }

@@ -181,6 +181,7 @@ fn is_person(recorded: Option<&v1::Person>, asked: Option<&v1::Person>) -> bool 
         is(&asked.body, &recorded.body)
             && is(&asked.posture, &recorded.posture)
             && (!asked.guard || recorded.guard)
+            && (!asked.unguarded || !recorded.guard)
             && (!asked.mouth_open || recorded.mouth_open)
             && asked.motion.is_none_or(|m| recorded.motion == Some(m))
     })

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | dropped, slipped | the last at which both pads pressed |
 //! | tipped, unreachable, lost | the last at which the thing lay still before its last motion |
-//! | hard collision | that of the collision |
+//! | hard collision, person force, wrong object, knocked over, tilted | that of the event |
 //! | all others | the last change of the operator's phase: from there it did not get on |
 
 use std::collections::BTreeMap;
@@ -31,6 +31,14 @@ pub enum Cause {
     Lost,
     /// The robot hit furniture much too hard.
     HardCollision,
+    /// The robot, or an object, pressed the person too hard.
+    PersonForce,
+    /// An object that was not asked for was lifted.
+    WrongObject,
+    /// Another object was knocked over.
+    KnockedOver,
+    /// The target leaned too far.
+    Tilted,
     /// The time was over.
     Timeout,
     /// The chair found no way.
@@ -74,6 +82,10 @@ impl Cause {
             Self::Unreachable => "unreachable",
             Self::Lost => "lost",
             Self::HardCollision => "hard_collision",
+            Self::PersonForce => "person_force",
+            Self::WrongObject => "wrong_object",
+            Self::KnockedOver => "knocked_over",
+            Self::Tilted => "tilted",
             Self::Timeout => "timeout",
             Self::NoWay => "no_way",
             Self::NoReach => "no_reach",
@@ -126,7 +138,11 @@ pub fn of(recording: &Recording) -> (Cause, u64) {
         None => (by_phase(&phases), last),
     };
     let tick = match cause {
-        Cause::HardCollision => Some(end),
+        Cause::HardCollision
+        | Cause::PersonForce
+        | Cause::WrongObject
+        | Cause::KnockedOver
+        | Cause::Tilted => Some(end),
         Cause::Dropped | Cause::Slipped => last_grip(recording, end),
         Cause::Tipped | Cause::Unreachable | Cause::Lost => last_rest(recording, end),
         _ => last_change(&phases, end),
@@ -142,6 +158,10 @@ fn judge(code: &str) -> Option<Cause> {
         "unreachable" => Cause::Unreachable,
         "hard_collision" => Cause::HardCollision,
         "lost" => Cause::Lost,
+        "person_force" => Cause::PersonForce,
+        "wrong_object" => Cause::WrongObject,
+        "knocked_over" => Cause::KnockedOver,
+        "tilted" => Cause::Tilted,
         "timeout" => Cause::Timeout,
         _ => return None,
     })

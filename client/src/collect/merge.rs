@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use wheelarm_dataset::publish;
 use wheelarm_dataset::read::Episode as Recording;
 
 use super::card;
@@ -187,7 +188,7 @@ fn bring(from: &Path, staged: &Path) -> anyhow::Result<()> {
         std::fs::copy(from, staged)
             .with_context(|| format!("copying {} to {}", from.display(), staged.display()))?;
         std::fs::File::open(staged)
-            .and_then(|file| file.sync_all())
+            .and_then(|file| publish::sync_file(&file))
             .with_context(|| format!("syncing {}", staged.display()))?;
     }
     Ok(())

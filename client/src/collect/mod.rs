@@ -45,7 +45,7 @@ use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
 use crate::way::Way;
 use attempt::Setup;
-use capacity::{Host, PIPELINES, free_disk, is_memory};
+use capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
 use fleet::Tally;
@@ -78,7 +78,8 @@ pub struct CollectArgs {
     /// dataset is slow; in the dataset when absent.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Only tells episodes, samples, disk and time.
+    /// Only tells episodes, samples, disk and time; fails where the plan names what the
+    /// assets lack, or the disk is too small.
     #[arg(long)]
     pub dry_run: bool,
     /// Report of `wheelarm evaluate` (JSON) with mean durations and success rates.
@@ -159,18 +160,27 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
     let unknown = unknown(path, &plan, args.assets.as_deref())?;
+    if let Some(problem) = unknown {
+        bail!("{problem}");
+    }
     if args.dry_run {
         print!("{}", estimate.table(&plan, &out, (workers, kept)));
         if let Some(scratch) = &args.scratch {
             println!("{}", estimate.scratch(scratch, workers));
         }
-        if let Some(problem) = unknown {
-            println!("NOTE      {problem}");
-        }
+        estimate.check_disk(&out)?;
         return Ok(ExitCode::SUCCESS);
     }
-    if let Some(problem) = unknown {
-        bail!("{problem}");
+    let needed = worker_bytes(&plan) + kept;
+    if let Some(free) = host
+        .memory
+        .filter(|free| (*free as f64) < needed * workers as f64)
+    {
+        tracing::warn!(
+            "{workers} workers need {} of memory and {} are free; a worker that the system kills is replaced, with fewer at a time",
+            estimate::bytes(needed * workers as f64),
+            estimate::bytes(free as f64)
+        );
     }
     let mut folder = Folder::make(&out)?;
     if let Some(scratch) = &args.scratch {
@@ -280,6 +290,12 @@ fn explain(tally: &Tally, attempts: u32) {
     }
     for (id, words) in &tally.broken {
         println!("{id}: could not be made, the next run tries again: {words}");
+    }
+    if tally.retired > 0 {
+        println!(
+            "{} workers were killed and did not go on, most likely for lack of memory; their episodes were made again with their seeds: a smaller --workers, or a job with more memory",
+            tally.retired
+        );
     }
     if tally.discarded > 0 {
         println!(

@@ -136,6 +136,7 @@ pub fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> 
                 attempt,
                 deaths,
                 expected: share.map_or(0.0, |s| s.seconds.0 / s.success),
+                kills: 0,
                 episode: episode.clone(),
             }
         })

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
@@ -16,6 +16,7 @@ pub struct Slot {
     adapter: Option<String>,
     worker: Mutex<Option<Arc<Worker>>>,
     pipelines: AtomicUsize,
+    retired: AtomicBool,
 }
 
 /// A pipeline's part in a slot. With the last of them the slot's process ends, while
@@ -67,6 +68,22 @@ impl Slot {
         Permit {
             _held: self.permit.lock(),
         }
+    }
+
+    /// Takes no more episodes. Whether it took some before.
+    pub fn retire(&self) -> bool {
+        !self.retired.swap(true, Ordering::AcqRel)
+    }
+
+    /// Whether it takes no more episodes.
+    #[must_use]
+    pub fn is_retired(&self) -> bool {
+        self.retired.load(Ordering::Acquire)
+    }
+
+    /// Lets go of the process, which ends when nothing uses it.
+    pub fn rest(&self) {
+        *self.worker.lock() = None;
     }
 
     /// The adapter.

@@ -1,9 +1,10 @@
-//! Ctrl-C and SIGTERM: how a campaign is ended before it is through.
+//! Ctrl-C, SIGTERM and SIGHUP: how a campaign is ended before it is through.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use crate::interrupt::{Heard, on_signals};
+use anyhow::Context;
+use wheelarm_proto::signals::{Heard, on_signals};
 
 const FINISH: u8 = 1;
 const DISCARD: u8 = 2;
@@ -32,8 +33,8 @@ impl Stop {
         self.level.fetch_max(FINISH, Ordering::AcqRel);
     }
 
-    /// Listens to Ctrl-C and SIGTERM: the first Ctrl-C lets the running
-    /// episodes finish, the second and any SIGTERM throws them away.
+    /// Listens to Ctrl-C, SIGTERM and SIGHUP: the first Ctrl-C lets the running
+    /// episodes finish, the second and the other signals throw them away.
     ///
     /// # Errors
     /// When the operating system refuses.
@@ -49,5 +50,6 @@ impl Stop {
                 stop.level.store(DISCARD, Ordering::Release);
             }
         })
+        .context("cannot listen to signals")
     }
 }

@@ -4,7 +4,10 @@ use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, bail};
-use wheelarm_rig::{end_with_parent, find_program};
+use wheelarm_rig::{end_with_parent, find_program, programs_named};
+
+/// Likeness (Jaro and Winkler, 0 to 1) from which a name is suggested.
+const ALIKE: f64 = 0.85;
 
 /// The feature of a command that this build lacks.
 fn left_out(name: &str) -> Option<&'static str> {
@@ -15,11 +18,20 @@ fn left_out(name: &str) -> Option<&'static str> {
     }
 }
 
-/// Runs an external subcommand and passes its exit code on.
+/// The name among `known` that is most like `name`, if any is.
+fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
+    let alike = |known: &String| strsim::jaro_winkler(name, known);
+    let likely = known.iter().filter(|known| alike(known) >= ALIKE);
+    let best = likely.max_by(|a, b| alike(a).total_cmp(&alike(b)));
+    best.map(String::as_str)
+}
+
+/// Runs an external subcommand and passes its exit code on; `known` are the names of
+/// those that are built in.
 ///
 /// # Errors
 /// When there is no such program or it cannot be started.
-pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
+pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<ExitCode> {
     let Some((name, arguments)) = words.split_first() else {
         bail!("no subcommand given");
     };
@@ -30,6 +42,11 @@ pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
             bail!(
                 "`wheelarm {name}` was left out of this build: build wheelarm-client with its feature `{feature}`"
             );
+        }
+        let mut known = known;
+        known.extend(programs_named("wheelarm-"));
+        if let Some(nearest) = nearest(&name, &known) {
+            bail!("no command `wheelarm {name}`; did you mean `wheelarm {nearest}`?");
         }
         bail!(
             "`wheelarm {name}` is not built in, and no `{program}` lies beside this program or on PATH; see `wheelarm --help`"
@@ -59,4 +76,23 @@ pub fn run_external(words: &[OsString]) -> anyhow::Result<ExitCode> {
             .and_then(|code| u8::try_from(code).ok())
             .unwrap_or(1),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn misspelled_command_is_answered_with_the_nearest_one() {
+        let known = ["evaluate", "episode", "record", "dataset", "drive"].map(str::to_owned);
+        for (typed, meant) in [
+            ("evalute", Some("evaluate")),
+            ("recrod", Some("record")),
+            ("datset", Some("dataset")),
+            ("episodes", Some("episode")),
+            ("fly", None),
+        ] {
+            assert_eq!(nearest(typed, &known), meant, "{typed}");
+        }
+    }
 }

@@ -9,11 +9,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, TryRecvError};
-use wheelarm_proto::v1;
-
 use wheelarm_link::{Link, Turn};
-
-use crate::interrupt::on_signals;
+use wheelarm_proto::signals::on_signals;
+use wheelarm_proto::v1;
 
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]
@@ -86,7 +84,7 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Becomes true on Ctrl-C or SIGTERM.
+/// Becomes true on Ctrl-C, SIGTERM or SIGHUP.
 fn listen() -> anyhow::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let told = Arc::clone(&interrupted);

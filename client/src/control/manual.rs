@@ -214,7 +214,7 @@ pub const REPLAY: &str = manual!(
 /// `wheelarm teleop`.
 pub const TELEOP: &str = manual!(
     "  wheelarm teleop
-  wheelarm teleop --require-recorders 1 --instruction \"Bring me the mustard\"
+  wheelarm teleop --instruction \"Bring me the mustard\"
   ssh -t HOST wheelarm teleop --dead-man 2
   wheelarm teleop --take             takes control from whoever holds it
 ",

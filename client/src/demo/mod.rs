@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use wheelarm_proto::look::LookText;
@@ -17,6 +17,7 @@ use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
 use crate::choice::{named, seed_range};
+use crate::control::tasks_of_program;
 use crate::policy::{Driver, PolicyArgs, Start};
 use summary::Summary;
 use wheelarm_link::Link;
@@ -111,6 +112,15 @@ impl DemoArgs {
 /// When a program cannot be started or stops answering.
 pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
+    let tasks = tasks_of_program(args.assets.as_deref())?;
+    if !args.task.is_empty() && !tasks.iter().any(|task| task.name == args.task) {
+        let names: Vec<&str> = tasks.iter().map(|task| task.name.as_str()).collect();
+        bail!(
+            "no task named {:?}; available: {}",
+            args.task,
+            names.join(", ")
+        );
+    }
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let driver = Driver::start(

@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// A version that no program speaks.
 const NO_VERSION: &str = "application/protobuf;wheelarm.v1.Nothing@0";
 /// What to do about a right that is missing.
-const CURE: &str = "ask who runs the server: `wheelarm users list` says the role, and a server knows the users that there were when it was started";
+const CURE: &str = "ask who runs the server: `wheelarm users list` says the role, and a server knows the users that were added before it was started";
 
 /// What came of one try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

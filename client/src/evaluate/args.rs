@@ -101,6 +101,10 @@ pub struct EvaluateArgs {
     /// Does those episodes anew in which something broke; without it they count as done.
     #[arg(long)]
     pub again: bool,
+    /// Does all episodes anew; the results of before are set aside as `episodes-N.jsonl`.
+    /// Needed in a folder whose results are of another state of the policy's files.
+    #[arg(long)]
+    pub fresh: bool,
     /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
     /// any of its postures.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]
@@ -117,7 +121,7 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
     pub look: Option<LookText>,
     /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], then
-    /// ,guard ,mouth_open ,motion=0..1.
+    /// ,mouth_open ,motion=0..1 ,unguarded.
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text, conflicts_with = "split")]
     pub person: Option<v1::Person>,
     /// Hinders the robot: strength of noise, pushes and slips, 1 to 3.

@@ -18,6 +18,8 @@ pub struct Job {
     pub variation: Variation,
     /// Name of the policy that does it; empty for the scripted operator.
     pub policy: String,
+    /// Digest of the policy's files (`crate::policy::files`); empty without any.
+    pub policy_files: String,
 }
 
 impl Job {
@@ -63,6 +65,11 @@ impl From<&v1::Condition> for Condition {
     }
 }
 
+/// For serde, which passes a reference.
+fn is_zero(count: &u32) -> bool {
+    *count == 0
+}
+
 /// What came of one episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
@@ -76,6 +83,9 @@ pub struct Entry {
     /// Name of the policy; empty for the scripted operator.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub policy: String,
+    /// Digest of the policy's files when it was done; empty without any.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub policy_files: String,
     /// Label of its recording; empty where it was not recorded, absent in lines from
     /// before labels were written down.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -100,6 +110,10 @@ pub struct Entry {
     /// Hash of the newest state that was published, once per simulated second;
     /// equal in every run of the same episode.
     pub hash: String,
+    /// Start poses that the server rejected because of the person before it took one
+    /// (count); absent for none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rejected_starts: u32,
     /// What the operator noted.
     pub notes: Vec<String>,
     /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100
@@ -131,6 +145,16 @@ impl Entry {
     /// Whether it is the result of `job`.
     #[must_use]
     pub fn is_of(&self, job: &Job) -> bool {
+        self.is_of_name(job) && self.policy_files == job.policy_files
+    }
+
+    /// Whether it is the result of `job` by other files of its policy.
+    #[must_use]
+    pub fn is_outdated(&self, job: &Job) -> bool {
+        self.is_of_name(job) && self.policy_files != job.policy_files
+    }
+
+    fn is_of_name(&self, job: &Job) -> bool {
         (&self.task, self.seed, &self.policy) == (&job.task, job.seed, &job.policy)
             && self.settings == job.settings()
     }
@@ -181,7 +205,7 @@ impl Entry {
             if self.success {
                 String::new()
             } else {
-                format!("  {}", self.why)
+                format!("  {}", self.why.lines().next().unwrap_or_default())
             }
         )
     }

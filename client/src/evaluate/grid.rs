@@ -51,6 +51,7 @@ pub fn draw(
             seed: entry.seed,
             variation: scope.variation.clone(),
             policy: entry.policy.clone(),
+            policy_files: entry.policy_files.clone(),
         };
         let [mut large, small] = last_pictures(args, &job)?;
         large.inset(&small.smaller(SMALLER));

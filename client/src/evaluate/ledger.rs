@@ -31,6 +31,7 @@ mod tests {
             seed,
             settings: String::new(),
             policy: String::new(),
+            policy_files: String::new(),
             label: None,
             thinking: None,
             success: true,
@@ -41,6 +42,7 @@ mod tests {
             seconds: 16.5,
             factor: 8.0,
             hash: "00".to_owned(),
+            rejected_starts: 0,
             notes: Vec::new(),
             broken: None,
             scenario: None,
@@ -76,6 +78,15 @@ mod tests {
         };
         let again = with(&broken);
         assert_eq!(again, [entry(2), broken.clone()], "the newest word counts");
+        let ledger = Ledger::open(folder.path()).unwrap();
+        assert_eq!(ledger.set_aside(|entry| entry.seed == 9).unwrap(), None);
+        ledger.add(&entry(9)).unwrap();
+        let aside = ledger.set_aside(|entry| entry.seed == 9).unwrap();
+        let kept = std::fs::read_to_string(aside.unwrap()).unwrap();
+        assert!(kept.contains("\"seed\":9"), "{kept}");
+        drop(ledger);
+        let left = Ledger::open(folder.path()).unwrap().entries();
+        assert_eq!(left, [entry(2), broken.clone()]);
         let elsewhere = Entry {
             settings: "starts=anywhere".to_owned(),
             ..entry(2)

@@ -33,7 +33,7 @@ use parking_lot::Mutex;
 use wheelarm_proto::v1;
 
 use crate::control::tasks_of_program;
-use crate::policy::{Choice, Driver, Start};
+use crate::policy::{Choice, Driver, Start, files};
 use entry::Job;
 use ledger::Ledger;
 use report::Report;
@@ -71,23 +71,26 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         },
     )?;
     let policy = driver.name();
+    let policy_files = files::digest(&args.policy.policy)?;
     // Seed by seed, so that what was interrupted has about as many of every task.
     let wanted: Vec<Job> = scope
         .seeds
         .clone()
         .flat_map(|seed| {
             tasks.iter().map({
-                let (variation, policy) = (&scope.variation, &policy);
+                let (variation, policy, policy_files) = (&scope.variation, &policy, &policy_files);
                 move |task| Job {
                     task: task.clone(),
                     seed,
                     variation: variation.clone(),
                     policy: policy.clone(),
+                    policy_files: policy_files.clone(),
                 }
             })
         })
         .collect();
     let ledger = Ledger::open(&args.out)?;
+    begin(args, &wanted, &ledger)?;
     let known = ledger.entries();
     let is_done = |job: &Job| {
         let mut counted = known
@@ -127,6 +130,33 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     } else {
         ExitCode::FAILURE
     })
+}
+
+/// Sets results of before aside with `--fresh`, and otherwise refuses those that a policy
+/// with other files made: they would be counted together with the new ones.
+fn begin(args: &EvaluateArgs, wanted: &[Job], ledger: &Ledger) -> anyhow::Result<()> {
+    if args.fresh {
+        let is_old = |entry: &Entry| {
+            wanted
+                .iter()
+                .any(|job| entry.is_of(job) || entry.is_outdated(job))
+        };
+        if let Some(aside) = ledger.set_aside(is_old)? {
+            println!("the results of before are in {}", aside.display());
+        }
+        return Ok(());
+    }
+    let known = ledger.entries();
+    let is_outdated = |entry: &&Entry| wanted.iter().any(|job| entry.is_outdated(job));
+    let outdated = known.iter().filter(is_outdated).count();
+    if outdated > 0 {
+        bail!(
+            "the files of the policy changed since {outdated} of the episodes in {}: add --fresh \
+             to do all episodes anew, or name another folder with --out",
+            args.out.display()
+        );
+    }
+    Ok(())
 }
 
 /// Prints the report and writes it, with the pictures unless they are not wanted.

@@ -173,6 +173,7 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         seed: job.seed,
         settings: job.settings(),
         policy: job.policy.clone(),
+        policy_files: job.policy_files.clone(),
         label: None,
         success: report.succeeded(),
         end: match (report.succeeded(), broken) {
@@ -189,6 +190,7 @@ fn entry(job: &Job, tried: Tried) -> Entry {
         hash: tried
             .hash
             .map_or_else(String::new, |hash| format!("{hash:016x}")),
+        rejected_starts: tried.scenario.rejected_starts,
         notes: limit.into_iter().chain(tried.notes).collect(),
         thinking: None,
         broken,

@@ -310,7 +310,7 @@ fn failures(
                     out,
                     "<tr><td>seed {seed}<td>{:.1} s<td>{progress} %<td class=\"words\">{}<td><code>{}</code></tr>",
                     entry.seconds,
-                    escaped(&entry.why),
+                    escaped(&entry.why).replace('\n', "<br>"),
                     escaped(&entry.hash)
                 )?;
             }

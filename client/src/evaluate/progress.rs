@@ -548,6 +548,7 @@ mod tests {
                     header: header.clone(),
                     pad_forces: pads.to_vec(),
                     contacts: contact.into_iter().collect(),
+                    contact_count: 0,
                 }),
                 Sample::Evaluation(v1::Evaluation {
                     header,

@@ -99,6 +99,9 @@ pub struct Report {
     pub interval: [f64; 2],
     /// Clopper and Pearson's exact interval of their share at 95 %.
     pub exact_interval: [f64; 2],
+    /// Start poses that the server drew, and of these the ones that it rejected because
+    /// of the person.
+    pub drawn_starts: [usize; 2],
 }
 
 impl Report {
@@ -108,6 +111,10 @@ impl Report {
         let tasks: Vec<TaskReport> = tasks.iter().map(|task| count(task, entries)).collect();
         let episodes = tasks.iter().map(|task| task.episodes).sum();
         let successes = tasks.iter().map(|task| task.successes).sum();
+        let of_tasks = entries
+            .iter()
+            .filter(|entry| tasks.iter().any(|task| task.task == entry.task));
+        let rejected = of_tasks.map(|entry| entry.rejected_starts as usize).sum();
         Self {
             split: scope.split.clone(),
             policy: entries
@@ -121,6 +128,7 @@ impl Report {
             successes,
             interval: wilson(successes, episodes),
             exact_interval: clopper_pearson(successes, episodes),
+            drawn_starts: [episodes + rejected, rejected],
             tasks,
         }
     }
@@ -281,6 +289,7 @@ impl fmt::Display for Report {
                 writeln!(f, "    only reported, not {name}: {count}")?;
             }
             for (seed, why) in &task.failed_seeds {
+                let why = why.replace('\n', "\n        ");
                 writeln!(f, "    seed {seed}: {why}")?;
             }
         }
@@ -299,6 +308,15 @@ impl fmt::Display for Report {
             "" => String::new(),
             words => format!(", {words}"),
         };
+        if let [drawn, rejected] = self.drawn_starts
+            && rejected > 0
+        {
+            let share = 100.0 * rejected as f64 / drawn as f64;
+            writeln!(
+                f,
+                "start poses {rejected} of {drawn} rejected because of the person ({share:.1} %)"
+            )?;
+        }
         writeln!(f, "{split}seeds for {}{settings}", self.purpose)
     }
 }
@@ -318,6 +336,7 @@ mod tests {
             seed,
             settings: String::new(),
             policy: String::new(),
+            policy_files: String::new(),
             label: None,
             thinking: None,
             success,
@@ -347,6 +366,7 @@ mod tests {
             seconds: 10.0 + seed as f64,
             factor: 5.0,
             hash: String::new(),
+            rejected_starts: 0,
             notes: Vec::new(),
             broken: None,
             scenario: None,

@@ -249,6 +249,7 @@ impl Worker {
             seed: job.seed,
             settings: job.settings(),
             policy: job.policy.clone(),
+            policy_files: job.policy_files.clone(),
             label: Some(label),
             success: done.success,
             end: end(&done),
@@ -258,6 +259,7 @@ impl Worker {
             seconds,
             factor: seconds / done.wall.max(1e-9),
             hash: done.hash,
+            rejected_starts: rejected_starts(pulse),
             notes: done.notes,
             thinking: done.thinking,
             broken: done.broken,
@@ -285,6 +287,15 @@ fn end(done: &Done) -> String {
     }
 }
 
+/// As the scenario in force says.
+fn rejected_starts(pulse: &Pulse) -> u32 {
+    let scenario = pulse.scenario().unwrap_or_default();
+    let count = scenario["rejected_starts"].as_u64();
+    count
+        .and_then(|count| u32::try_from(count).ok())
+        .unwrap_or_default()
+}
+
 /// The result of an episode in which something broke.
 pub fn broken_entry(
     job: &Job,
@@ -304,6 +315,7 @@ pub fn broken_entry(
         seed: job.seed,
         settings: job.settings(),
         policy: job.policy.clone(),
+        policy_files: job.policy_files.clone(),
         label: None,
         thinking: None,
         success: false,
@@ -314,6 +326,7 @@ pub fn broken_entry(
         seconds,
         factor: seconds / wall.as_secs_f64().max(1e-9),
         hash: String::new(),
+        rejected_starts: rejected_starts(pulse),
         notes: Vec::new(),
         broken: Some(broken),
         scenario: Some(pulse.scenario().unwrap_or_else(asked)),

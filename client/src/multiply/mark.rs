@@ -36,7 +36,7 @@ pub fn keep(of: &Path, file: &Path) -> anyhow::Result<()> {
 /// otherwise.
 #[must_use]
 pub fn read(file: &Path) -> Option<[String; 2]> {
-    let at = hdf5::File::open(file).ok()?;
+    let at = wheelarm_dataset::read::open_file(file).ok()?;
     let read = |name| {
         let words: VarLenUnicode = at.attr(name).ok()?.read_scalar().ok()?;
         Some(words.as_str().to_owned())

@@ -70,6 +70,7 @@ impl Driver {
             Choice::Repeat => Arc::new(Repeat::default()),
             Choice::Replay(folder) => Arc::new(Nearest::of(folder)?),
             Choice::Act(file) => {
+                let file = file_or_asset(file);
                 if !file.exists() {
                     bail!("there is no file {}", file.display());
                 }

@@ -3,6 +3,7 @@
 
 mod choice;
 mod driver;
+pub mod files;
 mod nearest;
 
 use std::path::PathBuf;

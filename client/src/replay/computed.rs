@@ -117,6 +117,7 @@ fn once(
         require_recorders: rig.recorders(),
         commander: NAME.to_owned(),
         replay: true,
+        ..v1::EpisodeStartRequest::default()
     };
     let started = rig.link.ask(&request);
     let started = started.with_context(|| rig.server.tail())?;

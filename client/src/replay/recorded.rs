@@ -50,6 +50,7 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
             quality: v1::RenderQuality::Unspecified.into(),
             ..scenario
         }),
+        playback: true,
         ..v1::ResetRequest::default()
     };
     let link = &rig.link;

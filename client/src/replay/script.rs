@@ -26,7 +26,37 @@ pub(super) struct Script {
     /// State hashes by tick.
     pub hashes: Vec<(u64, u64)>,
     applied: BTreeMap<u64, v1::Applied>,
-    phases: BTreeMap<u64, (i32, String)>,
+    marks: BTreeMap<u64, Marks>,
+}
+
+/// Labels of a command that change no motion, and from which exports mark their rows.
+#[derive(Clone, Debug, Default)]
+struct Marks {
+    phase: i32,
+    phase_name: String,
+    device: i32,
+    mode: i32,
+    assistance: i32,
+    incident: i32,
+}
+
+impl Marks {
+    /// Takes those that a later command of the same tick has.
+    fn add(&mut self, command: v1::Command) {
+        let later = |old: &mut i32, new: i32| {
+            if new != 0 {
+                *old = new;
+            }
+        };
+        if command.phase != 0 {
+            self.phase = command.phase;
+            self.phase_name = command.phase_name;
+        }
+        later(&mut self.device, command.device);
+        later(&mut self.mode, command.mode);
+        later(&mut self.incident, command.incident);
+        later(&mut self.assistance, command.assistance);
+    }
 }
 
 /// How depth is stored in a recording.
@@ -60,12 +90,12 @@ impl Script {
             bail!("the file holds no snapshot to start from");
         }
         let applied = by_tick(episode.applied()?, |applied| applied.header.as_ref());
-        let phases = episode
-            .commands()?
-            .into_iter()
-            .filter_map(|log| Some((log.header?.tick, log.command?)))
-            .map(|(tick, command)| (tick, (command.phase, command.phase_name)))
-            .collect();
+        let mut marks: BTreeMap<u64, Marks> = BTreeMap::new();
+        for log in episode.commands()? {
+            if let (Some(header), Some(command)) = (log.header, log.command) {
+                marks.entry(header.tick).or_default().add(command);
+            }
+        }
         let last_tick = *applied
             .last_key_value()
             .context("the file holds no applied command")?
@@ -82,7 +112,7 @@ impl Script {
             last_tick,
             hashes: episode.state_hashes()?,
             applied,
-            phases,
+            marks,
         };
         let ticks = (script.first_tick..=last_tick).step_by(TICKS_PER_CONTROL as usize);
         for tick in ticks {
@@ -125,21 +155,24 @@ impl Script {
         )
     }
 
-    /// What was newly applied at `tick`, as a command.
+    /// The command that was newly applied at `tick`, with its recorded marks. That it is a
+    /// replay is told by its commander.
     pub fn command(&self, tick: u64) -> anyhow::Result<v1::Command> {
         let applied = self
             .applied
             .get(&tick)
             .with_context(|| format!("the recording has no tick {tick}"))?;
-        let (phase, phase_name) = self.phases.get(&tick).cloned().unwrap_or_default();
+        let marks = self.marks.get(&tick).cloned().unwrap_or_default();
         Ok(v1::Command {
             arm: applied.arm.clone(),
             base: applied.base,
             gripper: applied.gripper,
-            phase,
-            phase_name,
-            device: v1::Device::Replay.into(),
-            mode: v1::InputMode::Stream.into(),
+            phase: marks.phase,
+            phase_name: marks.phase_name,
+            device: marks.device,
+            mode: marks.mode,
+            assistance: marks.assistance,
+            incident: marks.incident,
             ..v1::Command::default()
         })
     }
@@ -192,7 +225,7 @@ mod tests {
             last_tick: 0,
             hashes: Vec::new(),
             applied: BTreeMap::new(),
-            phases: BTreeMap::new(),
+            marks: BTreeMap::new(),
         }
     }
 

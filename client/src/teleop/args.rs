@@ -21,8 +21,9 @@ pub struct TeleopArgs {
     /// Instruction of the first episode; the scenario's when absent.
     #[arg(long)]
     pub instruction: Option<String>,
-    /// Recorders that must be ready when an episode starts.
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    /// Recorders that must be ready when an episode starts; 0 practises: nothing is
+    /// recorded.
+    #[arg(long, default_value_t = 1, value_name = "N")]
     pub require_recorders: u32,
     /// Keeps the hand within WheelArm-Sim's reach shell: 0.41 to 0.873 m
     /// around the shoulder.

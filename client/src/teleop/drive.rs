@@ -26,6 +26,19 @@ pub const DIRECTIONS: [(char, [f64; 2]); 8] = [
     ('.', [-1.0, 1.0]),
 ];
 
+/// The key that stops the chair.
+const STOP: char = 'k';
+
+/// The keys of the speeds and by what they multiply forward speed and turn rate.
+pub const SPEEDS: [(char, [f64; 2]); 6] = [
+    ('q', [1.1, 1.1]),
+    ('z', [0.9, 0.9]),
+    ('w', [1.1, 1.0]),
+    ('x', [0.9, 1.0]),
+    ('e', [1.0, 1.1]),
+    ('c', [1.0, 0.9]),
+];
+
 /// What the chair is told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
@@ -62,18 +75,12 @@ impl Drive {
             self.next = now;
             return true;
         }
-        let [linear, angular] = match key {
-            'q' => [1.1, 1.1],
-            'z' => [0.9, 0.9],
-            'w' => [1.1, 1.0],
-            'x' => [0.9, 1.0],
-            'e' => [1.0, 1.1],
-            'c' => [1.0, 0.9],
-            'k' => {
-                self.stop(now);
-                return true;
-            }
-            _ => return false,
+        if key == STOP {
+            self.stop(now);
+            return true;
+        }
+        let Some((_, [linear, angular])) = SPEEDS.iter().find(|(k, _)| *k == key) else {
+            return false;
         };
         self.speeds = [
             (self.speeds[0] * linear).clamp(LEAST[0], GREATEST[0]),

@@ -49,7 +49,7 @@ pub struct Settings {
     pub label: String,
     /// Instruction of the first episode; the scenario's when empty.
     pub instruction: String,
-    /// Recorders that must be ready.
+    /// Recorders that must be ready; 0 is practice.
     pub recorders: u32,
     /// Keep to the reach shell of WheelArm-Sim.
     pub shell: bool,
@@ -131,6 +131,7 @@ impl Model {
             arm: Arm::new(settings.shell),
             start: Start {
                 label: settings.label.clone(),
+                numbered: false,
                 instruction: settings.instruction.clone(),
                 recorders: settings.recorders,
             },
@@ -194,16 +195,23 @@ impl Model {
         }
     }
 
-    /// Takes a key.
+    /// Takes a key. While a direction is latched, every key without a meaning stops the
+    /// robot: who presses in a hurry hits what the keyboard layout or Caps Lock makes of
+    /// the stop key.
     pub fn key(&mut self, key: &Key, now: f64) -> Vec<Effect> {
-        if let Some(form) = &mut self.form {
-            let answer = form.key(key);
-            return self.answer(answer, now);
+        if self.form.is_some() {
+            // Nobody steers while they type.
+            let mut effects = self.stop_latched(now);
+            if let Some(form) = &mut self.form {
+                let answer = form.key(key);
+                effects.extend(self.answer(answer, now));
+            }
+            return effects;
         }
         if self.help {
             self.help = false;
             if !matches!(key, Key::Char('k') | Key::Escape | Key::Ctrl('c')) {
-                return Vec::new();
+                return self.stop_latched(now);
             }
         }
         match key {
@@ -213,48 +221,84 @@ impl Model {
                 let mode = if self.arm.turning { "turn" } else { "move" };
                 self.say(now, format!("arm keys {mode} the hand"));
             }
-            Key::Char(character) if character.is_uppercase() => {
-                let small = character.to_lowercase();
-                self.warn(
-                    now,
-                    format!("{character} is no key; is Caps Lock on? The key is {small}"),
-                );
+            Key::Char(character) => {
+                return match self.character(*character, now) {
+                    Some(effects) => effects,
+                    None if character.is_uppercase() => {
+                        let small = character.to_lowercase();
+                        let words = format!(
+                            "{character} is not a key; is Caps Lock on? The key is {small}"
+                        );
+                        self.unknown(&words, now)
+                    }
+                    None => {
+                        self.unknown(&format!("{character} is not a key; ? shows the keys"), now)
+                    }
+                };
             }
-            Key::Char(character) => return self.character(*character, now),
             Key::Escape => return self.stop_everything(now),
             Key::Ctrl('c') => return self.leave(now),
             Key::Right => return self.finish(now),
             Key::Left => return self.redo(now),
-            Key::Paste(_) => self.warn(now, "pasted text is not driven; s opens the text fields"),
-            Key::Ctrl('l') | Key::Enter | Key::Tab | Key::BackTab | Key::Up | Key::Down => {}
-            _ => self.warn(now, "no such key; ? shows the keys"),
+            Key::Ctrl('l') => {}
+            Key::Paste(_) => {
+                return self.unknown("pasted text is not driven; s opens the text fields", now);
+            }
+            Key::Enter => {
+                // The alarm has been read.
+                self.situation.alarm = None;
+                return self.stop_latched(now);
+            }
+            Key::Tab | Key::BackTab | Key::Up | Key::Down => return self.stop_latched(now),
+            _ => return self.unknown("unknown key; ? shows the keys", now),
         }
         Vec::new()
     }
 
-    fn character(&mut self, key: char, now: f64) -> Vec<Effect> {
-        match key {
-            's' => return self.open_start(now),
-            'd' => return self.discard(now),
-            't' => return self.open_reset(now),
-            'p' => return self.pause(now),
-            '!' => return self.open_take(now),
+    /// Stops the robot where the chair drives by a latched direction.
+    fn stop_latched(&mut self, now: f64) -> Vec<Effect> {
+        match self.drive.direction {
+            Some(_) => self.stop_everything(now),
+            None => Vec::new(),
+        }
+    }
+
+    /// A key without a meaning.
+    fn unknown(&mut self, words: &str, now: f64) -> Vec<Effect> {
+        let stopped = match self.drive.direction {
+            Some(_) => "everything stops: ",
+            None => "",
+        };
+        let effects = self.stop_latched(now);
+        self.warn(now, format!("{stopped}{words}"));
+        effects
+    }
+
+    /// Does what a character stands for, if it stands for anything.
+    fn character(&mut self, key: char, now: f64) -> Option<Vec<Effect>> {
+        let effects = match key {
+            's' => self.open_start(now),
+            'd' => self.discard(now),
+            't' => self.open_reset(now),
+            'p' => self.pause(now),
+            '!' => self.open_take(now),
             'a' => {
                 self.arm.shell = !self.arm.shell;
                 let state = if self.arm.shell { "on" } else { "off" };
                 self.say(now, format!("reach shell {state}"));
+                Vec::new()
             }
-            '-' => self.resize(false, now),
-            '=' | '+' => self.resize(true, now),
-            'r' | 'y' => return self.gripper(key == 'r', now),
-            _ => {
-                if let Some((_, axis, sign)) = arm::KEYS.iter().find(|(k, ..)| *k == key) {
-                    return self.arm(*axis, *sign, now);
-                }
-                return self.chair(key, now);
+            '-' | '=' | '+' => {
+                self.resize(key != '-', now);
+                Vec::new()
             }
-        }
-        Vec::new()
+            'r' | 'y' => self.gripper(key == 'r', now),
+            _ => match arm::KEYS.iter().find(|(k, ..)| *k == key) {
+                Some((_, axis, sign)) => self.arm(*axis, *sign, now),
+                None => return self.chair(key, now),
+            },
+        };
+        Some(effects)
     }
 
     /// Brakes the chair and holds the arm.
@@ -290,6 +334,7 @@ impl Model {
                 recorders,
             } => {
                 self.start = Start {
+                    numbered: self.start.numbered && self.start.label == label,
                     label,
                     instruction,
                     recorders,

@@ -16,6 +16,7 @@ use wheelarm_drive::errand::{self, Brought};
 use wheelarm_drive::send::Commands;
 use wheelarm_drive::watch::{Heard, Line};
 use wheelarm_link::{Commander, Connect, Link};
+use wheelarm_proto::signals::Signals;
 
 /// Streams that the screen shows.
 const STREAMS: [TopicId; 11] = [
@@ -131,26 +132,21 @@ fn settings(args: &TeleopArgs) -> Settings {
 }
 
 fn watch_signals(runtime: &tokio::runtime::Runtime, events: Sender<Event>) {
-    use tokio::signal::unix::{SignalKind, signal};
-    let kinds = [
-        (SignalKind::terminate(), "SIGTERM"),
-        (SignalKind::hangup(), "SIGHUP: the terminal is gone"),
-        (SignalKind::interrupt(), "SIGINT"),
-        (SignalKind::quit(), "SIGQUIT"),
-    ];
-    let _inside = runtime.enter();
-    for (kind, name) in kinds {
-        match signal(kind) {
-            Ok(mut signal) => {
-                let events = events.clone();
-                runtime.spawn(async move {
-                    signal.recv().await;
-                    // A closed queue means that the program ends anyway.
-                    let _ = events.send(Event::Signal(name));
-                });
-            }
-            Err(error) => tracing::warn!("{name} is not watched: {error}"),
+    let listening = {
+        let _inside = runtime.enter();
+        Signals::listen_here().and_then(Signals::and_quit)
+    };
+    match listening {
+        Ok(mut signals) => {
+            runtime.spawn(async move {
+                // A closed queue means that the program ends anyway.
+                while events
+                    .send(Event::Signal(signals.next().await.name()))
+                    .is_ok()
+                {}
+            });
         }
+        Err(error) => tracing::warn!("cannot listen to signals: {error}"),
     }
 }
 

@@ -13,7 +13,7 @@ mod theme;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Paragraph};
+use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 
 use super::model::Model;
 pub use theme::Theme;
@@ -25,8 +25,18 @@ const CONTROLS: u16 = 13;
 /// Draws everything; `now` in seconds of the model's clock.
 pub fn draw(frame: &mut Frame<'_>, model: &Model, theme: Theme, now: f64) {
     let area = frame.area();
-    let [top, body, bottom] = Layout::vertical([
+    let alarms = panels::alarms(model, theme);
+    let width = usize::from(area.width.max(1));
+    // A line that wraps between words may need one row more. The rest of the screen keeps
+    // half of the rows.
+    let rows = alarms
+        .iter()
+        .map(|line| line.width().div_ceil(width) + usize::from(line.width() > width))
+        .sum::<usize>();
+    let rows = u16::try_from(rows).unwrap_or(u16::MAX);
+    let [top, alarm, body, bottom] = Layout::vertical([
         Constraint::Length(panels::header_rows(area.width)),
+        Constraint::Length(rows.min(area.height / 2)),
         Constraint::Min(0),
         Constraint::Length(2),
     ])
@@ -35,6 +45,7 @@ pub fn draw(frame: &mut Frame<'_>, model: &Model, theme: Theme, now: f64) {
         Paragraph::new(panels::header(model, theme, now, area.width)),
         top,
     );
+    frame.render_widget(Paragraph::new(alarms).wrap(Wrap { trim: true }), alarm);
     if area.width >= WIDE {
         wide(frame, body, model, theme, now);
     } else {

@@ -26,10 +26,17 @@ pub struct Pair {
     pub key: String,
 }
 
-/// Validity, for which clocks may differ by a day.
+/// A certificate is valid this long before it was issued: clocks may differ.
+const EARLY: Duration = Duration::days(1);
+
+/// When a certificate was issued that is valid from `not_before`, both s since 1970.
+pub fn issued(not_before: i64) -> i64 {
+    not_before.saturating_add(EARLY.whole_seconds())
+}
+
 fn valid(params: &mut CertificateParams, days: i64) {
     let now = OffsetDateTime::now_utc();
-    params.not_before = now - Duration::days(1);
+    params.not_before = now - EARLY;
     params.not_after = now + Duration::days(days);
 }
 

@@ -228,8 +228,8 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Removes the folder that a user takes along. Copies of it are worth nothing
-    /// once the servers have been started anew without that user.
+    /// Removes the folder that a user takes along. Copies of it are worth nothing once
+    /// the file of users is without that user.
     ///
     /// # Errors
     /// [`AccessError::File`].

@@ -2,7 +2,8 @@
 //! authority, and the rules of the transport that are made of both.
 //!
 //! [`Users`] is the file `users.toml`; [`Folder`] the folder of keys around it;
-//! [`access_control`] and [`router`] write the transport's configuration. Nothing
+//! [`access_control`] and [`router`] write the transport's configuration; [`Watch`]
+//! follows the file, so that a change takes effect while servers run. Nothing
 //! here opens a connection, and nobody's password or private key is printed.
 
 #![warn(missing_docs)]
@@ -15,11 +16,13 @@ mod role;
 mod rules;
 mod transport;
 mod users;
+mod watch;
 
 pub use authority::{LONGEST_DAYS, SHORTEST_DAYS};
 pub use error::AccessError;
 pub use folder::{About, Folder, SERVER, ServerIdentity};
 pub use role::Role;
 pub use rules::{Flow, Grant, Kind, grants, grants_of_servers};
-pub use transport::{access_control, guards, router, tls};
+pub use transport::{Subjects, access_control, guards, router, tls};
 pub use users::{User, Users};
+pub use watch::{Subject, Watch, follow};

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use wheelarm_proto::keys::PREFIX;
 
 use super::rules::{Flow, Grant, grants, grants_of_servers};
-use super::{AccessError, Folder, SERVER, Users};
+use super::{AccessError, Folder, Role, SERVER, User, Users};
 
 /// What a listener over a network is asked for: by certificates of this folder on
 /// both sides, ended when one is over. Goes under `transport/link`.
@@ -71,6 +71,34 @@ fn ranks_of_answers(sim: &str) -> Value {
     ])
 }
 
+/// How a user of a connection is known to the rules.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subjects {
+    /// By the name in the certificate: for a router that is not ours, which goes by
+    /// the roles of its start.
+    Names,
+    /// By name and role as they are now, in every role that the user may get: for
+    /// processes that follow the file of users, see [`crate::Watch`].
+    Roles,
+}
+
+impl Subjects {
+    /// The users that have rules, with the name in the rules.
+    fn of(self, user: &User) -> Vec<(String, User)> {
+        if self == Self::Names {
+            return vec![(user.name.clone(), user.clone())];
+        }
+        let roles = Role::ALL.into_iter().map(|role| (role, false));
+        let all = roles.chain([(Role::Operator, true)]);
+        let users = all.map(|(role, pictures)| {
+            let mut user = user.clone();
+            (user.role, user.pictures) = (role, pictures);
+            (user.subject(), user)
+        });
+        users.collect()
+    }
+}
+
 /// The rules of the server `sim` (`*` for a router in front of many): what no
 /// rule allows is refused. Goes under `access_control`.
 ///
@@ -78,16 +106,16 @@ fn ranks_of_answers(sim: &str) -> Value {
 /// socket, a file of mode 0600, is the user of this process, and may what an
 /// admin may.
 #[must_use]
-pub fn access_control(users: &Users, sim: &str) -> Value {
+pub fn access_control(users: &Users, sim: &str, subjects: Subjects) -> Value {
     let mut lists = Lists::default();
-    for user in users.iter() {
-        let name = format!("user-{}", user.name);
+    for (subject, user) in users.iter().flat_map(|user| subjects.of(user)) {
+        let name = format!("user-{subject}");
         let who = json!({
             "id": name,
-            "cert_common_names": [user.name],
+            "cert_common_names": [subject],
             "link_protocols": ["tls"],
         });
-        lists.add(&name, who, &grants(user, sim));
+        lists.add(&name, who, &grants(&user, sim));
     }
     let local = super::User::local();
     let who = json!({ "id": "local", "link_protocols": ["unixsock-stream"] });
@@ -142,7 +170,11 @@ impl Lists {
 ///
 /// # Errors
 /// As [`Folder::users`].
-pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessError> {
+pub fn router(
+    folder: &Folder,
+    endpoints: &[String],
+    subjects: Subjects,
+) -> Result<String, AccessError> {
     let users = folder.users()?;
     let mut link = tls(folder);
     // Samples wait for room, where the default drops them after a millisecond.
@@ -157,7 +189,7 @@ pub fn router(folder: &Folder, endpoints: &[String]) -> Result<String, AccessErr
         "timestamping": { "enabled": true },
         "adminspace": { "enabled": false },
         "transport": { "link": link, "shared_memory": { "enabled": false } },
-        "access_control": access_control(&users, "*"),
+        "access_control": access_control(&users, "*", subjects),
     });
     for (key, value) in guards("*") {
         let (at, last) = key.rsplit_once('/').unwrap_or(("", key));
@@ -191,11 +223,23 @@ mod tests {
             users.add(User::new(name, Role::Viewer).unwrap()).unwrap();
         }
         users.save(&folder.users_file()).unwrap();
-        let text = router(&folder, &["tls/127.0.0.1:7447".to_owned()]).unwrap();
-        let config = zenoh::Config::from_json5(&text).unwrap();
-        let rules = config.get_json("access_control/rules").unwrap();
-        assert!(rules.contains("wheelarm/*/command/annaoperator"), "{rules}");
-        assert!(!rules.contains("deny"));
+        let endpoints = ["tls/127.0.0.1:7447".to_owned()];
+        let read = |subjects| {
+            let text = router(&folder, &endpoints, subjects).unwrap();
+            let config = zenoh::Config::from_json5(&text).unwrap();
+            let rules = config.get_json("access_control/rules").unwrap();
+            assert!(rules.contains("wheelarm/*/command/annaoperator"), "{rules}");
+            assert!(!rules.contains("deny"));
+            config
+        };
+        let named = read(Subjects::Names);
+        let named = named.get_json("access_control/subjects").unwrap();
+        assert!(named.contains(r#"["annaoperator"]"#), "{named}");
+        let config = read(Subjects::Roles);
+        let subjects = config.get_json("access_control/subjects").unwrap();
+        for subject in ["annaviewer viewer", "annaviewer operator pictures"] {
+            assert!(subjects.contains(&format!("[\"{subject}\"]")), "{subjects}");
+        }
         // Everything that keeps users from hindering others is there, under its own key.
         for (key, value) in guards("*") {
             let set = config.get_json(key).unwrap();
@@ -246,7 +290,7 @@ mod tests {
 
     #[test]
     fn without_users_the_local_one_alone_is_let_in() {
-        let rules = access_control(&Users::default(), "lab");
+        let rules = access_control(&Users::default(), "lab", Subjects::Roles);
         assert_eq!(rules["default_permission"], "deny");
         let subjects = rules["subjects"].as_array().unwrap();
         assert_eq!(subjects.len(), 2, "local and servers: {subjects:?}");

@@ -1,9 +1,11 @@
 //! The file `users.toml`: who there is, in which role, with which password.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use time::OffsetDateTime;
 use wheelarm_proto::keys::check_name;
 
 use super::folder::{SERVER, write_private};
@@ -23,6 +25,10 @@ pub struct User {
     /// An operator that also takes full pictures, as a policy does.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pictures: bool,
+    /// When it was added, s since 1970: certificates of an earlier user of this name
+    /// count no more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    since: Option<i64>,
     /// Argon2id hash of its password, for the web page; without one it has
     /// certificates only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -50,6 +56,7 @@ impl User {
             name: name.to_owned(),
             role,
             pictures: false,
+            since: None,
             password: None,
         };
         user.check()?;
@@ -62,8 +69,24 @@ impl User {
             name: "local".to_owned(),
             role: Role::Admin,
             pictures: false,
+            since: None,
             password: None,
         }
+    }
+
+    /// Its name in the rules of a process that follows the file of users: name, role
+    /// and `pictures`. A connection of another role is another subject.
+    #[must_use]
+    pub(crate) fn subject(&self) -> String {
+        let pictures = if self.pictures { " pictures" } else { "" };
+        format!("{} {}{pictures}", self.name, self.role)
+    }
+
+    /// Whether a certificate that was issued at this time, s since 1970, is of this
+    /// user and not of an earlier one of the same name.
+    #[must_use]
+    pub(crate) fn owns_issue(&self, issued: i64) -> bool {
+        self.since.is_none_or(|since| issued >= since)
     }
 
     /// Whether it can log in with a password.
@@ -96,18 +119,27 @@ impl Users {
     /// # Errors
     /// [`AccessError::File`], [`AccessError::Users`] with line and cure.
     pub fn load(path: &Path) -> Result<Self, AccessError> {
-        let about = fs::metadata(path).map_err(AccessError::file("reading", path))?;
-        if about.len() > MOST_BYTES {
-            return Err(AccessError::Users {
+        Self::parse(path, &Self::text(path)?)
+    }
+
+    /// The text of a file.
+    pub(crate) fn text(path: &Path) -> Result<String, AccessError> {
+        let mut text = String::new();
+        fs::File::open(path)
+            .and_then(|file| file.take(MOST_BYTES + 1).read_to_string(&mut text))
+            .map_err(AccessError::file("reading", path))?;
+        match text.len() as u64 > MOST_BYTES {
+            false => Ok(text),
+            true => Err(AccessError::Users {
                 path: path.to_owned(),
-                why: format!(
-                    "it has {} bytes, at most {MOST_BYTES} are read",
-                    about.len()
-                ),
-            });
+                why: format!("it has more than {MOST_BYTES} bytes"),
+            }),
         }
-        let text = fs::read_to_string(path).map_err(AccessError::file("reading", path))?;
-        Self::read(&text).map_err(|why| AccessError::Users {
+    }
+
+    /// Reads the text of the file at `path`.
+    pub(crate) fn parse(path: &Path, text: &str) -> Result<Self, AccessError> {
+        Self::read(text).map_err(|why| AccessError::Users {
             path: path.to_owned(),
             why,
         })
@@ -151,14 +183,14 @@ impl Users {
         write_private(path, text.as_bytes())
     }
 
-    /// The role of a user whose password this is. Takes as long for an unknown
-    /// user as for a wrong password.
+    /// The user whose password this is. Takes as long for an unknown user as for a
+    /// wrong password.
     #[must_use]
-    pub fn verify(&self, name: &str, password: &str) -> Option<Role> {
+    pub fn verify(&self, name: &str, password: &str) -> Option<&User> {
         let user = self.get(name);
         let stored = user.and_then(|user| user.password.as_deref());
         let right = password::verify(password, stored);
-        user.filter(|_| right).map(|user| user.role)
+        user.filter(|_| right)
     }
 
     /// One of them.
@@ -178,16 +210,30 @@ impl Users {
         self.users.is_empty()
     }
 
-    /// Adds one.
+    /// Adds one, from now on.
     ///
     /// # Errors
     /// [`AccessError::Taken`], [`AccessError::Name`], [`AccessError::Reserved`].
-    pub fn add(&mut self, user: User) -> Result<(), AccessError> {
+    pub fn add(&mut self, mut user: User) -> Result<(), AccessError> {
         user.check()?;
+        user.since = Some(OffsetDateTime::now_utc().unix_timestamp());
         if self.get(&user.name).is_some() {
             return Err(AccessError::Taken(user.name));
         }
         self.users.push(user);
+        Ok(())
+    }
+
+    /// Gives a user another role; `pictures` is for operators.
+    ///
+    /// # Errors
+    /// [`AccessError::Unknown`].
+    pub fn set_role(&mut self, name: &str, role: Role, pictures: bool) -> Result<(), AccessError> {
+        let unknown = self.unknown(name);
+        let user = self.users.iter_mut().find(|user| user.name == name);
+        let user = user.ok_or(unknown)?;
+        user.role = role;
+        user.pictures = pictures && role == Role::Operator;
         Ok(())
     }
 
@@ -242,7 +288,8 @@ mod tests {
     fn a_password_opens_its_own_user_and_no_other() {
         let mut users = users();
         users.set_password("anna", Some("correct horse")).unwrap();
-        assert_eq!(users.verify("anna", "correct horse"), Some(Role::Operator));
+        let verified = users.verify("anna", "correct horse");
+        assert_eq!(verified.map(|user| user.role), Some(Role::Operator));
         for (name, password) in [
             ("anna", "wrong horse!"),
             ("anna", ""),
@@ -314,6 +361,26 @@ mod tests {
             assert!(told.contains(words), "{text}\n{told}");
         }
         assert!(Users::read("").unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_hostile_file_of_users_is_an_error_and_ends_nothing() {
+        let deep = 200_000;
+        for text in [
+            format!("user = {}", "[".repeat(deep)),
+            format!("user = {}", "{a=".repeat(deep)),
+            format!("{}a = 1", "a.".repeat(deep)),
+            format!("[{}a]", "a.".repeat(deep)),
+            format!("[[{}a]]", "user.".repeat(deep)),
+            format!("user = \"{}\"", "x".repeat(deep)),
+        ] {
+            assert!(Users::read(&text).is_err(), "{}", &text[..20]);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("users.toml");
+        fs::write(&path, " ".repeat(2 << 20)).unwrap();
+        let error = Users::load(&path).unwrap_err().to_string();
+        assert!(error.contains("bytes"), "{error}");
     }
 
     #[test]

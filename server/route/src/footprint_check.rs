@@ -154,6 +154,90 @@ impl Outline {
     }
 }
 
+/// A capsule of the person in the chair, in `wheelchair_root`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limb {
+    /// Ends of its axis, metres.
+    pub ends: [[f64; 3]; 2],
+    /// Metres.
+    pub radius: f64,
+}
+
+/// Height of the slices in which an occupied chair grows by the limbs, metres.
+const SLICE: f64 = 0.1;
+/// Limbs are sampled along their axes every so many metres.
+const LIMB_STEP: f64 = 0.02;
+/// The outline of an empty chair covers a limb that sticks out by less, metres.
+const COVERED: f64 = 0.005;
+
+impl Limb {
+    /// Bounding rectangle between two heights: x min, x max, y min, y max, metres;
+    /// `None` where the limb does not reach them.
+    fn sides(&self, bottom: f64, top: f64) -> Option<[f64; 4]> {
+        let [a, b] = self.ends;
+        let along = [0, 1, 2].map(|i| b[i] - a[i]);
+        let length = exact::hypot(exact::hypot(along[0], along[1]), along[2]);
+        let steps = (length / LIMB_STEP).ceil().max(1.0) as usize;
+        let mut sides: Option<[f64; 4]> = None;
+        for step in 0..=steps {
+            let share = step as f64 / steps as f64;
+            let [x, y, z] = [0, 1, 2].map(|i| a[i] + along[i] * share);
+            let off = (bottom - z).max(z - top).max(0.0);
+            let left = self.radius * self.radius - off * off;
+            if left > 0.0 {
+                let r = left.sqrt();
+                let s = sides.unwrap_or([x, x, y, y]);
+                sides = Some([
+                    s[0].min(x - r),
+                    s[1].max(x + r),
+                    s[2].min(y - r),
+                    s[3].max(y + r),
+                ]);
+            }
+        }
+        sides
+    }
+}
+
+/// Outlines of an occupied chair, bottom up: those of the empty chair, grown in slices
+/// of [`SLICE`] by the limbs that stick out of them (knees, shins, feet, elbows).
+/// Without limbs that stick out the outlines stay as they are.
+#[must_use]
+pub fn occupied(outlines: &[(f64, Outline)], limbs: &[Limb]) -> Vec<(f64, Outline)> {
+    let mut grown: Vec<(f64, Outline)> = Vec::new();
+    let mut bottom = FLOOR;
+    for &(top, outline) in outlines {
+        let slices = ((top - bottom) / SLICE).round().max(1.0) as usize;
+        let height = (top - bottom) / slices as f64;
+        let first = grown.len();
+        for slice in 1..=slices {
+            let low = bottom + height * (slice - 1) as f64;
+            let high = match slice == slices {
+                true => top,
+                false => bottom + height * slice as f64,
+            };
+            let mut sides = outline.sides;
+            for limb in limbs.iter().filter_map(|limb| limb.sides(low, high)) {
+                for (side, sign) in [(0, -1.0), (1, 1.0), (2, -1.0), (3, 1.0)] {
+                    let out = sign * (limb[side] - sides[side]);
+                    if out > COVERED {
+                        sides[side] = limb[side];
+                    }
+                }
+            }
+            match grown[first..].last() {
+                Some((_, below)) if below.sides == sides => {
+                    let last = grown.len() - 1;
+                    grown[last].0 = high;
+                }
+                _ => grown.push((high, Outline { sides })),
+            }
+        }
+        bottom = top;
+    }
+    grown
+}
+
 /// What the chair's footprint must not touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FootprintCheck {
@@ -268,6 +352,46 @@ mod tests {
         // Beside each other's corners: the boxes around them overlap, they do not.
         let corner = rectangle([0.95, 0.95], [0.5, 0.5], PI / 4.0);
         assert!(!unit.overlaps(&corner));
+    }
+
+    #[test]
+    fn knees_grow_the_outline_at_their_height_only() {
+        let sides = |front| Outline {
+            sides: [-0.2, front, -0.3, 0.4],
+        };
+        let empty = [(0.33, sides(0.8)), (0.93, sides(0.5)), (1.5, sides(0.98))];
+        assert_eq!(occupied(&empty, &[]), empty);
+        // A thigh that ends 0.12 m before the seat, 0.55 to 0.65 m over the floor.
+        let thigh = Limb {
+            ends: [[0.1, 0.1, 0.6], [0.57, 0.1, 0.6]],
+            radius: 0.05,
+        };
+        let grown = occupied(&empty, &[thigh]);
+        let front_at = |z: f64| {
+            let band = grown.iter().find(|(top, _)| z <= *top).expect("a band");
+            band.1.sides[1]
+        };
+        assert_eq!(
+            [0.2, 0.4, 0.75, 1.2].map(front_at),
+            [0.8, 0.5, 0.5, 0.98],
+            "{grown:?}"
+        );
+        assert!((front_at(0.6) - 0.62).abs() < 1e-9);
+        // A table top at the height of the knees is an obstacle before the seat, one
+        // above them is not.
+        let top_at = |z: f64| {
+            let mut check = FootprintCheck::of(grown.iter().copied());
+            check.put(rectangle([0.75, 0.0], [0.16, 0.5], 0.0), [z, z + 0.02]);
+            check.is_free(
+                &Pose2 {
+                    x: 0.0,
+                    y: 0.0,
+                    heading: 0.0,
+                },
+                0.0,
+            )
+        };
+        assert!(!top_at(0.6) && top_at(0.75));
     }
 
     #[test]

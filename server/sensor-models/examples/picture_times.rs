@@ -40,9 +40,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 println!("  {name} colour {whole:.2}, without coder {noise:.2}");
             }
             if let Some(parameters) = model.depth {
-                let mut depth = DepthModel::new(parameters, 1, 1.0);
+                let scene = Scene::new(parameters.lens.width, parameters.lens.height);
+                let depth = DepthModel::new(parameters, 1, 1.0);
                 let surfaces = [Surface::Matte, Surface::Glass, Surface::Chrome];
-                let whole = median(|tick| depth.picture(&scene.exact(tick), &surfaces));
+                let whole = median(|tick| depth.image(&scene.exact(tick), &surfaces));
                 println!("  {name} depth {whole:.2}");
             }
         }

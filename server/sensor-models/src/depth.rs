@@ -1,12 +1,17 @@
-//! A stereo depth camera: the exact depth of a colour camera seen through the
-//! lens and from the place of the depth camera, with what matching two pictures
-//! makes of it.
+//! A stereo depth camera: the exact depth through its own lens and from its own place,
+//! with what matching the images of two eyes makes of it.
 //!
-//! Disparity d = f·b/z carries the noise, so that depth has σ = z²·σ_d/(f·b). The
-//! second eye stands `baseline` to the right: what it does not see has no return.
-//! What the colour camera does not see has none either.
-
-use wide::{f32x4, i32x4};
+//! The image is not registered to the color camera. Drivers of such cameras publish depth
+//! in the lens of the depth sensor (`depth/image_raw` of ros_kortex_vision) and register
+//! it on request, which clients can do with the intrinsics and the pose of each image.
+//! Registered depth loses what the wider lens sees; depth made from the color camera's
+//! image would lack it from the start.
+//!
+//! Disparity d = f·b/z carries the noise, so that depth has σ = z²·σ_d/(f·b). Matching
+//! adds up costs over a square window, which neighboring pixels share: the noise is the
+//! mean of independent values over that window, its autocorrelation falls linearly to 0
+//! at the window's side. The second eye stands `baseline` to the right: what it does not
+//! see has no return.
 
 use crate::delay::Delay;
 use crate::error::{BadParameter, Bounds};
@@ -18,15 +23,17 @@ use crate::surface::Surface;
 /// Parameters of a depth camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthParameters {
-    /// Its lens.
+    /// Its lens, through which its exact images are rendered.
     pub lens: Lens,
-    /// Place of its optical frame in that of the colour camera, m: x right, y
+    /// Place of its optical frame in that of the color camera, m: x right, y
     /// down, z forward; not turned.
     pub offset: [f64; 3],
     /// Distance of its two eyes, m.
     pub baseline: f64,
     /// Deviation of the disparity, pixels.
     pub disparity_noise: f64,
+    /// Side of the matching window over which the noise is correlated, pixels.
+    pub window: usize,
     /// Steps of the disparity, pixels; 0 for none.
     pub disparity_step: f64,
     /// Nearest and farthest return, m.
@@ -68,6 +75,7 @@ impl DepthParameters {
             offset: s.numbers("offset", "m", Bounds(-0.5, 0.5))?,
             baseline: s.number("baseline", "m", Bounds(0.001, 1.0))?,
             disparity_noise: s.number("disparity_noise", "px", Bounds(0.0, 2.0))?,
+            window: s.number("window", "px", Bounds(1.0, 64.0))? as usize,
             disparity_step: s.number("disparity_step", "px", share)?,
             range: s.numbers("range", "m", Bounds(0.0, 65.535))?,
             flying: s.number("flying", "1", share)?,
@@ -94,27 +102,10 @@ pub struct DepthModel {
     flying: u64,
     edge_holes: u64,
     holes: [u64; Surface::ALL.len()],
-    /// The nearest of each pixel by [`Near`], with a rim of one pixel all around
-    /// for what falls beside the picture.
-    nearest: Vec<Near>,
-    /// By column of the source.
-    columns: Vec<f32>,
 }
 
-/// A depth, m, as the bits of an f32 whose lowest three say the class of the
-/// surface: depth is cut by half a millionth of itself, and the nearer is the
-/// lesser number.
-type Near = u32;
-
-/// Bits of the class.
-const CLASS: Near = 7;
-
-/// What stands for no depth while pictures are made.
-const NONE: Near = f32::INFINITY.to_bits();
-
-fn depth(near: Near) -> f32 {
-    f32::from_bits(near & !CLASS)
-}
+/// Nearer than this is no depth, m.
+const NEAREST: f32 = 0.01;
 
 /// From here to twice as much an f32 tells whole numbers apart and no more: what is
 /// added to it is the nearest whole number in its lowest bits.
@@ -131,13 +122,11 @@ impl DepthModel {
         let of_all = |share: f64| ((share * strength).min(1.0) * 65536.0) as u64;
         Self {
             seed,
-            tape: NormalTape::new(seed, parameters.lens.width),
+            tape: NormalTape::averaged(seed, parameters.lens.width, parameters.window),
             noise: (parameters.disparity_noise * strength) as f32,
             flying: of_all(parameters.flying),
             edge_holes: of_all(parameters.edge_holes),
             holes: parameters.holes.map(of_all),
-            nearest: Vec::new(),
-            columns: Vec::new(),
             parameters,
         }
     }
@@ -148,196 +137,63 @@ impl DepthModel {
         &self.parameters
     }
 
-    /// The picture, little-endian u16 millimetres along the optical axis, 0 for
-    /// no return. `surfaces` gives the class of each instance id.
-    pub fn picture(&mut self, exact: &Exact<'_>, surfaces: &[Surface]) -> Vec<u8> {
-        self.project(exact, surfaces);
-        self.fill_cracks();
-        self.match_eyes(exact.tick)
-    }
-
-    /// The depth camera's view of the colour camera's depth.
-    fn project(&mut self, exact: &Exact<'_>, surfaces: &[Surface]) {
-        let (from, to) = (exact.lens, self.parameters.lens);
-        let line = to.width + 2;
-        self.nearest.clear();
-        self.nearest.resize(line * (to.height + 2), NONE);
-        let scale = [0, 1].map(|k| to.focal[k] / from.focal[k]);
-        // Pixels of the source per pixel here: the others tell nothing more.
-        let stride = scale.map(|s| ((1.0 / s) as usize).max(1));
-        // Half the side of what one pixel of the source covers here.
-        let half = [0, 1].map(|k| (0.5 * scale[k] * stride[k] as f64) as f32);
-        let wide = half[0] > 0.5 || half[1] > 0.5;
-        let [tx, ty, tz] = self.parameters.offset.map(|t| t as f32);
-        let moved = [0, 1].map(|k| {
-            let axis = [tx, ty][k];
-            to.focal[k] as f32 * axis
-        });
-        // u' = fx'·(X - tx)/(z - tz) + cx', X = (u - cx)/fx·z.
-        let along =
-            |k: usize, pixel: usize| (scale[k] * (pixel as f64 + 0.5 - from.principal[k])) as f32;
-        let first = stride.map(|s| s / 2);
-        self.columns.clear();
-        let columns = (first[0]..from.width).step_by(stride[0]);
-        self.columns.extend(columns.map(|x| along(0, x)));
-        let fours = self.columns.len().next_multiple_of(4);
-        self.columns.resize(fours, 0.0);
-        let principal = to.principal.map(|c| f32x4::splat(c as f32));
-        let moved = moved.map(f32x4::splat);
-        // Places count from the rim; what lies further out falls into it.
-        let place = |at: f32x4, side: usize| {
-            let at = at.fast_max(f32x4::splat(-1.0)) + f32x4::ONE;
-            at.fast_min(f32x4::splat(side as f32 + 1.0))
-                .fast_trunc_int()
-        };
-        // A row of the source, in whole fours.
-        let mut depths_here = vec![f32::INFINITY; self.columns.len()];
-        let mut classes = vec![0; self.columns.len()];
-        let (depths, _) = exact.depth.as_chunks::<4>();
-        let (ids, _) = exact.ids.as_chunks::<2>();
-        for y in (first[1]..from.height).step_by(stride[1]) {
-            let begin = y * from.width;
-            let Some(depths) = depths.get(begin..begin + from.width) else {
-                return;
-            };
-            let Some(ids) = ids.get(begin..begin + from.width) else {
-                return;
-            };
-            let down = f32x4::splat(along(1, y));
-            let sources = (first[0]..from.width).step_by(stride[0]);
-            for ((x, z), class) in sources.zip(&mut depths_here).zip(&mut classes) {
-                *z = f32::from_le_bytes(depths[x]);
-                let surface = surfaces.get(usize::from(u16::from_le_bytes(ids[x])));
-                *class = surface.map_or(0, |surface| *surface as u32);
-            }
-            let fours = self.columns.as_chunks::<4>().0.iter();
-            let fours = fours.zip(depths_here.as_chunks::<4>().0);
-            for ((right, z), class) in fours.zip(classes.as_chunks::<4>().0) {
-                let (z, right) = (f32x4::from(*z), f32x4::from(*right));
-                let away = z - f32x4::splat(tz);
-                let seen = away.simd_gt(f32x4::splat(0.01)) & away.simd_lt(f32x4::splat(1.0e4));
-                let over = f32x4::ONE / away;
-                let ratio = z * over;
-                let u = right * ratio - moved[0] * over + principal[0];
-                let v = down * ratio - moved[1] * over + principal[1];
-                let [u, v] = [u, v].map(|at| seen.select(at, f32x4::splat(-1.0)));
-                let bits: [u32; 4] = bytemuck::cast(seen.select(away, f32x4::splat(f32::INFINITY)));
-                let near = |k: usize| match bits[k] < NONE {
-                    true => bits[k] & !CLASS | class[k],
-                    false => NONE,
-                };
-                if !wide {
-                    // Within 4096 lines of as many columns, and so within an i32.
-                    let [u, v] = [place(u, to.width), place(v, to.height)];
-                    let at = bytemuck::cast::<i32x4, [u32; 4]>(v * i32x4::splat(line as i32) + u);
-                    for (k, at) in at.into_iter().enumerate() {
-                        let at = &mut self.nearest[at as usize];
-                        *at = near(k).min(*at);
-                    }
-                    continue;
-                }
-                let corners = |at: f32x4, k: usize, side: usize| {
-                    let half = f32x4::splat(half[k]);
-                    [place(at - half, side), place(at + half, side)].map(i32x4::to_array)
-                };
-                let [left, right] = corners(u, 0, to.width);
-                let [upper, lower] = corners(v, 1, to.height);
-                for k in 0..4 {
-                    for y in upper[k]..=lower[k] {
-                        for x in left[k]..=right[k] {
-                            let at = &mut self.nearest[y as usize * line + x as usize];
-                            *at = near(k).min(*at);
-                        }
-                    }
-                }
-            }
-        }
-        // The rim is beside the picture.
-        let (first, last) = (0, to.height + 1);
-        for y in first..=last {
-            let row = &mut self.nearest[y * line..(y + 1) * line];
-            if y == first || y == last {
-                row.fill(NONE);
-            }
-            (row[0], row[line - 1]) = (NONE, NONE);
-        }
-    }
-
-    /// Pixels that fell between those of the source.
-    fn fill_cracks(&mut self) {
-        let Lens { width, height, .. } = self.parameters.lens;
-        let line = width + 2;
-        let between = |a: Near, b: Near| {
-            let (a, b) = (depth(a), depth(b));
-            let alike = a < f32::INFINITY && b < f32::INFINITY && (a - b).abs() < 0.03 * a;
-            alike.then_some((0.5 * (a + b)).to_bits() & !CLASS)
-        };
-        for y in 1..=height {
-            let open = |all: u32, near: &Near| all | u32::from(*near == NONE);
-            if self.row(y - 1).iter().fold(0, open) == 0 {
-                continue;
-            }
-            for i in y * line + 2..y * line + width {
-                if self.nearest[i] != NONE {
-                    continue;
-                }
-                for beside in [1, line] {
-                    let (a, b) = (self.nearest[i - beside], self.nearest[i + beside]);
-                    if let Some(filled) = between(a, b) {
-                        self.nearest[i] = filled | a & CLASS;
-                        break;
-                    }
-                }
-            }
-        }
-    }
-
-    /// A row of the view, without its rim.
-    fn row(&self, y: usize) -> &[Near] {
-        let width = self.parameters.lens.width;
-        let from = (y + 1) * (width + 2) + 1;
-        &self.nearest[from..from + width]
-    }
-
-    /// What matching the pictures of two eyes makes of the view.
-    fn match_eyes(&self, tick: u64) -> Vec<u8> {
+    /// The image, little-endian u16 millimetres along the optical axis, 0 for no
+    /// return, of an exact one through the lens of the parameters. `surfaces` gives the
+    /// class of each instance id. All 0 where the exact image has another size.
+    #[must_use]
+    pub fn image(&self, exact: &Exact<'_>, surfaces: &[Surface]) -> Vec<u8> {
         let p = &self.parameters;
         let Lens { width, height, .. } = p.lens;
+        let mut out = vec![0_u8; width * height * 2];
+        let (depths, _) = exact.depth.as_chunks::<4>();
+        let (ids, _) = exact.ids.as_chunks::<2>();
+        if width == 0 || depths.len() != width * height || ids.len() != depths.len() {
+            return out;
+        }
         let span = (p.lens.focal[0] * p.baseline) as f32;
         let block = (p.hole_size as usize).max(1);
-        let mut out = vec![0_u8; width * height * 2];
-        let mut disparity = vec![0.0_f32; width];
-        let mut below = vec![0.0_f32; width];
-        let mut left = vec![0.0_f32; width];
-        let mut jumps = vec![0.0_f32; width];
-        let mut lost = vec![0_u8; width];
         let row_of = |y: usize, into: &mut [f32]| {
-            for (d, near) in into.iter_mut().zip(self.row(y)) {
+            for (d, depth) in into.iter_mut().zip(&depths[y * width..]) {
+                let z = f32::from_le_bytes(*depth);
                 // No depth is no disparity.
-                *d = span / depth(*near);
+                *d = if z > NEAREST { span / z } else { 0.0 };
             }
         };
-        if height > 0 && width > 0 {
-            row_of(0, &mut below);
-        }
-        for (y, pixels) in out.chunks_exact_mut((2 * width).max(1)).enumerate() {
+        let class_of = |id: &[u8; 2]| {
+            let surface = surfaces.get(usize::from(u16::from_le_bytes(*id)));
+            surface.map_or(0, |surface| *surface as u8)
+        };
+        let mut noise = RunningMean::new(self, exact.tick, width);
+        let [mut disparity, mut below, mut left, mut jumps] = [(); 4].map(|()| vec![0.0; width]);
+        let [mut classes, mut lost] = [(); 2].map(|()| vec![0_u8; width]);
+        row_of(0, &mut below);
+        for (y, pixels) in out.chunks_exact_mut(2 * width).enumerate() {
             std::mem::swap(&mut disparity, &mut below);
             if y + 1 < height {
                 row_of(y + 1, &mut below);
             } else {
                 below.copy_from_slice(&disparity);
             }
+            for (class, id) in classes.iter_mut().zip(&ids[y * width..]) {
+                *class = class_of(id);
+            }
             if y.is_multiple_of(block) {
-                self.lose(tick, y / block, &mut lost);
+                self.lose(exact.tick, y / block, &mut lost);
             }
-            shadow(&disparity, self.row(y), &lost, &mut left);
+            shadow(&disparity, &classes, &lost, &mut left);
             if edges(&disparity, &below, p.edge as f32, &mut jumps) {
-                self.smear(tick, y, &jumps, &mut left);
+                self.smear(exact.tick, y, &jumps, &mut left);
             }
-            let bits = Random::new(self.seed, [tick, y as u64]).bits();
-            self.measure(span, &left, self.tape.read(bits, width), pixels);
+            self.measure(span, &left, noise.row(y), pixels);
         }
         out
+    }
+
+    /// Independent noise of a row, each value the mean over `window` columns with
+    /// deviation 1.
+    fn row_noise(&self, tick: u64, row: usize, width: usize) -> &[f32] {
+        let bits = Random::new(self.seed, [tick, row as u64]).bits();
+        self.tape.read(bits, width)
     }
 
     /// Which classes of surface have no return in a row of blocks, a bit each, by
@@ -426,18 +282,64 @@ fn edges(disparity: &[f32], below: &[f32], edge: f32, jumps: &mut [f32]) -> bool
 
 /// The disparity of the pixels of a row that have a return, 0 for the others: those
 /// that the second eye does not see, because what is nearer stands before them or
-/// they lie beyond its picture's left edge, and those whose class is lost.
-fn shadow(disparity: &[f32], row: &[Near], lost: &[u8], left: &mut [f32]) {
-    // Leftmost place in the second picture that something nearer has taken.
+/// they lie beyond its image's left edge, and those whose class is lost.
+fn shadow(disparity: &[f32], classes: &[u8], lost: &[u8], left: &mut [f32]) {
+    // Leftmost place in the second image that something nearer has taken.
     let mut taken = f32::INFINITY;
-    let all = disparity.iter().zip(row).zip(lost).zip(left);
-    for (x, (((d, near), lost), left)) in all.enumerate().rev() {
+    let all = disparity.iter().zip(classes).zip(lost).zip(left);
+    for (x, (((d, class), lost), left)) in all.enumerate().rev() {
         let at = x as f32 + 0.5 - d;
-        let is_lost = (lost >> (near & CLASS)) & 1 != 0;
+        let is_lost = (lost >> class) & 1 != 0;
         let is_hidden = (at < 0.0) | (at > taken + 1.0) | is_lost;
         *left = if is_hidden { 0.0 } else { *d };
         let at = if *d > 0.0 { at } else { f32::INFINITY };
         taken = if at < taken { at } else { taken };
+    }
+}
+
+/// Noise of one row after the other, each the mean over a window of rows, with
+/// deviation 1. Rows are added and taken away: rounding stays below 1e-4.
+struct RunningMean<'a> {
+    model: &'a DepthModel,
+    tick: u64,
+    width: usize,
+    sum: Vec<f32>,
+    mean: Vec<f32>,
+}
+
+impl<'a> RunningMean<'a> {
+    /// Before row 0.
+    fn new(model: &'a DepthModel, tick: u64, width: usize) -> Self {
+        let mut mean = Self {
+            model,
+            tick,
+            width,
+            sum: vec![0.0; width],
+            mean: vec![0.0; width],
+        };
+        for row in 0..model.parameters.window.saturating_sub(1) {
+            mean.add(row, 1.0);
+        }
+        mean
+    }
+
+    fn add(&mut self, row: usize, sign: f32) {
+        let noise = self.model.row_noise(self.tick, row, self.width);
+        for (sum, noise) in self.sum.iter_mut().zip(noise) {
+            *sum += sign * noise;
+        }
+    }
+
+    /// Of the next row, which is `y`.
+    fn row(&mut self, y: usize) -> &[f32] {
+        let window = self.model.parameters.window.max(1);
+        self.add(y + window - 1, 1.0);
+        let scale = 1.0 / (window as f32).sqrt();
+        for (mean, sum) in self.mean.iter_mut().zip(&self.sum) {
+            *mean = sum * scale;
+        }
+        self.add(y, -1.0);
+        &self.mean
     }
 }
 

@@ -122,6 +122,17 @@ impl NormalTape {
         Self(tape)
     }
 
+    /// As [`NormalTape::new`], each variate the mean over `window` neighbors, scaled to
+    /// deviation 1: their correlation falls linearly to 0 at `window`.
+    #[must_use]
+    pub fn averaged(seed: u64, most: usize, window: usize) -> Self {
+        let Self(plain) = Self::new(seed, 0);
+        let window = window.clamp(1, TAPE);
+        let scale = 1.0 / (window as f32).sqrt();
+        let mean = |i: usize| (0..window).map(|k| plain[(i + k) % TAPE]).sum::<f32>() * scale;
+        Self((0..TAPE + most).map(|i| mean(i % TAPE)).collect())
+    }
+
     /// `count` variates from a place that random bits name.
     #[must_use]
     pub fn read(&self, bits: u64, count: usize) -> &[f32] {

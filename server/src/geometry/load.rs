@@ -1,8 +1,9 @@
 //! Mesh files: OBJ as it is (z up), glTF turned from its y up. Geometry only:
-//! materials, animations and skins of the file are left aside.
+//! materials, animations and skins of the file are left aside. What else of a file is
+//! left out is named in the log.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io::BufReader;
 use std::path::Path;
 
 use nalgebra::{Matrix4, Point3, Vector3};
@@ -93,8 +94,41 @@ fn malformed(path: &Path, reason: impl Into<String>) -> MeshError {
     }
 }
 
+/// Statements of an OBJ file that are read, or that say nothing of the surface.
+const OBJ_STATEMENTS: [&str; 10] = ["v", "vn", "vt", "f", "o", "g", "s", "usemtl", "mtllib", ""];
+
+/// The text of an OBJ file as the library takes it: without the mark before UTF-8, lines
+/// continued by a backslash joined, other encodings than UTF-8 (of names and comments)
+/// replaced. Counts the statements that are left out.
+fn obj_text(path: &Path, bytes: &[u8]) -> Result<String, MeshError> {
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(malformed(
+            path,
+            "the text is UTF-16; save the file as UTF-8",
+        ));
+    }
+    let text = String::from_utf8_lossy(bytes);
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    let text = text.replace("\r\n", "\n").replace("\\\n", " ");
+    let mut left_out: BTreeMap<&str, usize> = BTreeMap::new();
+    for line in text.lines() {
+        let statement = line.split_whitespace().next().unwrap_or_default();
+        if !statement.starts_with('#') && !OBJ_STATEMENTS.contains(&statement) {
+            *left_out.entry(statement).or_default() += 1;
+        }
+    }
+    if !left_out.is_empty() {
+        tracing::warn!(
+            "mesh {}: left out (statement: count): {left_out:?}",
+            path.display()
+        );
+    }
+    Ok(text)
+}
+
 fn load_obj(path: &Path) -> Result<Soup, MeshError> {
-    let file = fs::File::open(path).map_err(|e| unreadable(path, &e))?;
+    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+    let text = obj_text(path, &bytes)?;
     let options = tobj::LoadOptions {
         single_index: true,
         triangulate: true,
@@ -102,7 +136,7 @@ fn load_obj(path: &Path) -> Result<Soup, MeshError> {
         ignore_lines: true,
     };
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)
+    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, no_materials)
         .map_err(|e| malformed(path, format!("not a valid OBJ file ({e})")))?;
     let mut soup = Soup::default();
     for model in models {
@@ -180,30 +214,72 @@ fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
     let mut soup = Soup::default();
     let mut pending: Vec<_> = scene.nodes().map(|n| (n, z_up_from_y_up)).collect();
     pending.reverse();
+    // A scene is a tree: the walk ends, and no node is multiplied by the ways to it.
+    let mut reached = BTreeSet::new();
     while let Some((node, world_from_parent)) = pending.pop() {
+        if !reached.insert(node.index()) {
+            let index = node.index();
+            return Err(malformed(
+                path,
+                format!("node {index} has two parents or is its own; export a tree of nodes"),
+            ));
+        }
+        let count = soup.indices.len() / 3;
+        if count > MAX_TRIANGLES {
+            return Err(MeshError::TooManyTriangles {
+                path: path.to_owned(),
+                count,
+            });
+        }
         let columns = node.transform().matrix();
         let local = Matrix4::from_fn(|row, column| columns[column][row]);
         let world_from_node = world_from_parent * local;
         if let Some(mesh) = node.mesh() {
             for primitive in mesh.primitives() {
-                add_primitive(path, &mut soup, &primitive, &buffers, &world_from_node)?;
+                let left_out =
+                    add_primitive(path, &mut soup, &primitive, &buffers, &world_from_node)?;
+                if let Some(why) = left_out {
+                    tracing::warn!(
+                        "mesh {}: primitive {} of mesh {} is left out: {why}",
+                        path.display(),
+                        primitive.index(),
+                        mesh.name()
+                            .map_or_else(|| mesh.index().to_string(), str::to_owned)
+                    );
+                }
             }
         }
         let children: Vec<_> = node.children().map(|c| (c, world_from_node)).collect();
         pending.extend(children.into_iter().rev());
     }
+    let unused = document.nodes().filter(|node| node.mesh().is_some());
+    let unused = unused
+        .filter(|node| !reached.contains(&node.index()))
+        .count();
+    if unused > 0 {
+        tracing::warn!(
+            "mesh {}: {unused} nodes with a mesh are left out: the default scene does not name them",
+            path.display()
+        );
+    }
     Ok(soup)
 }
 
+/// Appends a primitive; what it consists of where that is left out.
 fn add_primitive(
     path: &Path,
     soup: &mut Soup,
     primitive: &gltf::Primitive<'_>,
     buffers: &[Vec<u8>],
     world_from_node: &Matrix4<f32>,
-) -> Result<(), MeshError> {
-    if primitive.mode() != gltf::mesh::Mode::Triangles {
-        return Ok(());
+) -> Result<Option<&'static str>, MeshError> {
+    use gltf::mesh::Mode;
+    match primitive.mode() {
+        Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {}
+        Mode::Points => return Ok(Some("it consists of points")),
+        Mode::Lines | Mode::LineLoop | Mode::LineStrip => {
+            return Ok(Some("it consists of lines"));
+        }
     }
     let reader = primitive.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
     let positions: Vec<[f32; 3]> = reader
@@ -212,30 +288,54 @@ fn add_primitive(
         .map(|p| world_from_node.transform_point(&Point3::from(p)).into())
         .collect();
     let turn = world_from_node.fixed_view::<3, 3>(0, 0).into_owned();
-    let normal_turn = turn
-        .try_inverse()
-        .ok_or_else(|| malformed(path, "a node scales a direction to nothing"))?
-        .transpose();
-    let normals = reader.read_normals().map(|normals| {
+    // A node that scales a direction to nothing makes its surface flat: the normals of
+    // the file do not apply, and triangles without an area are dropped later.
+    let normal_turn = turn.try_inverse().map(|inverse| inverse.transpose());
+    let normals = reader.read_normals().zip(normal_turn);
+    let normals = normals.map(|(normals, turn)| {
         normals
-            .map(|n| (normal_turn * Vector3::from(n)).normalize().into())
+            .map(|n| (turn * Vector3::from(n)).normalize().into())
             .collect()
     });
     let uvs = reader
         .read_tex_coords(0)
         .map(|uvs| uvs.into_f32().collect::<Vec<_>>());
-    let mut indices: Vec<u32> = match reader.read_indices() {
+    let corners: Vec<u32> = match reader.read_indices() {
         Some(indices) => indices.into_u32().collect(),
         None => (0..positions.len() as u32).collect(),
     };
-    indices.truncate(indices.len() / 3 * 3);
+    let mut indices = triangles(primitive.mode(), corners);
     if turn.determinant() < 0.0 {
         for triangle in indices.as_chunks_mut::<3>().0 {
             triangle.swap(1, 2);
         }
     }
     soup.append(positions.into_iter(), normals, uvs, indices.into_iter());
-    Ok(())
+    Ok(None)
+}
+
+/// Corners of separate triangles, all counter-clockwise as in the file.
+fn triangles(mode: gltf::mesh::Mode, mut corners: Vec<u32>) -> Vec<u32> {
+    match mode {
+        gltf::mesh::Mode::TriangleStrip => {
+            let windows = corners.windows(3).enumerate();
+            let turned = windows.flat_map(|(k, w)| match k % 2 {
+                0 => [w[0], w[1], w[2]],
+                _ => [w[1], w[0], w[2]],
+            });
+            turned.collect()
+        }
+        gltf::mesh::Mode::TriangleFan => {
+            let Some((&hub, rim)) = corners.split_first() else {
+                return corners;
+            };
+            rim.windows(2).flat_map(|w| [hub, w[0], w[1]]).collect()
+        }
+        _ => {
+            corners.truncate(corners.len() / 3 * 3);
+            corners
+        }
+    }
 }
 
 /// Bytes of a buffer: beside the file, or within it as base64.
@@ -247,8 +347,43 @@ fn read_uri(path: &Path, uri: &str) -> Result<Vec<u8>, MeshError> {
         return decode_base64(text)
             .ok_or_else(|| malformed(path, "a data URI is not valid base64"));
     }
-    let beside = path.with_file_name(uri);
-    fs::read(&beside).map_err(|e| unreadable(&beside, &e))
+    if uri.contains("://") {
+        return Err(malformed(
+            path,
+            format!("the buffer {uri:?} is not beside the file; export one with its buffers"),
+        ));
+    }
+    let name = decode_percent(uri).ok_or_else(|| {
+        malformed(
+            path,
+            format!("the URI {uri:?} is not percent-encoded UTF-8"),
+        )
+    })?;
+    let (beside, literal) = (path.with_file_name(name), path.with_file_name(uri));
+    // Some exporters encode nothing, and their names may contain a percent sign.
+    let found = match beside.exists() {
+        true => beside,
+        false if literal.exists() => literal,
+        false => beside,
+    };
+    fs::read(&found).map_err(|e| unreadable(&found, &e))
+}
+
+/// Text of a percent-encoded URI.
+fn decode_percent(uri: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let Some((&byte, behind)) = rest.split_first() {
+        let digits = behind.get(..2).filter(|_| byte == b'%');
+        let digits = digits.and_then(|digits| std::str::from_utf8(digits).ok());
+        let decoded = digits.and_then(|digits| u8::from_str_radix(digits, 16).ok());
+        bytes.push(decoded.unwrap_or(byte));
+        rest = match decoded {
+            Some(_) => &behind[2..],
+            None => behind,
+        };
+    }
+    String::from_utf8(bytes).ok()
 }
 
 fn decode_base64(text: &str) -> Option<Vec<u8>> {

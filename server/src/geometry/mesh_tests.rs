@@ -255,6 +255,141 @@ fn unusable_files_are_named_with_the_reason() {
     fs::remove_dir_all(dir).unwrap();
 }
 
+/// A cube of 6 cm as the importer takes it from any exporter.
+fn is_cube(path: &Path) {
+    let mesh = load(path).unwrap();
+    assert_eq!(mesh.indices.len(), 36, "{}", path.display());
+    assert!(is_closed(&mesh), "{}", path.display());
+    assert!(
+        (volume(&mesh) - 0.06_f64.powi(3)).abs() < 1e-9,
+        "{}",
+        path.display()
+    );
+}
+
+#[test]
+fn obj_files_with_a_mark_another_encoding_or_continued_lines_are_read() {
+    let dir = tempfile_dir("obj");
+    let mut body = String::new();
+    for corner in 0..8 {
+        let at = |bit: i32| if corner & bit == 0 { -0.03 } else { 0.03 };
+        body += &format!("v {} {} {}\n", at(4), at(2), at(1));
+    }
+    for face in [
+        "1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4",
+    ] {
+        body += &format!("f {face}\n");
+    }
+    let cases = [
+        (
+            "bom.obj",
+            [b"\xef\xbb\xbf".as_slice(), body.as_bytes()].concat(),
+        ),
+        (
+            "latin1.obj",
+            [b"# B\xfcro\no Caf\xe9\n".as_slice(), body.as_bytes()].concat(),
+        ),
+        (
+            "continued.obj",
+            body.replace(" 4 3", " \\\r\n 4 3").into_bytes(),
+        ),
+        ("lines.obj", format!("{body}l 1 2\np 1\n").into_bytes()),
+    ];
+    for (name, text) in cases {
+        fs::write(dir.join(name), text).unwrap();
+        is_cube(&dir.join(name));
+    }
+    fs::write(dir.join("wide.obj"), b"\xff\xfev\0").unwrap();
+    let error = load(&dir.join("wide.obj")).unwrap_err().to_string();
+    assert!(error.contains("save the file as UTF-8"), "{error}");
+    fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn gltf_strips_fans_and_encoded_names_are_read_and_node_graphs_end() {
+    let dir = tempfile_dir("gltf");
+    let mut bytes = Vec::new();
+    for corner in 0..8 {
+        for bit in [4, 2, 1] {
+            let at: f32 = if corner & bit == 0 { -0.03 } else { 0.03 };
+            bytes.extend(at.to_le_bytes());
+        }
+    }
+    // The faces once as strips of four corners, once as fans.
+    let strips: [[u16; 4]; 6] = [
+        [0, 1, 2, 3],
+        [4, 6, 5, 7],
+        [0, 4, 1, 5],
+        [2, 3, 6, 7],
+        [0, 2, 4, 6],
+        [1, 5, 3, 7],
+    ];
+    for strip in strips {
+        bytes.extend(strip.iter().flat_map(|i| i.to_le_bytes()));
+    }
+    for [a, b, c, d] in strips {
+        bytes.extend([a, b, d, c].iter().flat_map(|i| i.to_le_bytes()));
+    }
+    fs::write(dir.join("my mug (red).bin"), &bytes).unwrap();
+    let file = |mode: usize, nodes: &str| {
+        let first = if mode == 5 { 1 } else { 7 };
+        let primitive = |k| {
+            format!(
+                r#"{{"attributes":{{"POSITION":0}},"indices":{},"mode":{mode}}}"#,
+                k + first
+            )
+        };
+        let primitives: Vec<String> = (0..6).map(primitive).collect();
+        let view = |k: usize| {
+            format!(
+                r#"{{"buffer":0,"byteOffset":{},"byteLength":8}}"#,
+                96 + 8 * k
+            )
+        };
+        let views: Vec<String> = (0..12).map(view).collect();
+        let list = |k| {
+            format!(
+                r#"{{"bufferView":{},"componentType":5123,"count":4,"type":"SCALAR"}}"#,
+                k + 1
+            )
+        };
+        let lists: Vec<String> = (0..12).map(list).collect();
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":{nodes},
+            "meshes":[{{"primitives":[{}]}}],
+            "buffers":[{{"byteLength":192,"uri":"my%20mug%20%28red%29.bin"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":96}},{}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":8,"type":"VEC3",
+                "min":[-0.03,-0.03,-0.03],"max":[0.03,0.03,0.03]}},{}]}}"#,
+            primitives.join(","),
+            views.join(","),
+            lists.join(",")
+        )
+    };
+    let path = dir.join("mug.gltf");
+    for mode in [5, 6] {
+        fs::write(&path, file(mode, r#"[{"mesh":0}]"#)).unwrap();
+        is_cube(&path);
+    }
+    // A node of no size adds nothing.
+    let hidden = r#"[{"mesh":0,"children":[1]},{"mesh":0,"scale":[0,0,0]}]"#;
+    fs::write(&path, file(5, hidden)).unwrap();
+    is_cube(&path);
+    for (nodes, index) in [
+        (r#"[{"mesh":0,"children":[1]},{"children":[0]}]"#, 0),
+        (r#"[{"children":[1,1]},{"mesh":0}]"#, 1),
+        (r#"[{"children":[0]}]"#, 0),
+    ] {
+        fs::write(&path, file(5, nodes)).unwrap();
+        let error = load(&path).unwrap_err().to_string();
+        assert!(
+            error.contains(&format!("node {index} has two parents")),
+            "{error}"
+        );
+    }
+    fs::remove_dir_all(dir).unwrap();
+}
+
 fn tempfile_dir(name: &str) -> std::path::PathBuf {
     let dir = std::env::temp_dir().join(format!("wheelarm-mesh-{name}-{}", std::process::id()));
     fs::create_dir_all(&dir).unwrap();

@@ -1,7 +1,9 @@
 //! Parts of a body, as ids, labels and forces tell them.
 
 /// A part of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum BodyPart {
     /// The head without the face.
     Head,

@@ -1,7 +1,7 @@
 //! Who is to sit in the chair, and who does.
 
 /// Who is to sit in the chair, as a scenario says it. What is empty is drawn.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PersonSetting {
     /// Folder below `assets/people`.
     pub body: String,
@@ -19,10 +19,28 @@ pub struct PersonSetting {
     pub motion: Option<f64>,
     /// The mouth opens and stays open.
     pub mouth_open: bool,
-    /// The arm is slowed near the face and stopped before it.
+    /// Speed and force of arm, gripper and chair are bounded beside the person
+    /// (`sim/person_guard`). On by default.
     pub guard: bool,
     /// What was drawn.
     pub drawn: Option<DrawnPerson>,
+}
+
+impl Default for PersonSetting {
+    fn default() -> Self {
+        Self {
+            body: String::new(),
+            posture: String::new(),
+            skin: String::new(),
+            hair: String::new(),
+            clothes: String::new(),
+            seed: None,
+            motion: None,
+            mouth_open: false,
+            guard: true,
+            drawn: None,
+        }
+    }
 }
 
 /// Who sits there.

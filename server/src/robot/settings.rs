@@ -227,6 +227,12 @@ pub struct DriveSettings {
     pub hard_turn_speed: f64,
     /// Torque cap of each driven wheel, N·m.
     pub wheel_torque: f64,
+    /// Dry friction of each driven wheel's gear and bearings, N·m.
+    pub wheel_friction: f64,
+    /// Rolling resistance of a driven tyre per load, N/N.
+    pub tyre_rolling_resistance: f64,
+    /// Rolling resistance of a caster per load, N/N.
+    pub caster_rolling_resistance: f64,
 }
 
 /// Gains and limits of the arm beyond those of the URDF.
@@ -237,6 +243,10 @@ pub struct ArmSettings {
     pub stiffness: [f64; 6],
     /// Velocity gains from base to hand, N·m·s/rad.
     pub damping: [f64; 6],
+    /// Dry friction of the joints from base to hand, N·m.
+    pub dry_friction: [f64; 6],
+    /// Viscous friction of the joints from base to hand, N·m·s/rad.
+    pub viscous_friction: [f64; 6],
     /// Joint acceleration, rad/s².
     pub acceleration: f64,
     /// Speed of the grasp point, m/s.
@@ -261,6 +271,8 @@ pub struct GripperSettings {
     pub speed: f64,
     /// Knuckle acceleration, rad/s².
     pub acceleration: f64,
+    /// Viscous friction of each knuckle, N·m·s/rad.
+    pub viscous_friction: f64,
     /// Force cap at each pad when none is asked, N.
     pub force: f64,
     /// Greatest force cap at each pad, N.
@@ -561,10 +573,28 @@ impl Settings {
             ("footprint: y max - y min".to_owned(), y_max - y_min),
         ];
         let not_negative = [
+            ("drive.wheel_friction", drive.wheel_friction),
+            (
+                "drive.tyre_rolling_resistance",
+                drive.tyre_rolling_resistance,
+            ),
+            (
+                "drive.caster_rolling_resistance",
+                drive.caster_rolling_resistance,
+            ),
+            ("gripper.viscous_friction", self.gripper.viscous_friction),
             ("imu.acceleration_noise", self.imu.acceleration_noise),
             ("imu.gyro_noise", self.imu.gyro_noise),
             ("imu.orientation_noise", self.imu.orientation_noise),
         ];
+        let not_negative = not_negative.map(|(name, value)| (name.to_owned(), value));
+        let friction = (0..6).flat_map(|i| {
+            let (dry, viscous) = (self.arm.dry_friction[i], self.arm.viscous_friction[i]);
+            [
+                (format!("arm.dry_friction[{i}]"), dry),
+                (format!("arm.viscous_friction[{i}]"), viscous),
+            ]
+        });
         positive
             .into_iter()
             .map(|(name, value)| (name.to_owned(), value))
@@ -579,8 +609,9 @@ impl Settings {
             .or_else(|| {
                 not_negative
                     .into_iter()
+                    .chain(friction)
                     .find(|(_, value)| !(value.is_finite() && *value >= 0.0))
-                    .map(|(name, value)| (name.to_owned(), value, "0 or more"))
+                    .map(|(name, value)| (name, value, "0 or more"))
             })
     }
 }

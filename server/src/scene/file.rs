@@ -130,27 +130,39 @@ pub(super) struct PartEntry {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table, for example rounded_box = { size = [0.1, 0.1, 0.2], radius = 0.01 }"
+)]
 pub(super) struct RoundedBoxEntry {
     pub size: [f64; 3],
     pub radius: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table, for example cylinder = { radius = 0.03, height = 0.1 }"
+)]
 pub(super) struct RoundEntry {
     pub radius: f64,
     pub height: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table, for example sphere = { radius = 0.03 }"
+)]
 pub(super) struct SphereEntry {
     pub radius: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table, for example frustum = { bottom_radius = 0.03, top_radius = 0.04, height = 0.1 }"
+)]
 pub(super) struct FrustumEntry {
     pub bottom_radius: f64,
     pub top_radius: f64,
@@ -158,7 +170,10 @@ pub(super) struct FrustumEntry {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table, for example cup = { bottom_radius = 0.03, top_radius = 0.04, height = 0.1, wall = 0.003 }"
+)]
 pub(super) struct CupEntry {
     pub bottom_radius: f64,
     pub top_radius: f64,
@@ -167,7 +182,10 @@ pub(super) struct CupEntry {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table, for example mesh = { path = \"meshes/cup.glb\", scale = 1.0 }"
+)]
 pub(super) struct MeshEntry {
     /// OBJ, glTF or GLB below the assets folder.
     pub path: String,

@@ -96,7 +96,18 @@ pub(super) fn mass(
     )?;
     let given = com;
     let com = Point3::from(place.key("com").position(com)?);
-    if (0..3).any(|i| com[i] < bounds.min[i] || com[i] > bounds.max[i]) {
+    let inside = |at: [f64; 3]| (0..3).all(|i| (bounds.min[i]..=bounds.max[i]).contains(&at[i]));
+    if !inside(com.coords.into()) {
+        let turned = [given[0], 0.0 - given[2], given[1]];
+        let cure = match inside(turned) {
+            true => format!(
+                "glTF and GLB files have y up and are turned to z up: their (x, y, z) becomes \
+                 (x, -z, y), so write com = {turned:?}"
+            ),
+            false => "give the centre of mass in the object's own frame, z up (glTF and GLB \
+                      files have y up and are turned: their (x, y, z) becomes (x, -z, y))"
+                .to_owned(),
+        };
         return Err(place.key("com").wrong(
             format!("{given:?}"),
             format!(
@@ -104,7 +115,7 @@ pub(super) fn mass(
                 bounds.min.coords.as_slice(),
                 bounds.max.coords.as_slice()
             ),
-            "give the centre of mass in the object's own frame",
+            &cure,
         ));
     }
     // No mass can lie further out than the farthest corner of the bounds.

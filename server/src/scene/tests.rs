@@ -238,7 +238,19 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
     const SCENE: &str = "scenes/home.toml";
     const MATERIALS: &str = "materials/home.toml";
     // File, what is replaced, by what, and what the message must contain.
-    let cases: [(&str, &str, &str, &[&str]); 16] = [
+    let cases: [(&str, &str, &str, &[&str]); 18] = [
+        (
+            OBJECT,
+            "{ rounded_box",
+            "{ mesh = \"meshes/cup.glb\" }, { rounded_box",
+            &["expected a table, for example mesh = { path ="],
+        ),
+        (
+            OBJECT,
+            "com = [0.0, 0.0, 0.085]",
+            "com = [0.0, 0.085, 0.0]",
+            &["y up", "write com = [0.0, 0.0, 0.085]"],
+        ),
         (
             OBJECT,
             "mass = 0.603",

@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use nalgebra::Translation3;
+use wheelarm_sensors::depth::DepthParameters;
 use wheelarm_sensors::model::FOLDER;
 use wheelarm_sensors::{BadParameter, Model, Surface, Surfaces, surface};
 
-use super::camera::RenderScene;
+use super::camera::{CameraSpec, Intrinsics, RenderScene};
 use crate::scene::{self, SceneError};
 
 /// A sensor model that a scenario asks for.
@@ -175,6 +177,28 @@ pub fn color_name(camera: &str) -> String {
 #[must_use]
 pub fn depth_name(camera: &str) -> String {
     format!("{camera}_depth")
+}
+
+/// The view of a depth sensor on a camera: its own lens at its own place. Depth is exact
+/// from the camera's near plane to the sensor's range.
+#[must_use]
+pub fn depth_view(camera: &CameraSpec, depth: &DepthParameters) -> CameraSpec {
+    let [x, y, z] = depth.offset;
+    let lens = &depth.lens;
+    CameraSpec {
+        name: depth_name(&camera.name),
+        mount: camera.mount * Translation3::new(x, y, z),
+        intrinsics: Intrinsics {
+            width: lens.width as u32,
+            height: lens.height as u32,
+            fx: lens.focal[0],
+            fy: lens.focal[1],
+            cx: lens.principal[0],
+            cy: lens.principal[1],
+        },
+        range: [camera.range[0], depth.range[1].max(2.0 * camera.range[0])],
+        binding: camera.binding,
+    }
 }
 
 /// What a model makes.

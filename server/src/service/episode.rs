@@ -39,3 +39,12 @@ pub struct Episode {
     /// Pictures that fell due in the episode, by camera.
     pub pictures: BTreeMap<String, u64>,
 }
+
+/// An answer to `episode_stop` that waits for the recorders: a server that is killed right
+/// behind its answer must not leave files without a manifest.
+pub(super) struct Unacknowledged {
+    pub(super) asked: zenoh::query::Query,
+    pub(super) stopped: v1::EpisodeStopped,
+    pub(super) participants: Vec<String>,
+    pub(super) since: Instant,
+}

@@ -1,5 +1,7 @@
 //! Why a service ends early.
 
+use wheelarm_proto::program::without_source_places;
+
 use crate::sensors::camera::RenderError;
 use crate::sensors::models::SensorError;
 use crate::sim::SimError;
@@ -44,6 +46,6 @@ impl From<SimError> for ServiceError {
 
 impl From<zenoh::Error> for ServiceError {
     fn from(e: zenoh::Error) -> Self {
-        Self::Zenoh(e.to_string())
+        Self::Zenoh(without_source_places(&e.to_string()))
     }
 }

@@ -3,10 +3,12 @@
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{pose, vector};
 use wheelarm_proto::person::NOBODY;
-use wheelarm_proto::v1;
+use wheelarm_proto::{MAX_CONTACTS, v1};
 
+use super::convert::body_name;
 use crate::people::{BodyPart, DrawnPerson, HeadPose, Person, PersonSetting};
 use crate::sim::Simulation;
+use crate::snapshot::Touch;
 
 /// Who is to sit there.
 pub(super) fn told(of: &PersonSetting) -> v1::Person {
@@ -20,6 +22,7 @@ pub(super) fn told(of: &PersonSetting) -> v1::Person {
         motion: of.motion,
         mouth_open: of.mouth_open,
         guard: of.guard,
+        unguarded: !of.guard,
         drawn: of.drawn.as_ref().map(drawn),
     }
 }
@@ -41,6 +44,13 @@ fn drawn(of: &DrawnPerson) -> v1::PersonDrawn {
 pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
     if of.body == NOBODY {
         return Ok(None);
+    }
+    if of.guard && of.unguarded {
+        return Err(Invalid::Word {
+            what: "person.unguarded",
+            value: "true".to_owned(),
+            expected: "false while person.guard is true",
+        });
     }
     let none = v1::PersonDrawn::default();
     let drawn = of.drawn.as_ref().unwrap_or(&none);
@@ -72,7 +82,8 @@ pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
             .map(|motion| check::within("person.motion", motion, 0.0, 1.0))
             .transpose()?,
         mouth_open: of.mouth_open,
-        guard: of.guard,
+        // A recording that does not set the field is of a version with the guard off.
+        guard: of.guard || (!of.unguarded && of.drawn.is_none()),
         drawn: of.drawn.as_ref().map(|drawn| DrawnPerson {
             body: drawn.body.clone(),
             posture: drawn.posture.clone(),
@@ -152,5 +163,22 @@ pub(super) fn state(sim: &Simulation) -> Option<v1::PersonState> {
         mouth: Some(pose(&(chair * person.mouth(head)))),
         forces: state.forces.to_vec(),
         robot_force: state.robot_force,
+        contact_count: state.touches.len().try_into().unwrap_or(u32::MAX),
+        contacts: strongest(&state.touches)
+            .into_iter()
+            .map(|touch| v1::PersonContact {
+                part: part(touch.part).into(),
+                partner: body_name(touch.partner, sim.model(), sim.scene()),
+                force: touch.force,
+            })
+            .collect(),
     })
+}
+
+/// The strongest contacts of the person that one sample holds.
+fn strongest(touches: &[Touch]) -> Vec<Touch> {
+    let mut sorted = touches.to_vec();
+    sorted.sort_by(|a, b| b.force.total_cmp(&a.force));
+    sorted.truncate(MAX_CONTACTS);
+    sorted
 }

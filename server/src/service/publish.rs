@@ -1,7 +1,8 @@
 //! Turns the state at a control tick into messages.
 
-use wheelarm_proto::exact;
-use wheelarm_proto::v1;
+use std::collections::BTreeSet;
+
+use wheelarm_proto::{MAX_CONTACTS, exact, v1};
 
 use super::convert;
 use super::disturbance;
@@ -12,10 +13,7 @@ use crate::robot::control::{RobotControl, Targets};
 use crate::sensors::imu;
 use crate::sensors::signals::Signals;
 use crate::sim::Simulation;
-use crate::snapshot::BodyRef;
-
-/// Most contacts of one sample.
-const MAX_CONTACTS: usize = 16;
+use crate::snapshot::{BodyRef, Contact};
 
 /// Publishes the accepted commands and what was applied at `tick`.
 pub fn applied(
@@ -278,17 +276,14 @@ impl Put<'_> {
     }
 
     fn contacts(&self, sim: &Simulation) {
-        let mut contacts = sim.snapshot().contacts.clone();
-        contacts.sort_by(|a, b| {
-            let strength = b.force.norm().total_cmp(&a.force.norm());
-            strength.then_with(|| (a.first, a.second).cmp(&(b.first, b.second)))
-        });
+        let contacts = &sim.snapshot().contacts;
         let name = |body| convert::body_name(body, sim.model(), sim.scene());
         let message = v1::Contacts {
             header: None,
             pad_forces: sim.pad_forces().to_vec(),
-            contacts: contacts
-                .iter()
+            contact_count: contacts.len().try_into().unwrap_or(u32::MAX),
+            contacts: by_priority(contacts)
+                .into_iter()
                 .take(MAX_CONTACTS)
                 .map(|c| v1::Contact {
                     first: name(c.first),
@@ -299,5 +294,68 @@ impl Put<'_> {
                 .collect(),
         };
         self.outbox.put(self.episode, self.tick, message);
+    }
+}
+
+/// Contacts of the robot, of the objects that it touches and of the person before all
+/// others, the strongest first in both groups.
+fn by_priority(contacts: &[Contact]) -> Vec<&Contact> {
+    let robot = |body: BodyRef| matches!(body, BodyRef::Link(_));
+    let touched: BTreeSet<BodyRef> = contacts
+        .iter()
+        .filter(|c| robot(c.first) || robot(c.second))
+        .flat_map(|c| [c.first, c.second])
+        .filter(|body| matches!(body, BodyRef::Object(_)))
+        .collect();
+    let comes_first = |body: BodyRef| match body {
+        BodyRef::Link(_) | BodyRef::Person(_) => true,
+        BodyRef::Object(_) => touched.contains(&body),
+        BodyRef::Furniture(_) => false,
+    };
+    let mut sorted: Vec<&Contact> = contacts.iter().collect();
+    sorted.sort_by(|a, b| {
+        let is_first = |c: &Contact| comes_first(c.first) || comes_first(c.second);
+        let strength = b.force.norm().total_cmp(&a.force.norm());
+        let group = is_first(b).cmp(&is_first(a)).then(strength);
+        group.then_with(|| (a.first, a.second).cmp(&(b.first, b.second)))
+    });
+    sorted
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    /// 20 heavy objects rest on the table. A light object is held above a foot.
+    #[test]
+    fn contacts_of_robot_held_object_and_person_come_before_resting_objects() {
+        let contact = |first, second, force| Contact {
+            first,
+            second,
+            point: Vector3::zeros(),
+            force: Vector3::new(0.0, 0.0, force),
+        };
+        let (pad, held) = (BodyRef::Link(30), BodyRef::Object(20));
+        let mut contacts: Vec<Contact> = (0..20)
+            .map(|i| contact(BodyRef::Object(i), BodyRef::Furniture(3), 10.0 + i as f64))
+            .collect();
+        contacts.push(contact(held, BodyRef::Furniture(4), 0.2));
+        contacts.push(contact(pad, held, 0.1));
+        contacts.push(contact(BodyRef::Furniture(3), BodyRef::Person(16), 0.3));
+        let sorted = by_priority(&contacts);
+        let pairs = |range: std::ops::Range<usize>| -> Vec<(BodyRef, BodyRef)> {
+            let among = sorted[range].iter();
+            among.map(|c| (c.first, c.second)).collect()
+        };
+        let expected = [
+            (BodyRef::Furniture(3), BodyRef::Person(16)),
+            (held, BodyRef::Furniture(4)),
+            (pad, held),
+            (BodyRef::Object(19), BodyRef::Furniture(3)),
+        ];
+        assert_eq!(pairs(0..4), expected);
+        assert_eq!(sorted.len(), contacts.len());
     }
 }

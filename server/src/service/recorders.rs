@@ -20,11 +20,23 @@ pub struct Recorders {
     gone: BTreeSet<String>,
     /// Recorders of another version that were told of, [`MAX_RECORDERS`] at most.
     strange: BTreeSet<String>,
+    /// Sessions that claimed a recorder's name, by name, [`MAX_RECORDERS`] at most.
+    claims: BTreeMap<String, Claim>,
+}
+
+/// A session's claim on a recorder's name.
+#[derive(Debug)]
+struct Claim {
+    session: String,
+    since: Instant,
 }
 
 /// How long a recorder may be away before it is lost. One that stood still
 /// comes back with a new connection at once; one that was killed does not.
 pub(super) const AWAY: Duration = Duration::from_secs(5);
+
+/// How long a claimed name waits for its recorder's liveliness token.
+const CLAIM: Duration = Duration::from_secs(10);
 
 /// Pictures that may be published beyond the slowest recorder's credit. The cache
 /// holds as many of each camera.
@@ -46,6 +58,40 @@ fn id(status: &v1::RecorderStatus) -> (&str, u64) {
 }
 
 impl Recorders {
+    /// Gives the name of a recorder to a session. Of two recorders of one name that
+    /// start together the first one to ask gets it.
+    ///
+    /// # Errors
+    /// In words, when another session has the name or the name cannot stand in a key.
+    pub fn claim(&mut self, name: &str, session: &str, now: Instant) -> Result<(), String> {
+        keys::check_name(name).map_err(|e| e.to_string())?;
+        let stands = |claim: &Claim, is_alive: bool| {
+            is_alive || now.saturating_duration_since(claim.since) < CLAIM
+        };
+        if let Some(claim) = self.claims.get(name)
+            && claim.session != session
+            && stands(claim, self.alive.contains(name))
+        {
+            return Err(format!(
+                "the recorder's name {name:?} is taken: another recorder of this name is \
+                 connected or just starting; choose another --name"
+            ));
+        }
+        let alive = &self.alive;
+        self.claims
+            .retain(|name, claim| stands(claim, alive.contains(name)));
+        if self.claims.len() >= MAX_RECORDERS && !self.claims.contains_key(name) {
+            return Err(format!(
+                "{MAX_RECORDERS} recorders are connected or starting; end one of them"
+            ));
+        }
+        let session = session.to_owned();
+        let since = now;
+        self.claims
+            .insert(name.to_owned(), Claim { session, since });
+        Ok(())
+    }
+
     /// Takes a status message; ones without a usable name are ignored.
     pub fn update(&mut self, status: v1::RecorderStatus) {
         if keys::check_name(&status.recorder).is_err() {
@@ -81,6 +127,8 @@ impl Recorders {
     /// A recorder's connection ended: it has [`AWAY`] to come back.
     pub fn left(&mut self, name: &str, now: Instant) {
         self.alive.remove(name);
+        // One that is started anew gets its name back at once.
+        self.claims.remove(name);
         if self.known.contains_key(name) {
             self.away.entry(name.to_owned()).or_insert(now);
         }
@@ -359,6 +407,29 @@ mod tests {
         recorders.update(status("a", 1, 4));
         assert!(!waits(&recorders, 9, 9 * CREDIT_TICKS));
         assert!(waits(&recorders, 10, 0));
+    }
+
+    #[test]
+    fn of_two_recorders_of_one_name_the_second_is_refused() {
+        let mut recorders = Recorders::default();
+        let now = Instant::now();
+        assert_eq!(recorders.claim("disk", "a", now), Ok(()));
+        let refused = recorders.claim("disk", "b", now).unwrap_err();
+        assert!(refused.contains("choose another --name"), "{refused}");
+        assert_eq!(recorders.claim("other", "b", now), Ok(()));
+        assert_eq!(recorders.claim("disk", "a", now), Ok(()), "asked twice");
+        recorders.came("disk");
+        assert!(recorders.claim("disk", "b", now + 9 * CLAIM).is_err());
+        // The name is free when its recorder has gone, or never came.
+        recorders.left("disk", now);
+        assert_eq!(recorders.claim("disk", "b", now), Ok(()));
+        assert!(recorders.claim("disk", "c", now + CLAIM / 2).is_err());
+        assert_eq!(recorders.claim("disk", "c", now + CLAIM), Ok(()));
+        assert!(recorders.claim("a/b", "c", now).is_err());
+        for number in 0..2 * MAX_RECORDERS {
+            let _ = recorders.claim(&format!("r{number}"), "c", now + CLAIM);
+        }
+        assert_eq!(recorders.claims.len(), MAX_RECORDERS);
     }
 
     #[test]

@@ -9,6 +9,9 @@ const ANSWERED: (f64, f64) = (20.0, 64.0);
 /// Pause between two summaries, s.
 const SUMMARY_SECS: f64 = 1.0;
 
+/// Longest reason, characters.
+const LONGEST: usize = 512;
+
 /// A refusal that is to be answered, with the number of commands it speaks of.
 pub type Answer = (Refused, u64);
 
@@ -35,7 +38,12 @@ impl Default for Refusals {
 
 impl Refusals {
     /// Adds one; `now` in seconds of a clock that never goes back.
-    pub fn push(&mut self, refused: Refused, now: f64) {
+    pub fn push(&mut self, mut refused: Refused, now: f64) {
+        // Words of a sender may stand in the reason.
+        if let Some((end, _)) = refused.reason.char_indices().nth(LONGEST) {
+            refused.reason.truncate(end);
+            refused.reason.push('…');
+        }
         if self.bucket.take(now) {
             self.waiting.push((refused, 1));
         } else {

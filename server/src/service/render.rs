@@ -24,7 +24,7 @@ use super::person;
 use super::pick::Picked;
 use super::preview::Previews;
 use super::priority::step_back;
-use super::sensed::Sensed;
+use super::sensed::{DepthView, Sensed};
 use super::signal::Signal;
 use crate::look::Drawn;
 use crate::people::Person;
@@ -80,7 +80,8 @@ struct Setup {
 }
 
 impl Setup {
-    fn renderer(&self) -> Result<(Renderer, RenderScene), RenderError> {
+    /// Draws the scenario's cameras and, behind them, the views of depth sensors.
+    fn renderer(&self, views: &[DepthView]) -> Result<(Renderer, RenderScene), RenderError> {
         let look = self.scenario.look.filter(|look| !look.is_plain());
         let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
         let look = look.transpose()?;
@@ -91,12 +92,18 @@ impl Setup {
             look.as_ref(),
             self.person.as_ref(),
         )?;
-        let cameras = self
+        let mut cameras = self
             .scenario
             .cameras
             .iter()
             .map(|c| self.camera(c))
             .collect::<Result<Vec<_>, _>>()?;
+        let views = views.iter().filter_map(|view| {
+            let camera = cameras.get(view.camera)?;
+            Some(models::depth_view(camera, &view.parameters))
+        });
+        let views: Vec<CameraSpec> = views.collect();
+        cameras.extend(views);
         let quality = self.scenario.quality;
         let renderer = Renderer::over(&self.graphics, &scene, &cameras, quality)?;
         Ok((renderer, scene))
@@ -225,7 +232,8 @@ impl RenderThread {
                 .name("render".to_owned())
                 .spawn(move || {
                     step_back();
-                    let mut renderer = match setup.renderer() {
+                    let views = sensed.depth_views();
+                    let mut renderer = match setup.renderer(views) {
                         Ok((renderer, scene)) => {
                             let adapter = renderer.adapter().to_string();
                             let legend = legend(&scene);
@@ -254,11 +262,19 @@ impl RenderThread {
                             let wanted = outbox.wants_compressed(&names[camera]);
                             wanted.then_some(depth)
                         };
-                        draw(&mut renderer, &queue, wanted, |frames, of| {
+                        let beside = |camera: usize| {
+                            let views = (names.len()..).zip(views);
+                            let beside = views.filter(move |(_, view)| view.camera == camera);
+                            beside.map(|(index, _)| index)
+                        };
+                        draw(&mut renderer, &queue, wanted, beside, |frames, of| {
                             let (episode, tick) = (of.episode, of.snapshot.tick);
                             for mut frame in frames {
                                 let deflated = std::mem::take(&mut frame.deflated);
-                                let name = &names[frame.camera];
+                                let Some(name) = names.get(frame.camera) else {
+                                    sensed.offer(&frame, episode, tick);
+                                    continue;
+                                };
                                 if previews.offer(&frame, episode, tick) {
                                     picked.keep(&frame, tick);
                                 }
@@ -422,11 +438,13 @@ struct Flying {
 }
 
 /// Draws, and publishes what is drawn; while a batch is read and sent the next
-/// one is drawn already, if there is one.
-fn draw(
+/// one is drawn already, if there is one. `beside` names the views that are drawn with a
+/// camera.
+fn draw<Views: Iterator<Item = usize>>(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
     wanted: impl Fn(usize) -> Option<Depth>,
+    beside: impl Fn(usize) -> Views,
     mut publish: impl FnMut(Vec<Frame>, Flying),
 ) -> Result<(), RenderError> {
     let mut flying: VecDeque<Flying> = VecDeque::new();
@@ -449,7 +467,9 @@ fn draw(
                     let wanted = wanted(camera).filter(|_| renderer.deflates(camera));
                     renderer.deflate(camera, wanted);
                 }
-                renderer.submit(&snapshot, &cameras)?;
+                let views = cameras.iter().flat_map(|&camera| beside(camera));
+                let all: Vec<usize> = cameras.iter().copied().chain(views).collect();
+                renderer.submit(&snapshot, &all)?;
                 flying.push_back(Flying { snapshot, episode });
                 continue;
             }

@@ -1,6 +1,8 @@
 //! Pictures as sensors would give them: each sensor of the scenario has a thread that
-//! takes the exact pictures of its camera, makes its own of them, and publishes each
-//! when it arrives. Nothing is computed on the simulation's thread.
+//! takes exact pictures, makes its own of them, and publishes each when it arrives.
+//! Nothing is computed on the simulation's thread. A color sensor takes the pictures of
+//! its camera, a depth sensor those of a view of its own, which the render thread draws
+//! beside the camera through the lens of the depth sensor and publishes nowhere.
 //!
 //! What is published in an episode follows from its exact pictures, its seeds and
 //! its last tick alone, whatever the clock on the wall does.
@@ -11,11 +13,10 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::{PHYSICS_HZ, stamp_nanos, v1};
 use wheelarm_sensors::color::ColorModel;
 use wheelarm_sensors::delay::{Delay, DelayLine};
-use wheelarm_sensors::depth::DepthModel;
+use wheelarm_sensors::depth::{DepthModel, DepthParameters};
 use wheelarm_sensors::noise::{Random, key_of};
 use wheelarm_sensors::{Exact, Lens, Surface};
 
@@ -60,6 +61,17 @@ pub struct Sensed {
     /// By index of the camera in the scenario: the sensors on it.
     names: Vec<Vec<String>>,
     kinds: Vec<SensorKind>,
+    depth_views: Vec<DepthView>,
+}
+
+/// A view through the lens of a depth sensor. Their indices follow those of the
+/// scenario's cameras.
+#[derive(Clone, Debug)]
+pub struct DepthView {
+    /// The camera beside which it is drawn, by its index in the scenario.
+    pub camera: usize,
+    /// Lens and place.
+    pub parameters: DepthParameters,
 }
 
 /// A sensor on a camera.
@@ -83,6 +95,8 @@ enum Kind {
 struct Sensor {
     name: String,
     camera: usize,
+    /// Index of the view whose pictures it takes.
+    view: usize,
     camera_name: String,
     kind: Kind,
     seed: u64,
@@ -98,7 +112,7 @@ struct Sensor {
 
 /// One sensor's thread.
 struct AtWork {
-    camera: usize,
+    view: usize,
     jobs: SyncSender<Job>,
     thread: JoinHandle<()>,
 }
@@ -124,9 +138,18 @@ impl Sensed {
         signal: &Arc<Signal>,
     ) -> Result<Self, ServiceError> {
         let mut sensors = Vec::new();
+        let mut depth_views = Vec::new();
         for (camera, name) in cameras.iter().enumerate() {
             for device in devices.iter().filter(|device| device.camera == *name) {
-                sensors.extend(on_camera(device, camera, name));
+                let depth_view = cameras.len() + depth_views.len();
+                sensors.extend(on_camera(device, (camera, depth_view), name));
+                depth_views.extend(
+                    device
+                        .model
+                        .depth
+                        .clone()
+                        .map(|parameters| DepthView { camera, parameters }),
+                );
             }
         }
         let of_camera = |camera: usize| {
@@ -145,7 +168,7 @@ impl Sensed {
         let mut at_work = Vec::new();
         for sensor in sensors {
             let (jobs, queue) = mpsc::sync_channel(QUEUE);
-            let camera = sensor.camera;
+            let view = sensor.view;
             let worker = Worker {
                 sensor,
                 surfaces: surfaces.clone(),
@@ -161,7 +184,7 @@ impl Sensed {
                 });
             let failed = |e| ServiceError::Thread(format!("for sensors cannot start: {e}"));
             at_work.push(AtWork {
-                camera,
+                view,
                 jobs,
                 thread: started.map_err(failed)?,
             });
@@ -172,7 +195,14 @@ impl Sensed {
             making,
             names,
             kinds,
+            depth_views,
         })
+    }
+
+    /// The views of the depth sensors, in the order of their indices.
+    #[must_use]
+    pub fn depth_views(&self) -> &[DepthView] {
+        &self.depth_views
     }
 
     /// Names of the sensors on a camera.
@@ -193,9 +223,9 @@ impl Sensed {
         &self.kinds
     }
 
-    /// Hands over an exact picture; waits while others wait.
+    /// Hands over an exact picture of a camera or a depth view; waits while others wait.
     pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) {
-        for sensor in self.sensors.iter().filter(|s| s.camera == frame.camera) {
+        for sensor in self.sensors.iter().filter(|s| s.view == frame.camera) {
             self.making.fetch_add(1, Ordering::AcqRel);
             let job = Job::Make {
                 frame: Box::new(frame.clone()),
@@ -258,7 +288,11 @@ impl Drop for Sensed {
 }
 
 /// The sensors of a device on a camera.
-fn on_camera(device: &Device, camera: usize, camera_name: &str) -> Vec<Sensor> {
+fn on_camera(
+    device: &Device,
+    (camera, depth_view): (usize, usize),
+    camera_name: &str,
+) -> Vec<Sensor> {
     let color = device.model.color.as_ref().map(|p| {
         let name = color_name(camera_name);
         let seed = device.seed ^ key_of(&name);
@@ -277,6 +311,10 @@ fn on_camera(device: &Device, camera: usize, camera_name: &str) -> Vec<Sensor> {
     all.map(|(name, seed, kind, [rate, phase], age)| Sensor {
         name,
         camera,
+        view: match kind {
+            Kind::Color(_) => camera,
+            Kind::Depth(_) => depth_view,
+        },
         camera_name: camera_name.to_owned(),
         kind,
         seed,
@@ -377,21 +415,17 @@ impl Sensor {
             camera: self.camera_name.clone(),
             exposure_nanos: stamp_nanos(tick),
             exposure_tick: tick,
+            intrinsics: Some(intrinsics(&exact.lens)),
+            pose: Some(convert::pose(&frame.world_from_optical)),
             ..v1::SensorFrame::default()
         };
         match &mut self.kind {
             Kind::Color(model) => {
-                message.intrinsics = Some(intrinsics(&exact.lens));
-                message.pose = Some(convert::pose(&frame.world_from_optical));
                 message.rgb = model.picture(&exact).into();
                 message.set_rgb_format(v1::PixelFormat::Rgb8);
             }
             Kind::Depth(model) => {
-                let [x, y, z] = model.parameters().offset;
-                let moved = Isometry3::from(Translation3::new(x, y, z));
-                message.intrinsics = Some(intrinsics(&model.parameters().lens));
-                message.pose = Some(convert::pose(&(frame.world_from_optical * moved)));
-                message.depth = model.picture(&exact, surfaces).into();
+                message.depth = model.image(&exact, surfaces).into();
                 message.set_depth_format(v1::PixelFormat::DepthMillimetresU16);
             }
         }

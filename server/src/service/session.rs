@@ -1,6 +1,6 @@
 //! The Zenoh session of a server.
 
-use wheelarm_access::Folder;
+use wheelarm_access::{Folder, Subjects};
 use wheelarm_proto::endpoint;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::v1::Access;
@@ -101,7 +101,9 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
             for (key, value) in link.as_object().into_iter().flatten() {
                 set(&format!("transport/link/{key}"), value.to_string())?;
             }
-            let rules = wheelarm_access::access_control(&folder.users()?, keys.sim());
+            let problem = |why: &str| tracing::error!("the users stay as they were: {why}");
+            let users = wheelarm_access::follow(folder, zenoh_link_tls::admit, problem)?;
+            let rules = wheelarm_access::access_control(&users, keys.sim(), Subjects::Roles);
             set("access_control", rules.to_string())?;
             set("adminspace/enabled", "false".to_owned())?;
         }

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::geometry::bounds;
 use crate::people::{HeadPose, Person};
-use crate::robot::RobotModel;
+use crate::robot::{ARM_JOINTS, RobotModel};
 
 /// The arm is to keep this far from the capsules, metres. [choice: clothes stand out
 /// of them by as much]
@@ -47,6 +47,21 @@ impl ArmBalls {
             }
         }
         Self { balls }
+    }
+
+    /// Whether the arm keeps clear of `person` with its joints at these positions, rad,
+    /// and the gripper open.
+    pub(super) fn is_clear(
+        &self,
+        person: &Person,
+        model: &RobotModel,
+        arm: &[f64; ARM_JOINTS],
+    ) -> bool {
+        let mut positions = vec![0.0; model.joints.len()];
+        for (&joint, &position) in model.roles.arm.iter().zip(arm) {
+            positions[joint] = position;
+        }
+        self.meets(person, &model.link_poses(&positions)).is_none()
     }
 
     /// Name of the first capsule that the arm would be too near to, with the links at

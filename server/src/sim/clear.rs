@@ -1,5 +1,5 @@
-//! How far the arm is from who sits in the chair: for `reach`, and for the guard
-//! that slows the arm near the face.
+//! How far the arm is from who sits in the chair: for `reach`, and the speed of the
+//! grasp point near the face for the guard (`person_guard`).
 
 use nalgebra::Point3;
 
@@ -30,9 +30,10 @@ impl Simulation {
             .meets(person, &self.model.link_poses(&positions))
     }
 
-    /// Greatest speed of the grasp point that the guard allows now, m/s; `None` where
-    /// there is none.
-    pub(super) fn guarded_speed(&self) -> Option<f64> {
+    /// Greatest speed of the grasp point that the guard allows now, m/s; `None` without a
+    /// person or with the guard off.
+    #[must_use]
+    pub fn guarded_speed(&self) -> Option<f64> {
         let asked = self.scenario.person.as_ref().filter(|person| person.guard);
         let (person, _) = self.person.as_ref().zip(asked)?;
         let head = self.snapshot.person.as_ref()?.head;

@@ -63,6 +63,20 @@ pub enum SimError {
         /// How far, metres.
         depth: f64,
     },
+    /// A start pose of the robot inside of something.
+    #[error(
+        "the scenario starts with the robot's {link:?} {:.0} mm inside {other:?}: change `start` or \
+         `arm_positions`, or leave them out and the server draws free ones",
+        .depth * 1e3
+    )]
+    RobotOverlap {
+        /// Link of the robot.
+        link: String,
+        /// What it is in.
+        other: String,
+        /// How far, metres.
+        depth: f64,
+    },
     /// A variant of the area.
     #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
     Variant {
@@ -131,6 +145,7 @@ impl SimError {
                 | Self::NoRoom { .. }
                 | Self::Unsaid { .. }
                 | Self::Overlap { .. }
+                | Self::RobotOverlap { .. }
         )
     }
 }

@@ -14,6 +14,7 @@ mod error;
 mod expected;
 mod guard;
 mod open;
+mod person_guard;
 mod scenario;
 mod shown;
 mod state;
@@ -47,6 +48,7 @@ use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use open::{check_pose, draw_open_values, say, seated, variant};
+use person_guard::Carriers;
 
 /// A running simulation.
 pub struct Simulation {
@@ -63,6 +65,7 @@ pub struct Simulation {
     person: Option<Arc<Person>>,
     motion: Option<Motion>,
     arm_balls: ArmBalls,
+    carriers: Carriers,
     imu: Imu,
     odometry: Odometry,
     evaluator: Option<Evaluator>,
@@ -103,7 +106,22 @@ impl Simulation {
         scenario: Scenario,
         late: &dyn Fn() -> bool,
     ) -> Result<Self, SimError> {
-        let made = guard::caught(|| Self::make(assets, scenario, late));
+        let made = guard::caught(|| Self::make(assets, scenario, late, false));
+        made.unwrap_or_else(|words| Err(SimError::Panicked(words)))
+    }
+
+    /// As [`Simulation::new_within`], for showing recorded states
+    /// ([`Simulation::show`]): a robot that starts inside of something is accepted,
+    /// since older physics versions recorded such starts.
+    ///
+    /// # Errors
+    /// As [`Simulation::new_within`].
+    pub fn for_playback(
+        assets: &Path,
+        scenario: Scenario,
+        late: &dyn Fn() -> bool,
+    ) -> Result<Self, SimError> {
+        let made = guard::caught(|| Self::make(assets, scenario, late, true));
         made.unwrap_or_else(|words| Err(SimError::Panicked(words)))
     }
 
@@ -111,6 +129,7 @@ impl Simulation {
         assets: &Path,
         mut scenario: Scenario,
         late: &dyn Fn() -> bool,
+        playback: bool,
     ) -> Result<Self, SimError> {
         scenario.schedules()?;
         let model = RobotModel::load(assets, &scenario.robot)?;
@@ -141,9 +160,24 @@ impl Simulation {
         };
         scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
         scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
+        if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
+            scenario.asked.person = scenario.person.clone();
+        }
+        if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
+            // A care task needs a person.
+            scenario.person = Some(care.cared_for(scenario.person.take()));
+        }
+        let seated_person = seated(assets, &mut scenario, &model)?;
+        let arm_balls = ArmBalls::new(&model);
+        let open_floor = |scene: &Scene| match &seated_person {
+            None => Floor::new(&model, scene),
+            Some((person, _)) => Floor::occupied(&model, scene, person, |arm| {
+                arm_balls.is_clear(person, &model, arm)
+            }),
+        };
         let floor = match scenario.starts {
             Starts::Near => None,
-            Starts::Anywhere => Some(Floor::new(&model, &scene)),
+            Starts::Anywhere => Some(open_floor(&scene)),
         };
         let drawn = task
             .as_ref()
@@ -163,23 +197,31 @@ impl Simulation {
         let control = RobotControl::at(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
-        if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
-            scenario.asked.person = scenario.person.clone();
-        }
-        if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
-            // Somebody must be there; who cares is careful.
-            scenario.person = Some(care.cared_for(scenario.person.take()));
-        }
-        let person = seated(assets, &mut scenario, &model)?;
-        if let Some((person, motion)) = &person {
+        if let Some((person, motion)) = &seated_person {
             world.seat(person, *motion);
         }
-        let (person, motion) = person.unzip();
-        let arm_balls = ArmBalls::new(&model);
+        let (person, motion) = seated_person.clone().unzip();
+        let carriers = Carriers::new(&model);
         if let Some((one, other, depth)) = world.overlap(&placed) {
             let name = |object: usize| scenario.objects[object].0.clone();
             return Err(SimError::Overlap {
                 one: name(one),
+                other: name(other),
+                depth,
+            });
+        }
+        if !playback && let Some((link, other, depth)) = world.robot_overlap() {
+            let name = |body: BodyRef| match body {
+                BodyRef::Link(link) => model.links[link].name.clone(),
+                BodyRef::Object(object) => scenario.objects[object].0.clone(),
+                BodyRef::Furniture(piece) => scene.furniture[piece].name.clone(),
+                BodyRef::Person(part) => {
+                    let capsule = person.as_ref().map(|p| p.capsules[part].name.as_str());
+                    format!("{} of the person", capsule.unwrap_or("body"))
+                }
+            };
+            return Err(SimError::RobotOverlap {
+                link: name(link),
                 other: name(other),
                 depth,
             });
@@ -194,7 +236,7 @@ impl Simulation {
             if scenario.time_limit == Some(0.0)
                 && let Some(about) = task.as_ref().zip(variant.as_ref())
             {
-                let floor = floor.unwrap_or_else(|| Floor::new(&model, &scene));
+                let floor = floor.unwrap_or_else(|| open_floor(&scene));
                 let expected = expected::seconds(about, &floor, &model, &scene, &scenario);
                 scenario.time_limit = Some((expected::ROOM * expected).ceil());
                 scenario.asked.open_limit = true;
@@ -221,6 +263,7 @@ impl Simulation {
             person,
             motion,
             arm_balls,
+            carriers,
             evaluator,
             evaluation,
             snapshot,
@@ -235,10 +278,12 @@ impl Simulation {
     }
 
     /// Starts the task anew from the present state: an episode's clock and its
-    /// conditions begin with the episode.
-    pub fn begin_episode(&mut self) {
+    /// conditions begin with the episode. `time_limit`, simulated seconds, is for this
+    /// episode alone; the scenario's when absent.
+    pub fn begin_episode(&mut self, time_limit: Option<f64>) {
         if let Some(evaluator) = &mut self.evaluator {
             evaluator.reset();
+            evaluator.limit_episode(time_limit);
             self.evaluation = evaluator.update(&self.snapshot);
         }
     }
@@ -273,7 +318,7 @@ impl Simulation {
         tell: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
         let disturbance = self.disturbance();
-        self.control.limit_tool_speed(self.guarded_speed());
+        self.control.set_guard(self.person_guard(input));
         let mut targets = self.control.update(input, &self.snapshot);
         tell(&targets[0], &self.control);
         let push = disturbance.as_ref().and_then(|d| d.push);

@@ -136,6 +136,9 @@ pub(super) fn draw_open_values(
     let slides = slides.map(|j| (j.name.clone(), j.resistance, j.start));
     scenario.slides = slides.collect();
     let start: Isometry3<f64> = scenario.start.unwrap_or(drawn.scene.start);
+    if scenario.start.is_none() {
+        scenario.rejected_starts = drawn.scene.rejected_starts;
+    }
     scenario.start = Some(start);
     scenario.arm = scenario.arm.or(drawn.scene.arm);
     scenario.knuckle = scenario.knuckle.or(drawn.scene.knuckle);
@@ -254,6 +257,7 @@ fn undisturbed(scene: &Scene) -> Draw {
             attempts: 0,
             clearance: 0.0,
             has_start: true,
+            rejected_starts: 0,
         },
         target: String::new(),
         instruction: String::new(),

@@ -86,6 +86,8 @@ pub struct Scenario {
     pub slides: Vec<(String, Resistance, f64)>,
     /// world_from_wheelchair_root at the start; `None`: drawn.
     pub start: Option<Isometry3<f64>>,
+    /// Start poses that were drawn before and rejected because of the person (count).
+    pub rejected_starts: u32,
     /// Where the robot starts when it is drawn.
     pub starts: Starts,
     /// Positions of the arm's joints at the start, rad; `None`: drawn.
@@ -162,6 +164,7 @@ impl Default for Scenario {
             objects: Vec::new(),
             slides: Vec::new(),
             start: None,
+            rejected_starts: 0,
             starts: Starts::Near,
             arm: None,
             knuckle: None,

@@ -471,3 +471,66 @@ fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
     });
     assert_eq!(again.scenario().person, Some(told));
 }
+
+/// Chair and arm are free of the person at every start, and stay so while nothing is
+/// commanded.
+#[test]
+fn no_start_anywhere_touches_the_person() {
+    let tasks = [
+        "pick_meat_can",
+        "pick_bowl",
+        "pick_grey_cup",
+        "pick_mustard",
+    ];
+    let mut rejected = 0;
+    for seed in 0..24 {
+        let task = tasks[seed as usize % tasks.len()];
+        let mut sim = simulation(Scenario {
+            seed,
+            starts: Starts::Anywhere,
+            person: Some(PersonSetting::default()),
+            ..scenario(task)
+        });
+        let at = format!("{task} seed {seed}");
+        rejected += sim.scenario().rejected_starts;
+        for _ in 0..12 {
+            sim.step(&ControlInput::default());
+            let person = sim.snapshot().person.clone().expect("a person");
+            assert_eq!(person.robot_force, 0.0, "{at}");
+            assert!(person.forces.iter().all(|f| *f == 0.0), "{at}: {person:?}");
+        }
+        assert_eq!(sim.fault(), None, "{at}");
+    }
+    assert!(rejected > 0, "no person was ever in the way");
+}
+
+#[test]
+fn a_start_inside_of_furniture_or_the_person_is_refused_by_name_and_depth() {
+    let refused = |scenario: Scenario| match Simulation::new(&assets(), scenario.clone()) {
+        Err(error @ SimError::RobotOverlap { .. }) => {
+            let playback = Simulation::for_playback(&assets(), scenario, &|| false);
+            assert!(playback.is_ok(), "recorded states must stay viewable");
+            error.to_string()
+        }
+        Err(other) => panic!("another error: {other}"),
+        Ok(_) => panic!("accepted"),
+    };
+    let home = crate::scene::Scene::load(&assets(), "home").expect("the home");
+    let table = home.furniture_named("coffee_table").expect("a table");
+    let at = home.furniture[table].pose.translation;
+    let words = refused(started(at.x, at.y, 0.0));
+    assert!(
+        words.contains("coffee_table") && words.contains(" mm inside"),
+        "{words}"
+    );
+    // The arm is folded back into the person.
+    let words = refused(Scenario {
+        arm: Some([3.0, -0.3, 2.2, 0.0, -0.4, -1.57]),
+        person: Some(PersonSetting {
+            body: "man_p95".to_owned(),
+            ..PersonSetting::default()
+        }),
+        ..scenario("pick_mustard")
+    });
+    assert!(words.contains("of the person"), "{words}");
+}

@@ -106,6 +106,13 @@ impl AreaSpec {
     ) -> Result<Self, SceneError> {
         let file = read(assets, name)?;
         let place = Place::file(&format!("areas/{name}.toml"));
+        if file.scene != scene.name {
+            return Err(place.key("scene").wrong(
+                format!("{:?}", file.scene),
+                format!("the scene in use, {:?}", scene.name),
+                format!("take the scene {:?}, or a task of this one", file.scene),
+            ));
+        }
         let start = place.key("start");
         let mut first = Variant {
             name: String::new(),

@@ -2,11 +2,11 @@
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use super::Evaluator;
 use super::tests::{Stage, condition, task};
-use crate::people::{BodyPart, HeadPose, PARTS, Person, PersonSetting};
+use super::{Evaluator, Failure};
+use crate::people::{BodyPart, HeadPose, Person, PersonSetting};
 use crate::scene::tests::assets;
-use crate::snapshot::PersonState;
+use crate::snapshot::{BodyRef, PersonState, Touch};
 
 /// A stage of a task with somebody in the chair.
 fn seated(name: &str, target: &str) -> (Stage, Person) {
@@ -25,8 +25,7 @@ fn seated(name: &str, target: &str) -> (Stage, Person) {
         .unwrap_or_else(|error| panic!("{error}"));
     stage.snapshot.person = Some(PersonState {
         head: HeadPose::default(),
-        forces: [0.0; PARTS.len()],
-        robot_force: 0.0,
+        ..PersonState::default()
     });
     (stage, person)
 }
@@ -92,6 +91,7 @@ fn a_sip_is_served_level_at_the_lips_for_two_seconds() {
     spilt.bring(0.02, 0.0);
     let judged = spilt.stage.run(3.0);
     assert!(!judged.success && !condition(&judged, "kept_level").holds);
+    assert_eq!(judged.failure, Some(Failure::Tilted));
 }
 
 #[test]
@@ -104,10 +104,29 @@ fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
     let judged = hard.stage.run(3.0);
     let gentle = condition(&judged, "gentle_on_face");
     assert!(!judged.success && !gentle.holds && gentle.value == 2.5);
+    assert_eq!(judged.failure, Some(Failure::PersonForce));
     let mut light = Sip::new();
     light.press_face(1.5);
     light.bring(0.02, 0.0);
     assert!(light.stage.run(2.5).success);
+}
+
+#[test]
+fn task_fails_with_the_lost_condition_as_cause_in_the_tick_in_which_it_is_lost() {
+    let (mut stage, _) = seated("pick_mustard", "mustard");
+    assert!(!stage.run(0.1).done);
+    let press = |stage: &mut Stage, newtons| {
+        stage.snapshot.person.as_mut().unwrap().robot_force = newtons;
+    };
+    press(&mut stage, 181_000.0);
+    // The target falls in the same tick, which is a consequence and not the cause.
+    stage.raise(-0.5);
+    let judged = stage.run(0.0);
+    assert!(judged.done && !judged.success, "{judged:?}");
+    assert_eq!(judged.failure, Some(Failure::PersonForce));
+    press(&mut stage, 0.0);
+    stage.snapshot.tick += 200 * wheelarm_proto::PHYSICS_HZ;
+    assert_eq!(stage.run(1.0).failure, Some(Failure::PersonForce));
 }
 
 /// The remote control, taken and then `forward` metres before the middle of the lap,
@@ -140,5 +159,65 @@ fn a_thing_is_given_when_it_lies_in_the_lap_and_is_let_go() {
         let lies = condition(&judged, "in_lap");
         assert!(!judged.success && !lies.holds, "{forward} {above}");
         assert!((lies.value - forward).abs() < 0.01, "{}", lies.value);
+    }
+}
+
+/// The object weighs 4 N: in lap or hands it may press with 12 N once the robot does not
+/// touch it.
+#[test]
+fn every_part_of_the_person_and_every_body_that_touches_it_count() {
+    let (mut stage, _) = seated("serve_remote", "remote_control");
+    let object = BodyRef::Object(stage.target);
+    let (link, floor, table) = (
+        BodyRef::Link(1),
+        BodyRef::Furniture(0),
+        BodyRef::Furniture(1),
+    );
+    let new_evaluator = stage.evaluator.clone();
+    // Part, partner, force in N, whether the robot touches the object, whether it is clear.
+    let cases = [
+        (BodyPart::Legs, table, 4.9, false, true),
+        (BodyPart::Legs, table, 5.1, false, false),
+        (BodyPart::Legs, floor, 5.1, false, false),
+        (BodyPart::Legs, link, 5.1, false, false),
+        (BodyPart::Legs, object, 5.1, false, false),
+        (BodyPart::Hands, link, 4.9, false, true),
+        (BodyPart::Hands, link, 5.1, false, false),
+        (BodyPart::Lap, table, 5.1, false, false),
+        (BodyPart::Torso, object, 5.1, true, false),
+        (BodyPart::Face, object, 1.9, true, true),
+        (BodyPart::Face, object, 2.1, true, false),
+        (BodyPart::Mouth, object, 2.1, true, false),
+        (BodyPart::Lap, object, 11.9, false, true),
+        (BodyPart::Hands, object, 11.9, false, true),
+        (BodyPart::Lap, object, 12.1, false, false),
+        (BodyPart::Lap, object, 4.9, true, true),
+        (BodyPart::Lap, object, 5.1, true, false),
+    ];
+    for (part, partner, force, held, clear) in cases {
+        stage.evaluator = new_evaluator.clone();
+        stage.snapshot.contacts.clear();
+        if held {
+            stage.grip();
+        }
+        let touch = Touch {
+            part,
+            partner,
+            force,
+            weight: if partner == object { 4.0 } else { 0.0 },
+        };
+        let person = stage.snapshot.person.as_mut().unwrap();
+        person.touches = vec![touch];
+        stage.run(0.0);
+        // Once is enough.
+        let person = stage.snapshot.person.as_mut().unwrap();
+        person.touches.clear();
+        let judged = stage.run(0.0);
+        let condition = condition(&judged, "clear_of_person");
+        assert_eq!(
+            (condition.holds, condition.value),
+            (clear, force),
+            "{part:?} touched by {partner:?} with {force} N, held: {held}"
+        );
     }
 }

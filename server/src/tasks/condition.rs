@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_HZ;
 
 use super::context::Context;
+use super::failure::Failure;
 use crate::snapshot::Snapshot;
 
 /// Something that can be true of the world: plain data with its thresholds.
@@ -23,6 +24,10 @@ pub(super) trait Predicate {
 
     /// Its thresholds, as they stand in the task file.
     fn thresholds(&self) -> Vec<Threshold>;
+
+    /// The failure that follows when the predicate stops holding, where it can never hold
+    /// again; `None` where it can.
+    fn loss(&self) -> Option<Failure>;
 
     /// Looks at one snapshot; `None` when what it is about is not there, which
     /// counts as not holding.
@@ -93,6 +98,8 @@ pub(super) struct Memory {
     since: Option<u64>,
     /// Greatest value so far.
     pub worst: f64,
+    /// Whether a limit has ever been exceeded.
+    pub exceeded: bool,
     /// Tick and pose of what was looked at before.
     before: Option<(u64, Isometry3<f64>)>,
 }

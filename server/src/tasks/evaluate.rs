@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::condition::{Memory, seconds};
 use super::context::Context;
+use super::failure::Failure;
 use super::predicates::AnyPredicate;
 use super::spec::{FailureSpec, TaskSpec};
 use crate::people::Person;
@@ -23,6 +24,8 @@ pub struct Evaluator {
     conditions: Vec<(String, AnyPredicate, bool)>,
     failure: FailureSpec,
     time_limit: f64,
+    /// Of the running episode, where it has one of its own.
+    episode_limit: Option<f64>,
     /// What falls from the hand and stays where the arm gets it is not lost.
     fetches: bool,
     context: Context,
@@ -51,39 +54,6 @@ pub struct EvaluatorState {
 enum Outcome {
     Success,
     Failed(Failure),
-}
-
-/// Why it failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Failure {
-    /// The target fell, from the gripper or from where it stood.
-    Dropped,
-    /// The target lies where it stood.
-    Tipped,
-    /// The time is over.
-    Timeout,
-    /// The target rests where no arm gets it.
-    Unreachable,
-    /// The robot hit furniture much too hard.
-    HardCollision,
-    /// The simulation lost the target or its state is not finite.
-    Lost,
-    /// The state of the simulation broke: nothing of the end can be believed.
-    Physics,
-}
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Dropped => "dropped",
-            Self::Tipped => "tipped",
-            Self::Timeout => "timeout",
-            Self::Unreachable => "unreachable",
-            Self::HardCollision => "hard collision",
-            Self::Lost => "lost",
-            Self::Physics => "physics",
-        })
-    }
 }
 
 /// State of the task after one snapshot.
@@ -170,6 +140,7 @@ impl Evaluator {
                 .collect(),
             failure: spec.failure,
             time_limit: spec.time_limit,
+            episode_limit: None,
             fetches: false,
             context: Context {
                 bodies: scene.objects.clone(),
@@ -206,6 +177,11 @@ impl Evaluator {
     pub fn bend(&mut self, time_limit: Option<f64>, fetches: bool) {
         self.time_limit = time_limit.unwrap_or(self.time_limit);
         self.fetches = fetches;
+    }
+
+    /// Takes the time limit of one episode, simulated seconds; the task's when absent.
+    pub fn limit_episode(&mut self, time_limit: Option<f64>) {
+        self.episode_limit = time_limit;
     }
 
     /// Forgets everything; the next snapshot is the first.
@@ -248,6 +224,7 @@ impl Evaluator {
             self.context.starts.clone_from(&self.state.starts);
         }
         let elapsed = seconds(snapshot.tick.saturating_sub(start));
+        let mut lost = None;
         let conditions: Vec<_> = self
             .conditions
             .iter()
@@ -255,6 +232,9 @@ impl Evaluator {
             .map(|((name, predicate, required), memory)| {
                 let predicate = predicate.as_dyn();
                 let measure = predicate.measure(&self.context, memory, snapshot);
+                if *required && measure.is_some_and(|measure| !measure.holds) {
+                    lost = lost.or(predicate.loss());
+                }
                 let measure = measure.unwrap_or_default();
                 Condition {
                     name: name.clone(),
@@ -265,7 +245,8 @@ impl Evaluator {
                 }
             })
             .collect();
-        let failure = self.failure(snapshot, elapsed);
+        // The lost condition is the cause; that the target falls afterwards is not.
+        let failure = lost.or_else(|| self.failure(snapshot, elapsed));
         if self.state.outcome.is_none() {
             let achieved = conditions.iter().all(|c| c.holds || !c.required);
             self.state.outcome = match failure {
@@ -298,7 +279,7 @@ impl Evaluator {
         if self.context.collision_force(snapshot) > self.failure.force {
             return Some(Failure::HardCollision);
         }
-        (elapsed >= self.time_limit).then_some(Failure::Timeout)
+        (elapsed >= self.episode_limit.unwrap_or(self.time_limit)).then_some(Failure::Timeout)
     }
 
     /// What became of the target that ends the task.

@@ -5,13 +5,14 @@ use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 use wheelarm_proto::exact;
-use wheelarm_route::footprint_check::{FootprintCheck, Outline, Pose2};
+use wheelarm_route::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
 use wheelarm_route::hybrid_a_star::{self, PathPreferences};
 use wheelarm_route::obb::Obb;
 
 use super::area::{AreaSpec, Range, Variant};
 use super::random::{index, number, stream};
 use crate::geometry::bounds;
+use crate::people::{Capsule, HeadPose, Person};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Scene};
 
@@ -25,6 +26,8 @@ const NODES: usize = 6_000;
 /// Distances of the chair's frame from the edge of a surface, or from furniture
 /// that slides, at which it would stop there, metres.
 const STOPS: [f64; 4] = [0.95, 1.15, 1.35, 1.6];
+/// Samples of the arm's way home from a posture.
+const WAY_HOME: u32 = 20;
 /// How the chair would drive: as the scripted operator, with no haste.
 const PREFERENCES: PathPreferences = PathPreferences {
     radius: 0.8,
@@ -34,9 +37,13 @@ const PREFERENCES: PathPreferences = PathPreferences {
 /// The floor of a home with one robot on it.
 #[derive(Clone, Debug)]
 pub struct Floor {
+    /// The chair, with the person if it is occupied.
     pub(super) check: FootprintCheck,
+    /// The empty chair; `None` where `check` is that already.
+    empty: Option<FootprintCheck>,
     home: [f64; 6],
-    postures: Vec<[f64; 6]>,
+    /// Postures of the arm with whether each is clear of the person.
+    postures: Vec<([f64; 6], bool)>,
     /// Knuckle angle of the closed gripper, radians.
     closed: f64,
 }
@@ -48,24 +55,56 @@ pub(super) struct Start {
     pub arm: Option<[f64; 6]>,
     /// `None` for open.
     pub knuckle: Option<f64>,
+    /// Places and postures that were drawn before and rejected because of the person.
+    pub rejected: u32,
 }
 
 impl Floor {
-    /// The floor of `scene` with the furniture that stands there.
+    /// The floor of `scene` with its furniture, for an empty chair.
     #[must_use]
     pub fn new(model: &RobotModel, scene: &Scene) -> Self {
         let settings = &model.settings;
-        let outlines = settings.outlines.iter();
-        let outlines = outlines.map(|o| (o.top, Outline { sides: o.footprint }));
-        let mut check = FootprintCheck::of(outlines);
-        for obb in scene.furniture.iter().flat_map(boxes) {
-            check.put(obb.rectangle(), obb.heights());
-        }
         Self {
-            check,
+            check: footprint_check(model, scene, &[]),
+            empty: None,
             home: settings.home,
-            postures: settings.postures.clone(),
+            postures: settings.postures.iter().map(|p| (*p, true)).collect(),
             closed: settings.gripper.closed,
+        }
+    }
+
+    /// The floor for a chair in which `person` sits: knees, shins, feet and elbows
+    /// belong to the footprint. `is_clear` says whether the arm keeps clear of the
+    /// person with its joints at these positions, radians; a posture counts only when
+    /// the straight way home in joint space is clear too.
+    #[must_use]
+    pub fn occupied(
+        model: &RobotModel,
+        scene: &Scene,
+        person: &Person,
+        is_clear: impl Fn(&[f64; 6]) -> bool,
+    ) -> Self {
+        let head = HeadPose::default();
+        let limb = |capsule: &Capsule| Limb {
+            ends: person.ends(capsule, &head).map(|end| end.coords.into()),
+            radius: capsule.radius,
+        };
+        let limbs: Vec<Limb> = person.capsules.iter().map(limb).collect();
+        let empty = Self::new(model, scene);
+        let way_home = |posture: &[f64; 6]| {
+            (0..=WAY_HOME).all(|step| {
+                let share = f64::from(step) / f64::from(WAY_HOME);
+                is_clear(&std::array::from_fn(|i| {
+                    posture[i] + (empty.home[i] - posture[i]) * share
+                }))
+            })
+        };
+        let postures = empty.postures.iter().map(|(p, _)| (*p, way_home(p)));
+        Self {
+            check: footprint_check(model, scene, &limbs),
+            postures: postures.collect(),
+            empty: Some(empty.check),
+            ..empty
         }
     }
 
@@ -81,8 +120,18 @@ impl Floor {
     ) -> Option<Start> {
         let goal = self.stop(area, variant, scene)?;
         let mut random = stream(&area.name, seed, "posture");
-        let posture = index(&mut random, self.postures.len() + 1);
-        let arm = self.postures.get(posture).copied().unwrap_or(self.home);
+        let mut rejected = 0;
+        // Home is the last; it is clear of everybody who fits the chair.
+        let arm = loop {
+            match self
+                .postures
+                .get(index(&mut random, self.postures.len() + 1))
+            {
+                Some((posture, true)) => break *posture,
+                Some(_) => rejected += 1,
+                None => break self.home,
+            }
+        };
         let knuckle = [0.0, self.closed][index(&mut random, 2)];
         let mut random = stream(&area.name, seed, "anywhere");
         let [x0, x1, y0, y1] = self.check.bounds();
@@ -98,6 +147,12 @@ impl Floor {
                 let check = &self.check;
                 hybrid_a_star::has_path(check, place, goal, &PREFERENCES, NODES)
             };
+            let empty = self.empty.as_ref().filter(|_| !free);
+            if empty.is_some_and(|check| check.is_free(&place, ROOM))
+                && self.is_inside(scene, &place)
+            {
+                rejected += 1;
+            }
             if free && way() {
                 let pose = Isometry3::new(
                     Vector3::new(place.x, place.y, 0.0),
@@ -107,6 +162,7 @@ impl Floor {
                     pose,
                     arm: Some(arm),
                     knuckle: Some(knuckle),
+                    rejected,
                 });
             }
         }
@@ -171,6 +227,19 @@ impl Floor {
             self.check.is_free(&stop, ROOM / 2.0).then_some(stop)
         })
     }
+}
+
+/// The chair against the furniture of `scene`, grown by the person's limbs.
+fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> FootprintCheck {
+    let outlines = model.settings.outlines.iter();
+    let outlines: Vec<_> = outlines
+        .map(|o| (o.top, Outline { sides: o.footprint }))
+        .collect();
+    let mut check = FootprintCheck::of(occupied(&outlines, limbs));
+    for obb in scene.furniture.iter().flat_map(boxes) {
+        check.put(obb.rectangle(), obb.heights());
+    }
+    check
 }
 
 /// Boxes around the parts of furniture that collide, in `house`.

@@ -16,6 +16,7 @@ mod condition;
 mod context;
 mod draw;
 mod evaluate;
+mod failure;
 mod file;
 mod floor;
 mod goal;
@@ -38,7 +39,8 @@ mod tests;
 
 pub use area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
 pub use draw::{Draw, draw, variant_of};
-pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, Failure, HARD};
+pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
+pub use failure::Failure;
 pub use floor::Floor;
 pub use goal::Goal;
 pub use load::list;

@@ -44,6 +44,8 @@ pub struct SceneDraw {
     pub clearance: f64,
     /// A start was found where one was asked for.
     pub has_start: bool,
+    /// Start poses that were rejected because of the person (count).
+    pub rejected_starts: u32,
 }
 
 /// The variant of an area that a seed takes out of those that offer what is
@@ -106,6 +108,7 @@ pub fn draw_scene(
             pose: near,
             arm: None,
             knuckle: None,
+            rejected: 0,
         },
     };
     let mut sliding = random("slides");
@@ -147,6 +150,7 @@ pub fn draw_scene(
         attempts,
         clearance,
         has_start,
+        rejected_starts: start.rejected,
     }
 }
 

@@ -95,15 +95,15 @@ const CARE: &str = "care";
 
 impl TaskSpec {
     /// Whether it is done for somebody in the seat: one is drawn where the scenario
-    /// names nobody, and the face guard is on.
+    /// names nobody.
     #[must_use]
     pub fn is_care(&self) -> bool {
         self.activity == CARE || matches!(self.goal, Goal::Give | Goal::Bring)
     }
 
     /// Somebody for whom the task is done: who is `asked` for, and as the task needs it
-    /// where that says nothing. Hands leave the lap free, and the guard is on. Who was
-    /// drawn before stays as told.
+    /// where that says nothing. Hands leave the lap free. Who was drawn before stays as
+    /// told.
     #[must_use]
     pub fn cared_for(&self, asked: Option<PersonSetting>) -> PersonSetting {
         let mut person = asked.unwrap_or_default();
@@ -115,7 +115,6 @@ impl TaskSpec {
         }
         person.motion.get_or_insert(self.waits.motion);
         person.mouth_open |= self.waits.mouth_open;
-        person.guard = true;
         person
     }
 

@@ -9,17 +9,18 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rapier3d::dynamics::{Multibody, MultibodyDofCoupling, MultibodyIndex, MultibodyLink};
+use rapier3d::math::Pose;
 use rapier3d::prelude::{
-    ActiveHooks, CoefficientCombineRule, ColliderBuilder, GenericJoint, GenericJointBuilder, Group,
-    InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, PhysicsWorld,
-    RigidBodyBuilder, RigidBodyHandle,
+    ActiveHooks, CoefficientCombineRule, ColliderBuilder, ColliderHandle, GenericJoint,
+    GenericJointBuilder, Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis,
+    PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
 };
 
 use super::WorldError;
 use super::contact::tag;
 use super::convert::{from_pose, mass_properties, pose, real, vector};
 use super::shape::solids;
-use super::tree::{Tree, TreeJoint, TreePart};
+use super::tree::{Parallel, Tree, TreeJoint, TreePart};
 use crate::geometry::Shape;
 use crate::robot::{JointKind, RobotModel};
 use crate::snapshot::BodyRef;
@@ -51,6 +52,9 @@ const CRANK_ARMATURE: f32 = 0.005;
 /// The same at a finger tip, kg·m² (Menagerie, robotiq_2f85_v4: follower).
 /// Without it tip and crank chatter at 50 Hz and the grip force swings by half.
 const TIP_ARMATURE: f32 = 0.001;
+
+/// A shape of an inner knuckle may be off by this much, metres.
+const STILL: f32 = 1e-5;
 
 /// What a collider of the robot is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,6 +107,16 @@ pub(super) struct RobotBody {
     /// Link of the multibody, for each body.
     links: Vec<usize>,
     multibody: Option<MultibodyIndex>,
+    /// Shapes of the inner knuckles.
+    moving: Vec<MovingShape>,
+}
+
+/// A collider that moves in the frame of its body.
+#[derive(Clone, Debug)]
+struct MovingShape {
+    collider: ColliderHandle,
+    parallel: Parallel,
+    link_from_shape: Pose,
 }
 
 impl RobotBody {
@@ -120,6 +134,7 @@ impl RobotBody {
         let depths = arm_depths(model);
         let mut frames: Vec<Isometry3<f64>> = Vec::new();
         let mut handles = Vec::new();
+        let mut moving = Vec::new();
         for body in &tree.bodies {
             let frame = match &body.joint {
                 None => start * tree.root_from_body,
@@ -137,13 +152,22 @@ impl RobotBody {
                     .additional_mass_properties(mass_properties(&body.mass)),
             );
             handles.push(handle);
-            for TreePart { link, part, pad } in &body.parts {
+            for TreePart {
+                link,
+                part,
+                pad,
+                parallel,
+            } in &body.parts
+            {
                 let solids = solids(part, RIM).map_err(|problem| WorldError::Shape {
                     body: model.links[*link].name.clone(),
                     problem,
                 })?;
                 let surface = if *pad { Surface::Pad } else { surface(*link) };
-                let mut touching = groups(depths[*link]);
+                let mut touching = groups(match parallel {
+                    Some(_) => depths[body.link],
+                    None => depths[*link],
+                });
                 if let (true, Shape::Cylinder { radius, .. }) = (surface.rolls(), &part.shape) {
                     let on_floor = InteractionGroups {
                         filter: FLOOR_GROUP,
@@ -156,12 +180,20 @@ impl RobotBody {
                         .user_data(tag(BodyRef::Link(*link)));
                     physics.insert_collider(surface.coat(ball), Some(handle));
                 }
-                for (body_from_solid, shape) in solids {
+                let body_from_link =
+                    parallel.map(|p| pose(&p.crank_from_link(model, q(p.hinge.joint))));
+                for (link_from_shape, shape) in solids {
+                    let place = body_from_link.map_or(link_from_shape, |b| b * link_from_shape);
                     let collider = ColliderBuilder::new(shape)
-                        .position(body_from_solid)
+                        .position(place)
                         .collision_groups(touching)
                         .user_data(tag(BodyRef::Link(*link)));
-                    physics.insert_collider(surface.coat(collider), Some(handle));
+                    let collider = physics.insert_collider(surface.coat(collider), Some(handle));
+                    moving.extend(parallel.map(|parallel| MovingShape {
+                        collider,
+                        parallel,
+                        link_from_shape,
+                    }));
                 }
             }
         }
@@ -182,6 +214,7 @@ impl RobotBody {
             handles,
             links,
             multibody,
+            moving,
         };
         robot.set_positions(physics, &q);
         robot.couple(physics, model);
@@ -207,6 +240,29 @@ impl RobotBody {
         multibody.forward_kinematics(&physics.bodies, false);
         multibody.update_rigid_bodies(&mut physics.bodies, true);
         multibody.damping_mut().fill(0.0);
+    }
+
+    /// Puts the shapes of the inner knuckles where the joints have them now, before a
+    /// tick. A shape that is off by less than [`STILL`] stays: the engine sums up the mass
+    /// of the whole body whenever one of its shapes moves.
+    pub(super) fn place_shapes(&self, physics: &mut PhysicsWorld, model: &RobotModel) {
+        for shape in &self.moving {
+            let (angle, _) = self.joint_state(physics, shape.parallel.tip);
+            let body_from_link = pose(&shape.parallel.crank_from_link(model, angle));
+            let place = body_from_link * shape.link_from_shape;
+            let Some(collider) = physics.colliders.get_mut(shape.collider) else {
+                continue;
+            };
+            let now = collider.position_wrt_parent().map(|now| now.translation);
+            if now.is_none_or(|now| (now - place.translation).length() > STILL) {
+                collider.set_position_wrt_parent(place);
+            }
+        }
+    }
+
+    /// Whether the collider is one that moves in its body.
+    pub(super) fn moves(&self, collider: ColliderHandle) -> bool {
+        self.moving.iter().any(|shape| shape.collider == collider)
     }
 
     /// Couples joints that follow another one. Where the followed joint is also
@@ -343,9 +399,8 @@ impl RobotBody {
         })
     }
 
-    /// Gives the joint that moves a body a velocity, rad/s, to see what happens.
-    #[cfg(test)]
-    pub(super) fn spin(&self, physics: &mut PhysicsWorld, body: usize, speed: f64) {
+    /// Gives the joint that moves a body a velocity, rad/s.
+    pub(super) fn set_velocity(&self, physics: &mut PhysicsWorld, body: usize, speed: f64) {
         let multibody = self
             .multibody
             .and_then(|index| physics.multibody_joints.get_multibody_mut(index));
@@ -419,13 +474,9 @@ fn joint_data(model: &RobotModel, tree_joint: &TreeJoint) -> GenericJoint {
     data.build()
 }
 
-/// Collision groups of who sits in the chair: those of the chair, but for the floor.
+/// Collision groups of the person: those of the chair, which the person never touches.
 pub(super) fn person_groups() -> InteractionGroups {
-    let chair = groups(None);
-    InteractionGroups {
-        filter: chair.filter - FLOOR_GROUP,
-        ..chair
-    }
+    groups(None)
 }
 
 /// Number of moving joints between the arm's base and each link; `None` on the chair.

@@ -3,15 +3,13 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use rapier3d::prelude::{ContactManifold, ContactPair, PhysicsWorld};
+use rapier3d::prelude::{Collider, ContactManifold, ContactPair, PhysicsWorld};
+use rapier3d::utils::OrthonormalBasis;
 
 use super::convert::from_vector;
 use crate::snapshot::{BodyRef, Contact};
 
 const KINDS: u32 = 32;
-/// Points that share one friction constraint and hold its impulse, between free
-/// bodies; contacts of the robot's multibody have one constraint per point.
-const POINTS_PER_FRICTION: usize = 4;
 
 /// Number that a collider carries, so that a contact knows its body.
 pub(super) fn tag(body: BodyRef) -> u128 {
@@ -65,25 +63,25 @@ pub(super) fn contacts_among<'a>(
 ) -> Vec<Contact> {
     let mut sums: BTreeMap<(BodyRef, BodyRef), Sum> = BTreeMap::new();
     for pair in pairs {
-        let (Some(a), Some(b)) = (
+        let (Some(one), Some(other)) = (
             physics.colliders.get(pair.collider1),
             physics.colliders.get(pair.collider2),
         ) else {
             continue;
         };
-        let (a, b) = (body_of(a.user_data), body_of(b.user_data));
+        let (a, b) = (body_of(one.user_data), body_of(other.user_data));
         let (first, second) = if a <= b { (a, b) } else { (b, a) };
         if !wanted(first, second) {
             continue;
         }
+        let friction = match is_articulated(physics, one) || is_articulated(physics, other) {
+            true => Friction::PerPoint,
+            false => Friction::PerManifold,
+        };
         for manifold in pair.solver_manifolds() {
             let sign = if a <= b { 1.0 } else { -1.0 };
-            let drags = match first {
-                BodyRef::Link(_) => 1,
-                _ => POINTS_PER_FRICTION,
-            };
             let sum = sums.entry((first, second)).or_default();
-            add(sum, physics, manifold, sign, drags);
+            add(sum, physics, manifold, sign, friction);
         }
     }
     sums.into_iter()
@@ -97,27 +95,55 @@ pub(super) fn contacts_among<'a>(
         .collect()
 }
 
+/// How the engine solves and stores the friction of a manifold.
+#[derive(Clone, Copy)]
+enum Friction {
+    /// One constraint per point, where a link of the robot takes part. The engine stores
+    /// the impulse of all substeps.
+    PerPoint,
+    /// One constraint per manifold, stored at its first point, between free bodies. The
+    /// engine stores the impulse of the last substep only.
+    PerManifold,
+}
+
+/// Whether the collider belongs to a link of the robot's multibody. The capsules of the
+/// person do.
+fn is_articulated(physics: &PhysicsWorld, collider: &Collider) -> bool {
+    let link = |body| physics.multibody_joints.rigid_body_link(body);
+    collider.parent().is_some_and(|body| link(body).is_some())
+}
+
 /// Adds the force on the manifold's second body, times `sign`.
 fn add(
     sum: &mut Sum,
     physics: &PhysicsWorld,
     manifold: &ContactManifold,
     sign: f64,
-    points_per_friction: usize,
+    friction: Friction,
 ) {
     let dt = f64::from(physics.integration_parameters.dt);
     let substep = dt / physics.integration_parameters.num_solver_iterations as f64;
     let normal = from_vector(manifold.data.normal);
+    // The basis in which the engine stores tangent impulses.
+    let towards_first = -manifold.data.normal;
+    let tangent = towards_first.orthonormal_vector();
+    let bitangent = towards_first.cross(tangent);
     for (index, contact) in manifold.data.solver_contacts.iter().enumerate() {
         let Some(point) = manifold.points.get(contact.contact_indices()[0] as usize) else {
             continue;
         };
-        // The normal impulse is summed over the substeps; of the friction the
-        // engine keeps the world vector of the last substep only.
         let push = f64::from(point.data.impulse) / dt;
-        if index.is_multiple_of(points_per_friction) {
-            let drag = from_vector(point.data.warmstart_tangent_world) / substep;
-            sum.force -= drag * sign;
+        match friction {
+            Friction::PerPoint => {
+                let [along, across] = [0, 1].map(|i| f64::from(point.data.tangent_impulse[i]));
+                let drag = from_vector(tangent) * along + from_vector(bitangent) * across;
+                sum.force -= drag * (sign / dt);
+            }
+            Friction::PerManifold if index == 0 => {
+                let drag = from_vector(point.data.warmstart_tangent_world);
+                sum.force -= drag * (sign / substep);
+            }
+            Friction::PerManifold => {}
         }
         if push > 0.0 {
             let (p1, p2) = manifold

@@ -12,6 +12,15 @@
 //! engine's iterations over constraints would leave a fifth of a newton metre
 //! of joints whose axes are nearly parallel. Wheels and cranks, which drive
 //! against contacts up to a cap, are solved with the contacts.
+//!
+//! Friction of joints, gears and tyres is a damper of the dynamics as well: dry friction
+//! is its torque over the speed at the begin of the tick, so it is solved exactly at any
+//! speed and never turns a joint around. Below `CREEP` it falls linearly.
+//!
+//! Efforts: of the arm what the gear passes on to the link, friction taken off. That is
+//! the torque of inverse dynamics, and what a torque sensor behind the gear measures
+//! (assumption for the Gen3, whose actuators have torque sensors). Wheels and gripper
+//! have none: theirs is the motor's torque, which overcomes the friction, too.
 
 use nalgebra::Vector3;
 use rapier3d::dynamics::MotorModel;
@@ -21,6 +30,7 @@ use wheelarm_proto::exact;
 use super::WorldError;
 use super::body::{RobotBody, Surface};
 use super::convert::{from_vector, real, vector};
+use super::health;
 use super::wheels::Wheels;
 use crate::robot::control::Targets;
 use crate::robot::{ARM_JOINTS, RobotModel};
@@ -29,10 +39,9 @@ use crate::robot::{ARM_JOINTS, RobotModel};
 /// reached 4 mm behind the led position or at an error of 0.04 m/s.
 const WHEEL_STIFFNESS: f64 = 1000.0;
 const WHEEL_DAMPING: f64 = 100.0;
-/// Speed that a motor of the arm makes at the most, in units of its limit: the
-/// servo asks for no more however far its joint is behind, as after a hand that
-/// was held up slips off.
-const ARM_OVERSPEED: f64 = 1.25;
+/// Speed below which dry friction falls linearly, rad/s. [choice: 16 mm/s at a
+/// stretched hand, 1 % of the speed limits]
+const CREEP: f64 = 0.02;
 /// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
 /// is reached 0.02 rad behind the target; near critical damping with the armature.
 const CRANK_STIFFNESS: f64 = 200.0;
@@ -45,6 +54,10 @@ pub(super) struct Drives {
     wheel_torque: f64,
     arm: [usize; 6],
     arm_gains: [Gains; 6],
+    arm_friction: [Friction; 6],
+    crank_friction: Friction,
+    /// Speed limit of the joint that moves each body, rad/s; infinite for wheels.
+    limits: Vec<f64>,
     /// Bodies that each arm joint carries.
     carried: [Vec<usize>; 6],
     /// Left and right crank and finger tip, with the sign of their angle.
@@ -58,8 +71,25 @@ struct Gains {
     stiffness: f64,
     damping: f64,
     torque: f64,
-    /// Speed that the motor itself makes at the most, rad/s.
+    /// Speed that the motor itself makes at the most, rad/s: however far its joint is
+    /// behind, as after a hand that was held up slips off.
     fastest: f64,
+}
+
+/// Friction of a joint.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Friction {
+    /// Against the motion, whatever its speed, N·m.
+    pub dry: f64,
+    /// In proportion to the speed, N·m·s/rad.
+    pub viscous: f64,
+}
+
+impl Friction {
+    /// The damping that has this friction's torque at a speed, N·m·s/rad.
+    fn damping(self, velocity: f64) -> f64 {
+        self.viscous + self.dry / velocity.abs().max(CREEP)
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -116,9 +146,21 @@ impl Drives {
                 stiffness: model.settings.arm.stiffness[i],
                 damping: model.settings.arm.damping[i],
                 torque: model.joints[joint].limits.effort,
-                fastest: ARM_OVERSPEED * model.joints[joint].limits.velocity,
+                fastest: model.joints[joint].limits.velocity,
             }
         });
+        let settings = &model.settings;
+        let limit = |joint: usize| {
+            let limit = model.joints[joint].limits.velocity;
+            let rolls = roles.wheels.contains(&joint) || roles.casters.contains(&joint);
+            if rolls || limit <= 0.0 {
+                f64::INFINITY
+            } else {
+                limit
+            }
+        };
+        let bodies = robot.tree.bodies.iter();
+        let limits = bodies.map(|body| body.joint.map_or(f64::INFINITY, |j| limit(j.joint)));
         let carried = arm.map(|root| carried_by(robot, root));
         let [left, right] = roles.knuckles;
         let (left, right) = (body(left)?, body(right)?);
@@ -128,6 +170,15 @@ impl Drives {
             wheel_torque: model.settings.drive.wheel_torque,
             arm,
             arm_gains,
+            arm_friction: std::array::from_fn(|i| Friction {
+                dry: settings.arm.dry_friction[i],
+                viscous: settings.arm.viscous_friction[i],
+            }),
+            crank_friction: Friction {
+                dry: 0.0,
+                viscous: settings.gripper.viscous_friction,
+            },
+            limits: limits.collect(),
             carried,
             cranks: [
                 Crank {
@@ -151,14 +202,6 @@ impl Drives {
         self.arm.contains(&body)
     }
 
-    /// Puts the dampers of the arm into the dynamics, once.
-    pub(super) fn insert_dampers(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
-        let dt = f64::from(physics.integration_parameters.dt);
-        for (&body, gains) in self.arm.iter().zip(&self.arm_gains) {
-            robot.set_damping(physics, body, gains.effective_damping(dt));
-        }
-    }
-
     /// Sets all motors for the coming tick.
     pub(super) fn drive(
         &self,
@@ -175,9 +218,11 @@ impl Drives {
         };
         let dt = f64::from(physics.integration_parameters.dt);
         let leads = wheels.lead(targets.wheel_velocity, dt, gains.torque / gains.stiffness);
-        let wheels = self.wheels.into_iter().zip(leads);
-        for ((wheel, lead), speed) in wheels.zip(targets.wheel_velocity) {
-            let (angle, _) = robot.joint_state(physics, wheel);
+        let friction = wheels.friction(physics);
+        let wheels = self.wheels.into_iter().zip(leads).zip(friction);
+        for (((wheel, lead), friction), speed) in wheels.zip(targets.wheel_velocity) {
+            let (angle, velocity) = robot.joint_state(physics, wheel);
+            robot.set_damping(physics, wheel, friction.damping(velocity));
             let aim = Aim {
                 position: angle + lead,
                 speed,
@@ -191,7 +236,15 @@ impl Drives {
                 speed: targets.arm_velocity[i],
                 torque: self.gravity_torque(physics, robot, i),
             };
-            set_push(physics, robot, self.arm[i], aim, self.arm_gains[i]);
+            let friction = self.arm_friction[i];
+            set_push(
+                physics,
+                robot,
+                self.arm[i],
+                aim,
+                self.arm_gains[i],
+                friction,
+            );
         }
         let force = exact::within(targets.pad_force, 0.0, self.max_pad_force);
         for crank in self.cranks {
@@ -199,14 +252,38 @@ impl Drives {
                 stiffness: CRANK_STIFFNESS,
                 damping: CRANK_DAMPING,
                 torque: force * self.lever(physics, robot, crank),
-                fastest: f64::INFINITY,
+                fastest: self.limits[crank.body],
             };
+            let (_, velocity) = robot.joint_state(physics, crank.body);
+            let friction = self.crank_friction.damping(velocity);
+            robot.set_damping(physics, crank.body, friction);
             let aim = Aim {
                 position: crank.sign * targets.knuckle_position,
                 speed: crank.sign * targets.knuckle_velocity,
                 torque: 0.0,
             };
             set_motor(physics, robot, crank.body, aim, gains);
+        }
+    }
+
+    /// Speed limit of the joint that moves each body, rad/s.
+    pub(super) fn limits(&self) -> &[f64] {
+        &self.limits
+    }
+
+    /// Brakes joints that something drives faster than their limits, after the engine's
+    /// tick, to the limits. The drives further in hold what the brake takes up. A speed
+    /// that breaks the state is left for `health` to find.
+    pub(super) fn brake(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
+        for (body, &limit) in self.limits.iter().enumerate() {
+            let (_, velocity) = robot.joint_state(physics, body);
+            let broken = match self.moves_arm(body) {
+                true => health::ARM_SPEED * limit,
+                false => health::JOINT_SPEED,
+            };
+            if velocity.abs() > limit && velocity.abs() <= broken {
+                robot.set_velocity(physics, body, limit.copysign(velocity));
+            }
         }
     }
 
@@ -276,11 +353,12 @@ impl Aim {
     ///
     /// With e the distance to the reference at the begin and v the velocity, the
     /// spring's mean is stiffness · (e + (speed - v) · dt / 2): a constant and a
-    /// part that damps. The two are never worth more than the gains' fastest speed.
-    fn law(&self, now: f64, gains: Gains, dt: f64) -> (f64, f64) {
+    /// part that damps. The two are never worth more than the gains' fastest speed
+    /// against a friction, N·m·s/rad.
+    fn law(&self, now: f64, gains: Gains, friction: f64, dt: f64) -> (f64, f64) {
         let behind = self.position - self.speed * dt - now;
         let damping = gains.effective_damping(dt);
-        let most = damping * gains.fastest;
+        let most = (damping + friction) * gains.fastest;
         let drive = gains.stiffness * behind + damping * self.speed;
         (exact::within(drive, -most, most) + self.torque, damping)
     }
@@ -297,7 +375,13 @@ impl Gains {
 fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim, gains: Gains) {
     let dt = f64::from(physics.integration_parameters.dt);
     let (now, _) = robot.joint_state(physics, body);
-    let (torque, damping) = aim.law(now, gains, dt);
+    let free = Gains {
+        fastest: f64::INFINITY,
+        ..gains
+    };
+    let (torque, damping) = aim.law(now, free, 0.0, dt);
+    // A motor that is far behind pushes as much as it can, and no faster than it can.
+    let damping = damping.max(torque.abs() / gains.fastest);
     let Some(joint) = robot.joint_mut(physics, body) else {
         return;
     };
@@ -321,12 +405,19 @@ fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Ai
 /// wants to be far faster than its force allows; then its damping does nothing.
 /// It tells what is not in the dynamics of one substep: how much more the joint
 /// resists over the whole tick, which soft contact goes by.
-fn set_push(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim, gains: Gains) {
-    const FAR_FASTER: f64 = 1e4;
+fn set_push(
+    physics: &mut PhysicsWorld,
+    robot: &RobotBody,
+    body: usize,
+    aim: Aim,
+    gains: Gains,
+    friction: Friction,
+) {
     const OTHER_SUBSTEPS: f64 = 0.75;
     let dt = f64::from(physics.integration_parameters.dt);
     let (now, velocity) = robot.joint_state(physics, body);
-    let (torque, damping) = aim.law(now, gains, dt);
+    let friction = friction.damping(velocity);
+    let (torque, damping) = aim.law(now, gains, friction, dt);
     let resisted = damping * velocity;
     let cap = gains.torque;
     let brake = damping * (velocity.abs() - gains.fastest).max(0.0);
@@ -336,18 +427,24 @@ fn set_push(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Aim
         (-cap, cap + brake)
     };
     let push = resisted + exact::within(torque - resisted, least, most);
+    robot.set_damping(physics, body, damping + friction);
     let Some(joint) = robot.joint_mut(physics, body) else {
         return;
     };
     joint.set_motor_model(JointAxis::AngX, MotorModel::ForceBased);
     let speed = FAR_FASTER.copysign(push);
-    let rest = OTHER_SUBSTEPS * damping;
+    let rest = OTHER_SUBSTEPS * (damping + friction);
     joint.set_motor(JointAxis::AngX, 0.0, real(speed), 0.0, real(rest));
     joint.set_motor_max_force(JointAxis::AngX, real(push.abs()));
 }
 
+/// Speed that a motor of the arm asks of the engine, rad/s: its torque, and no speed, is
+/// what counts.
+const FAR_FASTER: f64 = 1e4;
+
 /// Mean torque, N·m, of the drive of the joint that moves a body, over a tick in
 /// which the joint moved at a mean velocity, rad/s; 0 where there is no drive.
+/// Of the arm friction is taken off, see the module.
 /// The engine does not report it; this is its law.
 pub(super) fn torque(physics: &PhysicsWorld, robot: &RobotBody, body: usize, velocity: f64) -> f64 {
     let Some(motor) = robot
@@ -357,8 +454,8 @@ pub(super) fn torque(physics: &PhysicsWorld, robot: &RobotBody, body: usize, vel
         return 0.0;
     };
     let cap = f64::from(motor.max_force);
-    let damping = robot.damping(physics, body);
-    let torque = if damping > 0.0 {
+    let torque = if f64::from(motor.target_vel).abs() == FAR_FASTER {
+        let damping = robot.damping(physics, body);
         cap.copysign(f64::from(motor.target_vel)) - damping * velocity
     } else {
         let pull = f64::from(motor.damping) * (f64::from(motor.target_vel) - velocity);

@@ -165,7 +165,7 @@ impl World {
     #[cfg(test)]
     pub(crate) fn spin(&mut self, joint: usize, speed: f64) {
         if let Some(body) = self.robot.tree.body_moved_by(joint) {
-            self.robot.spin(&mut self.physics, body, speed);
+            self.robot.set_velocity(&mut self.physics, body, speed);
         }
     }
 
@@ -208,7 +208,7 @@ fn is_finite(body: &RigidBody) -> bool {
 }
 
 /// Sum of the normal impulses of a pair in the last tick, N·s.
-fn impulse(pair: &ContactPair) -> f32 {
+pub(super) fn impulse(pair: &ContactPair) -> f32 {
     // Plain loops: hundreds of pairs are near each other in every tick, and most
     // of them do not touch.
     let PairContacts::Rigid(rigid) = &pair.contacts else {

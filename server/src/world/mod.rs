@@ -10,6 +10,7 @@ mod clib;
 mod contact;
 mod convert;
 mod drive;
+mod gap;
 mod grip;
 pub mod health;
 mod mass;
@@ -31,6 +32,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
 use rapier3d::dynamics::{FrictionModel, SpringCoefficients};
+use rapier3d::parry::bounding_volume::BoundingVolume;
 use rapier3d::parry::query;
 use rapier3d::prelude::{IntegrationParameters, PhysicsWorld, RigidBodyHandle};
 use thiserror::Error;
@@ -42,7 +44,9 @@ use crate::robot::control::Targets;
 use crate::scene::{Placement, Scene};
 use crate::snapshot::{Anomaly, BodyRef, BodyState, JointState, Snapshot};
 use body::RobotBody;
+use contact::body_of;
 use drive::Drives;
+pub use gap::Gap;
 use grip::GripFriction;
 use seat::Seated;
 use signals::Signals;
@@ -223,8 +227,7 @@ impl World {
             drive::surface(model, link)
         })?;
         let drives = Drives::new(model, &robot)?;
-        drives.insert_dampers(&mut physics, &robot);
-        let wheels = Wheels::new(model, &robot)?;
+        let wheels = Wheels::new(model, &robot, &physics)?;
         let grip = GripFriction::new(physics.integration_parameters.dt);
         let mut world = Self {
             physics,
@@ -258,8 +261,18 @@ impl World {
 
     /// Puts a person into the seat, before the first tick.
     pub fn seat(&mut self, person: &Arc<Person>, motion: Motion) {
+        let bodies = &self.physics.bodies;
+        let masses = self
+            .stage
+            .objects
+            .iter()
+            .map(|&handle| bodies[handle].mass());
+        let mut weights: Vec<f64> = masses.map(|mass| f64::from(mass) * GRAVITY).collect();
+        for soft in &self.soft {
+            weights[soft.object] = soft.mass() * GRAVITY;
+        }
         let person = Arc::clone(person);
-        self.seated = Seated::insert(&mut self.physics, &self.robot, person, motion);
+        self.seated = Seated::insert(&mut self.physics, &self.robot, person, motion, weights);
         self.fingerprint = self.hash();
     }
 
@@ -294,17 +307,23 @@ impl World {
         self.drive();
         self.step_soft();
         self.begin_push();
+        self.wheels.begin_tick(&mut self.physics, &self.robot);
         if let Some(seated) = &mut self.seated {
             seated.begin_tick(&mut self.physics, self.tick);
         }
+        self.robot.place_shapes(&mut self.physics, &self.model);
         self.grip.begin_tick();
         self.signals.begin_tick(&self.physics, &self.robot);
         self.physics.step_with_events(&self.grip, &());
         self.end_push();
-        self.signals.end_tick(&self.physics, &self.robot);
+        self.wheels.end_tick(&mut self.physics, &self.robot);
+        self.drives.brake(&mut self.physics, &self.robot);
+        let limits = self.drives.limits();
+        self.signals.end_tick(&self.physics, &self.robot, limits);
         self.wheels.roll(&self.physics, &self.robot);
         if let Some(seated) = &mut self.seated {
-            seated.end_tick(&mut self.physics);
+            let soft = self.soft.iter().flat_map(|soft| soft.contacts());
+            seated.end_tick(&mut self.physics, soft);
         }
         self.tick += 1;
     }
@@ -431,6 +450,35 @@ impl World {
                 let depth = depths.fold(0.0, f64::max);
                 (depth > OVERLAP).then_some((a, b, depth))
             })
+    }
+
+    /// A link of the robot that reaches into furniture, an object or the person by more
+    /// than `OVERLAP`, the deepest of all: link, the other body, depth in metres. The
+    /// floor and deformable objects are left out.
+    #[must_use]
+    pub fn robot_overlap(&self) -> Option<(BodyRef, BodyRef, f64)> {
+        let colliders = || self.physics.colliders.iter().map(|(_, collider)| collider);
+        let robot = colliders().filter(|c| matches!(body_of(c.user_data), BodyRef::Link(_)));
+        let mut deepest: Option<(BodyRef, BodyRef, f64)> = None;
+        for link in robot {
+            let bounds = link.compute_aabb();
+            for other in colliders() {
+                let body = body_of(other.user_data);
+                let counts = !matches!(body, BodyRef::Link(_) | BodyRef::Furniture(0))
+                    && link.collision_groups().test(other.collision_groups())
+                    && bounds.intersects(&other.compute_aabb());
+                if !counts {
+                    continue;
+                }
+                let (at, there) = (link.position(), other.position());
+                let contact = query::contact(at, link.shape(), there, other.shape(), 0.0);
+                let depth = contact.ok().flatten().map_or(0.0, |c| f64::from(-c.dist));
+                if depth > deepest.map_or(OVERLAP, |(.., most)| most) {
+                    deepest = Some((body_of(link.user_data), body, depth));
+                }
+            }
+        }
+        deepest
     }
 
     /// Ticks since the start.

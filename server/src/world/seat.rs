@@ -5,23 +5,25 @@
 //! control tick where the motion's track has them at its end: the engine sums up the whole
 //! chair again whenever one of its shapes moves.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::Isometry3;
 use rapier3d::math::Pose;
 use rapier3d::prelude::{
-    ColliderBuilder, ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle,
+    Collider, ColliderBuilder, ColliderHandle, ContactPair, PhysicsWorld, RigidBodyHandle,
 };
 use wheelarm_proto::TICKS_PER_CONTROL;
 
 use super::body::{RobotBody, person_groups};
 use super::contact::{body_of, contacts_among, tag};
 use super::convert::{mass_properties, pose};
+use super::gap;
 use super::mass::Mass;
 use super::shape;
 use super::tree::Place;
 use crate::people::{BodyPart, HeadPose, Motion, PARTS, Person};
-use crate::snapshot::{BodyRef, PersonState};
+use crate::snapshot::{BodyRef, Contact, PersonState, Touch};
 
 /// Friction of clothes and skin, the mean with the other body's counts. [guess]
 const FRICTION: f32 = 0.6;
@@ -52,17 +54,21 @@ pub(super) struct Seated {
     moving: Vec<(usize, ColliderHandle, Pose)>,
     /// Objects that touched the person at the end of the last tick.
     cushioned: Vec<RigidBodyHandle>,
+    /// Weights of the objects, N.
+    weights: Vec<f64>,
     /// Now.
     state: PersonState,
 }
 
 impl Seated {
     /// Puts a person into the seat of a robot; `None` where its root is no body.
+    /// `weights`: of the objects, N.
     pub(super) fn insert(
         physics: &mut PhysicsWorld,
         robot: &RobotBody,
         person: Arc<Person>,
         motion: Motion,
+        weights: Vec<f64>,
     ) -> Option<Self> {
         let Place::InBody(index, body_from_chair) = *robot.tree.places.first()? else {
             return None;
@@ -111,6 +117,7 @@ impl Seated {
             colliders,
             moving,
             cushioned: Vec::new(),
+            weights,
             state: PersonState {
                 head,
                 ..PersonState::default()
@@ -123,6 +130,7 @@ impl Seated {
         if tick.is_multiple_of(TICKS_PER_CONTROL) {
             self.state.forces = [0.0; PARTS.len()];
             self.state.robot_force = 0.0;
+            self.state.touches.clear();
             self.move_head(physics, self.motion.at(tick + TICKS_PER_CONTROL));
         }
         self.damp(physics, FLESH);
@@ -143,32 +151,43 @@ impl Seated {
         }
     }
 
-    /// Takes up what presses after a tick: the greatest since the control tick began.
-    pub(super) fn end_tick(&mut self, physics: &mut PhysicsWorld) {
+    /// Adds the contacts of a tick, those of soft objects as well: of each force the
+    /// greatest since the control tick began counts.
+    pub(super) fn end_tick<'a>(
+        &mut self,
+        physics: &mut PhysicsWorld,
+        soft: impl Iterator<Item = &'a Contact>,
+    ) {
         // So that no saved state holds it.
         self.damp(physics, 0.0);
         let touching = touching(physics, &self.colliders);
         self.cushioned = objects_in(physics, &touching);
-        if touching.is_empty() {
+        let mut contacts = contacts_among(physics, touching.into_iter(), |_, _| true);
+        contacts.extend(soft.filter(|c| matches!(c.second, BodyRef::Person(_))));
+        if contacts.is_empty() {
             return;
         }
-        let contacts = contacts_among(physics, touching.into_iter(), |_, _| true);
         let root = super::convert::from_pose(physics.bodies[self.body].position());
         let mouth = root * self.body_from_chair * self.person.mouth(&self.state.head);
-        let mut forces = [0.0; PARTS.len()];
-        let mut robot = 0.0;
+        let mut sums: BTreeMap<(BodyPart, BodyRef), f64> = BTreeMap::new();
         for contact in contacts {
             let BodyRef::Person(index) = contact.second else {
                 continue;
             };
             let force = contact.force.norm();
             let part = self.person.capsules[index].part;
-            forces[part.index()] += force;
+            *sums.entry((part, contact.first)).or_default() += force;
             let near = (contact.point - mouth.translation.vector).norm() < MOUTH;
             if part == BodyPart::Face && near {
-                forces[BodyPart::Mouth.index()] += force;
+                *sums.entry((BodyPart::Mouth, contact.first)).or_default() += force;
             }
-            if matches!(contact.first, BodyRef::Link(_)) {
+        }
+        let mut forces = [0.0; PARTS.len()];
+        let mut robot = 0.0;
+        for (&(part, partner), &force) in &sums {
+            forces[part.index()] += force;
+            // The mouth is a part of the face, which counts already.
+            if matches!(partner, BodyRef::Link(_)) && part != BodyPart::Mouth {
                 robot += force;
             }
         }
@@ -176,6 +195,31 @@ impl Seated {
             *most = most.max(force);
         }
         self.state.robot_force = self.state.robot_force.max(robot);
+        for (&(part, partner), &force) in &sums {
+            self.touch(part, partner, force);
+        }
+    }
+
+    /// Adds what a body presses on a part in one tick.
+    fn touch(&mut self, part: BodyPart, partner: BodyRef, force: f64) {
+        let touches = &mut self.state.touches;
+        match touches.binary_search_by_key(&(part, partner), |t| (t.part, t.partner)) {
+            Ok(known) => touches[known].force = touches[known].force.max(force),
+            Err(place) => {
+                let weight = match partner {
+                    BodyRef::Object(object) => self.weights.get(object).copied(),
+                    _ => None,
+                };
+                let weight = weight.unwrap_or_default();
+                let touch = Touch {
+                    part,
+                    partner,
+                    force,
+                    weight,
+                };
+                touches.insert(place, touch);
+            }
+        }
     }
 
     /// Objects that touch the person lose their turning at a rate, 1/s.
@@ -187,9 +231,40 @@ impl Seated {
         }
     }
 
+    /// All capsules with their index and their place at a tick, the chair where it is now.
+    pub(super) fn capsules<'a>(
+        &self,
+        physics: &'a PhysicsWorld,
+        tick: u64,
+    ) -> Vec<(usize, &'a Collider, Pose)> {
+        let head = self.motion.at(tick);
+        let body = physics.bodies[self.body].position();
+        let mut capsules = Vec::with_capacity(self.colliders.len());
+        for handle in &self.colliders {
+            let Some(collider) = physics.colliders.get(*handle) else {
+                continue;
+            };
+            let BodyRef::Person(index) = body_of(collider.user_data) else {
+                continue;
+            };
+            let moving = self.moving.iter().find(|(_, moving, _)| moving == handle);
+            let place = match moving {
+                Some((_, _, joint_from_shape)) if head != self.state.head => {
+                    let joint = self.person.capsules[index].joint;
+                    let chair_from_joint = self.person.skeleton.joint(joint, &head);
+                    let body_from_joint = pose(&(self.body_from_chair * chair_from_joint));
+                    *body * body_from_joint * *joint_from_shape
+                }
+                _ => gap::place(physics, collider),
+            };
+            capsules.push((index, collider, place));
+        }
+        capsules
+    }
+
     /// Now.
     pub(super) fn state(&self) -> PersonState {
-        self.state
+        self.state.clone()
     }
 
     /// Goes on from a saved state at a tick, with the engine's own state.
@@ -223,7 +298,8 @@ impl Seated {
             .chain(drawn.posture.bytes())
             .map(u64::from);
         let numbers = [yaw, pitch, roll, jaw, self.state.robot_force];
-        let numbers = numbers.into_iter().chain(self.state.forces);
+        let touches = self.state.touches.iter().map(|touch| touch.force);
+        let numbers = numbers.into_iter().chain(self.state.forces).chain(touches);
         numbers.map(f64::to_bits).chain(names)
     }
 }

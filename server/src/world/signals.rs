@@ -76,16 +76,19 @@ impl Signals {
             .extend(bodies.map(|body| robot.joint_state(physics, body).0));
     }
 
-    /// Call after the engine's tick.
-    pub(super) fn end_tick(&mut self, physics: &PhysicsWorld, robot: &RobotBody) {
+    /// Call after the engine's tick. A joint that keeps its limit, of `limits` in rad/s by
+    /// body, is told to: the estimate of its velocity is not carried beyond.
+    pub(super) fn end_tick(&mut self, physics: &PhysicsWorld, robot: &RobotBody, limits: &[f64]) {
         let dt = f64::from(physics.integration_parameters.dt);
-        let most = BLOW * dt / 2.0;
-        for (body, (signal, before)) in self.joints.iter_mut().zip(&self.before).enumerate() {
+        let blow = BLOW * dt / 2.0;
+        let signals = self.joints.iter_mut().zip(&self.before).zip(limits);
+        for (body, ((signal, before), limit)) in signals.enumerate() {
             let (position, last) = robot.joint_state(physics, body);
             let mean = (position - before) / dt;
             let ahead = mean + (mean - signal.mean) / 2.0 - last;
-            signal.ahead += SHARE * (exact::within(ahead, -most, most) - signal.ahead);
-            signal.velocity = last + signal.ahead;
+            signal.ahead += SHARE * (exact::within(ahead, -blow, blow) - signal.ahead);
+            let most = limit.max(last.abs());
+            signal.velocity = exact::within(last + signal.ahead, -most, most);
             signal.effort = drive::torque(physics, robot, body, mean);
             signal.mean = mean;
         }

@@ -12,6 +12,8 @@ use crate::snapshot::BodyRef;
 
 /// No force on the person is greater, N.
 const STORED_FORCE: f64 = 1e6;
+/// Most entries in the list of who touches the person.
+const MOST_TOUCHES: usize = 1000;
 /// Most revolutions that a wheel has counted, as an angle, rad.
 const MOST_TURNED: f64 = 1e9;
 
@@ -35,7 +37,12 @@ impl World {
         within("what the sensor of a joint shows", &signals, WILD)?;
         if let Some(person) = &read.person {
             let forces = person.forces.iter().chain([&person.robot_force]);
+            let touches = person.touches.iter();
+            let forces = forces.chain(touches.flat_map(|touch| [&touch.force, &touch.weight]));
             within("a force on the person", forces, STORED_FORCE)?;
+            if person.touches.len() > MOST_TOUCHES {
+                return Err(format!("more than {MOST_TOUCHES} bodies touch the person"));
+            }
         }
         for (soft, saved) in self.soft.iter().zip(&read.soft) {
             soft.examine(saved)?;
@@ -67,7 +74,8 @@ impl World {
             }
         }
         for ((handle, ours), (_, theirs)) in own.colliders.iter().zip(read.colliders.iter()) {
-            let moves = self.seated.as_ref().is_some_and(|s| s.moves(handle));
+            let person = self.seated.as_ref().is_some_and(|s| s.moves(handle));
+            let moves = person || self.robot.moves(handle);
             if !same_shape(ours, theirs, moves) {
                 let body = super::contact::body_of(ours.user_data);
                 return Err(format!("a shape of {} is another", self.label(body)));

@@ -5,7 +5,8 @@
 //! kinematics only. The front omni wheels roll forward and slip sideways
 //! without friction: they slide with the chassis and turn as far as they
 //! travelled. The inner knuckles of the gripper are the closed side of a
-//! parallelogram; their mass rides on the hand and they touch nothing.
+//! parallelogram. Their mass rides on the hand. Their collision parts ride on the
+//! crank, which turns as they do, and are put in place before each tick.
 
 use nalgebra::Isometry3;
 
@@ -48,6 +49,32 @@ pub(super) struct TreePart {
     pub part: Part,
     /// Whether it is the pad of a finger.
     pub pad: bool,
+    /// How it moves in the body; `None` where it is rigid with it.
+    pub parallel: Option<Parallel>,
+}
+
+/// The motion of an inner knuckle in the frame of its crank. The knuckle hangs on a pin
+/// of the finger tip, which turns on the crank.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Parallel {
+    /// Body of the finger tip.
+    pub tip: usize,
+    /// How the finger tip hangs on the crank.
+    pub hinge: TreeJoint,
+    /// Joint of the model at the pin.
+    pub pin: usize,
+    /// Angle of the pin over that of the finger tip's joint.
+    pub ratio: f64,
+}
+
+impl Parallel {
+    /// Pose of the inner knuckle in its crank while the finger tip's joint is at an
+    /// angle, rad.
+    pub(super) fn crank_from_link(&self, model: &RobotModel, angle: f64) -> Isometry3<f64> {
+        let joint = &model.joints[self.hinge.joint];
+        let turn = joint.origin.inverse() * joint.transform(angle);
+        self.hinge.origin * turn * model.joints[self.pin].transform(self.ratio * angle)
+    }
 }
 
 /// The joint between a body and its parent.
@@ -103,27 +130,37 @@ impl Tree {
                 Place::Rolling(joint) => frame_in(&tree, model.joints[joint].parent, index),
                 Place::Parallel(_) => frame_in(&tree, carrier, index),
             };
-            let touches = !matches!(tree.places[index], Place::Parallel(_));
-            let body = &mut tree.bodies[body];
             if let Some(inertial) = &link.inertial {
                 let own = Mass {
                     mass: inertial.mass,
                     com: inertial.com,
                     inertia: inertial.inertia,
                 };
+                let body = &mut tree.bodies[body];
                 body.mass = body.mass.plus(&own.seen_from(&body_from_link));
             }
-            if touches {
-                body.parts
-                    .extend(link.collision.iter().map(|collider| TreePart {
-                        link: index,
-                        part: Part {
-                            pose: body_from_link * collider.part.pose,
-                            shape: collider.part.shape.clone(),
-                        },
-                        pad: collider.name == PAD,
-                    }));
-            }
+            let (body, parallel) = match tree.places[index] {
+                Place::Parallel(joint) => {
+                    let (crank, parallel) = tree.crank_of(model, joint)?;
+                    (crank, Some(parallel))
+                }
+                _ => (body, None),
+            };
+            // The pose of a part that moves in its body follows from the joints.
+            let body_from_link = match parallel {
+                Some(_) => Isometry3::identity(),
+                None => body_from_link,
+            };
+            let parts = link.collision.iter().map(|collider| TreePart {
+                link: index,
+                part: Part {
+                    pose: body_from_link * collider.part.pose,
+                    shape: collider.part.shape.clone(),
+                },
+                pad: collider.name == PAD,
+                parallel,
+            });
+            tree.bodies[body].parts.extend(parts);
         }
         for body in &tree.bodies {
             if !body.mass.is_physical() {
@@ -135,6 +172,27 @@ impl Tree {
         }
         tree.centre_root();
         Ok(tree)
+    }
+
+    /// The crank beside an inner knuckle, which hangs on the finger tip with the joint
+    /// `pin`, and how the knuckle moves in its frame.
+    fn crank_of(&self, model: &RobotModel, pin: usize) -> Result<(usize, Parallel), WorldError> {
+        let ratio = |joint: usize| model.joints[joint].mimic.map(|(_, by, _)| by);
+        let tip = self.body_of(model.joints[pin].parent);
+        let hinge = tip.and_then(|tip| self.bodies[tip].joint);
+        let found = tip.zip(hinge).and_then(|(tip, hinge)| {
+            let ratio = ratio(pin)? / ratio(hinge.joint)?;
+            let parallel = Parallel {
+                tip,
+                hinge,
+                pin,
+                ratio,
+            };
+            ratio.is_finite().then_some((hinge.parent, parallel))
+        });
+        found.ok_or_else(|| WorldError::JointOrder {
+            joint: model.joints[pin].name.clone(),
+        })
     }
 
     /// Moves the frame of the root body to its centre of mass. The engine

@@ -1,15 +1,29 @@
-//! Angles of the wheels, counted in double precision over any distance.
+//! Angles of the wheels, counted in double precision over any distance, and what it
+//! takes to roll them.
+//!
+//! Rolling resistance is a coefficient times the load of the last tick. A driven wheel
+//! feels it in its joint, with the friction of its gear. A front wheel is no body: the
+//! floor holds the chair back at its foot, against the motion there whatever its
+//! direction, for the rollers of an omni wheel roll no lighter.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Vector3};
-use rapier3d::prelude::PhysicsWorld;
+use rapier3d::prelude::{ColliderHandle, PhysicsWorld};
 use wheelarm_proto::exact;
 
 use super::WorldError;
 use super::body::RobotBody;
+use super::contact::tag;
+use super::convert::vector;
+use super::drive::Friction;
+use super::health;
 use crate::robot::RobotModel;
-use crate::snapshot::JointState;
+use crate::snapshot::{BodyRef, JointState};
+
+/// Speed below which the rolling resistance of front wheels falls linearly, m/s.
+/// [choice: 1 % of the chair's speed; stiff enough to hold it and stable at 240 Hz]
+const CREEP: f64 = 0.005;
 
 /// The four wheels: two driven, two rolling, each left before right.
 #[derive(Clone, Debug)]
@@ -26,11 +40,22 @@ pub(super) struct Wheels {
     /// Frames of the front wheels in the root body, and their axes there.
     front: [(Isometry3<f64>, Vector3<f64>); 2],
     radius: f64,
+    /// Balls on which the wheels roll.
+    balls: [Option<ColliderHandle>; 4],
+    /// Dry friction of a driven wheel, N·m, and rolling resistance of tyres and front
+    /// wheels, N/N.
+    wheel_friction: f64,
+    tyre_resistance: f64,
+    front_resistance: f64,
 }
 
 impl Wheels {
     /// Finds the wheels by their roles.
-    pub(super) fn new(model: &RobotModel, robot: &RobotBody) -> Result<Self, WorldError> {
+    pub(super) fn new(
+        model: &RobotModel,
+        robot: &RobotBody,
+        physics: &PhysicsWorld,
+    ) -> Result<Self, WorldError> {
         let body = |joint: usize| {
             let body = robot.tree.body_moved_by(joint);
             body.ok_or_else(|| WorldError::MissingJoint {
@@ -44,7 +69,19 @@ impl Wheels {
             (frame, frame * joint.axis.into_inner())
         };
         let ([left, right], casters) = (model.roles.wheels, model.roles.casters);
+        let ball = |joint: usize| {
+            let link = tag(BodyRef::Link(model.joints[joint].child));
+            let all = physics.colliders.iter();
+            let mut balls =
+                all.filter(|(_, c)| c.user_data == link && c.shape().as_ball().is_some());
+            balls.next().map(|(handle, _)| handle)
+        };
+        let drive = &model.settings.drive;
         Ok(Self {
+            balls: [left, right, casters[0], casters[1]].map(ball),
+            wheel_friction: drive.wheel_friction,
+            tyre_resistance: drive.tyre_rolling_resistance,
+            front_resistance: drive.caster_rolling_resistance,
             angles: [0.0; 4],
             led: [0.0; 2],
             rolling: [0.0; 2],
@@ -65,6 +102,52 @@ impl Wheels {
             self.led[i] = self.angles[i] + lead;
             lead
         })
+    }
+
+    /// Load of each wheel on the floor in the last tick, N.
+    pub(super) fn loads(&self, physics: &PhysicsWorld) -> [f64; 4] {
+        let dt = f64::from(physics.integration_parameters.dt);
+        self.balls.map(|ball| {
+            let pairs = ball.into_iter();
+            let pairs = pairs.flat_map(|ball| physics.narrow_phase.contact_pairs_with(ball));
+            pairs
+                .map(|pair| f64::from(health::impulse(pair)))
+                .sum::<f64>()
+                / dt
+        })
+    }
+
+    /// Friction of the driven wheels under their loads.
+    pub(super) fn friction(&self, physics: &PhysicsWorld) -> [Friction; 2] {
+        let [left, right, ..] = self.loads(physics);
+        [left, right].map(|load| Friction {
+            dry: self.wheel_friction + self.tyre_resistance * load * self.radius,
+            viscous: 0.0,
+        })
+    }
+
+    /// Has the floor hold back the front wheels during the coming tick.
+    pub(super) fn begin_tick(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
+        let [_, _, left, right] = self.loads(physics);
+        let frame = robot.frame(physics, 0);
+        let (linear, angular) = robot.root_velocity(physics);
+        for ((root_from_wheel, _), load) in self.front.iter().zip([left, right]) {
+            let arm = frame.rotation * root_from_wheel.translation.vector;
+            let foot = arm - Vector3::z() * self.radius;
+            let mut velocity = linear + angular.cross(&arm);
+            velocity.z = 0.0;
+            let pull = self.front_resistance * load / velocity.norm().max(CREEP);
+            let point = frame.translation.vector + foot;
+            let root = &mut physics.bodies[robot.handles[0]];
+            root.add_force_at_point(vector(&(velocity * -pull)), vector(&point), true);
+        }
+    }
+
+    /// What held the front wheels back lasts one tick.
+    pub(super) fn end_tick(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
+        let root = &mut physics.bodies[robot.handles[0]];
+        root.reset_forces(false);
+        root.reset_torques(false);
     }
 
     /// Counts what the wheels turned in the tick that just ended.

@@ -28,6 +28,8 @@ use zenoh_protocol::core::endpoint::Config;
 use zenoh_protocol::core::parameters;
 use zenoh_result::{ZResult, bail, zerror};
 
+use super::admission::Admissions;
+
 /// Takes the settings under `transport/link/tls` of a session into its endpoints.
 #[derive(Default, Clone, Copy, Debug)]
 pub struct TlsConfigurator;
@@ -137,7 +139,7 @@ impl Settings {
 }
 
 /// What a server takes of the endpoint at which it listens.
-pub(crate) fn server(endpoint: &Config<'_>) -> ZResult<(Arc<ServerConfig>, Settings)> {
+pub(crate) fn server(endpoint: &Config<'_>) -> ZResult<(Arc<ServerConfig>, Settings, Admissions)> {
     let settings = Settings::of(endpoint)?;
     let provider = provider();
     let verifier =
@@ -155,7 +157,8 @@ pub(crate) fn server(endpoint: &Config<'_>) -> ZResult<(Arc<ServerConfig>, Setti
     // A session that is resumed has its certificates looked at no more.
     config.send_tls13_tickets = 0;
     config.session_storage = Arc::new(NoServerSessionStorage {});
-    Ok((Arc::new(config), settings))
+    let admissions = Admissions::of_listener(file(endpoint, TLS_LISTEN_CERTIFICATE_FILE)?);
+    Ok((Arc::new(config), settings, admissions))
 }
 
 /// What a client takes of the endpoint to which it connects.

@@ -17,6 +17,7 @@ use zenoh_link_commons::LocatorInspector;
 use zenoh_protocol::core::{Locator, Metadata, Reliability};
 use zenoh_result::ZResult;
 
+mod admission;
 mod config;
 mod link;
 mod manager;
@@ -24,6 +25,7 @@ mod peer;
 #[cfg(test)]
 mod tests;
 
+pub use admission::{Admission, admit};
 pub use config::TlsConfigurator;
 pub use link::LinkUnicastTls;
 pub use manager::LinkManagerUnicastTls;

@@ -22,6 +22,7 @@ use zenoh_protocol::transport::BatchSize;
 use zenoh_result::{ZResult, zerror};
 
 use super::TLS_LOCATOR_PREFIX;
+use super::admission::Admitted;
 use super::peer::Peer;
 
 /// Longest wait for a peer to take the last words of a connection.
@@ -40,7 +41,8 @@ pub struct LinkUnicastTls {
     stream: Mutex<TlsStream<TcpStream>>,
     /// Held for a whole message.
     writing: Turn<Written>,
-    reading: Turn<()>,
+    /// Held for a whole message; what a peer that connected to this side is to the rules.
+    reading: Turn<Option<Admitted>>,
     here: SocketAddr,
     there: SocketAddr,
     source: Locator,
@@ -60,25 +62,31 @@ struct Written {
 
 impl LinkUnicastTls {
     /// A link of a stream whose handshake is done. `ends_with_certificate`: reading
-    /// fails when a certificate of `peer` is over, which ends the link.
+    /// fails when a certificate of `peer` is over, or when `admitted` is over, which
+    /// ends the link.
     pub(crate) fn of(
         stream: TlsStream<TcpStream>,
         peer: Peer,
         ends_with_certificate: bool,
+        admitted: Option<Admitted>,
     ) -> ZResult<Arc<Self>> {
         let (socket, _) = stream.get_ref();
         socket.set_nodelay(true)?;
         let (here, there) = (socket.local_addr()?, socket.peer_addr()?);
         let locator =
             |address: SocketAddr| Locator::new(TLS_LOCATOR_PREFIX, address.to_string(), "");
+        let name = match &admitted {
+            Some(admitted) => admitted.subject(),
+            None => peer.name,
+        };
         Ok(Arc::new(Self {
             writing: Turn::default(),
-            reading: Turn::new(()),
+            reading: Turn::new(admitted),
             here,
             there,
             source: locator(here)?,
             destination: locator(there)?,
-            peer: LinkAuthId::Tls(peer.name),
+            peer: LinkAuthId::Tls(name),
             until: ends_with_certificate.then_some(peer.until),
             stream: Mutex::new(stream),
         }))
@@ -126,19 +134,30 @@ impl LinkUnicastTls {
         Ok(written)
     }
 
-    /// Does what reads until the peer's certificate is over.
-    async fn while_known<T>(&self, read: impl Future<Output = ZResult<T>>) -> ZResult<T> {
-        let Some(until) = self.until else {
-            return read.await;
-        };
+    /// Reads until the peer's certificate is over, or its user is removed or changed.
+    async fn while_known<T>(
+        &self,
+        admitted: &mut Option<Admitted>,
+        read: impl Future<Output = ZResult<T>>,
+    ) -> ZResult<T> {
         let over = async {
+            let Some(until) = self.until else {
+                return std::future::pending().await;
+            };
             while let Ok(left) = Duration::try_from(until - OffsetDateTime::now_utc()) {
                 tokio::time::sleep(left.min(LOOK)).await;
+            }
+        };
+        let changed = async {
+            match admitted {
+                Some(admitted) => admitted.over().await,
+                None => std::future::pending().await,
             }
         };
         tokio::select! {
             biased;
             () = over => Err(zerror!("reading {self}: the peer's certificate is over").into()),
+            () = changed => Err(zerror!("reading {self}: the peer's user was changed or removed").into()),
             read = read => read,
         }
     }
@@ -178,13 +197,13 @@ impl LinkUnicastTrait for LinkUnicastTls {
     }
 
     async fn read(&self, buffer: &mut [u8], _priority: Option<Priority>) -> ZResult<usize> {
-        let _turn = self.reading.lock().await;
-        self.while_known(poll_fn(|cx| self.poll_read(cx, buffer)))
+        let mut turn = self.reading.lock().await;
+        self.while_known(&mut turn, poll_fn(|cx| self.poll_read(cx, buffer)))
             .await
     }
 
     async fn read_exact(&self, buffer: &mut [u8], _priority: Option<Priority>) -> ZResult<()> {
-        let _turn = self.reading.lock().await;
+        let mut turn = self.reading.lock().await;
         let all = async {
             let mut rest = buffer;
             while !rest.is_empty() {
@@ -195,7 +214,7 @@ impl LinkUnicastTrait for LinkUnicastTls {
             }
             Ok(())
         };
-        self.while_known(all).await
+        self.while_known(&mut turn, all).await
     }
 
     fn get_src(&self) -> &Locator {

@@ -20,6 +20,7 @@ use zenoh_link_commons::{
 use zenoh_protocol::core::{EndPoint, Locator};
 use zenoh_result::{ZResult, zerror};
 
+use super::admission::Admissions;
 use super::config::{self, Settings};
 use super::link::LinkUnicastTls;
 use super::peer::Peer;
@@ -71,7 +72,8 @@ impl LinkManagerUnicastTrait for LinkManagerUnicastTls {
     async fn new_listener(&self, endpoint: EndPoint) -> ZResult<Locator> {
         let (address, settings) = (endpoint.address(), endpoint.config());
         let wanted = config::resolve(address.as_str()).await?;
-        let (tls, with) = config::server(&settings).map_err(|e| zerror!("{address}: {e}"))?;
+        let (tls, with, admissions) =
+            config::server(&settings).map_err(|e| zerror!("{address}: {e}"))?;
         let socket = config::socket(&settings).await?;
         let (socket, local) = socket
             .new_listener(&wanted)
@@ -85,7 +87,13 @@ impl LinkManagerUnicastTrait for LinkManagerUnicastTls {
             endpoint.config(),
         )?;
         let ended = self.listeners.token.child_token();
-        let accept = accept(socket, tls, with, self.links.clone(), ended.clone());
+        let accept = accept(
+            socket,
+            tls,
+            (with, admissions),
+            self.links.clone(),
+            ended.clone(),
+        );
         self.listeners
             .add_listener(bound, local, accept, ended)
             .await?;
@@ -132,6 +140,7 @@ async fn greet(
         stream,
         peer,
         with.ends_with_certificate,
+        None,
     )?)
 }
 
@@ -140,7 +149,7 @@ async fn greet(
 async fn accept(
     listener: TcpListener,
     tls: Arc<ServerConfig>,
-    with: Settings,
+    with: (Settings, Admissions),
     links: NewLinkChannelSender,
     ended: CancellationToken,
 ) -> ZResult<()> {
@@ -182,16 +191,18 @@ async fn accept(
 async fn welcome(
     acceptor: TlsAcceptor,
     socket: TcpStream,
-    with: &Settings,
+    (with, admissions): &(Settings, Admissions),
 ) -> ZResult<Arc<dyn LinkUnicastTrait>> {
     let stream = tokio::time::timeout(with.handshake, acceptor.accept(socket)).await??;
     let peer = Peer::of(stream.get_ref().1.peer_certificates())?;
     tracing::debug!("{peer:?} connected");
+    let admitted = admissions.admitted(&peer);
     let stream = TlsStream::Server(stream);
     Ok(LinkUnicastTls::of(
         stream,
         peer,
         with.ends_with_certificate,
+        Some(admitted),
     )?)
 }
 

@@ -11,6 +11,8 @@ pub(crate) struct Peer {
     /// Common name of its own certificate, by which access is granted. Absent where it
     /// has none or the name is no text: nothing is granted to it.
     pub name: Option<String>,
+    /// When its own certificate began to be valid.
+    pub since: OffsetDateTime,
     /// When the first of its certificates is over.
     pub until: OffsetDateTime,
 }
@@ -26,13 +28,15 @@ impl Peer {
             let name = names.next().and_then(|name| name.as_str().ok());
             Ok::<_, zenoh_result::Error>(Self {
                 name: name.map(str::to_owned),
+                since: certificate.validity().not_before.to_datetime(),
                 until: certificate.validity().not_after.to_datetime(),
             })
         });
         let read: Vec<Self> = read.collect::<ZResult<_>>()?;
         let until = read.iter().map(|of| of.until).min();
         let until = until.ok_or_else(|| zerror!("it showed no certificate"))?;
-        let name = read.into_iter().next().and_then(|own| own.name);
-        Ok(Self { name, until })
+        let own = read.into_iter().next();
+        let own = own.ok_or_else(|| zerror!("it showed no certificate"))?;
+        Ok(Self { until, ..own })
     }
 }

@@ -239,6 +239,44 @@ async fn a_link_that_is_closed_ends_who_waits_at_either_side() {
     in_time(ended).await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_link_ends_when_its_peer_becomes_another_subject_and_no_other_does() {
+    let authority = Authority::new();
+    let listener = Listener::start(&authority).await;
+    let certificate = authority.path("server.pem");
+    let set = |role: &'static str| {
+        super::admit(
+            &certificate,
+            std::sync::Arc::new(move |name: &str, _: i64| format!("{name} {role}")),
+        );
+    };
+    set("operator");
+    authority.issue("anna", &[], 3600);
+    let (client, server) = pair(&authority, &listener).await;
+    let subject = |link: &LinkUnicast| format!("{:?}", link.get_auth_id());
+    assert!(
+        subject(&server).contains("anna operator"),
+        "{}",
+        subject(&server)
+    );
+    // The same answer again: nothing happens, and a message passes.
+    set("operator");
+    in_time(async { tokio::join!(send(client.clone(), 3), receive(server.clone(), 3)) }).await;
+    set("viewer");
+    let mut buffer = [0; 16];
+    let read = in_time(server.read(&mut buffer, None)).await;
+    let error = read.expect_err("the link is over").to_string();
+    assert!(error.contains("changed or removed"), "{error}");
+    let read = in_time(server.read(&mut buffer, None)).await;
+    assert!(read.is_err(), "it stays over");
+    let (_client, server) = pair(&authority, &listener).await;
+    assert!(
+        subject(&server).contains("anna viewer"),
+        "{}",
+        subject(&server)
+    );
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_link_ends_with_the_certificate_of_its_peer() {
     let authority = Authority::new();

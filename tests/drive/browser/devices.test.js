@@ -293,18 +293,86 @@ on("dwelling: mouse moves alone step, start and stop", { settings: { ...preset("
   await until(() => gateway.asks.some((ask) => ask.ask === "pick"), "while choosing it is");
 });
 
-on("one switch alone: start an episode, step, choose a thing, stop, finish", { settings: { ...preset("one_switch"), sound: false, scan: { ...preset("one_switch").scan, interval: 500, first: 100, hold: 0, debounce: 0, loops: 20 } } }, async ({ gateway, page }) => {
-  const framed = () => page.evaluate(() => { const one = document.querySelector(".framed"); return one && (one.dataset.item || `row:${one.dataset.row}`); });
+/** The settings of somebody with one switch who changed nothing; silent. */
+const SWITCH = { ...preset("one_switch"), sound: false };
+/** The page in real time: with the scanning times as they are. */
+const SIZES = [{ width: 1280, height: 800 }, { width: 1366, height: 768 }, { width: 360, height: 740 }];
+
+/** One switch: what is framed, a press, and taking what comes under the frame. */
+function oneSwitch(page) {
+  const framed = () => page.evaluate(() => {
+    const one = document.querySelector(".framed");
+    return one && (one.dataset.item || `row:${one.dataset.row}`);
+  });
   const hit = async () => {
     await page.keyboard.down("Space");
-    await painted(page);
+    await page.waitForTimeout(SWITCH.scan.hold + 50);
     await page.keyboard.up("Space");
-    await painted(page);
+    await page.waitForTimeout(SWITCH.scan.debounce);
   };
   const take = async (name) => {
     await until(async () => (await framed()) === name, `the frame on ${name}`, 90);
     await hit();
   };
+  return { framed, hit, take };
+}
+
+/** How much of each image is seen, 0 to 1: within the window and under nothing else. */
+const seen = (page) => page.evaluate(() => [...document.querySelectorAll("#stage canvas:not(.over)")].map((canvas) => {
+  const box = canvas.getBoundingClientRect();
+  let sum = 0;
+  for (let row = 0; row < 10; row += 1) {
+    for (let column = 0; column < 10; column += 1) {
+      const over = document.elementFromPoint(box.left + box.width * (column + 0.5) / 10, box.top + box.height * (row + 0.5) / 10);
+      if (over && (over === canvas || over.closest("figure") === canvas.parentElement)) sum += 1;
+    }
+  }
+  return sum / 100;
+}));
+
+for (const size of SIZES) {
+  const name = `${size.width}x${size.height}`;
+  on(`one switch at ${name}: the images are in view at every stop of the frame, and both are swept`, { settings: SWITCH, size, slow: false, episode: true }, async ({ gateway, page }) => {
+    const { framed, hit, take } = oneSwitch(page);
+    await page.locator("#stage").focus();
+    await page.getByText("Press your switch to begin").first().waitFor();
+    await hit();
+    const stops = new Set();
+    await until(async () => {
+      const at = await framed();
+      const parts = await seen(page);
+      assert.ok(parts.length === 2 && parts.every((part) => part > 0.95), `${at}: ${parts} of the images are seen`);
+      const hidden = await page.evaluate(() => {
+        const box = document.querySelector(".framed")?.getBoundingClientRect();
+        return box && (box.top < -1 || box.bottom > innerHeight + 1);
+      });
+      assert.ok(!hidden, `${at} is framed out of sight`);
+      const again = stops.size > 6 && at === "stop";
+      if (at) stops.add(at);
+      return again;
+    }, "the frame went round", 60);
+    for (const row of ["Gripper", "Speed", "How buttons drive", "Episode"]) assert.ok(stops.has(`row:${row}`), [...stops].join());
+    await take("row:Gripper");
+    await take("grip.close");
+    await until(() => count(gateway, "step") === 1, "a step");
+    await until(async () => (await seen(page)).every((part) => part > 0.95), "the images are seen within a row");
+    await take("back");
+    await take("pick");
+    for (const camera of ["Chair", "Hand"]) {
+      await until(() => page.evaluate((words) => document.querySelector("#hint").textContent.startsWith(words), `${camera} camera: press`), `${camera} camera is swept`);
+      const [chair, hand] = await seen(page);
+      assert.ok((camera === "Chair" ? chair : hand) > 0.95, `${camera} camera: ${chair} ${hand}`);
+    }
+    await hit();
+    await until(() => page.evaluate(() => document.querySelector("#hint").textContent.includes("over it")), "the second line");
+    await hit();
+    const pick = await until(() => gateway.asks.find((ask) => ask.ask === "pick"), "two presses name a place");
+    assert.equal(pick.camera, 1);
+  });
+}
+
+on("one switch alone at 1280x800: start an episode, step, choose a thing, stop, finish", { settings: SWITCH, size: SIZES[0], slow: false }, async ({ gateway, page }) => {
+  const { hit, take } = oneSwitch(page);
   await page.locator("#stage").focus();
   await hit();
   await take("row:Episode");
@@ -315,17 +383,15 @@ on("one switch alone: start an episode, step, choose a thing, stop, finish", { s
   await take("hand.up");
   await until(() => count(gateway, "step") === 1, "a step");
   assert.deepEqual([gateway.taken.find((message) => message.t === "step").device], ["switch"]);
-  // While the step is under way a press would stop it.
-  await page.waitForTimeout(2400);
   await take("back");
   await take("pick");
-  await until(() => page.evaluate(() => document.querySelector("#goal_text").textContent.length > 0), "choosing");
-  // A third of the way down and across: the line sweeps in 24 s of this clock.
-  await page.waitForTimeout(6000);
+  // A third of the way down and across.
+  await page.waitForTimeout(2500);
   await hit();
-  await page.waitForTimeout(3000);
+  await page.waitForTimeout(2500);
   await hit();
-  await until(() => gateway.asks.some((ask) => ask.ask === "pick"), "two presses name a place");
+  const pick = await until(() => gateway.asks.find((ask) => ask.ask === "pick"), "two presses name a place");
+  assert.ok(pick.u > 0.2 && pick.u < 0.7 && pick.v > 0.2 && pick.v < 0.7, JSON.stringify(pick));
   await take("row:Choose in the picture");
   await take("goal:take");
   await until(() => gateway.goal, "the goal runs");
@@ -338,4 +404,76 @@ on("one switch alone: start an episode, step, choose a thing, stop, finish", { s
   await take("row:Episode");
   await take("finish");
   await until(() => gateway.asks.some((ask) => ask.ask === "episode.finish"), "it is finished");
+  await page.getByText("kept in data/").first().waitFor();
+});
+
+on("a carer who picks One switch presses Done by mouse; then the page asks for the switch", {}, async ({ gateway, page }) => {
+  await item(page, "settings").click();
+  await item(page, "preset:one_switch").click();
+  await item(page, "settings:done").click();
+  await page.locator("#drive:not([hidden])").waitFor();
+  await page.getByText("Press your switch to begin").first().waitFor();
+  // Now the pointer is the switch: a click on Settings begins scanning.
+  await item(page, "settings").click({ delay: 1200 });
+  await page.locator(".framed").waitFor();
+  assert.ok(await page.locator("#settings").isHidden());
+  // Carer gives it back on any device, and a press while the robot moves is still STOP.
+  await page.locator("#carer").click();
+  await item(page, "settings").click();
+  await page.locator("#settings:not([hidden])").waitFor();
+  await item(page, "settings:done").click();
+  await page.locator("#carer").click();
+  gateway.goal = { id: 1, action: "take", name: "mustard", stage: "reaching", of: 4, at: 2, text: "" };
+  await until(() => page.evaluate(() => document.querySelector("#keys_state").textContent.includes("any press stops")), "the goal is seen");
+  await item(page, "settings").click();
+  await until(() => count(gateway, "stop") === 3, "it stops");
+  assert.ok(await page.locator("#settings").isHidden());
+});
+
+on("a latched direction ends by any key of any layout", { settings: { ...preset("keyboard"), mode: "latch" } }, async ({ gateway, page }) => {
+  await page.locator("#stage").focus();
+  for (const key of [{ key: "л", code: "KeyK" }, { key: "Process", code: "" }, { key: "CapsLock", code: "CapsLock" }, { key: "Shift", code: "ShiftLeft" }, { key: "F7", code: "F7" }]) {
+    const [from, stops] = [driven(gateway).length, count(gateway, "stop")];
+    await page.keyboard.press("KeyJ");
+    await until(() => driven(gateway).length >= from + 2, "the latch drives");
+    await page.evaluate((init) => document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { ...init, bubbles: true, cancelable: true })), key);
+    await until(() => count(gateway, "stop") === stops + 3, `three stops by ${key.key}`);
+    await rests(gateway);
+  }
+});
+
+on("an episode that cannot be recorded does not start, and practice says that it keeps nothing", {}, async ({ gateway, page }) => {
+  const alarm = page.locator("#alarms");
+  gateway.recorders = [];
+  await item(page, "start").click();
+  await alarm.getByText("nothing can be recorded").waitFor();
+  assert.equal(gateway.episode, null);
+  await item(page, "alarm:0").click();
+  await until(async () => (await alarm.innerText()) === "", "it was read");
+  await item(page, "practise").click();
+  await until(() => gateway.episode?.practice, "practice runs");
+  await page.getByText("practice: nothing is kept").first().waitFor();
+  await item(page, "finish").click();
+  await until(() => !gateway.episode, "it is over");
+  // With a recorder the first free label is taken, and "kept" is said when the file is there.
+  gateway.recorders = ["disk"];
+  await item(page, "start").click();
+  await until(() => gateway.episode?.label === "mustard-seed3-2", "the next free label");
+  await item(page, "finish").click();
+  await page.getByText("kept in data/mustard-seed3-2.h5").first().waitFor();
+  // A recorder that failed keeps nothing.
+  await item(page, "start").click();
+  await until(() => gateway.episode?.label === "mustard-seed3-3", "it runs");
+  gateway.recorderState = "failed";
+  await item(page, "finish").click();
+  await alarm.getByText("NOT KEPT").waitFor();
+});
+
+on("a lost task is said loudly, and the episode is marked", { episode: true }, async ({ gateway, page }) => {
+  gateway.alarms = ["THE TASK IS LOST (dropped). Finish, discard or redo this episode"];
+  gateway.extra = { evaluation: { success: false, failure: "dropped", elapsed_s: 9, conditions: [] } };
+  await page.locator("#alarms").getByText("THE TASK IS LOST").waitFor();
+  await page.locator("#episode_text.bad").waitFor();
+  await page.locator("#chips").getByText("TASK LOST").waitFor();
+  assert.equal(await item(page, "finish").innerText(), "Finish, keep as failed");
 });

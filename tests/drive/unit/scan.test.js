@@ -133,12 +133,27 @@ test("the frame stays on its item when others come and go", () => {
   assert.equal(scanner.framed().id, "stop");
 });
 
-test("a place in a picture takes two presses: down, then across", () => {
-  const cross = new Cross(0, 8000);
-  assert.deepEqual(cross.at(2000), { u: null, v: 0.25 });
-  assert.equal(cross.press(2000), null);
-  assert.deepEqual(cross.press(6000), { u: 0.5, v: 0.25 });
-  assert.equal(cross.over(2000 + 24_001), true);
+test("a place in an image takes two presses, and both cameras are swept", () => {
+  const cross = new Cross(0, [1, 0], 8000);
+  assert.deepEqual(cross.at(2000), { camera: 1, u: null, v: 0.25 });
+  assert.deepEqual(cross.at(10_000), { camera: 0, u: null, v: 0.25 });
+  assert.deepEqual(cross.at(18_000), { camera: 1, u: null, v: 0.25 });
+  assert.equal(cross.over(48_000), false, "three sweeps of each image");
+  assert.equal(cross.over(48_001), true);
+  assert.equal(cross.press(10_000), null);
+  assert.deepEqual(cross.press(14_000), { camera: 0, u: 0.5, v: 0.25 });
+  assert.equal(cross.over(10_000 + 24_001), true);
+});
+
+test("the place is where the line was when the switch went down", () => {
+  const { scanner } = rig();
+  scanner.press(1, 2000);
+  assert.deepEqual(scanner.presses(2200), []);
+  const [press] = scanner.presses(2250);
+  assert.deepEqual(press, { which: 1, at: 2000 });
+  const cross = new Cross(0, [0], 8000);
+  cross.press(press.at, 2250);
+  assert.deepEqual(cross.at(2250), { camera: 0, u: 0, v: 0.25 });
 });
 
 test("a cursor goes round, STOP first, and stays on its item", () => {

@@ -3,6 +3,7 @@
 //! A [`Run`] is a scenario in process, without a network and without cameras:
 //! a policy drives the robot at 60 Hz and a judge looks at every control tick.
 
+mod guard;
 mod judge;
 mod policy;
 mod recorded;
@@ -16,6 +17,7 @@ use wheelarm_server::sim::{Pacing, Scenario, Simulation};
 
 use crate::TASKS;
 
+pub use guard::{GuardRun, GuardVerdict};
 pub use judge::{Judge, Verdict};
 pub use policy::{Kind, Policy};
 pub use recorded::Recorded;

@@ -2,16 +2,17 @@
 //! ends with 1 when one exploded or broke a law.
 //!
 //! `adversarial [--rigid 140] [--soft 60] [--seconds 60] [--seed 0] [--only NAME] [--jobs N]`
-//! or `adversarial --recorded FOLDER` for stored commands.
+//! or `adversarial --recorded FOLDER` for stored commands,
+//! or `adversarial --guard 1000` for episodes that press the seated person.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::Result;
 use clap::Parser;
-use wheelarm_tests::adversary::{Recorded, Verdict, runs};
+use wheelarm_tests::adversary::{GuardRun, Recorded, Verdict, runs};
 
 #[derive(Parser)]
 struct Options {
@@ -39,14 +40,24 @@ struct Options {
     /// Plays the stored commands of a folder instead.
     #[arg(long)]
     recorded: Option<PathBuf>,
+    /// Plays this many episodes that press the seated person under the guard, of
+    /// `--seconds` each, instead.
+    #[arg(long)]
+    guard: Option<usize>,
+    /// With `--guard`: the guard is off, to see what the operators can do.
+    #[arg(long, requires = "guard")]
+    unguarded: bool,
 }
 
-type Job = (String, Box<dyn Fn() -> Result<Verdict> + Send + Sync>);
+/// One run: it prints a line and returns whether every law held.
+type Work = Box<dyn Fn(&str) -> bool + Send + Sync>;
+type Job = (String, Work);
 
 fn main() -> Result<ExitCode> {
     let options = Options::parse();
     let jobs = match &options.recorded {
         Some(folder) => recorded(folder, &options)?,
+        None if options.guard.is_some() => guarded(&options),
         None => random(&options),
     };
     anyhow::ensure!(
@@ -64,7 +75,7 @@ fn main() -> Result<ExitCode> {
         for _ in 0..workers {
             scope.spawn(|| {
                 while let Some((name, job)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    if !told(name, &job.as_ref()) {
+                    if !job(name) {
                         bad.fetch_add(1, Ordering::Relaxed);
                     }
                 }
@@ -84,7 +95,8 @@ fn random(options: &Options) -> Vec<Job> {
     let job = |run: wheelarm_tests::adversary::Run| -> Job {
         let (assets, seconds) = (options.assets.clone(), options.seconds);
         let name = format!("{} {:?} seed {}", run.task, run.kind, run.seed);
-        (name, Box::new(move || run.play(&assets, seconds)))
+        let play = move || run.play(&assets, seconds);
+        (name, Box::new(move |name| told(name, &play)))
     };
     let jobs = runs.into_iter().map(job);
     let only = options.only.as_deref().unwrap_or_default();
@@ -100,9 +112,59 @@ fn recorded(folder: &PathBuf, options: &Options) -> Result<Vec<Job>> {
     let job = |path: PathBuf| -> Job {
         let assets = options.assets.clone();
         let name = path.display().to_string();
-        (name, Box::new(move || Recorded::read(&path)?.play(&assets)))
+        let play = move || Recorded::read(&path)?.play(&assets);
+        (name, Box::new(move |name| told(name, &play)))
     };
     Ok(files.into_iter().map(job).collect())
+}
+
+/// Episodes that press the person; `--seed` is the first seed.
+fn guarded(options: &Options) -> Vec<Job> {
+    let job = |i: usize| -> Job {
+        let (assets, seconds) = (options.assets.clone(), options.seconds);
+        let seed = options.seed + i as u64;
+        let guard = !options.unguarded;
+        let run = GuardRun { seed, guard };
+        let name = format!("guard seed {seed}");
+        (
+            name,
+            Box::new(move |name| pressed(name, run, &assets, seconds)),
+        )
+    };
+    let only = options.only.as_deref().unwrap_or_default();
+    let jobs = (0..options.guard.unwrap_or_default()).map(job);
+    jobs.filter(|(name, _)| name.starts_with(only)).collect()
+}
+
+/// Prints the forces of an episode that presses the person; whether every part stayed
+/// below the limit.
+fn pressed(name: &str, run: GuardRun, assets: &Path, seconds: f64) -> bool {
+    let play = || run.play(assets, seconds);
+    let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(play));
+    match result {
+        Ok(Ok(verdict)) => {
+            let good = verdict.broken.is_empty() && verdict.fault.is_none();
+            println!(
+                "{} {name}: {} control ticks; {:.1} N at most, touched in {:.1} % of them",
+                if good { "ok " } else { "BAD" },
+                verdict.ticks,
+                verdict.force(),
+                verdict.touched * 100.0
+            );
+            for what in verdict.broken.iter().chain(&verdict.fault) {
+                println!("      {what}");
+            }
+            good
+        }
+        Ok(Err(error)) => {
+            println!("BAD {name}: {error:#}");
+            false
+        }
+        Err(_) => {
+            println!("BAD {name}: panicked");
+            false
+        }
+    }
 }
 
 /// Prints what came of a run; whether it was good.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 use wheelarm_access::{Folder, Role, User};
-use wheelarm_link::{Connect, Link};
+use wheelarm_link::{Commander, Connect, Link};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Message, schema, v1};
 use wheelarm_tests::{PATIENCE, Server, program, wait_until};
@@ -63,6 +63,13 @@ impl Keys {
 
     pub fn of(&self, user: &str) -> Identity {
         Identity::find(self.folder.path(), Some(user)).expect("keys of a user")
+    }
+
+    /// Gives a user another role, as `wheelarm users role` does.
+    pub fn set_role(&self, user: &str, role: Role) {
+        let mut users = self.folder.users().expect("users");
+        users.set_role(user, role, false).expect("a user");
+        users.save(&self.folder.users_file()).expect("a file");
     }
 
     pub fn path(&self) -> &str {
@@ -235,6 +242,36 @@ impl Ear {
         let refusals = self.refusals_of(name).into_iter();
         refusals.map(|refusal| refusal.sequence).collect()
     }
+}
+
+/// Drives until somebody who watches sees the chair move.
+pub fn until_moving(commander: &mut Commander, link: &Link, watcher: &Link) {
+    let clock = link.samples::<v1::Clock>().expect("the clock");
+    let poses = watcher.samples::<v1::Odometry>().expect("odometry");
+    let mut driven = false;
+    // To and fro: other tests may have left it in front of something.
+    let mut ways = [0.3; 120].into_iter().chain([-0.3; 120]).cycle();
+    wait_until("the chair moves", || {
+        // Of the clocks that wait, the newest: an answer to one of a second ago is refused.
+        let mut tick = clock.next(PATIENCE).expect("a clock").expect("in time");
+        while let Some(newer) = clock.next(Duration::ZERO).expect("a clock") {
+            tick = newer;
+        }
+        let forward = v1::Command {
+            base: Some(v1::BaseCommand {
+                linear: ways.next().unwrap_or_default(),
+                ..v1::BaseCommand::default()
+            }),
+            ..v1::Command::default()
+        };
+        let header = tick.header.unwrap_or_default();
+        commander.answer(&header, forward).expect("a command");
+        while let Some(odometry) = poses.next(Duration::ZERO).expect("odometry") {
+            let twist = odometry.twist.unwrap_or_default();
+            driven |= twist.linear.unwrap_or_default().x.abs() > 0.05;
+        }
+        driven
+    });
 }
 
 /// A commander here has sent fewer commands when it is done.

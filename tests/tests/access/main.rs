@@ -6,6 +6,7 @@
 //! followed, on the same session, by something that is let through and seen: what
 //! was sent before it must not have been.
 
+mod changes;
 mod lab;
 mod programs;
 mod rules;

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use wheelarm_access::{Folder, Role, User};
+use wheelarm_access::{Folder, Role};
 use wheelarm_link::{Connect, Link, LinkError, Silence, open_session};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Query, TopicId, v1};
@@ -142,18 +142,13 @@ fn the_programs_take_keys_and_the_doctor_tries_every_right() {
 }
 
 #[test]
-fn the_doctor_names_a_right_that_the_running_server_does_not_know() {
+fn the_doctor_names_a_right_that_the_server_does_not_give() {
     let lab = shared();
     let lab = lab.lock();
-    // The same authority; its users changed after the server was started.
-    let mut users = lab.keys.folder.users().expect("users");
-    let before = users.clone();
-    users.remove("veit").expect("a user");
-    users
-        .add(User::new("veit", Role::Operator).expect("a name"))
-        .expect("a user");
-    users.save(&lab.keys.folder.users_file()).expect("a file");
+    // Keys say the role of their day. Here the user was an operator for that moment.
+    lab.keys.set_role("veit", Role::Operator);
     lab.keys.folder.issue("veit", 30).expect("keys");
+    lab.keys.set_role("veit", Role::Viewer);
     let told = lab.client(&[
         "--keys",
         lab.keys.path(),
@@ -162,7 +157,6 @@ fn the_doctor_names_a_right_that_the_running_server_does_not_know() {
         "doctor",
         "--json",
     ]);
-    before.save(&lab.keys.folder.users_file()).expect("a file");
     lab.keys.folder.issue("veit", 30).expect("keys");
     let text = printed(&told);
     assert!(!told.status.success(), "{text}");
@@ -365,8 +359,19 @@ fn users_are_added_listed_and_removed_by_the_program() {
     assert!(printed(&told).contains("8 to 256"), "{}", printed(&told));
     let folder = Folder::open(&keys).expect("keys");
     let users = folder.users().expect("users");
-    assert_eq!(users.verify("anna", "correct horse"), Some(Role::Operator));
+    let verified = users.verify("anna", "correct horse");
+    assert_eq!(verified.map(|user| user.role), Some(Role::Operator));
     assert_eq!(users.verify("veit", "short"), None);
+    let told = run("", &["users", "role", "veit", "--role", "recorder"]);
+    assert!(told.status.success(), "{}", printed(&told));
+    let users = folder.users().expect("users");
+    let veit = users.get("veit").map(|user| user.role);
+    assert_eq!(veit, Some(Role::Recorder));
+    for role in ["king", "viewer --pictures"] {
+        let args = ["users", "role", "veit", "--role"].into_iter();
+        let args: Vec<_> = args.chain(role.split(' ')).collect();
+        assert!(!run("", &args).status.success(), "{role}");
+    }
     let told = run("", &["users", "list", "--json"]);
     let listed: serde_json::Value = serde_json::from_slice(&told.stdout).expect("JSON");
     assert_eq!(listed[0]["name"], "anna");

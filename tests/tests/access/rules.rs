@@ -13,7 +13,7 @@ use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig};
 
 use super::lab::{
     Ear, FIRST_MARK, REFUSED, SIM, USERS, gets_through, put, refused_command, shared, status,
-    until_heard,
+    until_heard, until_moving,
 };
 
 #[test]
@@ -85,34 +85,9 @@ fn an_operator_drives_under_its_own_name_and_no_other() {
     let (anna, bert, veit) = (lab.link("anna"), lab.link("bert"), lab.link("veit"));
     let ear = Ear::new(&veit, &[veit.keys().topic(TopicId::Refusal)]);
     until_heard(&anna, "anna", &ear);
-    let clock = anna.samples::<v1::Clock>().expect("the clock");
     let mut commander = anna.commander("anna", false).expect("control");
     assert_eq!(status(&veit).holder, "anna");
-    let poses = veit.samples::<v1::Odometry>().expect("odometry");
-    let mut driven = false;
-    // To and fro: other tests may have left it in front of something.
-    let mut ways = [0.3; 120].into_iter().chain([-0.3; 120]).cycle();
-    wait_until("the chair moves", || {
-        // Of the clocks that wait, the newest: an answer to one of a second ago is refused.
-        let mut tick = clock.next(PATIENCE).expect("a clock").expect("in time");
-        while let Some(newer) = clock.next(Duration::ZERO).expect("a clock") {
-            tick = newer;
-        }
-        let forward = v1::Command {
-            base: Some(v1::BaseCommand {
-                linear: ways.next().unwrap_or_default(),
-                ..v1::BaseCommand::default()
-            }),
-            ..v1::Command::default()
-        };
-        let header = tick.header.unwrap_or_default();
-        commander.answer(&header, forward).expect("a command");
-        while let Some(odometry) = poses.next(Duration::ZERO).expect("odometry") {
-            let twist = odometry.twist.unwrap_or_default();
-            driven |= twist.linear.unwrap_or_default().x.abs() > 0.05;
-        }
-        driven
-    });
+    until_moving(&mut commander, &anna, &veit);
 
     // Bert cannot speak as Anna: neither under her key nor with her name under his.
     let speaks = refused_command("anna", 7);

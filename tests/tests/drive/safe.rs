@@ -12,8 +12,8 @@ use tokio_rustls::rustls::crypto::ring;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
 use tokio_rustls::rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
-use tungstenite::Message;
 use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
 use wheelarm_access::{Folder, Role, User};
 use wheelarm_tests::{Server, program};
 
@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// A gateway with keys and one user, anna; killed when dropped.
 pub struct Safe {
     child: Child,
-    _server: Server,
+    server: Server,
     /// Host and port.
     address: String,
     config: Arc<ClientConfig>,
@@ -61,7 +61,7 @@ impl Safe {
         let port = url.and_then(|url| url.strip_suffix('/')).expect("a port");
         Self {
             child,
-            _server: server,
+            server,
             address: format!("localhost:{port}"),
             config: Arc::new(config),
         }
@@ -109,11 +109,27 @@ impl Safe {
         (code.unwrap_or(0), text)
     }
 
-    /// Whether a socket is opened with the ticket in an answer.
-    pub fn welcomes(&self, cookie: &str, answer: &str) -> bool {
+    /// The cookie of `anna`, signed in.
+    pub fn sign_in(&self, password: &str) -> Option<String> {
+        let body = json!({"user": "anna", "password": password}).to_string();
+        let (code, head) = self.ask("POST /login", "", &body);
+        let cookie = head.lines().find_map(|l| l.strip_prefix("set-cookie: "));
+        let value = cookie.and_then(|cookie| cookie.split(';').next());
+        value.filter(|_| code == 200).map(str::to_owned)
+    }
+
+    /// The link to the server behind it.
+    pub fn link(&self) -> wheelarm_link::Link {
+        self.server.link()
+    }
+
+    /// A socket of the page `s1`, opened with a new ticket of the session.
+    pub fn enter(&self, path: &str, cookie: &str) -> Secure {
+        let (code, answer) = self.ask("POST /ticket", cookie, "{\"count\":1}");
+        assert_eq!(code, 200, "{answer}");
         let body = answer.split("\r\n\r\n").nth(1).expect("a body");
         let body: Value = serde_json::from_str(body).expect("JSON");
-        let url = format!("wss://{}/ws/control", self.address);
+        let url = format!("wss://{}{path}", self.address);
         let mut request = url.into_client_request().expect("a request");
         let headers = request.headers_mut();
         let origin = format!("https://{}", self.address);
@@ -124,7 +140,26 @@ impl Safe {
             json!({"t":"hello","protocol":1,"ticket":body["tickets"][0],"page":"s1","lane":0});
         let hello = Message::Text(hello.to_string().into());
         socket.send(hello).expect("a hello");
-        matches!(socket.read(), Ok(Message::Text(text)) if text.contains("welcome"))
+        let first = socket.read().expect("an answer");
+        assert!(
+            first.to_text().is_ok_and(|text| text.contains("welcome")),
+            "{first:?}"
+        );
+        socket
+    }
+}
+
+/// A WebSocket over TLS.
+pub type Secure = WebSocket<StreamOwned<ClientConnection, TcpStream>>;
+
+/// The code with which a socket is closed.
+pub fn close_code(mut socket: Secure) -> Option<u16> {
+    loop {
+        match socket.read() {
+            Ok(Message::Close(Some(frame))) => return Some(frame.code.into()),
+            Ok(_) => {}
+            Err(_) => return None,
+        }
     }
 }
 

@@ -294,7 +294,7 @@ fn a_scene_is_said_and_done_in_two_ways(out: &Path) {
 #[test]
 fn a_worker_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
     let words = [
-        "the worker died (signal: 9",
+        "the worker died (signal: 6",
         "the worker stalled and told nothing for 6 s",
     ];
     what_dies_and_what_hangs_is_entered("process", words, |out, _| {
@@ -305,7 +305,7 @@ fn a_worker_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_compl
 #[test]
 fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
     let words = [
-        "the server died (signal: 9",
+        "the server died (signal: 6",
         "the server stalled and answered nothing for 6 s",
     ];
     what_dies_and_what_hangs_is_entered("socket", words, |_, staging| {
@@ -327,7 +327,7 @@ fn what_dies_and_what_hangs_is_entered(
     let args = [&one[..], &["--worker", worker]].concat();
     let campaign = Campaign::start(&[&args[..], &["--patience", "6"]].concat());
     // One dies while the first episode is made, one hangs during the second.
-    for (index, signal) in [(0, "KILL"), (1, "STOP")] {
+    for (index, signal) in [(0, "ABRT"), (1, "STOP")] {
         let staging = out.join(format!("staging/pick_mustard-000{index}"));
         let other = out.join(format!("staging/pick_mustard-000{}", 1 - index));
         wait_for("an operator at work, and no file in the making", || {
@@ -369,6 +369,34 @@ fn what_dies_and_what_hangs_is_entered(
     let again = run(&args);
     assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
     assert!(left_behind(&out).is_empty());
+}
+
+/// SIGKILL that the campaign did not send is what a system without memory sends.
+#[test]
+fn a_worker_killed_for_memory_costs_no_seed() {
+    let (_folder, plan, out) = planned(&PLAN.replace("episodes = 2", "episodes = 1"));
+    let campaign = Campaign::start(&one_worker(&plan, &out));
+    let log = out.join("staging/pick_mustard-0000/operator.log");
+    wait_for("an operator at work", || {
+        std::fs::metadata(&log).is_ok_and(|log| log.len() > 0)
+    });
+    let workers = processes(&format!("--for\0{}\0", out.display()));
+    assert_eq!(workers.len(), 1, "{workers:?}");
+    let line = format!("kill -KILL {}", workers[0]);
+    let status = Command::new("sh").args(["-c", &line]).status();
+    assert!(status.expect("a shell").success(), "{line}");
+    let ended = campaign.end();
+    let text = printed(&ended);
+    assert_eq!(ended.status.code(), Some(0), "{text}");
+    assert!(
+        text.contains("is made again: the worker died (signal: 9"),
+        "{text}"
+    );
+    let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");
+    let manifest: Value = serde_json::from_str(&manifest).expect("JSON");
+    assert_eq!(manifest["failed_attempts"], Value::Array(Vec::new()));
+    assert_eq!(manifest["episodes"][0]["attempt"], 0, "{manifest}");
+    manifest_is_true(&out);
 }
 
 /// What stands in a folder's files, by their names.

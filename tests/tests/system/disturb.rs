@@ -17,6 +17,44 @@ fn recorded(out: &Path, more: &[&str]) -> Episode {
     Episode::open(&file).expect("a recording")
 }
 
+/// An episode and its replay have the same marks at the same ticks, and exports with the
+/// same rows.
+fn replay_marks_the_same_rows(original: &Episode, replayed: &Path) {
+    let replayed = Episode::open(replayed).expect("a recording");
+    for column in [
+        "device",
+        "mode",
+        "assistance",
+        "incident",
+        "phase",
+        "phase_name",
+    ] {
+        let marks = |episode: &Episode| -> Vec<(u64, String)> {
+            let ticks = episode.u64s("command", "tick").expect("ticks");
+            let texts = episode.texts("command", column).expect("texts");
+            let all = ticks.into_iter().zip(texts);
+            all.filter(|(_, text)| !text.is_empty()).collect()
+        };
+        assert_eq!(marks(&replayed), marks(original), "{column}");
+    }
+    let exported = |episode: &Episode| {
+        let out = episode.path().with_extension("csv");
+        let (file, folder) = (episode.path().to_string_lossy(), out.to_string_lossy());
+        let export = [
+            "dataset", "export", "--format", "csv", "--out", &folder, &file,
+        ];
+        let export = wheelarm(&export);
+        assert!(export.status.success(), "{}", printed(&export));
+        let episode = std::fs::read_dir(&out).expect("a folder").next();
+        let rows = episode.expect("an episode").expect("a folder").path();
+        std::fs::read_to_string(rows.join("rows.csv")).expect("rows")
+    };
+    let rows = exported(original);
+    let marked = rows.lines().skip(1).filter(|row| !row.ends_with(",0"));
+    assert!(marked.count() > 0, "no row is marked");
+    assert_eq!(exported(&replayed), rows);
+}
+
 #[test]
 fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -40,10 +78,14 @@ fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
     let forced = incidents.iter().filter(|code| code.starts_with("forced_"));
     assert_eq!(forced.count(), 1);
 
-    let replay = wheelarm(&["replay", &hindered.path().to_string_lossy()]);
+    let again = folder.path().join("again");
+    let file = hindered.path().to_string_lossy();
+    let replay = ["replay", &file, "--looks", "1", "--out"];
+    let replay = wheelarm(&[&replay[..], &[&again.to_string_lossy()]].concat());
     let text = printed(&replay);
     assert!(replay.status.success(), "{text}");
     assert!(text.contains("hashes equal"), "{text}");
+    replay_marks_the_same_rows(&hindered, &again.join("pick_mustard-seed1-look1.h5"));
 
     let calm = recorded(&folder.path().join("calm"), &[]);
     assert!(

@@ -96,6 +96,27 @@ fn acknowledged(folder: &Path) -> u64 {
 }
 
 #[test]
+fn closed_terminal_leaves_the_file_that_sigterm_leaves() {
+    let server = Server::start("hangup", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["TERM", "HUP"] {
+        // Under `nohup` the tests inherit that SIGHUP is ignored.
+        let fresh = ["env", "--default-signal=HUP"];
+        let mut recorder = Recorder::start_under(&fresh, &server, name, folder.path(), &[]);
+        wait_for_recorders(&link, 1);
+        start(&link, name, 1);
+        pass(&link, 0.5);
+        recorder.signal(name);
+        let (status, text) = recorder.end();
+        assert_eq!(status.code(), Some(3), "{name}: {text}");
+        assert!(text.contains(&format!("{name}.h5: PARTIAL")), "{text}");
+        Episode::open(&folder.path().join(format!("{name}.h5"))).expect("a readable file");
+        stop(&link);
+    }
+}
+
+#[test]
 fn a_recorder_killed_at_any_time_keeps_what_it_acknowledged() {
     let server = Server::start("anytime", &CAMERA).expect("a server");
     let link = server.link();

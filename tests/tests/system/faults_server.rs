@@ -62,6 +62,21 @@ fn a_killed_server_leaves_a_partial_file_and_its_successor_is_recorded() {
     assert!(text.contains("after.h5: complete"), "{text}");
 }
 
+#[test]
+fn a_server_that_is_killed_right_behind_its_answer_leaves_a_complete_file() {
+    let mut server = Server::start("brief", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
+    start(&server, "whole");
+    std::thread::sleep(Duration::from_millis(500));
+    let link = server.link();
+    link.stop_episode(false).expect("its end");
+    server.kill().expect("kill -9");
+    let (status, text) = recorder.end();
+    assert_eq!(status.code(), Some(0), "{text}");
+    assert!(text.contains("whole.h5: complete"), "{text}");
+}
+
 /// Processes whose command line holds `word`.
 pub(super) fn processes(word: &str) -> Vec<u32> {
     let entries = std::fs::read_dir("/proc").expect("/proc").flatten();

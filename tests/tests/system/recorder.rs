@@ -111,6 +111,30 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
 }
 
 #[test]
+fn of_two_recorders_of_one_name_that_start_together_one_is_refused() {
+    let server = Server::start("twins", &CAMERA).expect("a server");
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut twins = ["a", "b"].map(|out| {
+        let out = folder.path().join(out);
+        Recorder::start(&server, "twin", &out, &["--episodes", "1"])
+    });
+    let since = Instant::now();
+    while twins.iter_mut().all(Recorder::alive) {
+        assert!(since.elapsed() < PATIENCE, "both were accepted");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let [mut first, mut second] = twins;
+    if first.alive() {
+        std::mem::swap(&mut first, &mut second);
+    }
+    assert!(!first.end().0.success());
+    wait_for_status(&server, "twin");
+    start(&server, "one", "1");
+    command(&server, &["episode", "stop"]);
+    assert!(second.finish().contains("one.h5: complete"));
+}
+
+#[test]
 fn an_existing_recording_is_never_overwritten() {
     let server = Server::start("taken", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
@@ -126,6 +150,7 @@ fn an_existing_recording_is_never_overwritten() {
     assert_eq!(told.status.code(), Some(1), "{text}");
     assert!(text.contains("did not begin: recorder careful"), "{text}");
     assert!(text.contains("exists already"), "{text}");
+    assert!(text.contains("next free label is precious-2"), "{text}");
     assert!(!text.contains("started"), "{text}");
     wait_for_status(&server, "exists already");
     assert_eq!(

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use wheelarm_dataset::read::Episode;
+use wheelarm_dataset::read::{Camera, Episode};
 use wheelarm_link::Link;
 use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};
@@ -93,6 +93,7 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
         (depth.size(), depth.millimetres()),
         (Some((480, 270)), true)
     );
+    depth_fills_its_own_lens(&depth, &episode);
     assert_eq!(
         episode
             .f64s("sensed_joint", "position")
@@ -164,6 +165,36 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
         features.contains("observation.images.gen3_depth"),
         "{features}"
     );
+}
+
+/// The depth sensor sees wider than the color camera: its image has returns up to its
+/// edges, and its intrinsics are those of its own lens.
+fn depth_fills_its_own_lens(depth: &Camera, episode: &Episode) {
+    const WIDTH: usize = 480;
+    let focal = depth.intrinsics(3)[2..4].to_vec();
+    assert!(
+        focal.iter().all(|f| (f - 360.013).abs() < 1e-9),
+        "{focal:?}"
+    );
+    let image = depth.depth(episode, 3).expect("an image");
+    let share = |columns: std::ops::Range<usize>, rows: std::ops::Range<usize>| {
+        let mut returns = 0;
+        for y in rows.clone() {
+            let row = &image[y * WIDTH..(y + 1) * WIDTH];
+            returns += row[columns.clone()]
+                .iter()
+                .filter(|z| z.is_finite())
+                .count();
+        }
+        returns as f64 / (columns.len() * rows.len()) as f64
+    };
+    // The color camera's lens ends 53 columns before the right edge, 72 rows below the top.
+    for (columns, rows) in [(430..480, 0..270), (60..480, 0..60)] {
+        let share = share(columns.clone(), rows.clone());
+        assert!(share > 0.5, "{share} of columns {columns:?}, rows {rows:?}");
+    }
+    let all = share(0..WIDTH, 0..270);
+    assert!(all > 0.75, "{all} of the pixels have a return");
 }
 
 #[test]

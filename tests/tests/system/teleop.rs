@@ -86,7 +86,7 @@ fn a_person_picks_up_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
     person.goes_to_the_bottle();
     person.takes_the_bottle();
     person.presses("\x1b[C");
-    person.waits_for("episode kept: success");
+    person.waits_for("hand-picked: kept in");
     person.presses("\x03");
     assert!(person.end().success(), "{}", person.reads());
 

@@ -232,6 +232,7 @@ impl Random {
                         force: Some(self.vector()),
                     })
                     .collect(),
+                contact_count: self.below(30) as u32,
             }
             .encode_to_vec(),
             "evaluation" => v1::Evaluation {
@@ -299,6 +300,14 @@ impl Random {
                 mouth: Some(self.pose()),
                 forces: self.list(8),
                 robot_force: self.wild(),
+                contacts: (0..self.below(5))
+                    .map(|_| v1::PersonContact {
+                        part: self.below(9) as i32,
+                        partner: self.word(),
+                        force: self.wild(),
+                    })
+                    .collect(),
+                contact_count: self.below(30) as u32,
             }
             .encode_to_vec(),
             _ => v1::Event {
@@ -376,6 +385,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
             .map(String::from)
             .to_vec(),
         robot: wheelarm_dataset::read::first_robot().ok(),
+        ..v1::EpisodeStarted::default()
     }
 }
 

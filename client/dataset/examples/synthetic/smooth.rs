@@ -250,6 +250,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
                 header: head(),
                 pad_forces: vec![grip, 0.97 * grip],
                 contacts: Vec::new(),
+                contact_count: 0,
             }
             .encode_to_vec(),
         ),

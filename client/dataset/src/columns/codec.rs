@@ -107,6 +107,19 @@ macro_rules! number {
     };
 }
 
+/// Both ways of a field with one whole number.
+macro_rules! whole {
+    ($field:ident) => {
+        Codec {
+            take: |m, _, o| o.push(u64::from(m.$field)),
+            put: |m, _, v| {
+                let number = v.first().copied().unwrap_or_default();
+                m.$field = number.try_into().unwrap_or_default();
+            },
+        }
+    };
+}
+
 /// Both ways of a truth value.
 macro_rules! flag {
     ($field:ident) => {
@@ -140,4 +153,4 @@ macro_rules! words {
     };
 }
 
-pub(super) use {flag, list, number, part, words};
+pub(super) use {flag, list, number, part, whole, words};

@@ -12,6 +12,7 @@ mod values;
 pub use table::{EVENT_COLUMNS, event_cells, of, streams};
 
 use prost::Message;
+pub use wheelarm_proto::MAX_CONTACTS;
 use wheelarm_proto::{StreamId, Topic, v1};
 
 /// A trailing axis of a dataset; the first axis is always the sample.
@@ -38,9 +39,6 @@ pub enum Axis {
     /// Components of a vector.
     Components(&'static [&'static str]),
 }
-
-/// Contacts that one sample can hold.
-pub const MAX_CONTACTS: usize = 16;
 
 /// Names that only the episode itself knows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

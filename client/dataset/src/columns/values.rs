@@ -153,28 +153,17 @@ pub(super) fn gripper(gripper: Option<&v1::GripperCommand>, out: &mut Vec<f64>) 
 }
 
 /// Touching pairs as a JSON list of two names each.
-pub(super) fn pairs(contacts: &v1::Contacts) -> String {
-    let list: Vec<[&str; 2]> = contacts
-        .contacts
-        .iter()
-        .take(super::MAX_CONTACTS)
-        .map(|c| [c.first.as_str(), c.second.as_str()])
-        .collect();
+pub(super) fn pairs(pairs: impl Iterator<Item = [String; 2]>) -> String {
+    let list: Vec<[String; 2]> = pairs.take(super::MAX_CONTACTS).collect();
     serde_json::json!(list).to_string()
 }
 
-/// The contacts of such a list, without points and forces.
-pub(super) fn to_pairs(text: &str) -> Result<Vec<v1::Contact>, String> {
-    let pairs: Vec<[String; 2]> = match text {
-        "" => Vec::new(),
-        text => serde_json::from_str(text).map_err(|e| format!("pairs of contacts: {e}"))?,
-    };
-    let contact = |[first, second]: [String; 2]| v1::Contact {
-        first,
-        second,
-        ..v1::Contact::default()
-    };
-    Ok(pairs.into_iter().map(contact).collect())
+/// The pairs of such a list.
+pub(super) fn to_pairs(text: &str) -> Result<Vec<[String; 2]>, String> {
+    match text {
+        "" => Ok(Vec::new()),
+        text => serde_json::from_str(text).map_err(|e| format!("pairs of contacts: {e}")),
+    }
 }
 
 /// Name of a phase, lower case.

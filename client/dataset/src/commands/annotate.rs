@@ -13,7 +13,8 @@ use super::arguments::{FAILED, FINE, Input};
 use super::files::{beside, jobs, options, recordings};
 
 pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
-    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let files = recordings(&input.files)?;
+    let options = options(input, &files)?;
     let results = each(&files, jobs(&input.files), |_, file| {
         let episode = Episode::open(file)?;
         if episode.is_labelled() {

@@ -7,6 +7,7 @@ use anyhow::bail;
 use wheelarm_dataset::align::AlignOptions;
 use wheelarm_dataset::convert::{ReadOptions, batch};
 use wheelarm_dataset::label::Corrections;
+use wheelarm_dataset::read::Episode;
 
 use super::arguments::{Files, Input};
 
@@ -89,12 +90,16 @@ pub fn jobs(files: &Files) -> usize {
     files.jobs.unwrap_or_else(batch::threads)
 }
 
-/// How the recordings are read.
-pub fn options(input: &Input) -> anyhow::Result<ReadOptions> {
+/// How the recordings `files` are read.
+pub fn options(input: &Input, files: &[PathBuf]) -> anyhow::Result<ReadOptions> {
     let corrections = match &input.corrections {
         Some(path) => Corrections::read(path)?,
         None => Corrections::default(),
     };
+    // A process of an export has some of the files, all of which were checked before.
+    if !corrections.is_empty() && !super::parts::is_one() {
+        check_episodes(&corrections, files.iter().chain(&input.files.left_out))?;
+    }
     Ok(ReadOptions {
         align: AlignOptions {
             reference: input.reference.clone(),
@@ -103,6 +108,28 @@ pub fn options(input: &Input) -> anyhow::Result<ReadOptions> {
         },
         corrections,
     })
+}
+
+/// Rejects corrections of an episode that is neither among the files nor beside one of
+/// them: a misspelt name would leave the labels as they were.
+fn check_episodes<'a>(
+    corrections: &Corrections,
+    files: impl Iterator<Item = &'a PathBuf>,
+) -> anyhow::Result<()> {
+    let (mut labels, mut folders) = (BTreeSet::new(), BTreeSet::new());
+    for file in files {
+        // A file that cannot be read is reported by the work itself.
+        let label = Episode::open(file).and_then(|episode| episode.label()).ok();
+        labels.extend(label);
+        let stem = file.file_stem().unwrap_or_default();
+        labels.insert(stem.to_string_lossy().into_owned());
+        folders.insert(file.parent().unwrap_or(Path::new("")).to_owned());
+    }
+    let is_beside = |label: &str| {
+        let name = format!("{label}.h5");
+        folders.iter().any(|folder| folder.join(&name).is_file())
+    };
+    corrections.check_episodes(|label| labels.contains(label) || is_beside(label))
 }
 
 /// `LABEL.ending` beside the recording or in a folder.

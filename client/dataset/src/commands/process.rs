@@ -38,7 +38,8 @@ fn code_of<T>(results: &batch::Results<T>, several: bool) -> u8 {
 }
 
 pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Result<u8> {
-    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let files = recordings(&input.files)?;
+    let options = options(input, &files)?;
     let bar = batch::bar("pictures");
     let results = each(&files, jobs(&input.files), |_, file| {
         let recording = Recording::open(file, &options, &|_| true)?;
@@ -121,7 +122,8 @@ fn between_samples(aligned: &align::Aligned) -> String {
 }
 
 pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
-    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let files = recordings(&input.files)?;
+    let options = options(input, &files)?;
     let results = each(&files, jobs(&input.files), |_, file| {
         let episode = Episode::open(file)?;
         let summary = episode.summary()?;
@@ -146,11 +148,6 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
                     .or_default()
                     .push(agreement.clone());
             }
-        }
-    }
-    for episode in options.corrections.episodes() {
-        if !table.iter().any(|t| t.0 == episode) {
-            println!("the corrections name {episode:?}, which is not among the files");
         }
     }
     // Of nothing there is no table, and no file that would stop the next run.
@@ -213,7 +210,7 @@ pub fn export(
         Some(part) => part,
         None => (recordings(&input.files)?, Numbers::ALL),
     };
-    let (options, jobs) = (options(input)?, jobs(&input.files));
+    let (options, jobs) = (options(input, &files)?, jobs(&input.files));
     let processes = parts::worth(files.len(), jobs);
     // Files at once times threads of one file: as many as there are processors.
     let jobs = (jobs / numbers.step).max(1);
@@ -377,7 +374,8 @@ pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::
 }
 
 pub fn plot(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
-    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let files = recordings(&input.files)?;
+    let options = options(input, &files)?;
     let results = each(&files, jobs(&input.files), |_, file| {
         let episode = Episode::open(file)?;
         let movement = beside(file, out, "movement.png");
@@ -391,7 +389,8 @@ pub fn plot(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
 }
 
 pub fn view(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
-    let (files, options) = (recordings(&input.files)?, options(input)?);
+    let files = recordings(&input.files)?;
+    let options = options(input, &files)?;
     let jobs = jobs(&input.files);
     let inner = (threads() / jobs.min(files.len().max(1))).max(1);
     let bar = batch::bar("rows");

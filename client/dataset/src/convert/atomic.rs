@@ -84,8 +84,7 @@ fn hidden(target: &Path) -> PathBuf {
 /// as it was. For recordings that is a copy of gigabytes.
 ///
 /// # Errors
-/// Those of `edit`, and what the disk says: the file is as it was then, unless it is
-/// the folder that cannot be synced.
+/// Those of `edit`, and what the disk says: the file is as it was then.
 pub fn change(file: &Path, edit: impl FnOnce(&Path) -> anyhow::Result<()>) -> anyhow::Result<()> {
     // Behind a link lies the file itself.
     let file = &file.canonicalize()?;
@@ -94,14 +93,15 @@ pub fn change(file: &Path, edit: impl FnOnce(&Path) -> anyhow::Result<()>) -> an
         std::fs::copy(file, &copy)
             .with_context(|| format!("copying {} beside itself", file.display()))?;
         edit(&copy)?;
-        std::fs::File::open(&copy)?.sync_all()?;
+        publish::sync_file(&std::fs::File::open(&copy)?)?;
         Ok(std::fs::rename(&copy, file)?)
     };
     let changed: anyhow::Result<()> = changed();
     changed.inspect_err(|_| {
         let _ = std::fs::remove_file(&copy);
     })?;
-    Ok(publish::sync_folder(file)?)
+    publish::settle(file);
+    Ok(())
 }
 
 fn make_folder(folder: &Path) -> anyhow::Result<()> {
@@ -213,12 +213,13 @@ impl Drop for PendingFile {
 }
 
 /// What came of giving it its name.
-fn placed(named: std::io::Result<()>, target: &Path) -> anyhow::Result<()> {
+fn placed(named: std::io::Result<publish::Published>, target: &Path) -> anyhow::Result<()> {
     match named {
         Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
             Err(AlreadyThere::Meanwhile(target.to_owned()).into())
         }
-        named => named.with_context(|| format!("{} cannot be put in place", target.display())),
+        Err(e) => Err(e).with_context(|| format!("{} cannot be put in place", target.display())),
+        Ok(_) => Ok(()),
     }
 }
 

@@ -17,6 +17,15 @@ pub const PROGRAM: &str = "WHEELARM_FFMPEG";
 const CURE: &str =
     "install it (Debian: apt-get install -y ffmpeg), name another one in WHEELARM_FFMPEG";
 
+/// A path as an argument. It is absolute, because ffmpeg takes a name such as `10:30.mp4`
+/// for a protocol and one that begins with `-` for an option.
+///
+/// # Errors
+/// When the working directory is gone.
+pub(crate) fn argument(path: &Path) -> std::io::Result<OsString> {
+    Ok(std::path::absolute(path)?.into_os_string())
+}
+
 /// The program.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
@@ -210,6 +219,15 @@ mod tests {
             Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
         assert!(told.has("libsvtav1") && told.has("libx264rgb"));
         assert!(!told.has("libx264"));
+    }
+
+    #[test]
+    fn path_that_looks_like_a_protocol_or_an_option_is_given_as_a_file() {
+        for name in ["10:30/e.mp4", "10:30.gif", "-y.mp4"] {
+            let given = argument(Path::new(name)).unwrap();
+            assert!(given.to_string_lossy().starts_with('/'), "{given:?}");
+            assert!(Path::new(&given).ends_with(name), "{given:?}");
+        }
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::columns::{self, Context};
 use crate::hdf::{self, Attributes};
 use crate::log::{Locked, LogError, Scan, hold, is_at, outline, read_ahead, scan};
 use crate::publish;
-use crate::read::first_robot;
+use crate::read::{Episode, first_robot};
 use crate::writer::file_path;
 
 use events::{Phases, Row};
@@ -89,49 +89,97 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(io(out))?;
     }
+    let account = Account::of(&scan);
     if target.exists() && !is_placeholder(&target, log) {
-        return Err(exists());
+        // The file was published, and the log stayed: a crash between the two.
+        return match is_made_of(&target, &scan, &account) {
+            true => Ok(published(
+                log,
+                target,
+                scan,
+                account,
+                publish::Published::default(),
+            )),
+            false => Err(exists()),
+        };
     }
 
     let temporary = target.with_extension("h5.tmp");
     let _claimed = claim(&temporary).map_err(io(&temporary))?;
-    let account = Account::of(&scan);
     let written = write(&temporary, &scan, &account);
     if let Err(problem) = written {
         let _ = std::fs::remove_file(&temporary);
         return Err(problem);
     }
-    let bytes = std::fs::metadata(&temporary).map_err(io(&temporary))?.len();
     if is_placeholder(&target, log) {
         std::fs::remove_file(&target).map_err(io(&target))?;
     }
     match publish::file(&temporary, &target) {
-        Ok(()) => {}
-        Err(problem) if problem.kind() == std::io::ErrorKind::AlreadyExists => {
-            let _ = std::fs::remove_file(&temporary);
-            return Err(exists());
-        }
+        Ok(named) => Ok(published(log, target, scan, account, named)),
         Err(problem) => {
             let _ = std::fs::remove_file(&temporary);
-            return Err(io(&target)(problem));
+            Err(match problem.kind() {
+                std::io::ErrorKind::AlreadyExists => exists(),
+                _ => io(&target)(problem),
+            })
         }
     }
-    // The file is safe. A log that cannot be removed costs only space.
+}
+
+/// The file has its name: nothing behind this is an error. A log that cannot be removed
+/// costs only space, and one stays where a loss of power may undo the name of the file.
+fn published(
+    log: &Path,
+    path: PathBuf,
+    scan: Scan,
+    account: Account,
+    named: publish::Published,
+) -> Finished {
     let mut notes = Vec::new();
-    if let Err(problem) = std::fs::remove_file(log).and_then(|()| publish::sync_folder(log)) {
-        notes.push(format!(
+    let removed = match named.not_durable {
+        Some(problem) => Err(problem),
+        None => std::fs::remove_file(log),
+    };
+    match removed {
+        Ok(()) => drop(publish::settle(log)),
+        Err(problem) => notes.push(format!(
             "the file is good; its log {} stays behind and can be deleted ({problem})",
             log.display()
-        ));
+        )),
     }
     // The system takes a long log apart when the last who holds it lets go.
     std::thread::spawn(move || drop(scan));
-    Ok(Finished {
-        path: target,
-        bytes,
+    Finished {
+        bytes: std::fs::metadata(&path).map_or(0, |metadata| metadata.len()),
+        path,
         account,
         notes,
-    })
+    }
+}
+
+/// Whether `file` was made of this log: the same episode with the same digests of all
+/// streams. Without digests nothing is known.
+fn is_made_of(file: &Path, scan: &Scan, account: &Account) -> bool {
+    let header = scan
+        .preamble
+        .started
+        .as_ref()
+        .and_then(|s| s.header.as_ref());
+    let Some(header) = header else {
+        return false;
+    };
+    let Ok(episode) = Episode::open(file) else {
+        return false;
+    };
+    let is_same = |run: &(String, u64)| run.0 == header.run_id && run.1 == header.episode;
+    let Ok(summary) = episode.summary() else {
+        return false;
+    };
+    let mut expected = account.streams.iter().filter(|stream| stream.received > 0);
+    episode.run().is_ok_and(|run| is_same(&run))
+        && summary.complete == account.complete()
+        && account.total(|stream| stream.received) > 0
+        && expected.all(|stream| !stream.digest.is_empty() && summary.streams.contains(stream))
 }
 
 /// Locks the name under which a file is made: a log of the same name may be made into
@@ -190,7 +238,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
 /// Syncs again and again until `ended` is closed.
 fn sync(file: &File, ended: &Receiver<()>) -> std::io::Result<()> {
     while ended.recv_timeout(SYNC_PERIOD) == Err(RecvTimeoutError::Timeout) {
-        file.sync_data()?;
+        publish::sync_data(file)?;
     }
     Ok(())
 }

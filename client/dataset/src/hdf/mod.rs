@@ -5,10 +5,12 @@
 mod attributes;
 mod chunks;
 mod column;
+mod lists;
 
 pub use attributes::Attributes;
 pub use chunks::{Chunked, Filters};
 pub use column::ColumnWriter;
+pub(crate) use lists::{List, read_lists};
 
 use hdf5::Group;
 use hdf5::types::{VarLenArray, VarLenUnicode};

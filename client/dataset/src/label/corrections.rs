@@ -1,79 +1,137 @@
 //! Segments as a table that people can correct and hand back:
 //! `episode,from_seconds,label,name`, one line per segment, seconds from the
-//! start of the episode. Only episode, from_seconds and label are read.
+//! start of the episode. Columns go by the names of the header; episode, from_seconds
+//! and label are required, others are not read.
 
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 
 use super::{NAMES, Segment};
 
+/// Columns of a table, in the order in which they are written; the last is for people.
+const COLUMNS: [&str; 4] = ["episode", "from_seconds", "label", "name"];
+/// Columns that are read.
+const REQUIRED: [&str; 3] = [COLUMNS[0], COLUMNS[1], COLUMNS[2]];
+/// Ending of a recording's name, which an episode may be given with.
+const ENDING: &str = ".h5";
+
 /// Corrected segments by the label of the episode, times from its start.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Corrections(BTreeMap<String, Vec<Segment>>);
+pub struct Corrections(BTreeMap<String, Own>);
+
+/// Segments of one episode.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Own {
+    segments: Vec<Segment>,
+    /// Where the episode is named first: table and line.
+    place: String,
+}
 
 impl Corrections {
-    /// Reads a table.
+    /// Reads a table: UTF-8, separated by commas, with a header.
     ///
     /// # Errors
-    /// When a line is none, names no label, or times do not rise.
+    /// With the line: when a column is missing, a cell is not what its column holds,
+    /// times do not rise, or the table is separated or encoded otherwise.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("{} cannot be read", path.display()))?;
-        // The lines that say something, with their numbers: the parser counts no others.
+        let table = path.display();
+        let bytes = std::fs::read(path).with_context(|| format!("cannot read {table}"))?;
+        let text = decode(&bytes).with_context(|| format!("cannot read {table}"))?;
+        // Lines with content and their numbers: the parser counts no others.
         let (numbers, lines): (Vec<usize>, Vec<&str>) = (1..)
             .zip(text.lines())
             .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'))
             .unzip();
+        let first = numbers.first().copied().unwrap_or(1);
+        let columns = header(lines.first().copied().unwrap_or_default())
+            .with_context(|| format!("cannot read {table}, line {first}"))?;
         let lines = lines.join("\n");
-        let mut table = csv::ReaderBuilder::new()
+        let mut records = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
             .from_reader(lines.as_bytes());
-        let mut all: BTreeMap<String, Vec<Segment>> = BTreeMap::new();
-        for (record, line) in table.records().enumerate() {
+        let mut all: BTreeMap<String, Own> = BTreeMap::new();
+        for (record, line) in records.records().enumerate() {
             let begins = match &line {
                 Ok(line) => line.position().map(csv::Position::line),
                 Err(problem) => problem.position().map(csv::Position::line),
             };
             let begins = begins.map_or(record + 1, |line| (line as usize).saturating_sub(1));
             let number = numbers.get(begins).copied().unwrap_or_default();
-            let place = || format!("{}, line {number}", path.display());
-            let line = line.with_context(place)?;
-            let cell = |i: usize| line.get(i).unwrap_or_default();
-            let seconds: f64 = cell(1)
+            let place = format!("{table}, line {number}");
+            let line = line.with_context(|| place.clone())?;
+            let mut cells = [""; REQUIRED.len()];
+            for ((cell, column), name) in cells.iter_mut().zip(columns).zip(REQUIRED) {
+                *cell = line.get(column).unwrap_or_default();
+                ensure!(!cell.is_empty(), "{place}: the column {name} is empty");
+            }
+            let [episode, seconds, label] = cells;
+            let from: f64 = seconds
                 .parse()
-                .with_context(|| format!("{}: {:?} is no time in seconds", place(), cell(1)))?;
-            let label: u8 = cell(2)
+                .with_context(|| format!("{place}: {seconds:?} is no time in seconds"))?;
+            let label: u8 = label
                 .parse()
                 .ok()
                 .filter(|&l| usize::from(l) < NAMES.len())
-                .with_context(|| format!("{}: {:?} is no label from 0 to 3", place(), cell(2)))?;
-            if !(0.0..1e7).contains(&seconds) {
-                bail!("{}: {seconds} s lies outside of any episode", place());
+                .with_context(|| format!("{place}: {label:?} is no label from 0 to 3"))?;
+            if !(0.0..1e7).contains(&from) {
+                bail!("{place}: {from} s lies outside of any episode");
             }
-            let segments = all.entry(cell(0).to_owned()).or_default();
-            let from = (seconds * 1e9).round() as u64;
-            if segments.last().is_some_and(|last| last.from >= from) {
+            let own = all.entry(episode.to_owned()).or_insert_with(|| Own {
+                segments: Vec::new(),
+                place: place.clone(),
+            });
+            let nanos = (from * 1e9).round() as u64;
+            if own.segments.last().is_some_and(|last| last.from >= nanos) {
+                bail!("{place}: {from} s is not later than the segment before");
+            }
+            own.segments.push(Segment { from: nanos, label });
+        }
+        for (name, own) in &all {
+            let short = name.strip_suffix(ENDING);
+            if let Some(short) = short.filter(|&short| all.contains_key(short)) {
                 bail!(
-                    "{}: {seconds} s is not later than the segment before",
-                    place()
+                    "{}: the episode is named {name:?} here and {short:?} elsewhere: use one name",
+                    own.place
                 );
             }
-            segments.push(Segment { from, label });
         }
         Ok(Self(all))
+    }
+
+    /// Checks that every episode of the table is a recording that `is_known`.
+    ///
+    /// # Errors
+    /// The first unknown name, with its line.
+    pub fn check_episodes(&self, is_known: impl Fn(&str) -> bool) -> anyhow::Result<()> {
+        for (name, own) in &self.0 {
+            let short = name.strip_suffix(ENDING);
+            ensure!(
+                is_known(name) || short.is_some_and(&is_known),
+                "{}: there is no recording {name:?} among the files or beside them: correct the \
+                 name, or remove its lines",
+                own.place
+            );
+        }
+        Ok(())
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// The corrected segments of an episode that starts at `start`, else those
     /// that the rule found.
     #[must_use]
     pub fn apply(&self, episode: &str, start: u64, found: Vec<Segment>) -> Vec<Segment> {
-        match self.0.get(episode) {
-            Some(own) => own
-                .iter()
+        let own = self.0.get(episode);
+        match own.or_else(|| self.0.get(&format!("{episode}{ENDING}"))) {
+            Some(own) => { own.segments.iter() }
                 .map(|s| Segment {
                     from: s.from + start,
                     label: s.label,
@@ -82,11 +140,50 @@ impl Corrections {
             None => found,
         }
     }
+}
 
-    /// Episodes that it names.
-    pub fn episodes(&self) -> impl Iterator<Item = &str> {
-        self.0.keys().map(String::as_str)
+/// The text of a table, without the mark that spreadsheets put before UTF-8.
+fn decode(bytes: &[u8]) -> anyhow::Result<&str> {
+    let is_wide = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
+    ensure!(
+        !is_wide && !bytes.contains(&0),
+        "line 1: the text is UTF-16 or binary: save the table as CSV in UTF-8"
+    );
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Ok(text.strip_prefix('\u{feff}').unwrap_or(text)),
+        Err(problem) => {
+            let before = &bytes[..problem.valid_up_to()];
+            let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
+            bail!("line {line}: the text is not UTF-8: save the table as CSV in UTF-8")
+        }
     }
+}
+
+/// Where the required columns are in a table with this header.
+fn header(line: &str) -> anyhow::Result<[usize; REQUIRED.len()]> {
+    let names: Vec<&str> = line
+        .split(',')
+        .map(|n| n.trim().trim_matches('"'))
+        .collect();
+    let mut columns = [0; REQUIRED.len()];
+    for (column, name) in columns.iter_mut().zip(REQUIRED) {
+        let mut found = (0..names.len()).filter(|&at| names[at] == name);
+        *column = match (found.next(), found.next()) {
+            (Some(at), None) => at,
+            (Some(_), Some(_)) => bail!("the column {name:?} is there twice: rename one of them"),
+            (None, _) => {
+                let separator = [";", "\t", "|"].into_iter().find(|s| line.contains(s));
+                if let Some(separator) = separator {
+                    bail!("the columns are separated by {separator:?}: save the table with commas");
+                }
+                bail!(
+                    "there is no column {name:?}: begin the table with the line `{}`",
+                    COLUMNS.join(",")
+                )
+            }
+        };
+    }
+    Ok(columns)
 }
 
 /// Writes segments of several episodes: (label, start in nanoseconds, segments).
@@ -95,7 +192,7 @@ impl Corrections {
 /// Those of the writer.
 pub fn write(to: impl Write, episodes: &[(String, u64, Vec<Segment>)]) -> anyhow::Result<()> {
     let mut table = csv::Writer::from_writer(to);
-    table.write_record(["episode", "from_seconds", "label", "name"])?;
+    table.write_record(COLUMNS)?;
     for (episode, start, segments) in episodes {
         for s in segments {
             let seconds = s.from.saturating_sub(*start) as f64 * 1e-9;
@@ -144,6 +241,28 @@ mod tests {
             ("episode,from_seconds,label\na,0,7\n", "line 2"),
             ("episode,from_seconds,label\na,2,0\na,1,1\n", "line 3"),
             ("episode,from_seconds,label\na,soon,0\n", "no time"),
+            ("a,0,0\na,2,1\n", "line 1: there is no column \"episode\""),
+            (
+                "# x\nepisode;from_seconds;label\na;0;0\n",
+                "line 2: the columns are separated by \";\"",
+            ),
+            (
+                "episode\tfrom_seconds\tlabel\na\t0\t0\n",
+                "separated by \"\\t\"",
+            ),
+            ("episode,from_seconds\na,0\n", "no column \"label\""),
+            (
+                "label,episode,from_seconds,label\n0,a,0,0\n",
+                "is there twice",
+            ),
+            (
+                "episode,from_seconds,label\na,0\n",
+                "line 2: the column label is empty",
+            ),
+            (
+                "episode,from_seconds,label\na,0,0\na.h5,0,1\n",
+                "use one name",
+            ),
             (
                 "# by hand\nepisode,from_seconds,label\na,0,0\n\n# the second\n\"b\",1,9\n",
                 "line 6",
@@ -153,5 +272,47 @@ mod tests {
             let problem = format!("{:#}", Corrections::read(&path).unwrap_err());
             assert!(problem.contains(words), "{problem}");
         }
+    }
+
+    #[test]
+    fn columns_of_corrections_go_by_their_names() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("labels.csv");
+        let read = |text: &[u8]| {
+            std::fs::write(&path, text).unwrap();
+            Corrections::read(&path)
+        };
+        let wanted = [
+            Segment { from: 0, label: 2 },
+            Segment {
+                from: 8_700_000_000,
+                label: 1,
+            },
+        ];
+        for text in [
+            "episode,from_seconds,label\na,0,2\na,8.7,1\n",
+            "name,label,episode,by,from_seconds\nx,2,a,me,0\nx,1,a,me,8.7\n",
+            "\u{feff}episode , from_seconds,\"label\"\r\na.h5,0,2\r\na.h5,8.7,1\r\n",
+        ] {
+            let read = read(text.as_bytes()).unwrap();
+            assert_eq!(read.apply("a", 0, Vec::new()), wanted, "{text}");
+            read.check_episodes(|label| label == "a").unwrap();
+            let told = read
+                .check_episodes(|label| label == "b")
+                .unwrap_err()
+                .to_string();
+            assert!(told.contains("line 2: there is no recording \"a"), "{told}");
+        }
+        let wide: Vec<u8> = "\u{feff}episode,from_seconds,label\n"
+            .encode_utf16()
+            .flat_map(u16::to_le_bytes)
+            .collect();
+        let told = format!("{:#}", read(&wide).unwrap_err());
+        assert!(told.contains("line 1: the text is UTF-16"), "{told}");
+        let told = format!(
+            "{:#}",
+            read(b"episode,from_seconds,label\na,0,0\n#\xe9\n").unwrap_err()
+        );
+        assert!(told.contains("line 3: the text is not UTF-8"), "{told}");
     }
 }

@@ -8,7 +8,7 @@ use prost::Message;
 
 use super::format::{FILE_MAGIC, Preamble};
 use super::locked::Locked;
-use super::{LogError, MAX_PAYLOAD};
+use super::{LogError, MAX_MESSAGE, MAX_PAYLOAD, MAX_SNAPSHOT};
 
 /// A file to which a log is appended. Tests put a full disk here.
 pub trait LogFile: Send {
@@ -75,6 +75,18 @@ impl<F: LogFile> Appender<F> {
     /// # Errors
     /// Those of the file.
     pub fn start(mut file: F, preamble: &Preamble) -> io::Result<Self> {
+        let started = preamble.started.as_ref().map_or(0, Message::encoded_len);
+        let snapshot = preamble.snapshot.as_ref().map_or(0, |s| s.snapshot.len());
+        // A reader rejects more.
+        for (what, bytes, most) in [
+            ("the episode's description", started, MAX_MESSAGE),
+            ("the snapshot", snapshot, MAX_SNAPSHOT),
+        ] {
+            if bytes > most {
+                let words = format!("{what} has {bytes} bytes, at most {most} fit");
+                return Err(io::Error::new(io::ErrorKind::InvalidInput, words));
+            }
+        }
         let body = preamble.encode_to_vec();
         let length = u32::try_from(body.len())
             .ok()

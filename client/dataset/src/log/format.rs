@@ -15,6 +15,11 @@ pub const RECORD_HEADER: usize = 40;
 /// has 128 MiB before compression.
 pub const MAX_PAYLOAD: usize = 1 << 30;
 
+/// Greatest snapshot of an episode, bytes; of the homes that ship it has about 1 MB.
+pub const MAX_SNAPSHOT: usize = 256 << 20;
+/// Greatest message that describes an episode (start, end, scenario, robot), bytes.
+pub const MAX_MESSAGE: usize = 16 << 20;
+
 /// What stands first in a log: everything but the samples.
 #[derive(Clone, PartialEq, Message)]
 pub struct Preamble {

@@ -20,8 +20,8 @@ pub(crate) use append::create_file;
 pub use append::{Appender, LogFile};
 pub(crate) use format::FILE_MAGIC as MAGIC;
 pub use format::{
-    CameraParts, Closing, Kind, MAX_PAYLOAD, Preamble, RECORD_HEADER, Received, RecordHeader,
-    Recovered, begin_record, begin_record_in, finish_record,
+    CameraParts, Closing, Kind, MAX_MESSAGE, MAX_PAYLOAD, MAX_SNAPSHOT, Preamble, RECORD_HEADER,
+    Received, RecordHeader, Recovered, begin_record, begin_record_in, finish_record,
 };
 pub use locked::Locked;
 pub(crate) use scan::is_at;

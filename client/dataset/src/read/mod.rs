@@ -10,6 +10,7 @@ mod robot;
 mod samples;
 mod shape;
 mod states;
+mod structure;
 mod summary;
 
 pub use camera::{Camera, Frame};
@@ -30,7 +31,7 @@ use prost::Message;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::columns::Context;
-use crate::hdf::Blob;
+use crate::hdf::{Blob, List, read_lists};
 
 /// An open episode file.
 #[derive(Debug)]
@@ -51,10 +52,8 @@ impl Episode {
             path: path.to_owned(),
             reason,
         };
-        refusal::check_regular(path)?;
-        let file = hdf5::File::open(path).map_err(|e| refusal::refusal(path, &e))?;
         let episode = Self {
-            file,
+            file: open_file(path)?,
             path: path.to_owned(),
             context: OnceLock::new(),
         };
@@ -285,7 +284,7 @@ impl Episode {
     /// # Errors
     /// When it is absent, or has another size than it must have.
     pub fn texts(&self, stream: &str, column: &str) -> Result<Vec<String>, ReadError> {
-        let raw: Vec<VarLenUnicode> = self.all(stream, column)?;
+        let raw: Vec<VarLenUnicode> = self.all_lists(stream, column)?;
         Ok(raw.iter().map(|s| s.as_str().to_owned()).collect())
     }
 
@@ -306,7 +305,7 @@ impl Episode {
         if self.column(stream, "message").is_err() {
             return Ok(None);
         }
-        let raw: Vec<Blob> = self.all(stream, "message")?;
+        let raw: Vec<Blob> = self.all_lists(stream, "message")?;
         Ok(Some(raw.iter().map(|b| b.as_slice().to_vec()).collect()))
     }
 
@@ -322,7 +321,7 @@ impl Episode {
 
     fn messages<M: Message + Default>(&self, stream: &str) -> Result<Vec<M>, ReadError> {
         let path = place(stream, "message");
-        let raw: Vec<Blob> = self.all(stream, "message")?;
+        let raw: Vec<Blob> = self.all_lists(stream, "message")?;
         raw.iter()
             .map(|bytes| M::decode(bytes.as_slice()).map_err(|e| self.decode(&path, e)))
             .collect()
@@ -342,12 +341,32 @@ impl Episode {
     fn raw<T: H5Type>(&self, path: &str) -> Result<Vec<T>, ReadError> {
         self.file
             .dataset(path)
-            .and_then(|d| held(&d).and_then(|()| d.read_raw()))
+            .and_then(|d| {
+                held(&d)?;
+                d.read_raw()
+            })
+            .map_err(|e| self.hdf5(path, e))
+    }
+
+    /// All lists or texts of a column, whose size is checked.
+    fn all_lists<T: List>(&self, stream: &str, column: &str) -> Result<Vec<T>, ReadError> {
+        self.check_shape(stream, column, &self.column(stream, column)?)?;
+        self.lists(&place(stream, column))
+    }
+
+    fn lists<T: List>(&self, path: &str) -> Result<Vec<T>, ReadError> {
+        let length = std::fs::metadata(&self.path).map_or(0, |metadata| metadata.len());
+        self.file
+            .dataset(path)
+            .and_then(|d| {
+                held(&d)?;
+                read_lists(&d, length)
+            })
             .map_err(|e| self.hdf5(path, e))
     }
 
     fn texts_at(&self, path: &str) -> Result<Vec<String>, ReadError> {
-        let raw: Vec<VarLenUnicode> = self.raw(path)?;
+        let raw: Vec<VarLenUnicode> = self.lists(path)?;
         Ok(raw.iter().map(|s| s.as_str().to_owned()).collect())
     }
 
@@ -393,6 +412,25 @@ fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
         camera.rate_hz.get_or_insert_default();
     }
     scenario
+}
+
+/// Opens a recording for reading. Every reader opens files here: a file whose data are
+/// stored elsewhere, or that claims more memory than a recording can need, is rejected
+/// before anything in it is read.
+///
+/// # Errors
+/// [`ReadError::Unreadable`] with the cause and the fix.
+pub fn open_file(path: &Path) -> Result<hdf5::File, ReadError> {
+    refusal::check_path(path)?;
+    let file = match hdf5::File::open(path) {
+        // NFS without a lock service, Lustre, some FUSE file systems.
+        Err(problem) if refusal::has_no_locks(&problem) => crate::hdf::unlocked().open(path),
+        opened => opened,
+    };
+    let file = file.map_err(|e| refusal::refusal(path, &e))?;
+    let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    structure::check(&file, length).map_err(|problem| refusal::untrusted(path, &problem))?;
+    Ok(file)
 }
 
 /// Waits until HDF5 is in no call: it does one at a time.

@@ -38,12 +38,36 @@ pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     }
 }
 
-/// Refuses what is there and is neither file nor folder: a pipe would be waited for
-/// without end.
+/// What HDF5 reports where the file system cannot lock at all.
+pub(super) fn has_no_locks(source: &hdf5::Error) -> bool {
+    let words = source.to_string();
+    words.contains(LOCKED[0]) && !words.contains(LOCKED[1])
+}
+
+/// A file that `problem` makes unsafe to read.
+pub(super) fn untrusted(path: &Path, problem: &str) -> ReadError {
+    ReadError::Unreadable {
+        path: path.to_owned(),
+        reason: format!(
+            "{problem}: no recorder writes such a file; do not use it, or copy it again from where \
+             it was recorded"
+        ),
+    }
+}
+
+/// Rejects a path that is neither file nor folder, because reading a pipe waits forever,
+/// and a path that HDF5 cannot open.
 ///
 /// # Errors
 /// [`ReadError::Unreadable`].
-pub(super) fn check_regular(path: &Path) -> Result<(), ReadError> {
+pub(super) fn check_path(path: &Path) -> Result<(), ReadError> {
+    if path.to_str().is_none() {
+        return Err(ReadError::Unreadable {
+            path: path.to_owned(),
+            reason: "the path is not UTF-8, which HDF5 needs: rename the file or its folder"
+                .to_owned(),
+        });
+    }
     match std::fs::metadata(path) {
         Ok(metadata) if !metadata.is_file() && !metadata.is_dir() => Err(ReadError::Unreadable {
             path: path.to_owned(),
@@ -91,6 +115,13 @@ fn look(path: &Path) -> std::io::Result<Option<ReadError>> {
     };
     if metadata.is_dir() {
         return unreadable(folder(path));
+    }
+    if path.to_str().is_none() {
+        return unreadable(
+            "its path is not UTF-8, which the HDF5 library does not open: rename the file or \
+             its folder"
+                .to_owned(),
+        );
     }
     let mut head = Vec::new();
     let file = std::fs::File::open(path)?;

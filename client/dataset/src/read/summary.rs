@@ -74,6 +74,12 @@ impl Episode {
             what: "the attribute `label`".to_owned(),
             reason: format!("{problem}; leave the file out, or give it such a label"),
         })?;
+        let instruction = told("instruction")?;
+        wheelarm_proto::check::instruction(&instruction).map_err(|problem| ReadError::Content {
+            path: self.path.clone(),
+            what: "the attribute `instruction`".to_owned(),
+            reason: format!("{problem}; leave the file out, or copy it again"),
+        })?;
         let mut conditions = Vec::new();
         for name in at.attr_names().map_err(|e| self.hdf5("attributes", e))? {
             if let Some(condition) = name.strip_prefix("condition ")
@@ -113,7 +119,7 @@ impl Episode {
         }
         Ok(Summary {
             label,
-            instruction: told("instruction")?,
+            instruction,
             task: [told("task")?, told("activity")?, told("area")?],
             seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,
             success: number(at, "success").map_err(|e| self.hdf5("success", e))?,

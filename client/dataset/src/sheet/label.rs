@@ -1,16 +1,70 @@
 //! Words and their room on the sheet.
 
+use std::borrow::Cow;
+use std::sync::LazyLock;
+
+use ab_glyph::{Font, FontRef, GlyphId};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::error::DrawError;
-use super::style::{Area, GREY, INK, text};
+use super::style::{Area, GREY, INK, SANS_SERIF, text};
 
 /// Width of words, pixels.
 pub fn width(words: &str, size: u32) -> i32 {
     let font = ("sans-serif", size).into_font();
     // Without a font nothing is drawn, so any number will do.
-    font.box_size(words).map_or(0, |(w, _)| w as i32)
+    font.box_size(&legible(words)).map_or(0, |(w, _)| w as i32)
+}
+
+/// Words with `[U+4E2D]` in the place of each character that the built-in font lacks: it
+/// has Latin, Greek and Cyrillic letters, no Chinese, Japanese, Korean, Arabic or emoji.
+fn legible(words: &str) -> Cow<'_, str> {
+    static FONT: LazyLock<Option<FontRef<'static>>> =
+        LazyLock::new(|| FontRef::try_from_slice(SANS_SERIF).ok());
+    let Some(font) = FONT.as_ref() else {
+        return words.into();
+    };
+    let lacks = |letter: char| font.glyph_id(letter) == GlyphId(0) || letter.is_control();
+    if !words.contains(lacks) {
+        return words.into();
+    }
+    let mut out = String::new();
+    for letter in words.chars() {
+        match letter {
+            '\n' | '\r' | '\t' => out.push(' '),
+            _ if lacks(letter) => out.push_str(&format!("[U+{:04X}]", u32::from(letter))),
+            _ => out.push(letter),
+        }
+    }
+    out.into()
+}
+
+/// Narrowest letter, part of the height of the letters.
+const NARROWEST: f64 = 0.1;
+
+/// Words that fit into `room` pixels: in smaller letters where they are long, cut
+/// where they would be too small to read, at a word if there is one. An instruction may
+/// have 65,536 bytes, so only what could fit is measured.
+pub fn fitted(words: &str, room: i32, letters: u32) -> (String, u32) {
+    let least = (letters * 2 / 3).max(11);
+    let most = (f64::from(room.max(1)) / (NARROWEST * f64::from(least))) as usize;
+    let kept: String = words.chars().take(most).collect();
+    let is_whole = kept.len() == words.len();
+    for size in (least..=letters).rev().filter(|_| is_whole) {
+        if width(&kept, size) <= room {
+            return (kept, size);
+        }
+    }
+    let ends = |at: usize| format!("{} …", kept[..at].trim_end());
+    let longest = |ends_at: &[usize]| {
+        let fit = ends_at.partition_point(|&at| width(&ends(at), least) <= room);
+        fit.checked_sub(1).map(|last| ends(ends_at[last]))
+    };
+    let spaces: Vec<usize> = kept.match_indices(' ').map(|(at, _)| at).collect();
+    let letters: Vec<usize> = kept.char_indices().map(|(at, _)| at).collect();
+    let cut = longest(&spaces).or_else(|| longest(&letters));
+    (cut.unwrap_or_default(), least)
 }
 
 /// Draws words whose left end has its middle at (x, y); returns their width.
@@ -56,7 +110,7 @@ fn put(
     side: HPos,
 ) -> Result<(), DrawError> {
     let style = text(size, colour).pos(Pos::new(side, VPos::Center));
-    area.draw(&Text::new(words.to_owned(), at, style))
+    area.draw(&Text::new(legible(words).into_owned(), at, style))
 }
 
 /// How a legend shows what a name stands for.
@@ -130,4 +184,53 @@ fn legend(
         x += wide + 18;
     }
     Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sheet::style;
+
+    #[test]
+    fn a_long_instruction_is_made_smaller_and_then_cut_at_a_word() {
+        assert!(style::register());
+        let words = "Pick up the yellow mustard bottle from the coffee table";
+        assert_eq!(fitted(words, 4000, 30), (words.to_owned(), 30));
+        let (whole, size) = fitted(words, width(words, 24), 30);
+        assert_eq!((whole.as_str(), size), (words, 24));
+        let (cut, size) = fitted(words, 200, 30);
+        assert!(cut.ends_with(" …") && width(&cut, size) <= 200);
+        assert!(words.starts_with(cut.trim_end_matches(" …")));
+    }
+
+    #[test]
+    fn the_longest_instruction_is_cut_without_measuring_all_of_it() {
+        assert!(style::register());
+        for words in [
+            "word ".repeat(13_000),
+            "x".repeat(65_536),
+            "漢".repeat(20_000),
+        ] {
+            // As often as a video has frames.
+            for _ in 0..30 {
+                let (cut, size) = fitted(&words, 1900, 40);
+                assert!(
+                    cut.chars().count() > 10 && width(&cut, size) <= 1900,
+                    "{cut}"
+                );
+                assert!(words.starts_with(cut.trim_end_matches(" …")), "{cut}");
+            }
+        }
+    }
+
+    #[test]
+    fn letters_that_the_font_lacks_are_named_and_not_drawn_as_boxes() {
+        assert_eq!(
+            legible("Hol die Tasse, côté gauche · Ж"),
+            "Hol die Tasse, côté gauche · Ж"
+        );
+        assert_eq!(legible("拿 mug 🥤"), "[U+62FF] mug [U+1F964]");
+        assert_eq!(legible("a\nb"), "a b");
+        assert!(width("拿", 20) > width("m", 20));
+    }
 }

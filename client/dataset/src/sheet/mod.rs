@@ -174,7 +174,8 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     } else {
         &summary.instruction
     };
-    label::left(root, title, (MARGIN, 54), 50, INK)?;
+    let (title, size) = label::fitted(title, WIDTH as i32 - 2 * MARGIN, 50);
+    label::left(root, &title, (MARGIN, 54), size, INK)?;
     let x = badge(
         root,
         MARGIN,

@@ -51,19 +51,18 @@ pub fn phase_colour(label: u64) -> RGBColor {
     }
 }
 
+/// The font of words.
+pub const SANS_SERIF: &[u8] = epaint_default_fonts::UBUNTU_LIGHT;
+
 /// Makes the fonts known to plotters; doing it again does no harm.
 pub fn register() -> bool {
-    register_font(
-        "sans-serif",
-        FontStyle::Normal,
-        epaint_default_fonts::UBUNTU_LIGHT,
-    )
-    .and(register_font(
-        "monospace",
-        FontStyle::Normal,
-        epaint_default_fonts::HACK_REGULAR,
-    ))
-    .is_ok()
+    register_font("sans-serif", FontStyle::Normal, SANS_SERIF)
+        .and(register_font(
+            "monospace",
+            FontStyle::Normal,
+            epaint_default_fonts::HACK_REGULAR,
+        ))
+        .is_ok()
 }
 
 /// Text in the sheet's font.

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{bail, ensure};
 
 use crate::convert::Size;
-use crate::convert::ffmpeg::Program;
+use crate::convert::ffmpeg::{Program, argument};
 
 /// How to do without the program.
 const WITHOUT: &str = "look at the episode by `wheelarm dataset view`, which needs none";
@@ -137,11 +137,11 @@ impl Encoder {
         draw: Draw<'_>,
     ) -> anyhow::Result<u64> {
         match self.kind {
-            Kind::Mp4 => self.pass(&mp4(size, rate, path), path, draw),
+            Kind::Mp4 => self.pass(&mp4(size, rate, path)?, path, draw),
             Kind::Gif => {
                 let colours = path.with_file_name("colours.png");
-                self.pass(&palette(size, rate, &colours), &colours, draw)?;
-                self.pass(&gif(size, rate, &colours, path), path, draw)
+                self.pass(&palette(size, rate, &colours)?, &colours, draw)?;
+                self.pass(&gif(size, rate, &colours, path)?, path, draw)
             }
         }
     }
@@ -153,18 +153,30 @@ impl Encoder {
     }
 }
 
-/// Frames of `size` from the pipe, then `rest`, then the file.
-fn arguments(size: Size, rate: f64, rest: &[&str], path: &Path) -> Vec<OsString> {
+/// Frames of `size` from the pipe, then the file `more` if there is one, then `rest`, then
+/// the file that is made.
+fn arguments(
+    size: Size,
+    rate: f64,
+    more: Option<&Path>,
+    rest: &[&str],
+    path: &Path,
+) -> std::io::Result<Vec<OsString>> {
     let (video, rate) = (format!("{}x{}", size.width, size.height), rate.to_string());
     let head = ["-hide_banner", "-loglevel", "error", "-n"];
     let input = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", &video];
     let pipe = ["-framerate", &rate, "-i", "pipe:0"];
-    let all = head.iter().chain(&input).chain(&pipe).chain(rest);
-    let all = all.map(OsString::from);
-    all.chain([path.as_os_str().to_owned()]).collect()
+    let all = head.iter().chain(&input).chain(&pipe);
+    let mut all: Vec<OsString> = all.map(OsString::from).collect();
+    if let Some(more) = more {
+        all.extend(["-i".into(), argument(more)?]);
+    }
+    all.extend(rest.iter().map(OsString::from));
+    all.push(argument(path)?);
+    Ok(all)
 }
 
-fn mp4(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
+fn mp4(size: Size, rate: f64, path: &Path) -> std::io::Result<Vec<OsString>> {
     // Colour at every second pixel is what browsers decode; a moving picture may
     // begin to play before all of it is there.
     let rest = [
@@ -182,10 +194,10 @@ fn mp4(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
         "-f",
         "mp4",
     ];
-    arguments(size, rate, &rest, path)
+    arguments(size, rate, None, &rest, path)
 }
 
-fn palette(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
+fn palette(size: Size, rate: f64, path: &Path) -> std::io::Result<Vec<OsString>> {
     let rest = [
         "-vf",
         "palettegen=stats_mode=full",
@@ -194,15 +206,14 @@ fn palette(size: Size, rate: f64, path: &Path) -> Vec<OsString> {
         "-update",
         "1",
     ];
-    arguments(size, rate, &rest, path)
+    arguments(size, rate, None, &rest, path)
 }
 
-fn gif(size: Size, rate: f64, colours: &Path, path: &Path) -> Vec<OsString> {
+fn gif(size: Size, rate: f64, colours: &Path, path: &Path) -> std::io::Result<Vec<OsString>> {
     // An ordered pattern stands still where the picture does, and so packs well.
     let dither = "paletteuse=dither=bayer:bayer_scale=5:diff_mode=rectangle";
-    let colours = colours.to_string_lossy();
-    let rest = ["-i", &colours, "-lavfi", dither, "-loop", "0", "-f", "gif"];
-    arguments(size, rate, &rest, path)
+    let rest = ["-lavfi", dither, "-loop", "0", "-f", "gif"];
+    arguments(size, rate, Some(colours), &rest, path)
 }
 
 #[cfg(test)]

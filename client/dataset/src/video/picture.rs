@@ -115,7 +115,7 @@ impl Painter<'_> {
         let letters = self.layout.letters;
         let margin = (letters / 2) as i32;
         let room = place.size.width as i32 - 2 * margin;
-        let (title, size) = fitted(&self.story.title, room, letters as u32);
+        let (title, size) = label::fitted(&self.story.title, room, letters as u32);
         let first = (place.y + letters * 9 / 10) as i32;
         let second = (place.y + letters * 23 / 10) as i32;
         label::left(root, &title, (margin, first), size, BRIGHT)?;
@@ -144,43 +144,5 @@ impl Painter<'_> {
         let x = margin + 3 * radius + 4;
         label::left(root, &part.words, (x, second), small, BRIGHT)?;
         Ok(())
-    }
-}
-
-/// Words that fit into `room` pixels: in smaller letters where they are long, cut
-/// where they would be too small to read.
-fn fitted(words: &str, room: i32, letters: u32) -> (String, u32) {
-    let least = (letters * 2 / 3).max(11);
-    for size in (least..=letters).rev() {
-        if label::width(words, size) <= room {
-            return (words.to_owned(), size);
-        }
-    }
-    let mut kept: Vec<&str> = words.split(' ').collect();
-    while kept.len() > 1 {
-        kept.pop();
-        let cut = format!("{} …", kept.join(" "));
-        if label::width(&cut, least) <= room {
-            return (cut, least);
-        }
-    }
-    (words.to_owned(), least)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::sheet::style;
-
-    #[test]
-    fn a_long_instruction_is_made_smaller_and_then_cut_at_a_word() {
-        assert!(style::register());
-        let words = "Pick up the yellow mustard bottle from the coffee table";
-        assert_eq!(fitted(words, 4000, 30), (words.to_owned(), 30));
-        let (whole, size) = fitted(words, label::width(words, 24), 30);
-        assert_eq!((whole.as_str(), size), (words, 24));
-        let (cut, size) = fitted(words, 200, 30);
-        assert!(cut.ends_with(" …") && label::width(&cut, size) <= 200);
-        assert!(words.starts_with(cut.trim_end_matches(" …")));
     }
 }

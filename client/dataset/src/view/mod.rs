@@ -16,6 +16,7 @@ use crate::align::Aligned;
 use crate::convert::batch::parallel;
 use crate::convert::{PendingFile, Recording, Size, scaled};
 use crate::label;
+use crate::publish;
 use crate::read::{Camera, Frame};
 use crate::sheet::picture;
 
@@ -107,9 +108,10 @@ pub fn page(
         }
     }
     write!(file, "{tail}")?;
-    file.into_inner()
-        .map_err(std::io::IntoInnerError::into_error)?
-        .sync_all()?;
+    let file = file
+        .into_inner()
+        .map_err(std::io::IntoInnerError::into_error)?;
+    publish::sync_file(&file)?;
     pending.commit()?;
     Ok(())
 }

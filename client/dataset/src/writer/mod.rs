@@ -22,7 +22,7 @@ use std::thread::JoinHandle;
 use bytes::Bytes;
 use crossbeam_channel::Sender;
 use prost::Message;
-use wheelarm_proto::{StreamId, v1};
+use wheelarm_proto::{StreamId, label, v1};
 
 use crate::columns;
 use crate::depth::Depth;
@@ -31,6 +31,7 @@ use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHea
 use budget::Budget;
 use encode::Encoder;
 use group::Group;
+pub use pictures::MAX_SIDE;
 use threads::{Job, Progress, Record, Work};
 
 /// How an episode is written.
@@ -141,6 +142,41 @@ pub fn file_path(dir: &Path, label: &str) -> PathBuf {
 #[must_use]
 pub fn log_path(dir: &Path, label: &str) -> PathBuf {
     dir.join(format!("{label}.h5.wal"))
+}
+
+/// The next label of the same stem that names no file and no log in these folders.
+#[must_use]
+pub fn next_free_label(dirs: &[&Path], label: &str) -> String {
+    let (stem, number) = label::split(label);
+    let number_of = |entry: std::fs::DirEntry| {
+        let name = entry.file_name();
+        let name = name.to_str()?;
+        let taken = name.strip_suffix(".wal").unwrap_or(name);
+        let (other, number) = label::split(taken.strip_suffix(".h5")?);
+        (other == stem).then_some(number)
+    };
+    let taken = dirs
+        .iter()
+        .filter_map(|dir| std::fs::read_dir(dir).ok())
+        .flat_map(|entries| entries.flatten().filter_map(number_of).collect::<Vec<_>>())
+        .max();
+    label::numbered(stem, taken.unwrap_or(0).max(number).saturating_add(1))
+}
+
+/// Where a file or a log of that label exists already.
+///
+/// # Errors
+/// [`WriteError::Exists`] or [`WriteError::Unfinished`].
+pub fn check_free(dir: &Path, scratch: Option<&Path>, label: &str) -> Result<(), WriteError> {
+    let file = file_path(dir, label);
+    if file.exists() {
+        return Err(WriteError::Exists(file));
+    }
+    let log = log_path(scratch.unwrap_or(dir), label);
+    match log.exists() {
+        true => Err(WriteError::Unfinished(log)),
+        false => Ok(()),
+    }
 }
 
 impl EpisodeWriter {
@@ -264,9 +300,9 @@ impl EpisodeWriter {
         }));
         let sync = syncing.map(|syncing| {
             let (sync, done) = crossbeam_channel::bounded(0);
-            let told = progress.clone();
+            let (told, log) = (progress.clone(), log.clone());
             handles.push(std::thread::spawn(move || {
-                threads::sync(&syncing, &done, &told)
+                threads::sync(&syncing, &log, &done, &told)
             }));
             sync
         });

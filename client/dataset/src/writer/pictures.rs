@@ -6,7 +6,7 @@ use wheelarm_proto::v1;
 use crate::depth::Depth;
 
 /// Largest picture side, pixels; keeps every length far below 4 GiB.
-const MAX_SIDE: u32 = 8192;
+pub const MAX_SIDE: u32 = 8192;
 
 /// Size of a picture by its intrinsics; all of a stream have one.
 fn size(

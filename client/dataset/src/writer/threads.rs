@@ -3,6 +3,9 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io;
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -13,7 +16,8 @@ use wheelarm_proto::v1;
 
 use super::budget::Budget;
 use super::encode::{self, Encoder};
-use crate::log::{Appender, Closing, LogFile, RecordHeader};
+use crate::log::{Appender, Closing, LogFile, RecordHeader, is_at};
+use crate::publish;
 
 /// Pause between two group syncs.
 const SYNC_PERIOD: Duration = Duration::from_millis(200);
@@ -171,18 +175,24 @@ fn flush<F: LogFile>(
     *grouped = (0, 0);
 }
 
-/// Syncs in groups until `done` is closed, and a last time then.
-pub(super) fn sync(file: &File, done: &Receiver<()>, progress: &Arc<Progress>) {
+/// Syncs in groups until `done` is closed, and a last time then. Notices a log that was
+/// removed or replaced meanwhile.
+pub(super) fn sync(file: &File, log: &Path, done: &Receiver<()>, progress: &Arc<Progress>) {
     let (mut synced, mut bytes, mut since) = (0, 0, Instant::now());
+    let mut is_there = true;
     loop {
         let last =
             done.recv_timeout(SYNC_LOOK) != Err(crossbeam_channel::RecvTimeoutError::Timeout);
         let written = progress.acknowledged.load(Ordering::Acquire);
         let length = progress.log_bytes.load(Ordering::Acquire);
+        if is_there && !is_at(file, log) {
+            is_there = false;
+            progress.fail(removed(file, log));
+        }
         // What is much goes at once, so that the last sync finds little to do.
         let due = since.elapsed() >= SYNC_PERIOD || length.saturating_sub(bytes) >= SYNC_BYTES;
         if (due && written != synced) || last {
-            if let Err(problem) = file.sync_data() {
+            if let Err(problem) = publish::sync_data(file) {
                 progress.fail(format!("cannot sync the log to the disk: {problem}"));
             }
             (synced, bytes, since) = (written, length, Instant::now());
@@ -191,4 +201,44 @@ pub(super) fn sync(file: &File, done: &Receiver<()>, progress: &Arc<Progress>) {
             return;
         }
     }
+}
+
+/// Saves the contents of a log that was removed, which live as long as it is open.
+fn removed(file: &File, log: &Path) -> String {
+    let log_name = log.display();
+    let what = format!("the log {log_name} was removed or replaced while it was written");
+    match save(file, log) {
+        Ok(saved) => {
+            let saved = saved.display();
+            format!(
+                "{what}; what was acknowledged is saved in {saved}: `wheelarm dataset recover \
+                 {saved}` makes the file of it"
+            )
+        }
+        Err(problem) => format!(
+            "{what}, and its contents cannot be saved ({problem}): record the episode again"
+        ),
+    }
+}
+
+/// Copies an open file to its name, or beside it where the name is taken.
+fn save(file: &File, log: &Path) -> io::Result<PathBuf> {
+    // The log is open for appending alone; Linux opens it once more by its descriptor.
+    let mut from = File::open(format!("/proc/self/fd/{}", file.as_raw_fd()))?;
+    if let Some(folder) = log.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let beside = log.with_added_extension("saved");
+    let mut taken = io::Error::from(io::ErrorKind::AlreadyExists);
+    for name in [log, &beside] {
+        match File::create_new(name) {
+            Ok(mut to) => {
+                io::copy(&mut from, &mut to)?;
+                publish::sync_file(&to)?;
+                return Ok(name.to_owned());
+            }
+            Err(problem) => taken = problem,
+        }
+    }
+    Err(taken)
 }

@@ -1,5 +1,7 @@
 //! Digests tell what was changed after recording.
 
+use std::path::{Path, PathBuf};
+
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::log::{Closing, Received};
 use wheelarm_dataset::validate::validate;
@@ -9,13 +11,11 @@ use wheelarm_proto::digest;
 use crate::recording::{manifest, offer_all};
 use crate::synthetic;
 
-#[test]
-fn what_was_changed_after_recording_is_found_by_the_digest() {
-    let dir = tempfile::tempdir().unwrap();
+/// The log of an episode whose streams all have digests.
+fn record(dir: &Path) -> PathBuf {
     let started = synthetic::started("digest");
     let options = WriterOptions::default();
-    let mut writer =
-        EpisodeWriter::open(dir.path(), &started, &synthetic::snapshot(), &options).unwrap();
+    let mut writer = EpisodeWriter::open(dir, &started, &synthetic::snapshot(), &options).unwrap();
     let offered = offer_all(&mut writer, 5, 20);
     let received: Vec<Received> = offered
         .iter()
@@ -42,7 +42,31 @@ fn what_was_changed_after_recording_is_found_by_the_digest() {
         received,
         ..Default::default()
     };
-    let finished = finish(&writer.close(closing).unwrap(), None).unwrap();
+    writer.close(closing).unwrap()
+}
+
+#[test]
+fn a_log_whose_file_was_published_before_is_recovered_without_a_second_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = record(dir.path());
+    let bytes = std::fs::read(&log).unwrap();
+    let first = finish(&log, None).unwrap();
+    // Whoever published the file did not come to remove its log.
+    std::fs::write(&log, &bytes).unwrap();
+    let again = finish(&log, None).unwrap();
+    assert_eq!((&again.path, again.bytes), (&first.path, first.bytes));
+    assert!(!log.exists());
+    // Another file of that name is never touched.
+    std::fs::write(&log, &bytes).unwrap();
+    std::fs::write(&first.path, "mine").unwrap();
+    let told = finish(&log, None).unwrap_err().to_string();
+    assert!(told.contains("exists already") && log.exists(), "{told}");
+}
+
+#[test]
+fn what_was_changed_after_recording_is_found_by_the_digest() {
+    let dir = tempfile::tempdir().unwrap();
+    let finished = finish(&record(dir.path()), None).unwrap();
     assert!(
         finished.account.complete(),
         "{:?}",

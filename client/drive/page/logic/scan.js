@@ -80,16 +80,16 @@ export class Scanner {
     const press = this.down.get(which);
     this.down.delete(which);
     // Long enough, but up again before the next frame looked.
-    if (press && !press.counted && now - press.at >= this.settings.hold) this.due.push(which);
+    if (press && !press.counted && now - press.at >= this.settings.hold) this.due.push({ which, at: press.at });
   }
 
-  /** The presses that count now, each once. */
+  /** The presses that count now, each once: {which, at}, `at` when the switch went down. */
   presses(now) {
     const due = this.due.splice(0);
     for (const [which, press] of this.down) {
       if (press.counted || now - press.at < this.settings.hold) continue;
       press.counted = true;
-      due.push(which);
+      due.push({ which, at: press.at });
     }
     return due.filter(() => {
       if (now - this.last < this.settings.debounce) return false;
@@ -113,7 +113,7 @@ export class Scanner {
 
   /** Time has come to `now`. Returns the id that was taken, or null. */
   tick(now) {
-    for (const which of this.presses(now)) {
+    for (const { which } of this.presses(now)) {
       const taken = this.pressed(which, now);
       if (taken !== null) return taken;
     }
@@ -166,36 +166,38 @@ export class Scanner {
 }
 
 /**
- * A place in a picture by one switch: a line sweeps down, a press holds it, a
- * second one sweeps across, a press takes the place. STOP stays outside of it.
+ * A place in an image by one switch: a line sweeps down one camera's image after the
+ * other's, a press holds it, a second line sweeps across that image, a press takes the
+ * place. STOP stays outside of it.
  */
 export class Cross {
-  constructor(now, sweep = 8000) {
+  /** `cameras`: those whose images are shown, the first is swept first. */
+  constructor(now, cameras, sweep = 8000) {
     this.sweep = sweep;
     this.began = now;
-    this.v = null;
+    this.cameras = cameras;
+    this.held = null;
   }
 
-  /** Where the lines are now: {u, v}, u null while the first one sweeps. */
+  /** Where the lines are now: {camera, u, v}, u null while the first one sweeps. */
   at(now) {
-    const phase = ((now - this.began) / this.sweep) % 1;
-    return this.v === null ? { u: null, v: phase } : { u: phase, v: this.v };
+    const turns = Math.max(0, now - this.began) / this.sweep;
+    if (this.held) return { ...this.held, u: turns % 1 };
+    return { camera: this.cameras[Math.floor(turns) % this.cameras.length], u: null, v: turns % 1 };
   }
 
-  /** Three sweeps without a press are enough. */
+  /** Three sweeps of every image without a press are enough. */
   over(now) {
-    return now - this.began > 3 * this.sweep;
+    return now - this.began > 3 * this.sweep * (this.held ? 1 : this.cameras.length);
   }
 
-  /** Takes a press; returns the place when it is the second. */
-  press(now) {
-    const { u, v } = this.at(now);
-    if (u === null) {
-      this.v = v;
-      this.began = now;
-      return null;
-    }
-    return { u, v };
+  /** Takes a press that began at `at`; returns the place when it is the second. */
+  press(at, now = at) {
+    const place = this.at(at);
+    if (this.held) return place;
+    this.held = { camera: place.camera, v: place.v };
+    this.began = now;
+    return null;
   }
 }
 

@@ -38,7 +38,7 @@ export function takesKeys(element) {
 }
 
 /** Rows are scanned in this order; those that are not named come last. */
-const ORDER = ["Letters", "Choose in the picture", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
+const ORDER = ["Alarm", "Letters", "Choose in the picture", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
   "Episode", "Control", "Instruction"];
 const rank = (row) => {
   const at = ORDER.indexOf(row.dataset.row);

@@ -45,10 +45,27 @@ export class Inputs {
   /** Opens a cross over the picture for those who cannot point: swept, or moved by a stick. */
   openCross() {
     const { app } = this;
-    const camera = app.stage.large ?? app.stage.shown()[0];
-    if (app.settings.scan.on) app.stage.cross = Object.assign(new Cross(now()), { camera });
-    else app.stage.cross = { camera, u: 0.5, v: 0.5, at() { return { u: this.u, v: this.v }; } };
+    const shown = app.stage.shown();
+    const camera = app.stage.large ?? shown[0];
+    if (app.settings.scan.on) {
+      app.stage.cross = new Cross(now(), [camera, ...shown.filter((other) => other !== camera)]);
+      this.swept = null;
+      return;
+    }
+    app.stage.cross = { camera, u: 0.5, v: 0.5, at() { return { camera: this.camera, u: this.u, v: this.v }; } };
+    app.stage.reveal(camera);
     app.say("Press when the line is over it", false);
+  }
+
+  /** Nobody is asked for a press without seeing the image that is swept. */
+  showSwept({ camera, u }) {
+    const { app } = this;
+    const key = `${camera} ${u === null}`;
+    if (key === this.swept) return;
+    this.swept = key;
+    app.stage.reveal(camera);
+    const { title } = app.stage.figures.get(camera);
+    app.say(u === null ? `${title}: press when the line is at the right height` : `${title}: press when the line is over it`, false);
   }
 
   /** Whether the stick is on the buttons of the page. */
@@ -58,6 +75,14 @@ export class Inputs {
 
   key(event, down) {
     const { app } = this;
+    const at = now();
+    if (down && !event.repeat && event.code !== "Escape" && app.driver.intercept("keyboard", at)) {
+      // What moves on its own stops by any key, whatever it means in whichever layout.
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      app.flush();
+      return;
+    }
     if (["Shift", "Control", "Alt", "Meta", "CapsLock"].includes(event.key)) {
       // While Meta is down some systems tell of no key that comes up.
       if (event.key === "Meta") {
@@ -65,18 +90,11 @@ export class Inputs {
       }
       return;
     }
-    const at = now();
     const focused = document.activeElement;
     if (down && event.code === "Escape") {
       event.preventDefault();
       app.stop("keyboard");
       if (app.where === "drive") $("stage").focus({ preventScroll: true });
-      return;
-    }
-    if (down && !event.repeat && app.driver.intercept("keyboard", at)) {
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      app.flush();
       return;
     }
     const typing = focused?.matches?.("input, textarea, select");
@@ -178,7 +196,7 @@ export class Inputs {
   listenPointer() {
     const { app } = this;
     let swallow = false;
-    const inScan = () => app.settings.scan.on;
+    const inScan = () => app.settings.scan.on && !app.carer;
     window.addEventListener("pointerdown", (event) => {
       const device = inScan() ? "switch" : event.pointerType === "mouse" ? "mouse" : "touch";
       swallow = false;
@@ -193,6 +211,8 @@ export class Inputs {
         swallow = true;
         if (inScan()) this.scanner.spend(1, now());
         app.flush();
+      } else if (event.target.closest("#carer")) {
+        // Never the switch: a carer gets the pointer back here, on any device.
       } else if (inScan() && !event.target.closest("input, textarea, select, summary")) {
         event.preventDefault();
         event.stopImmediatePropagation();
@@ -340,11 +360,16 @@ export class Inputs {
     const { app } = this;
     const { cross } = app.stage;
     if (cross instanceof Cross) {
-      if (cross.over(at)) app.closeMenu();
-      for (let due = this.scanner.presses(at).length; due > 0; due -= 1) {
-        const place = cross.press(at);
-        if (place) app.stage.pick(cross.camera, place.u, place.v);
+      if (cross.over(at)) {
+        app.closeMenu();
+        return;
       }
+      for (const press of this.scanner.presses(at)) {
+        // The line counts where it was when the switch went down, not when the press counted.
+        const place = cross.press(press.at, at);
+        if (place) app.stage.pick(place.camera, place.u, place.v);
+      }
+      this.showSwept(cross.at(at));
       return;
     }
     this.scanner.items(rowsOf(this.scanRoot()), at);

@@ -3,6 +3,7 @@
 import { loopAge } from "../logic/rights.js";
 import { $, button, children, h, text } from "./dom.js";
 import { openLetters } from "./letters.js";
+import { alarm } from "./sound.js";
 
 const RECORDER_WORDS = {
   idle: "ready", ready: "recording", finishing: "writing the file", finished: "file finished", failed: "FAILED",
@@ -24,13 +25,14 @@ export class Panels {
     this.task = null;
     this.seed = null;
     this.tasks = [];
-    this.labelFor = "";
+    this.alarmed = [];
   }
 
   /** Everything, from a situation. */
   show(s, now) {
     const mine = Boolean(s.lease?.mine);
     const asks = this.app.twice.asks(now);
+    this.alarms(s);
     this.chips(s, mine);
     text($("instruction"), s.episode?.instruction || s.scenario?.instruction || "");
     this.episode(s, mine, asks);
@@ -40,6 +42,23 @@ export class Panels {
     this.robot(s);
   }
 
+  /** What must not be overlooked stays until the person says that it was read, or it is over. */
+  alarms(s) {
+    const { read, settings, role } = this.app;
+    // Who watches can do nothing about it.
+    const all = role === "viewer" ? [] : s.alarms || [];
+    for (const words of read) if (!all.includes(words)) read.delete(words);
+    const list = all.filter((words) => !read.has(words));
+    const fresh = list.some((words) => !this.alarmed.includes(words));
+    this.alarmed = list;
+    if (fresh && settings.sound) alarm();
+    children($("alarms"), JSON.stringify(list), () => list.map((words, index) => h("div", {}, h("p", {}, words),
+      button(`alarm:${index}`, "I have read this", () => {
+        read.add(words);
+        this.app.refresh();
+      }))));
+  }
+
   chips(s, mine) {
     const age = loopAge(s.control);
     const recorder = this.recorderWords(s);
@@ -47,7 +66,8 @@ export class Panels {
       ["Connection", s.link === "open" ? "connected" : `robot: ${s.link || "unknown"}`, s.link === "open" ? "good" : "bad"],
       ["Loop age", `loop ${age.text}`, age.state],
       ["Control", mine ? "you drive" : s.lease?.holder ? `${s.lease.holder} drives` : "nobody drives", mine ? "good" : "careful"],
-      ["Episode", s.episode ? `episode ${s.episode.number}  ${fixed(s.episode.seconds, 0)} s` : "no episode", s.episode ? "good" : ""],
+      ["Episode", !s.episode ? "no episode" : s.evaluation?.failure ? `episode ${s.episode.number}: TASK LOST`
+        : `episode ${s.episode.number}  ${fixed(s.episode.seconds, 0)} s`, !s.episode ? "" : s.evaluation?.failure ? "bad" : "good"],
       ["Recorder", ...recorder],
       ["Time", s.paused ? "paused" : `${fixed(s.factor, 2)}× time`, s.paused || s.factor < 0.8 ? "careful" : ""],
     ];
@@ -61,6 +81,7 @@ export class Panels {
     const recorders = s.recorders || [];
     const missed = recorders.reduce((total, one) => total + (one.missed || 0), 0);
     const ready = recorders.filter((one) => one.state === "ready").length;
+    if (s.episode?.practice) return ["practice: nothing is kept", "careful"];
     if (recorders.some((one) => one.state === "failed")) return ["recorder FAILED", "bad"];
     if (missed > 0) return [`${missed} samples missed`, "bad"];
     if (s.episode && ready > 0) return [`● recording × ${ready}`, "good"];
@@ -72,21 +93,25 @@ export class Panels {
   episode(s, mine, asks) {
     const { app } = this;
     const runs = Boolean(s.episode);
-    const result = s.evaluation?.success ? "Success" : s.evaluation?.failure ? `Failed: ${s.evaluation.failure}` : "";
+    const lost = runs && !s.evaluation?.success && s.evaluation?.failure;
+    const result = s.evaluation?.success ? "Success" : lost ? `THE TASK IS LOST: ${s.evaluation.failure.replaceAll("_", " ")}.` : "";
+    $("episode_text").className = lost ? "bad" : "";
     text($("episode_text"), s.busy ? `Please wait: ${s.busy} …`
       : s.waiting_for ? `The simulation waits for ${s.waiting_for}.`
         : runs ? `${s.episode.label}, ${fixed(s.episode.seconds, 0)} s. ${result}` : "No episode runs.");
     const again = (what, words) => (asks === what ? `${words}: press again` : words);
-    const key = JSON.stringify([runs, mine, asks, Boolean(s.busy), s.paused]);
+    const practice = Boolean(s.episode?.practice);
+    const key = JSON.stringify([runs, mine, asks, Boolean(s.busy), s.paused, practice, lost]);
     children($("episode_buttons"), key, () => {
       const off = { disabled: !mine || Boolean(s.busy) };
       const made = runs ? [
-        button("finish", "Finish and keep", () => app.episode("finish"), { ...off, className: "first" }),
+        button("finish", practice ? "Finish practice" : lost ? "Finish, keep as failed" : "Finish and keep", () => app.episode("finish"), { ...off, className: "first" }),
         button("discard", again("discard", "Discard"), () => app.twicePressed("discard", () => app.episode("discard")),
           { ...off, className: asks === "discard" ? "asks" : "" }),
         button("redo", again("redo", "Redo"), () => app.twicePressed("redo", () => app.episode("redo")),
           { ...off, className: asks === "redo" ? "asks" : "" }),
-      ] : [button("start", "Start episode", () => app.episode("start"), { ...off, className: "first" })];
+      ] : [button("start", "Start episode", () => app.episode("start"), { ...off, className: "first" }),
+        button("practise", "Practise, keep nothing", () => app.episode("practise"), off)];
       made.push(s.paused ? button("resume", "Let time go on", () => app.ask("time.resume"), off)
         : button("pause", "Pause time", () => app.ask("time.pause"), off));
       return made;
@@ -94,7 +119,7 @@ export class Panels {
     text($("recorders_text"), (s.recorders || []).map((one) =>
       `${one.name}: ${one.state === "finished" && !one.complete ? "file NOT complete" : RECORDER_WORDS[one.state] || one.state}` +
       `, ${one.frames ?? 0} pictures${one.missed ? `, ${one.missed} missed` : ""}${one.message ? `. ${one.message}` : ""}`)
-      .join("; ") || "No recorder is connected: nothing is kept.");
+      .join("; ") || "No recorder is connected: an episode cannot start, practice can.");
     $("recorders_text").className = (s.recorders || []).some((one) => one.state === "failed" || one.missed) ? "bad" : "quiet";
     const conditions = s.evaluation?.conditions || [];
     children($("conditions"), JSON.stringify(conditions.map((one) => [one.name, one.holds])), () =>

@@ -68,6 +68,8 @@ export class Settings {
           // What was set by hand for the devices stays with the browser's keys and maps.
           const { keys, gamepad, theme } = this.app.settings;
           this.change({ ...preset(name), keys, gamepad, theme });
+          // Who chose it with a pointer still needs the pointer, for Done.
+          if (this.app.clickDevice === null) this.app.setCarer(true);
         }, { "aria-pressed": String(settings.preset === name) });
         one.append(h("b", {}, label), h("small", {}, words));
         return one;
@@ -108,10 +110,13 @@ export class Settings {
     const set = (name) => (value) => this.change({ scan: { ...scan, [name]: value } });
     const kinds = { rows: "Row, then button", linear: "Every button", two: "Two switches" };
     return this.section("Scanning with a switch", "Scanning",
-      this.check("scan:on", "Scanning", scan.on, set("on")), h("p", {}, ""),
+      this.check("scan:on", "Scanning", scan.on, (on) => {
+        set("on")(on);
+        if (this.app.clickDevice === null) this.app.setCarer(true);
+      }), h("p", {}, ""),
       h("div", { className: "buttons" }, ...Object.entries(kinds).map(([kind, label]) =>
         button(`scan:${kind}`, label, () => set("kind")(kind), { "aria-pressed": String(scan.kind === kind) }))),
-      h("p", { className: "quiet" }, "The switch is Space, a click anywhere, or any gamepad button; a second switch is Enter."),
+      h("p", { className: "quiet" }, "The switch is Space, a click anywhere, or any gamepad button; a second switch is Enter. Carer, at the top of the page, gives the pointer back to a carer."),
       h("div", { className: "fields" },
         this.range("scan.interval", "Each button is framed for", scan.interval, 500, 5000, 100, "ms", set("interval")),
         this.range("scan.first", "The first one longer by", scan.first, 0, 3000, 100, "ms", set("first")),

@@ -19,6 +19,11 @@ export function tick(high = false) {
   tone.stop(context.currentTime + 0.08);
 }
 
+/** Three high ticks: something must not be overlooked. */
+export function alarm() {
+  for (const wait of [0, 200, 400]) setTimeout(() => tick(true), wait);
+}
+
 /** Reads a text aloud; a second call while it reads ends it. Whether it can. */
 export function readAloud(words) {
   if (!("speechSynthesis" in window)) return false;

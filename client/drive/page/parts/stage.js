@@ -2,6 +2,8 @@
 
 import { $, button, h, text } from "./dom.js";
 
+/** A page that is not wider shows one camera large, the other small, CSS pixels. */
+const NARROW = 560;
 const NAMES = { gen3: "Hand camera", wheelchair: "Chair camera", room: "Room camera" };
 
 export class Stage {
@@ -25,8 +27,7 @@ export class Stage {
     this.figures.clear();
     for (const camera of list) this.figures.set(camera.index, this.figure(camera));
     $("nothing").hidden = list.length > 0;
-    // A narrow page shows one camera large, the other small.
-    if (window.innerWidth <= 560 && list.length > 1) this.large ??= list[0].index;
+    if (window.innerWidth <= NARROW && list.length > 1) this.large ??= list[0].index;
     this.arrange();
   }
 
@@ -110,7 +111,8 @@ export class Stage {
 
   drawOver(now) {
     for (const [index, { over, canvas }] of this.figures) {
-      const drawn = (this.cross && this.cross.camera === index) || (this.outline && this.outline.camera === index);
+      const cross = this.cross?.at(now);
+      const drawn = cross?.camera === index || (this.outline && this.outline.camera === index);
       if (!drawn && !over.used) continue;
       over.used = drawn;
       if (over.width !== canvas.width) over.width = canvas.width;
@@ -118,8 +120,17 @@ export class Stage {
       const context = over.getContext("2d");
       context.clearRect(0, 0, over.width, over.height);
       if (this.outline?.camera === index) outlined(context, over, this.outline.points);
-      if (this.cross?.camera === index) crossed(context, over, this.cross.at(now));
+      if (cross?.camera === index) crossed(context, over, cross);
     }
+  }
+
+  /** Brings a camera's image into view, large where the page is narrow. */
+  reveal(camera) {
+    if (window.innerWidth <= NARROW && this.large !== camera) {
+      this.large = camera;
+      this.arrange();
+    }
+    this.figures.get(camera).figure.scrollIntoView({ block: "nearest" });
   }
 
   /** A place in a picture was pointed at. */

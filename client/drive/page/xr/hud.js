@@ -22,8 +22,9 @@ export class Hud {
     const asks = twice.asks(this.app.now());
     const again = (what, words) => [what, asks === what ? "again?" : words];
     if (!s?.lease?.mine) return [["ask", "Ask for control"], ["leave", "Leave"]];
-    return s.episode ? [["finish", "Finish"], again("discard", "Discard"), again("redo", "Redo"), ["read", "Read"], ["leave", "Leave"]]
-      : [["start", "Start episode"], ["read", "Read"], ["leave", "Leave"]];
+    const alarms = this.app.panels.alarmed.length > 0 ? [["alarm:0", "I have read this"]] : [];
+    return s.episode ? [...alarms, ["finish", "Finish"], again("discard", "Discard"), again("redo", "Redo"), ["read", "Read"], ["leave", "Leave"]]
+      : [...alarms, ["start", "Start episode"], ["practise", "Practise"], ["read", "Read"], ["leave", "Leave"]];
   }
 
   /** The item at a place, or null. */
@@ -40,13 +41,14 @@ export class Hud {
     const { situation: s, driver, inForce } = this.app;
     context.fillStyle = "#12161a";
     context.fillRect(0, 0, ...SIZE);
-    context.fillStyle = "#eef2f5";
+    const [alarm] = this.app.panels.alarmed;
+    context.fillStyle = alarm ? "#ff9c96" : "#eef2f5";
     context.font = "bold 52px system-ui, sans-serif";
-    this.wrapped(context, s?.episode?.instruction || s?.scenario?.instruction || "", 30, 62, SIZE[0] - 60, 58);
+    this.wrapped(context, alarm || s?.episode?.instruction || s?.scenario?.instruction || "", 30, 62, SIZE[0] - 60, 58);
     context.font = "36px system-ui, sans-serif";
     const recording = (s?.recorders || []).some((one) => one.state === "ready");
     context.fillText([`loop ${loopAge(s?.control).text}`, s?.episode ? `episode ${s.episode.number}, ${Math.round(s.episode.seconds)} s` : "no episode",
-      s?.episode ? (recording ? "● recording" : "NOT RECORDED") : ""].filter(Boolean).join("    "), 30, 190);
+      !s?.episode ? "" : s.episode.practice ? "practice" : recording ? "● recording" : "NOT RECORDED"].filter(Boolean).join("    "), 30, 190);
     context.fillStyle = driver.lock || inForce ? "#ff9c96" : "#7fdca0";
     context.fillText(driver.lock || (inForce ? "STOPPED: squeeze again" : "Squeeze: hand.  Stick: chair.  Trigger closes, B opens.  A: STOP"), 30, 248);
     this.drawButtons(context, ray);

@@ -1,12 +1,15 @@
 //! What pages ask on the state socket: control, tasks, scenarios, episodes, time.
 
 use serde_json::{Value, json};
-use wheelarm_proto::v1;
+use wheelarm_proto::label;
 
 use super::{Control, Effect, Model};
-use crate::errand::{Done, Errand, Start, label_of};
+use crate::errand::{Done, Errand, Start};
 use crate::protocol::{Ask, Asked};
 use crate::watch::Connection;
+
+/// The errand during which the server is not expected to be silent.
+pub(super) const LISTING: &str = "listing the tasks";
 
 /// What an ask brought: further fields of the answer, or why not.
 pub type Answered = Result<Value, String>;
@@ -19,7 +22,14 @@ impl Model {
             Ask::LeaseAsk => return self.ask_lease(page, id, false, time),
             Ask::LeaseTake => return self.ask_lease(page, id, true, time),
             Ask::LeaseGive { to } => return self.give_lease(page, id, to.as_deref(), time),
-            Ask::Tasks => return self.errand(page, id, "listing the tasks", Errand::Tasks),
+            Ask::Tasks => {
+                let known = self.pages.get(page);
+                if !known.is_some_and(|page| page.visitor.role.may_drive()) {
+                    let words = "the tasks are for those who may drive";
+                    return self.answer(page, id, Err(words.to_owned()));
+                }
+                return self.errand(page, id, LISTING, Errand::Tasks);
+            }
             Ask::Unknown => return self.answer(page, id, Err("nobody knows this".to_owned())),
             _ => {}
         }
@@ -48,8 +58,9 @@ impl Model {
                 None,
             ) => {
                 let start = Start {
+                    numbered: label.trim().is_empty(),
                     label: match label.trim() {
-                        "" => label_of(&scenario),
+                        "" => label::for_scenario(&scenario),
                         label => label.to_owned(),
                     },
                     instruction: match instruction.trim() {
@@ -66,8 +77,10 @@ impl Model {
             (Ask::Redo, Some(running)) => {
                 let start = Start {
                     label: running.label,
+                    // A recorder that failed may have left the log of this label.
+                    numbered: true,
                     instruction: running.instruction,
-                    recorders: 0,
+                    recorders: u32::from(!running.practice),
                 };
                 ("starting anew", Errand::Redo(start))
             }
@@ -143,11 +156,17 @@ impl Model {
             Done::Scene(_) => return Vec::new(),
             Done::Started(Ok(started)) => {
                 let number = started.header.as_ref().map_or(0, |h| h.episode);
-                let answer = json!({"number": number, "label": started.label});
-                self.began(*started);
+                let answer = json!({
+                    "number": number, "label": started.label, "practice": started.practice,
+                });
+                self.situation.began(*started);
                 Ok(answer)
             }
-            Done::Stopped(Ok(stopped)) => Ok(self.ended(&stopped, time)),
+            Done::Stopped(Ok(stopped)) => {
+                let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
+                let text = self.situation.ended(&stopped, time);
+                Ok(json!({"success": success, "text": text}))
+            }
             Done::Reset(Ok(scenario)) => {
                 let answer = json!({"task": scenario.task(), "seed": scenario.seed()});
                 if let Some(status) = &mut self.situation.status {
@@ -174,45 +193,15 @@ impl Model {
                     .collect();
                 Ok(json!({"tasks": tasks}))
             }
-            Done::Started(Err(why))
-            | Done::Stopped(Err(why))
-            | Done::Reset(Err(why))
-            | Done::Paused(Err(why))
-            | Done::Tasks(Err(why)) => {
+            Done::Started(Err(why)) | Done::Stopped(Err(why)) => {
+                self.situation.refused(&why, time);
+                Err(why)
+            }
+            Done::Reset(Err(why)) | Done::Paused(Err(why)) | Done::Tasks(Err(why)) => {
                 self.situation.note(time, true, why.clone());
                 Err(why)
             }
         };
         self.answer_errand(answered)
-    }
-
-    /// The next status is not waited for: commands must carry the number now.
-    fn began(&mut self, started: v1::EpisodeStarted) {
-        if let Some(header) = &started.header {
-            self.situation.header = header.clone();
-        }
-        if let Some(status) = &mut self.situation.status {
-            status.episode = Some(started);
-        }
-    }
-
-    fn ended(&mut self, stopped: &v1::EpisodeStopped, time: f64) -> Value {
-        let evaluation = stopped.evaluation.clone().unwrap_or_default();
-        let result = match (evaluation.success, evaluation.failure.as_str()) {
-            (true, _) => "success".to_owned(),
-            (false, "") => "not reached".to_owned(),
-            (false, why) => format!("failed: {why}"),
-        };
-        let kept = if stopped.discard { "discarded" } else { "kept" };
-        let text = format!(
-            "episode {kept}: {result} after {:.1} s",
-            evaluation.elapsed_seconds
-        );
-        self.situation.note(time, false, text.clone());
-        if let Some(status) = &mut self.situation.status {
-            status.episode = None;
-        }
-        self.situation.header.episode = 0;
-        json!({"success": evaluation.success, "text": text})
     }
 }

@@ -3,14 +3,19 @@
 use serde_json::json;
 use wheelarm_proto::v1;
 
+use super::asks::LISTING;
 use super::{Effect, Model, note};
 use crate::errand::Errand;
-use crate::watch::Connection;
+use crate::watch::{Connection, Verdict};
 
 /// A status this soon after control was given may be older than that, s.
 const FRESH: f64 = 2.0;
 /// Time between two attempts to get lost control back, s.
 const AGAIN: f64 = 1.0;
+
+/// In the place of a page whose session ended while the server was asked for it; no
+/// page has an empty name.
+const SIGNED_OUT: &str = "";
 
 /// Who is in control.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,7 +92,7 @@ impl Model {
     /// The server did not answer in time.
     pub fn silent(&mut self, time: f64) -> Vec<Effect> {
         // While it works on an errand its silence is expected.
-        if self.busy.is_some() {
+        if self.busy.as_ref().is_some_and(|(word, _)| *word != LISTING) {
             return Vec::new();
         }
         self.situation.fall_silent(time);
@@ -97,23 +102,36 @@ impl Model {
     /// The server's account of itself, and the round trip it took, s.
     pub fn status(&mut self, status: v1::Status, round_trip: f64, time: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
-        self.situation.take_status(status, round_trip);
+        let verdicts = self.situation.take_status(status, round_trip, time);
+        let mut effects = self.tell_verdicts(&verdicts);
         let Control::Ours { page, name, since } = &self.control else {
-            return Vec::new();
+            return effects;
         };
         if time - since < FRESH || holder == *name {
-            return Vec::new();
+            return effects;
         }
         let page = page.clone();
         if holder.is_empty() {
-            return self.ask_again(&page, time);
+            effects.extend(self.ask_again(&page, time));
+            return effects;
         }
-        let mut effects = self.halt(&format!("{holder} took control"), time);
+        effects.extend(self.halt(&format!("{holder} took control"), time));
         effects.push(note(&page, true, &format!("{holder} took control")));
         effects.push(self.audit(&page, "lost", &holder));
         effects.push(Effect::Release);
         self.control = Control::None;
         effects
+    }
+
+    /// Every page that may drive is told what became of an episode's file.
+    fn tell_verdicts(&self, verdicts: &[Verdict]) -> Vec<Effect> {
+        let driving = self
+            .pages
+            .iter()
+            .filter(|(_, page)| page.visitor.role.may_drive());
+        driving
+            .flat_map(|(name, _)| verdicts.iter().map(move |v| note(name, v.bad, &v.text)))
+            .collect()
     }
 
     /// A page asks for control, or takes it.
@@ -230,6 +248,9 @@ impl Model {
                 self.forget_motion(&page);
                 let mut effects = vec![self.audit(&page, "control", "")];
                 effects.extend(self.mine(&page, id));
+                if page == SIGNED_OUT {
+                    effects.extend(self.give_up("the page signed out"));
+                }
                 effects
             }
             Err(why) => {
@@ -281,6 +302,18 @@ impl Model {
         let answer = json!({"t": "answer", "id": id, "ok": true, "mine": false});
         effects.push(Effect::Say(page.to_owned(), answer));
         effects
+    }
+
+    /// Takes control back from a page, also where the server has not answered yet.
+    pub(super) fn take_back(&mut self, page: &str, why: &str) -> Vec<Effect> {
+        match &mut self.control {
+            Control::Ours { page: holder, .. } if holder == page => self.give_up(why),
+            Control::Asking { page: asker, .. } if asker == page => {
+                SIGNED_OUT.clone_into(asker);
+                Vec::new()
+            }
+            _ => Vec::new(),
+        }
     }
 
     pub(super) fn give_up(&mut self, why: &str) -> Vec<Effect> {

@@ -393,11 +393,16 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     let effects = ask(&mut model, "a", start, 0.3);
     assert!(stops(&effects));
     let begun = effects.iter().find_map(|effect| match effect {
-        Effect::Errand(Errand::Start(start), name) => Some((start.label.clone(), name.clone())),
+        Effect::Errand(Errand::Start(start), name) => Some((start.clone(), name.clone())),
         _ => None,
     });
-    let expected = ("pick_mustard-seed5-1".to_owned(), "anna".to_owned());
-    assert_eq!(begun, Some(expected));
+    let (begun, name) = begun.unwrap();
+    assert_eq!(
+        (begun.label.as_str(), name.as_str()),
+        ("pick_mustard-seed5-1", "anna")
+    );
+    // A person who starts an episode wants it recorded, under whichever label is free.
+    assert!(begun.numbered && begun.recorders == 1, "{begun:?}");
     // One errand at a time.
     assert!(answers(&ask(&mut model, "a", start, 0.3))["error"].is_string());
     let started = v1::EpisodeStarted {
@@ -420,6 +425,7 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     );
     let effects = model.done(Done::Started(Err("the disk is full".to_owned())), 0.7);
     assert_eq!(answers(&effects)["error"], "the disk is full");
+    assert_eq!(model.situation.alarms(), ["the disk is full"]);
 }
 
 #[test]
@@ -524,4 +530,78 @@ fn a_goal_ends_with_the_page_that_looks_on() {
         assert!(effects.contains(&Effect::EndGoal(1)), "{why}: {effects:?}");
         assert!(stops(&effects), "{why}");
     }
+}
+
+#[test]
+fn the_end_of_a_session_stops_the_chair_and_gives_control_back() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    let effects = model.signed_out("b", "signed out", 0.25);
+    assert!(effects.is_empty(), "another page: {effects:?}");
+    let effects = model.signed_out("a", "signed out", 0.3);
+    assert!(stops(&effects), "{effects:?}");
+    assert!(effects.contains(&Effect::Release), "{effects:?}");
+    let stop = effects.iter().position(|e| matches!(e, Effect::Send(..)));
+    let release = effects.iter().position(|e| *e == Effect::Release);
+    assert!(stop < release, "the stop goes before control: {effects:?}");
+    assert_eq!(model.control, Control::None);
+    // What is still under way moves nothing.
+    assert!(sent(&model.intent("a", &intent(2, 2, 1.0), 0.31)).is_empty());
+}
+
+#[test]
+fn control_that_comes_after_the_end_of_the_session_goes_back_at_once() {
+    let mut model = open();
+    ask(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
+    model.signed_out("a", "signed out", 0.05);
+    let effects = model.done(Done::Lease(Ok(())), 0.1);
+    assert!(effects.contains(&Effect::Release), "{effects:?}");
+    assert_eq!(model.control, Control::None);
+}
+
+#[test]
+fn a_page_has_the_role_of_its_newest_session() {
+    let mut model = open();
+    let lowered = visitor("anna", Role::Viewer);
+    model.joined("a", &lowered, Socket::State, 0.1);
+    let effects = ask(&mut model, "a", r#""ask":"lease.ask""#, 0.2);
+    assert_eq!(answers(&effects)["ok"], false);
+}
+
+#[test]
+fn a_refusal_of_what_others_send_in_this_name_stops_nothing() {
+    for (code, stopped) in [
+        (RefusalCode::Seal, false),
+        (RefusalCode::Foreign, false),
+        (RefusalCode::Version, false),
+        (RefusalCode::Invalid, true),
+    ] {
+        let mut model = driving();
+        model.intent("a", &intent(1, 1, 1.0), 0.2);
+        let refusal = v1::Refusal {
+            commander: "anna".to_owned(),
+            code: code.into(),
+            count: 1,
+            ..Default::default()
+        };
+        let effects = model.sample(Sample::Refusal(refusal), 0.3);
+        assert_eq!(stops(&effects), stopped, "{code:?}: {effects:?}");
+    }
+}
+
+#[test]
+fn asking_for_the_tasks_hides_no_silence_and_a_viewer_may_not() {
+    let mut model = driving();
+    model.intent("a", &intent(1, 1, 1.0), 0.2);
+    assert_eq!(
+        answers(&ask(&mut model, "c", r#""ask":"tasks""#, 0.2))["ok"],
+        false
+    );
+    assert!(
+        ask(&mut model, "a", r#""ask":"tasks""#, 0.2)
+            .iter()
+            .any(|effect| matches!(effect, Effect::Errand(Errand::Tasks, _)))
+    );
+    model.silent(0.3);
+    assert!(!model.is_busy(), "everything stops");
 }

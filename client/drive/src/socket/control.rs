@@ -1,17 +1,18 @@
 //! A control socket: intents, of which the same come on two lanes.
 
 use crate::hub::Event;
-use crate::pipe::{Close, Entered, Pipe, Shared, replaced};
+use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::Intent;
 
 /// Serves until its end; why it is closed, if it is.
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
-    let mut ended = entered.replaced;
+    let mut ends = entered.ends;
     let joined = Event::Joined(entered.page.clone(), entered.visitor, entered.socket, None);
     shared.hub.tell(joined);
     loop {
         let next = tokio::select! {
-            _ = &mut ended => return Some(replaced()),
+            biased;
+            close = ends.close() => return Some(close),
             next = pipe.next() => next,
         };
         let text = match next {

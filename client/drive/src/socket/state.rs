@@ -3,7 +3,7 @@
 use tokio::sync::{mpsc, watch as latest};
 
 use crate::hub::{Event, Outlet};
-use crate::pipe::{Close, Entered, Pipe, Shared, replaced};
+use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::{self, Asked};
 
 /// Words that may wait for a page that reads slowly.
@@ -11,7 +11,7 @@ const WAITING: usize = 64;
 
 /// Serves until its end; why it is closed, if it is.
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
-    let mut ended = entered.replaced;
+    let mut ends = entered.ends;
     let (said, mut words) = mpsc::channel(WAITING);
     let (report, mut reports) = latest::channel(String::new());
     reports.mark_unchanged();
@@ -22,7 +22,7 @@ pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) ->
     loop {
         let text = tokio::select! {
             biased;
-            _ = &mut ended => return Some(replaced()),
+            close = ends.close() => return Some(close),
             word = words.recv() => match word {
                 Some(word) => word,
                 None => return Some(Close::new(4429, "this page does not read")),

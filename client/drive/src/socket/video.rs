@@ -13,7 +13,7 @@ use crate::encode::{Codec, Encoded, Encoder};
 use crate::feed::{Feed, Feeds, Picture};
 use crate::hub::Event;
 use crate::ladder::Ladder;
-use crate::pipe::{Close, Entered, Pipe, Shared, replaced};
+use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::{self, Viewing, WantedCamera};
 use crate::report::Sent;
 
@@ -142,7 +142,7 @@ pub(super) async fn serve(
 ) -> Option<Close> {
     // Those who only look share what the server encodes.
     let may_encode = entered.visitor.role.may_drive();
-    let mut ended = entered.replaced;
+    let mut ends = entered.ends;
     let page = entered.page;
     let joined = Event::Joined(page.clone(), entered.visitor, entered.socket, None);
     shared.hub.tell(joined);
@@ -187,7 +187,7 @@ pub(super) async fn serve(
         }
         let next = tokio::select! {
             biased;
-            _ = &mut ended => return Some(replaced()),
+            close = ends.close() => return Some(close),
             next = pipe.next() => next,
             changed = cameras.changed() => {
                 if changed.is_err() {

@@ -11,7 +11,7 @@ use crossbeam_channel::Sender;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use wheelarm_link::{Connect, Link, LinkError};
+use wheelarm_link::{Bound, Connect, Link, LinkError};
 
 /// Time between two questions for the status.
 const PULSE: Duration = Duration::from_millis(400);
@@ -23,6 +23,13 @@ const GIVE_UP: Duration = Duration::from_secs(8);
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for one attempt, s.
 const ATTEMPT_SECS: f64 = 2.0;
+
+/// Samples that may wait: several seconds of all streams. Under a flood the newest
+/// count.
+const WAITING: Bound = Bound {
+    samples: 4096,
+    bytes: 32 << 20,
+};
 
 /// What a line tells.
 pub enum Heard {
@@ -125,7 +132,7 @@ fn stay(
     ended: &AtomicBool,
     send: &(dyn Fn(Heard) + Sync),
 ) -> Result<Option<String>, LinkError> {
-    let samples = link.streams(streams)?;
+    let samples = link.newest_streams(streams, WAITING)?;
     send(Heard::Connected(Box::new(link.clone())));
     let closed = &AtomicBool::new(false);
     std::thread::scope(|scope| {

@@ -10,6 +10,7 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 
+use super::files::{Files, Verdict};
 use super::hand;
 use wheelarm_proto::geometry::normalized;
 
@@ -101,6 +102,11 @@ pub struct Situation {
     pub phase: String,
     /// What happened, oldest first.
     pub happenings: VecDeque<Happening>,
+    /// What recorders make of the episodes.
+    pub files: Files,
+    /// An episode that did not start, or of which nothing or not everything was kept, in
+    /// words. The next episode clears it.
+    pub alarm: Option<String>,
     scene: Option<Scene>,
     robot: Option<Robot>,
     joints: Option<v1::JointState>,
@@ -159,13 +165,41 @@ impl Situation {
                 };
                 let number = stopped.header.as_ref().map_or(0, |h| h.episode);
                 self.note(now, false, format!("episode {number} {word}"));
+                self.files.ended(&stopped, now);
             }
             _ => {}
         }
     }
 
-    /// Takes the server's own account and the round trip it took, s.
-    pub fn take_status(&mut self, status: v1::Status, round_trip: f64) {
+    /// What is wrong and must not be overlooked, in words; the newest last.
+    #[must_use]
+    pub fn alarms(&self) -> Vec<String> {
+        let evaluation = self.evaluation.as_ref();
+        let lost = evaluation
+            .filter(|e| self.episode().is_some() && !e.failure.is_empty())
+            .map(|e| {
+                format!(
+                    "THE TASK IS LOST ({}). Finish, discard or redo this episode",
+                    e.failure.replace('_', " ")
+                )
+            });
+        let problem = self.files.problem();
+        [self.alarm.clone(), lost, problem]
+            .into_iter()
+            .flatten()
+            .collect()
+    }
+
+    /// Takes the server's own account, the round trip it took, s, and the time, s.
+    /// Returns what became of the files of episodes.
+    pub fn take_status(&mut self, status: v1::Status, round_trip: f64, now: f64) -> Vec<Verdict> {
+        let verdicts = self.files.status(&status, now);
+        for verdict in &verdicts {
+            self.note(now, verdict.bad, verdict.text.clone());
+            if verdict.bad {
+                self.alarm = Some(verdict.text.clone());
+            }
+        }
         self.connection = Connection::Open;
         self.round_trip = Some(round_trip);
         self.factor = status.real_time_factor;
@@ -174,6 +208,55 @@ impl Situation {
             self.evaluation.clone_from(&status.evaluation);
         }
         self.status = Some(status);
+        verdicts
+    }
+
+    /// An episode of ours did not start, or did not end.
+    pub fn refused(&mut self, why: &str, now: f64) {
+        self.note(now, true, why.to_owned());
+        self.alarm = Some(why.to_owned());
+    }
+
+    /// An episode of ours runs.
+    pub fn began(&mut self, started: v1::EpisodeStarted) {
+        if let Some(header) = &started.header {
+            self.header = header.clone();
+        }
+        self.alarm = None;
+        self.evaluation = None;
+        self.files.began(&started, true);
+        if let Some(status) = &mut self.status {
+            // The next status is not waited for: commands must carry the number now.
+            status.evaluation = None;
+            status.episode = Some(started);
+        }
+    }
+
+    /// An episode of ours ended at `now`, s. Returns how it went, in words.
+    pub fn ended(&mut self, stopped: &v1::EpisodeStopped, now: f64) -> String {
+        let evaluation = stopped.evaluation.clone().unwrap_or_default();
+        let result = match (evaluation.success, evaluation.failure.as_str()) {
+            (true, _) => "success".to_owned(),
+            (false, "") => "not reached".to_owned(),
+            (false, why) => format!("failed: {why}"),
+        };
+        let practice = self.episode().is_some_and(|e| e.practice);
+        let rest = match (practice, stopped.discard) {
+            (true, _) => "practice, nothing is kept",
+            (false, true) => "discarded",
+            (false, false) => "the recorder writes the file",
+        };
+        let text = format!(
+            "episode over: {result} after {:.1} s; {rest}",
+            evaluation.elapsed_seconds
+        );
+        self.files.ended(stopped, now);
+        self.note(now, false, text.clone());
+        if let Some(status) = &mut self.status {
+            status.episode = None;
+        }
+        self.header.episode = 0;
+        text
     }
 
     /// Takes the newest stamp; another run of the server begins anew.

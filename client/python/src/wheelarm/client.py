@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import time
 import weakref
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
 import zenoh
 
@@ -47,6 +47,10 @@ def connect(endpoint: str = DEFAULT_ENDPOINT, sim: str = "sim", *, timeout: floa
     return Client(endpoint, sim, timeout=timeout)
 
 
+class _Closable(Protocol):
+    def close(self) -> None: ...
+
+
 class Client:
     """A connection to one server. Close it, or use it as a context manager.
 
@@ -61,7 +65,8 @@ class Client:
         self.endpoint, self.sim = endpoint, sim
         self._session = open_session(endpoint, timeout)
         self._owner = os.getpid()
-        self._closing: list[Callable[[], None]] = []
+        #: Subscriptions and commanders that are open, in the order in which they were opened.
+        self._open: dict[int, _Closable] = {}
         self._secret = ""
         # A session that is still open at the end of the program is closed before the
         # transport's own threads go.
@@ -85,6 +90,14 @@ class Client:
                 raise OtherVersion(refused.message) from None
         except WheelArmError:
             pass
+
+    def _opened(self, one: _Closable) -> None:
+        """Closes `one` with this connection, unless it is closed before."""
+        self._open[id(one)] = one
+
+    def _closed(self, one: _Closable) -> None:
+        """Forgets `one`, which has been closed."""
+        self._open.pop(id(one), None)
 
     # -- keys ------------------------------------------------------------------------
 
@@ -358,12 +371,12 @@ class Client:
     def close(self) -> None:
         """Closes the connection; control ends with it."""
         if self._finalizer.alive and self._owner == os.getpid():
-            for close in reversed(self._closing):
+            for one in reversed(list(self._open.values())):
                 try:
-                    close()
+                    one.close()
                 except (zenoh.ZError, WheelArmError):
                     pass
-        self._closing.clear()
+        self._open.clear()
         self._finalizer()
 
     def __enter__(self) -> Client:

@@ -180,7 +180,7 @@ class Commander:
         self._token = session.liveliness().declare_token(
             client._key(f"commander/{name}/{self.run_id}/alive")
         )
-        client._closing.append(self.close)
+        client._opened(self)
         try:
             self.ask(take=take)
         except BaseException:
@@ -277,6 +277,7 @@ class Commander:
         if self._closed:
             return
         self._closed = True
+        self._client._closed(self)
         if self._client._secret == self._secret:
             self._client._secret = ""
         try:

@@ -10,6 +10,7 @@ first `reset`.
 from __future__ import annotations
 
 import contextlib
+import operator
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -24,7 +25,7 @@ from ._contract import TASKS
 from ._lasting import lasting, taken_back
 from ._session import refuse_fork
 from .client import Client, camera_setting
-from .errors import Refused, WheelArmError
+from .errors import Gone, Refused, WheelArmError
 from .local import Server
 from .lockstep import Ended, LockStep, Moment
 from .rows import (
@@ -200,6 +201,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         ):
             if value not in known:
                 raise ValueError(f"{what}={value!r} is not known; choose of {known}")
+        control_rate = _whole("control_rate", control_rate)
         if control_rate <= 0 or CONTROL_HZ % control_rate:
             raise ValueError(f"control_rate={control_rate} does not divide {CONTROL_HZ} Hz")
         self.task, self.obs_mode, self.control_mode = task, obs_mode, control_mode
@@ -372,13 +374,30 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begins an episode; see the class for seeds and options. Other options are left
-        alone."""
+        alone. Where the environment's own server has ended, another one is started.
+
+        Raises:
+            ValueError: when a seed is not a whole number.
+            Gone: when the server ends meanwhile; the next call begins anew.
+        """
         super().reset(seed=seed)
         refuse_fork(self._owner if self._client is not None else None)
         options = options or {}
         drawn = options.get("scenario_seed", seed if self._scenario_seeds else None)
         if drawn is None:
             drawn = self.np_random.integers(2**31)
+        drawn = _whole("scenario_seed", drawn)
+        if self._server is not None and self._server.process.poll() is not None:
+            self._lost()
+        try:
+            return self._begin(drawn, options)
+        except Gone:
+            self._lost()
+            raise
+
+    def _begin(
+        self, drawn: int, options: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         self._end_episode()
         more = {**(options.get("scenario") or {})}
         # What each reset says again is no other episode's.
@@ -387,8 +406,8 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         back = self._back(more)
         self._changed |= asked
         client = self.client
-        fields = self._fields(int(drawn), {**back, **more})
-        label = str(options.get("label") or f"{self.task}-seed{int(drawn)}")
+        fields = self._fields(drawn, {**back, **more})
+        label = str(options.get("label") or f"{self.task}-seed{drawn}")
         scenario = client.reset(**fields)
         self._changed = asked
         scene = client.scene()
@@ -421,7 +440,9 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self._player.max_force = force_cap(scene)
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Carries out an action for 1 / `control_rate` s of simulated time.
+        """Carries out an action for 1 / `control_rate` s of simulated time. Where the server
+        has ended, the episode is truncated with the failure ``server``, and the next `reset`
+        starts another server.
 
         Raises:
             ValueError: when the action is none; nothing was sent then.
@@ -442,6 +463,13 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             info["failure"] = "physics" if ended.stopped.cause == v1.END_CAUSE_PHYSICS else "ended"
             info["is_success"] = info["success"] = False
             return self._observation, 0.0, True, False, info
+        except Gone:
+            info = self._info(self._moment.message("evaluation"))
+            self._lost()
+            self._over = True
+            info["failure"] = "server"
+            info["is_success"] = info["success"] = False
+            return self._observation, 0.0, False, True, info
         evaluation = self._moment.message("evaluation")
         self._observation = self._observed(self._moment)
         info = self._info(evaluation)
@@ -455,7 +483,10 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         refuse_fork(self._owner)
         if self._lockstep is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        self._lockstep.send(self.command(action))
+        command = self.command(action)
+        # Of a server that has ended `step` tells.
+        with contextlib.suppress(Gone):
+            self._lockstep.send(command)
         self._sent = True
 
     def command(self, action: Any) -> v1.Command:
@@ -653,6 +684,19 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         self._disconnect()
         super().close()
 
+    def _lost(self) -> None:
+        """Lets go of a server that has ended, or of the connection to it."""
+        with contextlib.suppress(WheelArmError):
+            self._end_episode()
+        if self._server is not None:
+            ended = self._server.process.poll()
+            why = "does not answer" if ended is None else f"ended with status {ended}"
+            gymnasium.logger.warn(
+                f"the server of this environment {why}: the next reset starts another one; the "
+                f"last it said:\n{self._server.messages()[-1000:]}"
+            )
+        self._disconnect()
+
     def _disconnect(self) -> None:
         client, self._client = self._client, None
         if client is not None:
@@ -660,6 +704,16 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         server, self._server = self._server, None
         if server is not None:
             server.close()
+
+
+def _whole(what: str, value: Any) -> int:
+    """A number that must be whole, also as a float such as ``10.0``."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise ValueError(f"{what}={value!r} is not a whole number") from None
 
 
 def _key(index: int) -> NDArray[np.float64]:
@@ -672,7 +726,7 @@ def _key(index: int) -> NDArray[np.float64]:
 def _sizes(cameras: Mapping[str, Sequence[int]]) -> dict[str, tuple[int, int]]:
     out = {}
     for name, size in cameras.items():
-        width, height = (int(v) for v in size)
+        width, height = (_whole(f"a side of the camera {name!r}", v) for v in size)
         if not (1 <= width <= 8192 and 1 <= height <= 8192):
             raise ValueError(f"the camera {name!r} has {width}x{height} pixels; give width, height")
         out[name] = (width, height)

@@ -23,13 +23,15 @@ from __future__ import annotations
 
 import os
 import queue
+import sys
+import traceback
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from . import v1
-from ._session import PREFIX, direct, open_session, words
+from ._session import PREFIX, direct, open_session
 from ._wire import check_encoding, check_name, encoding, read
 
 #: Environment variables that tell a policy where to connect, and its name in the keys.
@@ -173,10 +175,18 @@ def _answer(policy: Policy, query: Any) -> None:
         request = read(request_class, payload, which)
         reply = _reply(policy, which, request)
     except Exception as problem:
-        failure = v1.Failure(message=f"{type(problem).__name__}: {words(problem)}")
+        failure = v1.Failure(message=_told(problem))
         query.reply_err(failure.SerializeToString(), encoding=encoding("Failure"))
         return
     query.reply(key, reply.SerializeToString(), encoding=encoding(reply_class))
+
+
+def _told(problem: BaseException) -> str:
+    """An exception in one line, and its traceback below, which also goes to standard error:
+    the `policy.log` of `wheelarm evaluate`."""
+    trace = "".join(traceback.format_exception(problem)).rstrip()
+    print(trace, file=sys.stderr, flush=True)
+    return f"{type(problem).__name__}: {problem}\n{trace}"
 
 
 def _reply(policy: Policy, which: str, request: Any) -> Any:
@@ -193,7 +203,7 @@ def _reply(policy: Policy, which: str, request: Any) -> Any:
     for observation, rows in zip(observations, answers, strict=True):
         chunk = reply.chunks.add(episode_key=observation.episode_key, tick=observation.tick)
         if isinstance(rows, Exception):
-            chunk.problem = f"{type(rows).__name__}: {rows}"
+            chunk.problem = _told(rows)
             continue
         rows = np.asarray(rows, np.float32)
         if rows.ndim != 2:

@@ -172,7 +172,7 @@ class Streams:
         self._client = client
         self._queue: queue.SimpleQueue[tuple[str, zenoh.Sample] | None] = queue.SimpleQueue()
         self._subscribers = [self._subscribe(topic) for topic in topics]
-        client._closing.append(self.close)
+        client._opened(self)
 
     def _subscribe(self, topic: str) -> Any:
         put = self._queue.put
@@ -217,6 +217,7 @@ class Streams:
 
     def close(self) -> None:
         """Ends the subscriptions."""
+        self._client._closed(self)
         for subscriber in self._subscribers:
             subscriber.undeclare()
         self._subscribers = []
@@ -239,7 +240,7 @@ class Camera:
         self._came = threading.Condition()
         self._subscriber = client._session.declare_subscriber(key, direct(self._take))
         self._closed = False
-        client._closing.append(self.close)
+        client._opened(self)
 
     def _take(self, sample: zenoh.Sample) -> None:
         with self._came:
@@ -283,6 +284,7 @@ class Camera:
                 return
             self._closed = True
             self._came.notify_all()
+        self._client._closed(self)
         self._subscriber.undeclare()
 
     def __enter__(self) -> Camera:

@@ -59,6 +59,37 @@ FAILURE_CODE_FOREIGN: FailureCode
 FAILURE_CODE_VERSION: FailureCode
 FAILURE_CODE_INTERNAL: FailureCode
 
+class BodyPart(int, metaclass=_EnumWrapper):
+    """A part of a person."""
+    BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
+    """None, or the whole person."""
+    BODY_PART_HEAD: _ClassVar[BodyPart]
+    """The head without the face."""
+    BODY_PART_FACE: _ClassVar[BodyPart]
+    """The face."""
+    BODY_PART_MOUTH: _ClassVar[BodyPart]
+    """The mouth."""
+    BODY_PART_TORSO: _ClassVar[BodyPart]
+    """Neck and torso."""
+    BODY_PART_ARMS: _ClassVar[BodyPart]
+    """Upper arms and forearms."""
+    BODY_PART_HANDS: _ClassVar[BodyPart]
+    """Hands."""
+    BODY_PART_LAP: _ClassVar[BodyPart]
+    """The lap: thighs of who sits."""
+    BODY_PART_LEGS: _ClassVar[BodyPart]
+    """Legs below the knee, and feet."""
+
+BODY_PART_UNSPECIFIED: BodyPart
+BODY_PART_HEAD: BodyPart
+BODY_PART_FACE: BodyPart
+BODY_PART_MOUTH: BodyPart
+BODY_PART_TORSO: BodyPart
+BODY_PART_ARMS: BodyPart
+BODY_PART_HANDS: BodyPart
+BODY_PART_LAP: BodyPart
+BODY_PART_LEGS: BodyPart
+
 class PixelFormat(int, metaclass=_EnumWrapper):
     """How the pixels of a plane are written; rows follow each other from the top, numbers are
     little-endian.
@@ -516,6 +547,14 @@ class FailureReason(int, metaclass=_EnumWrapper):
     """The state of the simulation broke."""
     FAILURE_REASON_NONE: _ClassVar[FailureReason]
     """It has not failed."""
+    FAILURE_REASON_PERSON_FORCE: _ClassVar[FailureReason]
+    """The person in the chair was pressed harder than the task allows."""
+    FAILURE_REASON_WRONG_OBJECT: _ClassVar[FailureReason]
+    """An object that was not asked for was lifted."""
+    FAILURE_REASON_KNOCKED_OVER: _ClassVar[FailureReason]
+    """Another object fell or leaned further than the task allows."""
+    FAILURE_REASON_TILTED: _ClassVar[FailureReason]
+    """The target leaned further than the task allows."""
 
 FAILURE_REASON_UNSPECIFIED: FailureReason
 FAILURE_REASON_DROPPED: FailureReason
@@ -526,6 +565,10 @@ FAILURE_REASON_HARD_COLLISION: FailureReason
 FAILURE_REASON_LOST: FailureReason
 FAILURE_REASON_PHYSICS: FailureReason
 FAILURE_REASON_NONE: FailureReason
+FAILURE_REASON_PERSON_FORCE: FailureReason
+FAILURE_REASON_WRONG_OBJECT: FailureReason
+FAILURE_REASON_KNOCKED_OVER: FailureReason
+FAILURE_REASON_TILTED: FailureReason
 
 class InstanceKind(int, metaclass=_EnumWrapper):
     """What an instance id stands for."""
@@ -545,37 +588,6 @@ INSTANCE_KIND_FURNITURE: InstanceKind
 INSTANCE_KIND_OBJECT: InstanceKind
 INSTANCE_KIND_ROBOT: InstanceKind
 INSTANCE_KIND_PERSON: InstanceKind
-
-class BodyPart(int, metaclass=_EnumWrapper):
-    """A part of a person."""
-    BODY_PART_UNSPECIFIED: _ClassVar[BodyPart]
-    """None, or the whole person."""
-    BODY_PART_HEAD: _ClassVar[BodyPart]
-    """The head without the face."""
-    BODY_PART_FACE: _ClassVar[BodyPart]
-    """The face."""
-    BODY_PART_MOUTH: _ClassVar[BodyPart]
-    """The mouth."""
-    BODY_PART_TORSO: _ClassVar[BodyPart]
-    """Neck and torso."""
-    BODY_PART_ARMS: _ClassVar[BodyPart]
-    """Upper arms and forearms."""
-    BODY_PART_HANDS: _ClassVar[BodyPart]
-    """Hands."""
-    BODY_PART_LAP: _ClassVar[BodyPart]
-    """The lap: thighs of who sits."""
-    BODY_PART_LEGS: _ClassVar[BodyPart]
-    """Legs below the knee, and feet."""
-
-BODY_PART_UNSPECIFIED: BodyPart
-BODY_PART_HEAD: BodyPart
-BODY_PART_FACE: BodyPart
-BODY_PART_MOUTH: BodyPart
-BODY_PART_TORSO: BodyPart
-BODY_PART_ARMS: BodyPart
-BODY_PART_HANDS: BodyPart
-BODY_PART_LAP: BodyPart
-BODY_PART_LEGS: BodyPart
 
 class EndCause(int, metaclass=_EnumWrapper):
     """Why an episode ended."""
@@ -2034,11 +2046,14 @@ class Person(_Message):
     """The mouth opens in the first second and stays open, as of who waits for a sip (no unit).
     """
     guard: bool
-    """The server slows the arm near the face: the grasp point moves at 0.03 m/s at most, and 0.4
-    m/s more for each metre beyond 0.15 m that it is away from the head (no unit).
+    """The guard is on: the server bounds speed and force of arm, gripper and chair beside the
+    person (no unit). Replies always set it. A request needs it only with `drawn`: otherwise the
+    guard is on unless `unguarded` is set.
     """
     drawn: PersonDrawn
     """Who was drawn; where it is told it is taken as it is."""
+    unguarded: bool
+    """The guard is off (no unit)."""
     def __init__(
         self,
         *,
@@ -2052,6 +2067,7 @@ class Person(_Message):
         mouth_open: bool | None = ...,
         guard: bool | None = ...,
         drawn: PersonDrawn | _Mapping[str, _Any] | None = ...,
+        unguarded: bool | None = ...,
     ) -> None: ...
 
 class PersonDrawn(_Message):
@@ -2094,6 +2110,12 @@ class PersonState(_Message):
     """
     robot_force: float
     """What the robot itself presses on all of the body, likewise, N."""
+    contacts: _Messages[PersonContact]
+    """Each body that touched a part of the person in these four physics ticks, strongest first, at
+    most 16. The seat of the person's own chair is left out.
+    """
+    contact_count: int
+    """Number of these contacts, also of those beyond 16 (no unit)."""
     def __init__(
         self,
         *,
@@ -2103,6 +2125,24 @@ class PersonState(_Message):
         mouth: Pose | _Mapping[str, _Any] | None = ...,
         forces: _Iterable[float] | None = ...,
         robot_force: float | None = ...,
+        contacts: _Iterable[PersonContact | _Mapping[str, _Any]] | None = ...,
+        contact_count: int | None = ...,
+    ) -> None: ...
+
+class PersonContact(_Message):
+    """A body that touches a part of the person."""
+    part: BodyPart
+    """Part of the person. A contact at the mouth is listed for mouth and face (no unit)."""
+    partner: str
+    """Link of the robot, object or furniture, as in the scene query (no unit)."""
+    force: float
+    """Force on the part, of four physics ticks the greatest, N."""
+    def __init__(
+        self,
+        *,
+        part: BodyPart | str | int | None = ...,
+        partner: str | None = ...,
+        force: float | None = ...,
     ) -> None: ...
 
 class CameraSetting(_Message):
@@ -2312,6 +2352,10 @@ class Scenario(_Message):
     the operator is expected to take, which the answer tells. Absent takes the one in force, at
     start-up that of the task, s. Optional.
     """
+    rejected_starts: int
+    """Start poses that the server drew before `start` and rejected because chair or arm would have
+    met the person (count).
+    """
     def __init__(
         self,
         *,
@@ -2344,6 +2388,7 @@ class Scenario(_Message):
         variant_share: float | None = ...,
         sensors: _Iterable[SensorSetting | _Mapping[str, _Any]] | None = ...,
         time_limit_seconds: float | None = ...,
+        rejected_starts: int | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):
@@ -2751,6 +2796,12 @@ class EpisodeStartRequest(_Message):
     """Commands are taken as they are, without the age rule: for replaying what the gate let
     through once already. Lock-step only, where time waits for every command (no unit).
     """
+    practice: bool
+    """Nothing of the episode is recorded, whichever recorders are connected (no unit)."""
+    time_limit_seconds: float
+    """Simulated seconds after which the task of this episode has failed. Absent takes the time
+    limit of the scenario, s. Optional.
+    """
     def __init__(
         self,
         *,
@@ -2759,6 +2810,8 @@ class EpisodeStartRequest(_Message):
         require_recorders: int | None = ...,
         commander: str | None = ...,
         replay: bool | None = ...,
+        practice: bool | None = ...,
+        time_limit_seconds: float | None = ...,
     ) -> None: ...
 
 class EpisodeStarted(_Message):
@@ -2801,6 +2854,8 @@ class EpisodeStarted(_Message):
     """Picture sensors that will be published (no unit)."""
     compressed_cameras: bool
     """The cameras' pictures come compressed as well, see CompressedCameraFrame (no unit)."""
+    practice: bool
+    """Recorders leave this episode out (no unit)."""
     def __init__(
         self,
         *,
@@ -2821,6 +2876,7 @@ class EpisodeStarted(_Message):
         as_recorded: bool | None = ...,
         sensors: _Iterable[str] | None = ...,
         compressed_cameras: bool | None = ...,
+        practice: bool | None = ...,
     ) -> None: ...
 
 class SnapshotRequest(_Message):
@@ -2909,6 +2965,18 @@ class StreamCount(_Message):
 
 class EpisodeRequest(_Message):
     """Asks what runs and what has run lately. Query `episode`."""
+    recorder: str
+    """Name that a recorder claims when it starts. The server refuses a second recorder of that
+    name. Empty claims none (no unit).
+    """
+    session: str
+    """Id of the session that claims the name (no unit)."""
+    def __init__(
+        self,
+        *,
+        recorder: str | None = ...,
+        session: str | None = ...,
+    ) -> None: ...
 
 class EpisodeState(_Message):
     """What runs and what has run lately. Query `episode`. Whoever records asks for it: what is
@@ -2977,7 +3045,7 @@ class RecorderStatus(_Message):
     missed: int
     """Samples missing so far in this episode, also those that may still come (count)."""
     path: str
-    """Path of the finished file (no unit)."""
+    """Path of the finished file; empty where the episode was discarded (no unit)."""
     complete: bool
     """The file holds everything that was published (no unit)."""
     message: str
@@ -2994,6 +3062,10 @@ class RecorderStatus(_Message):
     at least every 48 ticks. Absent from older recorders, for which time waits only with
     cameras. Optional.
     """
+    free_label: str
+    """Where recording failed because a file or a log of that label exists: the next label of the
+    same stem that is free at this recorder (no unit).
+    """
     def __init__(
         self,
         *,
@@ -3007,6 +3079,7 @@ class RecorderStatus(_Message):
         message: str | None = ...,
         credit_frames: int | None = ...,
         credit_tick: int | None = ...,
+        free_label: str | None = ...,
     ) -> None: ...
 
 class Clock(_Message):
@@ -3160,19 +3233,24 @@ class Contact(_Message):
     ) -> None: ...
 
 class Contacts(_Message):
-    """Contacts of the robot with anything but the floor."""
+    """Contacts of the robot with anything but the floor, and of objects and the person."""
     header: Header
     """Stamp of the sample."""
     pad_forces: _Scalars[float]
     """Contact force at the left and the right finger tip, normal and friction, N."""
     contacts: _Messages[Contact]
-    """Touching pairs, strongest first, at most 16."""
+    """Touching pairs, at most 16. Pairs of the robot, of the objects that it touches and of the
+    person come first, then the others; strongest first in both groups.
+    """
+    contact_count: int
+    """Number of touching pairs, also of those beyond 16 (no unit)."""
     def __init__(
         self,
         *,
         header: Header | _Mapping[str, _Any] | None = ...,
         pad_forces: _Iterable[float] | None = ...,
         contacts: _Iterable[Contact | _Mapping[str, _Any]] | None = ...,
+        contact_count: int | None = ...,
     ) -> None: ...
 
 class PhaseSample(_Message):
@@ -3385,6 +3463,10 @@ class ResetRequest(_Message):
     """Resets although somebody else is in control (no unit)."""
     secret: str
     """Secret of the lease of whoever is in control (no unit)."""
+    playback: bool
+    """The scenario only shows recorded states (query `show`): a robot that starts inside of
+    something is accepted (no unit).
+    """
     def __init__(
         self,
         *,
@@ -3392,6 +3474,7 @@ class ResetRequest(_Message):
         snapshot: bytes | None = ...,
         force: bool | None = ...,
         secret: str | None = ...,
+        playback: bool | None = ...,
     ) -> None: ...
 
 class ResetReply(_Message):

@@ -97,7 +97,7 @@ pub(super) async fn ask_samples(
 pub(super) fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
     let entrance = entrance.clone();
     aside(link, move |link| {
-        let reply = link.ask_within(&v1::EpisodeRequest {}, STATE_TIMEOUT);
+        let reply = link.ask_within(&v1::EpisodeRequest::default(), STATE_TIMEOUT);
         entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
     });
 }

@@ -190,6 +190,8 @@ impl Recorder {
         };
         self.status.state = v1::RecorderState::Finished.into();
         self.status.message = message;
+        // Without a path a finished episode is a discarded one.
+        self.status.path.clear();
         self.out.push(Output::Status(self.status.clone()));
         self.out.push(Output::Discarded(label));
     }

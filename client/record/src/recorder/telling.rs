@@ -1,5 +1,6 @@
 //! What a recorder tells: its status, with the credit of a server in lock-step.
 
+use wheelarm_dataset::writer::{WriteError, next_free_label};
 use wheelarm_proto::{CREDIT_STATUS_TICKS, v1};
 
 use super::super::episode::Recording;
@@ -11,6 +12,21 @@ impl Recorder {
         self.last = self.current();
         self.stage = Stage::Idle;
         self.fail_with(words);
+    }
+
+    /// Gives up the episode at hand, whose label is taken, and proposes another label.
+    pub(super) fn fail_taken(&mut self, problem: &WriteError) {
+        let label = match &self.stage {
+            Stage::Opening { started, .. } => started.label.clone(),
+            _ => String::new(),
+        };
+        let scratch = self.options.scratch.as_deref();
+        let dirs = [Some(self.dir.as_path()), scratch];
+        let dirs: Vec<_> = dirs.into_iter().flatten().collect();
+        let free = next_free_label(&dirs, &label);
+        let words = format!("{problem}; the next free label is {free}");
+        self.status.free_label = free;
+        self.fail(words);
     }
 
     pub(super) fn fail_with(&mut self, words: String) {

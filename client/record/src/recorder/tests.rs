@@ -216,6 +216,46 @@ fn a_recorder_that_was_told_to_end_begins_nothing() {
 }
 
 #[test]
+fn a_taken_label_is_refused_at_once_with_the_next_free_label() {
+    let mut b = Bench::new();
+    for file in [
+        "a-1.h5",
+        "a-4.h5",
+        "a-9.h5.wal",
+        "b-30.h5",
+        "a.h5",
+        "a-x.h5",
+    ] {
+        std::fs::write(b.dir.path().join(file), "").unwrap();
+    }
+    for (episode, label) in [(1, "a-1"), (2, "a-9"), (3, "a")] {
+        let out = b.feed(runs(started(episode, label)));
+        let [Output::Status(status), Output::Failed(words)] = &out[..] else {
+            panic!("{label}: {out:?}")
+        };
+        assert_eq!(status.state(), v1::RecorderState::Failed);
+        assert_eq!(status.free_label, "a-10");
+        assert!(words.ends_with("the next free label is a-10"), "{words}");
+    }
+    b.open(4, "a-10");
+    assert_eq!(b.recorder.status().free_label, "");
+}
+
+#[test]
+fn a_practice_episode_is_left_out() {
+    let mut b = Bench::new();
+    let mut practice = started(1, "a");
+    practice.practice = true;
+    assert!(b.feed(runs(practice)).is_empty());
+    assert!(b.feed(hash(1, 0)).is_empty());
+    let mut over = stopped(1, 1, 0);
+    over.discard = true;
+    assert!(b.feed(ended(over)).is_empty());
+    assert!(b.files().is_empty());
+    b.open(2, "a");
+}
+
+#[test]
 fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
     let mut b = Bench::new();
     b.feed(hash(1, 0));
@@ -290,6 +330,46 @@ fn an_existing_file_fails_before_time_goes_on() {
     b.feed(hash(2, 0));
     let out = b.feed(ended(stopped(2, 1, 0)));
     assert!(report(&out).complete);
+}
+
+#[test]
+fn a_removed_log_is_reported_at_once_and_saved() {
+    for whole_folder in [false, true] {
+        let mut b = Bench::new();
+        b.open(1, "gone");
+        for sequence in 0..3 {
+            b.feed(hash(1, sequence));
+        }
+        let log = b.dir.path().join("gone.h5.wal");
+        let written = || wheelarm_dataset::log::scan(&log).map_or(0, |scan| scan.entries.len());
+        while written() < 3 {
+            std::thread::yield_now();
+        }
+        match whole_folder {
+            true => std::fs::remove_dir_all(b.dir.path()).unwrap(),
+            false => std::fs::remove_file(&log).unwrap(),
+        }
+        // No sample comes: it is the passing time that shows it.
+        let out = loop {
+            let out = b.wait(Duration::ZERO);
+            if !out.is_empty() {
+                break out;
+            }
+            std::thread::yield_now();
+        };
+        let [Output::Status(status), Output::Failed(words)] = &out[..] else {
+            panic!("{out:?}")
+        };
+        assert_eq!(status.state(), v1::RecorderState::Failed);
+        let saved = format!(
+            "what was acknowledged is saved in {}: `wheelarm",
+            log.display()
+        );
+        assert!(words.contains("was removed or replaced"), "{words}");
+        assert!(words.contains(&saved), "{words}");
+        let finished = wheelarm_dataset::finish::finish(&log, None).unwrap();
+        assert_eq!(hashes(&finished.path), [(0, 0), (1, 7), (2, 14)]);
+    }
 }
 
 #[test]

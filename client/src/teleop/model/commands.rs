@@ -2,6 +2,7 @@
 
 use wheelarm_proto::v1;
 
+use super::super::drive;
 use super::{Effect, Model};
 use wheelarm_drive::phase::{self, Work};
 use wheelarm_proto::geometry::{self, normalized};
@@ -16,22 +17,22 @@ impl Model {
         );
     }
 
-    pub(super) fn chair(&mut self, key: char, now: f64) -> Vec<Effect> {
-        if matches!(key, 'q' | 'z' | 'w' | 'x' | 'e' | 'c') {
+    /// Does what a key of the chair stands for, if it is one.
+    pub(super) fn chair(&mut self, key: char, now: f64) -> Option<Vec<Effect>> {
+        if drive::SPEEDS.iter().any(|(k, _)| *k == key) {
             self.drive.key(key, now);
             let [linear, angular] = self.drive.speeds;
             self.say(now, format!("speeds {linear:.2} m/s, {angular:.2} rad/s"));
-            return Vec::new();
+            return Some(Vec::new());
+        }
+        if !self.drive.key(key, now) {
+            return None;
         }
         if let Err(why) = self.can_command(now) {
             // A stop is told even when nobody may hear it.
             self.drive.forget();
             self.warn(now, why);
-            return Vec::new();
-        }
-        if !self.drive.key(key, now) {
-            self.warn(now, format!("{key} is no key; ? shows the keys"));
-            return Vec::new();
+            return Some(Vec::new());
         }
         let work = self.drive.direction.is_some().then_some(Work::Chair);
         let base = self.drive.due(now);
@@ -39,7 +40,7 @@ impl Model {
             base,
             ..v1::Command::default()
         };
-        self.command(command, work)
+        Some(self.command(command, work))
     }
 
     pub(super) fn arm(&mut self, axis: usize, sign: f64, now: f64) -> Vec<Effect> {

@@ -62,7 +62,9 @@ impl Model {
     /// The server's account of itself, and the round trip it took, s.
     pub fn status(&mut self, status: v1::Status, round_trip: f64, now: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
-        self.situation.take_status(status, round_trip);
+        for verdict in self.situation.take_status(status, round_trip, now) {
+            self.tell(now, verdict.bad, verdict.text);
+        }
         match &self.control {
             // An answer that was under way when control was given is old.
             Control::Ours if now - self.leased_at < FRESH => {}

@@ -1,8 +1,6 @@
 //! Episodes and scenarios by keys: start, finish, discard, redo, reset, pause.
 
-use wheelarm_proto::v1;
-
-use wheelarm_drive::errand::{label_of, next_label};
+use wheelarm_proto::{label, v1};
 
 use super::{CONFIRM, Done, Effect, Errand, Form, Model, Start, Twice};
 
@@ -17,11 +15,11 @@ impl Model {
             return Vec::new();
         }
         let scenario = self.situation.scenario().cloned().unwrap_or_default();
-        let label = if self.start.label.is_empty() {
-            label_of(&scenario)
-        } else {
-            self.start.label.clone()
-        };
+        if self.start.label.is_empty() {
+            self.start.label = label::for_scenario(&scenario);
+            self.start.numbered = true;
+        }
+        let label = self.start.label.clone();
         let instruction = if self.start.instruction.is_empty() {
             scenario.instruction().to_owned()
         } else {
@@ -77,8 +75,13 @@ impl Model {
         };
         let again = Start {
             label: running.label.clone(),
+            // A recorder that failed may have left the log of this label.
+            numbered: true,
             instruction: running.instruction.clone(),
-            recorders: self.start.recorders,
+            recorders: match running.practice {
+                true => 0,
+                false => self.start.recorders.max(1),
+            },
         };
         if !self.confirmed(
             Twice::Redo,
@@ -123,8 +126,17 @@ impl Model {
             Done::Lease(_) => {}
             Done::Started(Ok(started)) => {
                 let number = started.header.as_ref().map_or(0, |h| h.episode);
-                self.say(now, format!("episode {number} {} runs", started.label));
-                self.begin(*started);
+                let practice = match started.practice {
+                    true => ": practice, nothing is recorded",
+                    false => "",
+                };
+                self.say(
+                    now,
+                    format!("episode {number} {} runs{practice}", started.label),
+                );
+                self.situation.began(*started);
+                self.arm.forget();
+                self.answered = None;
             }
             Done::Stopped(Ok(stopped)) => {
                 self.ended(&stopped, now);
@@ -164,7 +176,13 @@ impl Model {
             }
             Done::Tasks(Ok(tasks)) => {
                 let scenario = self.situation.scenario().cloned().unwrap_or_default();
+                let effects = match self.drive.direction {
+                    // Pressed while the list was on its way: nobody steers while they type.
+                    Some(_) => self.stop_everything(now),
+                    None => Vec::new(),
+                };
                 self.form = Some(Form::reset(tasks, scenario.task(), scenario.seed()));
+                return effects;
             }
             Done::Scene(Ok(scene)) => {
                 self.situation.take_scene(&scene);
@@ -172,9 +190,12 @@ impl Model {
                     self.arm.fit(robot);
                 }
             }
-            Done::Started(Err(why))
-            | Done::Stopped(Err(why))
-            | Done::Reset(Err(why))
+            Done::Started(Err(why)) | Done::Stopped(Err(why)) => {
+                self.leaving = false;
+                self.situation.refused(&why, now);
+                self.warn(now, why);
+            }
+            Done::Reset(Err(why))
             | Done::Paused(Err(why))
             | Done::Tasks(Err(why))
             | Done::Scene(Err(why)) => {
@@ -186,42 +207,14 @@ impl Model {
         Vec::new()
     }
 
-    /// The next status is not waited for: commands must carry the number now.
-    fn begin(&mut self, started: v1::EpisodeStarted) {
-        if let Some(header) = &started.header {
-            self.situation.header = header.clone();
-        }
-        self.arm.forget();
-        self.answered = None;
-        if let Some(status) = &mut self.situation.status {
-            status.episode = Some(started);
-        }
-    }
-
     fn ended(&mut self, stopped: &v1::EpisodeStopped, now: f64) {
-        let evaluation = stopped.evaluation.clone().unwrap_or_default();
-        let result = if evaluation.success {
-            "success".to_owned()
-        } else if evaluation.failure.is_empty() {
-            "not reached".to_owned()
-        } else {
-            format!("failed: {}", evaluation.failure)
-        };
-        let kept = if stopped.discard { "discarded" } else { "kept" };
-        let text = format!(
-            "episode {kept}: {result} after {:.1} s",
-            evaluation.elapsed_seconds
-        );
-        self.situation.note(now, false, text.clone());
+        let label = self.situation.episode().map(|e| e.label.clone());
+        let text = self.situation.ended(stopped, now);
         self.say(now, text);
         if !stopped.discard {
-            let label = self.situation.episode().map(|e| e.label.clone());
-            self.start.label = next_label(&label.unwrap_or_default());
+            self.start.label = label::next(&label.unwrap_or_default());
+            self.start.numbered = true;
         }
-        if let Some(status) = &mut self.situation.status {
-            status.episode = None;
-        }
-        self.situation.header.episode = 0;
         self.answer_due = None;
         self.pending = v1::Command::default();
     }

@@ -111,6 +111,53 @@ fn a_latched_key_drives_until_k_and_arm_keys_leave_the_chair_running() {
 }
 
 #[test]
+fn every_key_without_a_meaning_stops_a_latched_chair() {
+    let unknown = [
+        Key::Char('K'),
+        Key::Char('л'),
+        Key::Char('κ'),
+        Key::Char('ｋ'),
+        Key::Char('Л'),
+        Key::Char('5'),
+        Key::Other,
+        Key::Enter,
+        Key::Tab,
+        Key::Up,
+        Key::Delete,
+        Key::Ctrl('k'),
+        Key::Paste("k".to_owned()),
+    ];
+    for key in unknown {
+        let mut model = operating();
+        press(&mut model, "j", 1.0);
+        assert!(!bases(&mut model, 1.05, 1.5).is_empty());
+        let effects = model.key(&key, 1.5);
+        let first = commands(&effects).into_iter().find_map(|c| c.base);
+        assert_eq!(
+            first.map(|b| (b.linear, b.angular)),
+            Some((0.0, 0.0)),
+            "{key:?}"
+        );
+        let stops = bases(&mut model, 1.5, 3.0);
+        assert!(stops.iter().all(|b| *b == [0.0, 0.0]), "{key:?}");
+        assert!(!said(&model).is_empty(), "{key:?}");
+    }
+    // A key that closes the help stops as well, and so does one in a form.
+    let mut model = operating();
+    press(&mut model, "j?x", 1.0);
+    assert!(!model.help && model.drive.direction.is_none());
+    press(&mut model, "j", 2.0);
+    model.done(Done::Tasks(Ok(Vec::new())), 2.1);
+    assert!(model.form.is_some() && model.drive.direction.is_none());
+    // Keys with a meaning leave the chair running.
+    let mut model = operating();
+    press(&mut model, "j", 1.0);
+    press(&mut model, "vwqr- ", 1.1);
+    model.key(&Key::Ctrl('l'), 1.1);
+    assert!(model.drive.direction.is_some());
+}
+
+#[test]
 fn v_moves_the_hand_forward_by_the_originals_step() {
     let mut model = operating();
     let effects = press(&mut model, "v", 1.0);

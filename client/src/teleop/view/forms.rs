@@ -57,7 +57,7 @@ pub fn draw(frame: &mut Frame<'_>, area: Rect, form: &Form, model: &Model, theme
             let connected = connected.map_or(0, |s| s.recorders.len());
             lines.push(Line::default());
             lines.push(Line::from(format!(
-                " recorders that must be ready; {connected} connected now"
+                " recorders that must be ready; {connected} connected now; 0 practises: nothing is kept"
             )));
             lines.push(said(problem, theme));
             overlay(frame, area, "start an episode", lines, theme);

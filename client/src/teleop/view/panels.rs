@@ -87,6 +87,14 @@ pub fn header<'a>(model: &Model, theme: Theme, now: f64, width: u16) -> Vec<Line
     }
 }
 
+/// What must not be overlooked, in the order of the top of the screen.
+pub fn alarms<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
+    let alarms = model.situation.alarms().into_iter();
+    alarms
+        .map(|words| Line::from(Span::styled(format!("!! {words} "), theme.alarm())))
+        .collect()
+}
+
 /// The last line: what can be done now.
 pub fn hints<'a>(model: &Model, theme: Theme) -> Line<'a> {
     let words: &[(&str, &str)] = if model.form.is_some() {
@@ -406,6 +414,9 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
             v1::RecorderState::Ready => ("recording", theme.good()),
             v1::RecorderState::Finishing => ("finishing", theme.strong()),
             v1::RecorderState::Finished if recorder.complete => ("complete", theme.good()),
+            v1::RecorderState::Finished if recorder.path.is_empty() => {
+                ("discarded", theme.strong())
+            }
             v1::RecorderState::Finished => ("PARTIAL", theme.bad()),
             v1::RecorderState::Failed => ("FAILED", theme.bad()),
             v1::RecorderState::Idle => ("ready", theme.strong()),
@@ -420,7 +431,11 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         let more = if recorder.message.is_empty() {
             file.to_owned()
         } else {
-            recorder.message.clone()
+            recorder
+                .message
+                .strip_prefix(word)
+                .unwrap_or(&recorder.message)
+                .to_owned()
         };
         Line::from(vec![
             Span::raw(format!("{:<10} ", recorder.recorder)),

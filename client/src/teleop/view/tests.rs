@@ -49,7 +49,7 @@ fn model() -> Model {
         real_time_factor: 1.0,
         ..Default::default()
     };
-    model.situation.take_status(status, 0.0123);
+    model.situation.take_status(status, 0.0123, 0.0);
     model.robot(&described_robot());
     model
 }
@@ -85,6 +85,28 @@ fn a_wide_terminal_shows_keys_state_and_the_address_of_the_page() {
 }
 
 #[test]
+fn discarded_episode_is_not_shown_as_a_partial_file() {
+    let mut model = model();
+    let recorder = |path: &str| v1::RecorderStatus {
+        state: v1::RecorderState::Finished.into(),
+        path: path.to_owned(),
+        ..v1::RecorderStatus::default()
+    };
+    let mut shown = |path| {
+        if let Some(status) = &mut model.situation.status {
+            status.recorders = vec![recorder(path)];
+        }
+        screen(&model, 120, 36)
+    };
+    let text = shown("");
+    assert!(
+        text.contains("discarded") && !text.contains("PARTIAL"),
+        "{text}"
+    );
+    assert!(shown("a.h5").contains("PARTIAL"));
+}
+
+#[test]
 fn a_narrow_terminal_keeps_what_matters() {
     let text = screen(&model(), 60, 24);
     for words in ["control is yours", "lifted_and_held", "7 missed", "chair"] {
@@ -103,6 +125,40 @@ fn no_size_of_the_terminal_makes_it_panic() {
         model.form = Some(super::super::form::Form::start("a", "b", 1));
         screen(&model, width, height);
         model.form = None;
+    }
+}
+
+#[test]
+fn a_failed_recorder_a_lost_task_and_a_refused_start_cannot_be_overlooked() {
+    let mut model = model();
+    model.situation.refused("nothing can be recorded", 7.0);
+    let mut status = model.situation.status.clone().unwrap();
+    let header = Some(v1::Header {
+        run_id: "run".to_owned(),
+        episode: 1,
+        ..Default::default()
+    });
+    status.episode = Some(v1::EpisodeStarted {
+        header: header.clone(),
+        ..Default::default()
+    });
+    status.recorders[0].header = header;
+    status.recorders[0].state = v1::RecorderState::Failed.into();
+    status.recorders[0].message = "no disk".to_owned();
+    model.situation.take_status(status, 0.01, 8.0);
+    model.situation.evaluation = Some(v1::Evaluation {
+        failure: "dropped".to_owned(),
+        ..Default::default()
+    });
+    for (width, height) in [(120, 36), (60, 24)] {
+        let text = screen(&model, width, height);
+        for words in [
+            "nothing can be recorded",
+            "THE TASK IS LOST",
+            "NOTHING IS RECORDED",
+        ] {
+            assert!(text.contains(words), "{words:?} is missing:\n{text}");
+        }
     }
 }
 

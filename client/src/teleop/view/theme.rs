@@ -33,6 +33,10 @@ impl Theme {
         self.coloured(Color::Red).add_modifier(Modifier::BOLD)
     }
 
+    pub(super) fn alarm(self) -> Style {
+        self.bad().add_modifier(Modifier::REVERSED)
+    }
+
     pub(super) fn warning(self) -> Style {
         self.coloured(Color::Magenta).add_modifier(Modifier::BOLD)
     }

@@ -13,6 +13,7 @@ fn parameters() -> DepthParameters {
         offset: [-0.0195, -0.005, 0.0],
         baseline: 0.055,
         disparity_noise: 0.1,
+        window: 7,
         disparity_step: 0.0,
         range: [0.15, 10.0],
         flying: 0.3,
@@ -26,42 +27,61 @@ fn parameters() -> DepthParameters {
     }
 }
 
-const COLOR: Lens = Lens {
-    width: 640,
-    height: 360,
-    focal: [648.85, 648.85],
-    principal: [310.5, 119.2],
-};
+/// The same camera at another size.
+fn sized(width: usize, height: usize) -> DepthParameters {
+    let mut p = parameters();
+    let scale = width as f64 / p.lens.width as f64;
+    p.lens = Lens {
+        width,
+        height,
+        focal: p.lens.focal.map(|f| f * scale),
+        principal: p.lens.principal.map(|c| c * scale),
+    };
+    p
+}
 
-/// A picture whose depth and id follow from the point's direction (X/Z, Y/Z).
+/// An exact image whose depth and id follow from the point's direction (X/Z, Y/Z).
 struct Seen {
+    lens: Lens,
     depth: Vec<u8>,
     ids: Vec<u8>,
 }
 
 impl Seen {
     fn of(at: impl Fn(f64, f64) -> (f32, u16)) -> Self {
+        Self::through(parameters().lens, at)
+    }
+
+    fn through(lens: Lens, at: impl Fn(f64, f64) -> (f32, u16)) -> Self {
         let (mut depth, mut ids) = (Vec::new(), Vec::new());
-        for y in 0..COLOR.height {
-            for x in 0..COLOR.width {
-                let right = (x as f64 + 0.5 - COLOR.principal[0]) / COLOR.focal[0];
-                let down = (y as f64 + 0.5 - COLOR.principal[1]) / COLOR.focal[1];
+        for y in 0..lens.height {
+            for x in 0..lens.width {
+                let right = (x as f64 + 0.5 - lens.principal[0]) / lens.focal[0];
+                let down = (y as f64 + 0.5 - lens.principal[1]) / lens.focal[1];
                 let (z, id) = at(right, down);
                 depth.extend(z.to_le_bytes());
                 ids.extend(id.to_le_bytes());
             }
         }
-        Self { depth, ids }
+        Self { lens, depth, ids }
     }
 
     fn exact(&self, tick: u64) -> Exact<'_> {
         Exact {
-            lens: COLOR,
+            lens: self.lens,
             tick,
             rgb: &[],
             depth: &self.depth,
             ids: &self.ids,
         }
+    }
+
+    fn depths(&self) -> Vec<f64> {
+        let (depths, _) = self.depth.as_chunks::<4>();
+        depths
+            .iter()
+            .map(|z| f64::from(f32::from_le_bytes(*z)))
+            .collect()
     }
 }
 
@@ -78,10 +98,10 @@ fn model(strength: f64) -> DepthModel {
 fn noise_grows_with_the_square_of_the_distance() {
     for z in [0.5_f32, 1.0, 2.0] {
         let seen = Seen::of(|_, _| (z, 0));
-        let mut model = model(1.0);
+        let model = model(1.0);
         let mut all = Vec::new();
         for tick in 0..4 {
-            let picture = pixels(&model.picture(&seen.exact(tick), &[]));
+            let picture = pixels(&model.image(&seen.exact(tick), &[]));
             all.extend(picture.into_iter().filter(|v| *v > 0).map(f64::from));
         }
         let mean = all.iter().sum::<f64>() / all.len() as f64;
@@ -98,55 +118,108 @@ fn noise_grows_with_the_square_of_the_distance() {
 }
 
 #[test]
-fn a_plane_is_seen_where_it_should_be() {
+fn a_perfect_sensor_returns_the_exact_depth_of_every_pixel_that_both_eyes_see() {
     // A board of 40 cm by 20 cm before a wall, and a plane that slants.
-    let (board, wall) = (0.8_f64, 1.6_f64);
-    let seen = Seen::of(|right, down| {
-        let on = (right * board).abs() < 0.2 && (down * board).abs() < 0.1;
-        (if on { board } else { wall } as f32, u16::from(on))
+    let board = Seen::of(|right, down| {
+        let on = (right * 0.8).abs() < 0.2 && (down * 0.8).abs() < 0.1;
+        (if on { 0.8 } else { 1.6 }, u16::from(on))
     });
-    let p = parameters();
-    let picture = pixels(&model(0.0).picture(&seen.exact(0), &[]));
-    let at = |x: f64, y: f64, z: f64| {
-        let u = p.lens.focal[0] * (x - p.offset[0]) / z + p.lens.principal[0];
-        let v = p.lens.focal[1] * (y - p.offset[1]) / z + p.lens.principal[1];
-        (u, v)
+    let slanted = Seen::of(|right, _| ((1.0 / (1.0 - 0.5 * right)) as f32, 0));
+    for seen in [board, slanted] {
+        let image = pixels(&model(0.0).image(&seen.exact(0), &[]));
+        let mut returns = 0;
+        for (mm, z) in image.iter().zip(seen.depths()).filter(|(mm, _)| **mm > 0) {
+            assert!(
+                (f64::from(*mm) - 1000.0 * z).abs() <= 0.51,
+                "{mm} mm of {z} m"
+            );
+            returns += 1;
+        }
+        let share = f64::from(returns) / image.len() as f64;
+        assert!(share > 0.9, "{share} of the pixels have a return");
+    }
+}
+
+#[test]
+fn nine_in_ten_pixels_of_a_plain_view_have_a_return() {
+    let wall = Seen::of(|right, down| ((0.8 + 0.1 * right + 0.1 * down) as f32, 0));
+    let p = DepthParameters {
+        holes: [0.005, 0.9, 0.85, 0.5, 0.4],
+        ..parameters()
     };
-    let (left, top) = at(-0.2, -0.1, board);
-    let (right, bottom) = at(0.2, 0.1, board);
-    let mut far = 0;
-    for (i, &mm) in picture.iter().enumerate() {
-        let (x, y) = ((i % 480) as f64 + 0.5, (i / 480) as f64 + 0.5);
-        let within = |a: f64, x: f64, b: f64| a + 1.0 < x && x < b - 1.0;
-        if within(left, x, right) && within(top, y, bottom) {
-            assert_eq!(mm, 800, "at {x}, {y}");
-        } else if x < left - 1.0 || x > right + 1.0 || y < top - 1.0 || y > bottom + 1.0 {
-            assert!(mm == 0 || mm == 1600, "{mm} at {x}, {y}");
-            far += usize::from(mm > 0);
+    let image = pixels(&DepthModel::new(p, 3, 1.0).image(&wall.exact(7), &[]));
+    let returns = image.iter().filter(|mm| **mm > 0).count() as f64 / image.len() as f64;
+    assert!(returns >= 0.9, "{returns} of the pixels have a return");
+    // The left band alone lies beyond the view of the second eye.
+    let right = image.chunks(480).flat_map(|row| &row[60..]);
+    let returns = right.clone().filter(|mm| **mm > 0).count() as f64 / right.count() as f64;
+    assert!(returns >= 0.98, "{returns} of the pixels right of the band");
+}
+
+#[test]
+fn noise_is_correlated_over_the_matching_window() {
+    let window = parameters().window;
+    let seen = Seen::of(|_, _| (1.5, 0));
+    let model = model(1.0);
+    let (width, height) = (480, 270);
+    // Right of what the second eye does not see.
+    let first = 40;
+    let mut products = vec![[0.0; 2]; window + 4];
+    let mut counts = vec![[0.0; 2]; window + 4];
+    for tick in 0..8 {
+        let image = pixels(&model.image(&seen.exact(tick), &[]));
+        let error = |x: usize, y: usize| f64::from(image[y * width + x]) - 1500.0;
+        for (lag, (products, counts)) in products.iter_mut().zip(&mut counts).enumerate() {
+            for y in 0..height - lag {
+                for x in first..width - lag {
+                    products[0] += error(x, y) * error(x + lag, y);
+                    products[1] += error(x, y) * error(x, y + lag);
+                    counts.iter_mut().for_each(|count| *count += 1.0);
+                }
+            }
         }
     }
-    assert!(far > 20_000, "{far} pixels of the wall");
-
-    // z = 1 + 0.5·X: seen along (r, d) at z = 1/(1 - 0.5·r).
-    let slanted = Seen::of(|right, _| ((1.0 / (1.0 - 0.5 * right)) as f32, 0));
-    let picture = pixels(&model(0.0).picture(&slanted.exact(0), &[]));
-    let mut error: f64 = 0.0;
-    let mut count = 0;
-    for (i, &mm) in picture.iter().enumerate().filter(|(_, mm)| **mm > 0) {
-        let right = ((i % 480) as f64 + 0.5 - p.lens.principal[0]) / p.lens.focal[0];
-        // X = r·z + tx, z = 1 + 0.5·X.
-        let z = (1.0 + 0.5 * p.offset[0]) / (1.0 - 0.5 * right);
-        error += (f64::from(mm) / 1000.0 / z - 1.0).abs();
-        count += 1;
+    let covariance = |lag: usize, axis: usize| products[lag][axis] / counts[lag][axis];
+    for axis in 0..2 {
+        for lag in 1..window + 4 {
+            let found = covariance(lag, axis) / covariance(0, axis);
+            let expected = (1.0 - lag as f64 / window as f64).max(0.0);
+            assert!(
+                (found - expected).abs() < 0.05,
+                "axis {axis}, {lag} pixels apart: {found}, expected {expected}"
+            );
+        }
     }
-    let error = error / f64::from(count);
-    assert!(error < 0.001 && count > 50_000, "{error}, {count} pixels");
+}
+
+#[test]
+fn depth_has_no_bias_at_small_and_large_sizes() {
+    for [width, height] in [[320, 180], [1280, 720]] {
+        let p = sized(width, height);
+        let per_square = p.disparity_noise / (p.lens.focal[0] * p.baseline);
+        // Over many whole millimetres, so that writing them rounds both ways.
+        let near = Seen::through(p.lens, |right, down| {
+            ((0.4 + 0.1 * right + 0.05 * down) as f32, 0)
+        });
+        let model = DepthModel::new(p, 5, 1.0);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for tick in 0..4 {
+            let image = pixels(&model.image(&near.exact(tick), &[]));
+            for (mm, z) in image.iter().zip(near.depths()).filter(|(mm, _)| **mm > 0) {
+                sum += (f64::from(*mm) / 1000.0 - z) / (per_square * z * z);
+                count += 1.0;
+            }
+        }
+        let bias = sum / count;
+        assert!(bias.abs() < 0.1, "{width}x{height}: bias of {bias} σ");
+        assert!(count > 3.0 * (width * height) as f64, "{count} returns");
+    }
 }
 
 #[test]
 fn the_second_eye_casts_a_shadow_as_wide_as_the_disparities_differ() {
     let seen = Seen::of(|right, _| (if right * 0.8 < 0.0 { 1.6 } else { 0.8 }, 0));
-    let picture = pixels(&model(0.0).picture(&seen.exact(0), &[]));
+    let picture = pixels(&model(0.0).image(&seen.exact(0), &[]));
     // Left of the near board's left edge stands what the right eye does not see:
     // f·b·(1/0.8 - 1/1.6) = 12.4 pixels.
     let row = &picture[100 * 480..101 * 480];
@@ -160,12 +233,12 @@ fn surfaces_lose_the_share_that_is_theirs() {
     let classes = Surface::ALL;
     for (id, class) in classes.into_iter().enumerate() {
         let seen = Seen::of(|_, _| (1.0, id as u16));
-        let (mut model, full) = (model(1.0), model(0.0).picture(&seen.exact(0), &classes));
+        let (model, full) = (model(1.0), model(0.0).image(&seen.exact(0), &classes));
         let returns = |picture: Vec<u8>| pixels(&picture).iter().filter(|v| **v > 0).count();
         let full = returns(full) as f64;
         let mut lost = 0.0;
         for tick in 0..8 {
-            lost += 1.0 - returns(model.picture(&seen.exact(tick), &classes)) as f64 / full;
+            lost += 1.0 - returns(model.image(&seen.exact(tick), &classes)) as f64 / full;
         }
         let (lost, expected) = (lost / 8.0, parameters().holes[id]);
         assert!(
@@ -179,11 +252,11 @@ fn surfaces_lose_the_share_that_is_theirs() {
 #[test]
 fn edges_bleed_and_what_is_too_near_has_no_return() {
     let seen = Seen::of(|_, down| (if down < 0.0 { 0.5 } else { 1.0 }, 0));
-    let picture = pixels(&model(1.0).picture(&seen.exact(0), &[]));
+    let picture = pixels(&model(1.0).image(&seen.exact(0), &[]));
     let between = picture.iter().filter(|mm| (540..940).contains(*mm)).count();
     assert!(between > 30, "{between} pixels between near and far");
     let near = Seen::of(|_, _| (0.14, 0));
-    let picture = pixels(&model(0.0).picture(&near.exact(0), &[]));
+    let picture = pixels(&model(0.0).image(&near.exact(0), &[]));
     assert!(picture.iter().all(|mm| *mm == 0));
 }
 
@@ -194,7 +267,7 @@ fn disparity_comes_in_the_steps_of_the_parameters() {
         ..parameters()
     };
     let seen = Seen::of(|_, _| (2.0, 0));
-    let picture = pixels(&DepthModel::new(stepped, 1, 1.0).picture(&seen.exact(0), &[]));
+    let picture = pixels(&DepthModel::new(stepped, 1, 1.0).image(&seen.exact(0), &[]));
     let mut values: Vec<u16> = picture.into_iter().filter(|v| *v > 0).collect();
     values.sort_unstable();
     values.dedup();
@@ -207,11 +280,11 @@ fn the_same_seed_gives_the_same_bits_and_another_one_others() {
     let seen = Seen::of(|right, _| (1.0 + 0.2 * right as f32, 1));
     let classes = [Surface::Matte, Surface::Glass];
     let take =
-        |seed, tick| DepthModel::new(parameters(), seed, 1.0).picture(&seen.exact(tick), &classes);
+        |seed, tick| DepthModel::new(parameters(), seed, 1.0).image(&seen.exact(tick), &classes);
     assert_eq!(take(1, 24), take(1, 24));
     assert_ne!(take(1, 24), take(2, 24));
     assert_ne!(take(1, 24), take(1, 48));
     // Strength 0 knows no seed.
-    let perfect = |seed| DepthModel::new(parameters(), seed, 0.0).picture(&seen.exact(0), &classes);
+    let perfect = |seed| DepthModel::new(parameters(), seed, 0.0).image(&seen.exact(0), &classes);
     assert_eq!(perfect(1), perfect(2));
 }

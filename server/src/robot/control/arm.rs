@@ -22,15 +22,18 @@ use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
 
 pub use self::cartesian::Velocity;
-use super::profile::stopping_speed;
-use super::{ArmIntent, IntentFrame, TICKS};
+use super::profile::{SPEED_SHARE, stopping_speed};
+use super::{ArmIntent, Guard, IntentFrame, TICKS};
 use crate::robot::kinematics::{ArmKinematics, joint_word};
 use crate::robot::{ArmSettings, RobotModel};
 use crate::snapshot::Snapshot;
 
 /// Share of the tool speed that is planned; the rest covers the change of the
 /// Jacobian while the joints brake.
-const TOOL_SHARE: f64 = 0.93;
+const TOOL_SHARE: f64 = 0.92;
+
+/// Joint acceleration that the guard of a person may ask for, in units of the arm's own.
+const GUARD_BRAKING: f64 = 4.0;
 
 /// What the arm does.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -128,9 +131,6 @@ pub(super) struct ArmControl {
     pub kinematics: ArmKinematics,
     settings: ArmSettings,
     tool_length: f64,
-    /// Greatest speed of the grasp point in this control tick, m/s, if there is one
-    /// beside the robot's own. Not part of the state: set before every tick.
-    pub limit: Option<f64>,
     /// Link of the arm's base.
     base_link: usize,
     /// chair_from_base.
@@ -143,7 +143,6 @@ impl ArmControl {
             kinematics: ArmKinematics::new(model),
             settings: model.settings.arm,
             tool_length: model.settings.tool_length,
-            limit: None,
             base_link: model.roles.arm_base,
             chair_from_base: model.arm_mount(),
         }
@@ -242,8 +241,17 @@ impl ArmControl {
         }
     }
 
+    /// Takes the commanded positions back to the lead that the guard allows.
+    pub(super) fn shorten_lead(&self, state: &mut ArmState, guard: &Guard) {
+        let (_, jacobian) = self.kinematics.forward_and_jacobian(&state.position);
+        guard.shorten_lead(&mut state.position, &self.settings.stiffness, |lead| {
+            self.tool_speed(&jacobian, lead)
+        });
+        self.kinematics.clamp(&mut state.position);
+    }
+
     /// One step of `dt` seconds.
-    pub(super) fn advance(&self, state: &mut ArmState, dt: f64) {
+    pub(super) fn advance(&self, state: &mut ArmState, guard: Option<&Guard>, dt: f64) {
         let (pose, jacobian) = self.kinematics.forward_and_jacobian(&state.position);
         let wanted = match state.motion {
             Motion::Hold => {
@@ -266,7 +274,7 @@ impl ArmControl {
                 now,
             } => self.by_twist(state, &pose, &jacobian, (in_tool, wanted, now), dt),
         };
-        self.follow(state, wanted, &jacobian, dt);
+        self.follow(state, wanted, &jacobian, guard, dt);
     }
 
     /// Joint speeds that interpolate to a goal and stop there.
@@ -282,12 +290,19 @@ impl ArmControl {
 
     /// Moves the joint speeds towards the wanted ones within all limits, and
     /// the joints by them.
-    fn follow(&self, state: &mut ArmState, mut wanted: [f64; 6], jacobian: &Matrix6<f64>, dt: f64) {
+    fn follow(
+        &self,
+        state: &mut ArmState,
+        mut wanted: [f64; 6],
+        jacobian: &Matrix6<f64>,
+        guard: Option<&Guard>,
+        dt: f64,
+    ) {
         let speed = self.kinematics.speed();
         let (lower, upper) = (self.kinematics.lower(), self.kinematics.upper());
         // Once below the stopping speed, a joint can always stay below it.
         let room = |distance: f64| stopping_speed(distance, self.settings.acceleration, dt);
-        if self.limit.is_some() {
+        if guard.is_some() {
             // A joint that stops at its end no longer turns against the others.
             for i in 0..6 {
                 let (below, above) = (state.position[i] - lower[i], upper[i] - state.position[i]);
@@ -296,9 +311,9 @@ impl ArmControl {
         }
         let tool_speed = self.tool_speed(jacobian, &wanted);
         let most = self.settings.tool_speed;
-        let most = self.limit.map_or(most, |limit| limit.min(most));
+        let most = guard.map_or(most, |guard| guard.tool_speed.min(most));
         let excess = (0..6)
-            .map(|i| wanted[i].abs() / speed[i])
+            .map(|i| wanted[i].abs() / (SPEED_SHARE * speed[i]))
             .fold(tool_speed / (TOOL_SHARE * most), f64::max);
         if excess > 1.0 {
             wanted = wanted.map(|part| part / excess);
@@ -313,14 +328,29 @@ impl ArmControl {
         } else {
             1.0
         };
+        let (least, greatest): ([f64; 6], [f64; 6]) = (
+            std::array::from_fn(|i| -room(state.position[i] - lower[i])),
+            std::array::from_fn(|i| room(upper[i] - state.position[i])),
+        );
+        let mut velocity: [f64; 6] = std::array::from_fn(|i| {
+            exact::within(state.velocity[i] + part * change[i], least[i], greatest[i])
+        });
+        if let Some(guard) = guard {
+            // Beside a person it may brake harder than it may accelerate. Without any limit
+            // the speeds of light links jump where the nearest point changes.
+            let before = state.velocity;
+            let most = GUARD_BRAKING * allowed;
+            let least = std::array::from_fn(|i| least[i].max(-SPEED_SHARE * speed[i]));
+            let greatest = std::array::from_fn(|i| greatest[i].min(SPEED_SHARE * speed[i]));
+            guard.bound(&mut velocity, &least, &greatest);
+            for i in 0..6 {
+                let eased = exact::within(velocity[i], before[i] - most, before[i] + most);
+                velocity[i] = exact::within(eased, least[i], greatest[i]);
+            }
+        }
         for i in 0..6 {
-            let velocity = exact::within(
-                state.velocity[i] + part * change[i],
-                -room(state.position[i] - lower[i]),
-                room(upper[i] - state.position[i]),
-            );
-            state.velocity[i] = velocity;
-            state.position[i] += velocity * dt;
+            state.velocity[i] = velocity[i];
+            state.position[i] += velocity[i] * dt;
         }
         // Rounding only: the stopping speed lands on the limit.
         self.kinematics.clamp(&mut state.position);

@@ -4,8 +4,8 @@
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
 
-use super::BaseIntent;
 use super::profile::towards;
+use super::{BaseIntent, Guard};
 use crate::robot::{DriveSettings, Settings};
 
 /// Differential drive: rear wheels and the chair's motion.
@@ -72,8 +72,16 @@ impl BaseState {
     /// One step of the profile, `left` steps before the next intent may come. A
     /// speed that can be reached by then is reached just then: towards a stream of
     /// speeds the chair would change its own in jerks, 60 times a second.
-    pub(super) fn advance(&mut self, drive: &DriveSettings, dt: f64, left: usize) {
-        let stop = self.wanted == BaseIntent::default();
+    /// A guard bounds what is wanted, but for how long only it knows: `wanted` stays.
+    pub(super) fn advance(
+        &mut self,
+        drive: &DriveSettings,
+        guard: Option<&Guard>,
+        dt: f64,
+        left: usize,
+    ) {
+        let wanted = guard.map_or(self.wanted, |guard| guard.of_chair(self.wanted));
+        let stop = wanted == BaseIntent::default();
         let braking =
             |profile: f64, at_stop: f64| if stop { profile.max(at_stop) } else { profile };
         let linear_braking = if self.now.linear > 0.0 {
@@ -81,21 +89,21 @@ impl BaseState {
         } else {
             braking(drive.backward_deceleration, drive.stop_deceleration)
         };
-        let linear_gain = if self.wanted.linear > 0.0 {
+        let linear_gain = if wanted.linear > 0.0 {
             drive.forward_acceleration
         } else {
             drive.backward_acceleration
         };
         self.now.linear = ramp(
             self.now.linear,
-            self.wanted.linear,
+            wanted.linear,
             linear_gain * dt,
             linear_braking * dt,
             left,
         );
         self.now.angular = ramp(
             self.now.angular,
-            self.wanted.angular,
+            wanted.angular,
             drive.turn_acceleration * dt,
             braking(drive.turn_deceleration, drive.stop_turn_deceleration) * dt,
             left,

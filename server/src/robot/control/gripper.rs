@@ -4,8 +4,8 @@
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
 
-use super::GripperIntent;
-use super::profile::{stopping_speed, towards};
+use super::profile::{SPEED_SHARE, stopping_speed, towards};
+use super::{FingerBound, GripperIntent};
 use crate::geometry::Shape;
 use crate::robot::{GripperSettings, PAD, RobotModel};
 
@@ -155,10 +155,24 @@ impl GripperState {
         });
     }
 
-    /// One step towards the goal.
-    pub(super) fn advance(&mut self, settings: &GripperSettings, dt: f64) {
+    /// One step towards the goal, within the bound beside a person.
+    pub(super) fn advance(
+        &mut self,
+        settings: &GripperSettings,
+        bound: Option<FingerBound>,
+        dt: f64,
+    ) {
         let way = self.goal - self.position;
-        let speed = stopping_speed(way.abs(), settings.acceleration, dt).min(settings.speed);
+        let most = SPEED_SHARE * settings.speed;
+        let most = bound.map_or(most, |bound| {
+            let beside = if way > 0.0 {
+                bound.closing
+            } else {
+                bound.opening
+            };
+            beside.min(most)
+        });
+        let speed = stopping_speed(way.abs(), settings.acceleration, dt).min(most);
         let room = |distance: f64| stopping_speed(distance, settings.acceleration, dt);
         // A turned command may not carry the knuckle past its range.
         let velocity = towards(
@@ -166,6 +180,9 @@ impl GripperState {
             speed.copysign(way),
             settings.acceleration * dt,
         );
+        let velocity = bound.map_or(velocity, |bound| {
+            exact::within(velocity, -bound.opening, bound.closing)
+        });
         self.velocity = exact::within(
             velocity,
             -room(self.position),

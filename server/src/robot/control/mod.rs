@@ -1,12 +1,14 @@
 //! Control laws: intent in, joint targets out.
 //!
 //! Open loop and deterministic: the targets follow from the intents alone (and
-//! from the chair's pose, when an intent is given in the house). All that
+//! from the chair's pose, when an intent is given in the house). Beside a seated
+//! person the [`Guard`] bounds them by the measured state. All that
 //! changes is one [`ControlState`], which is saved with the world.
 
 mod arm;
 mod base;
 mod gripper;
+mod guard;
 mod profile;
 
 use nalgebra::{Isometry3, Vector3};
@@ -17,6 +19,7 @@ use self::arm::ArmControl;
 pub use self::arm::{ArmState, Motion, Velocity};
 pub use self::base::{BaseState, DriveGeometry};
 pub use self::gripper::{GripperMap, GripperState};
+pub use self::guard::{ArmBound, ChairBound, FingerBound, Guard};
 use super::{DriveSettings, GripperSettings, RobotModel};
 use crate::snapshot::Snapshot;
 
@@ -30,6 +33,8 @@ pub struct RobotControl {
     drive: DriveSettings,
     wheels: DriveGeometry,
     gripper: GripperSettings,
+    /// Bounds beside a person. Not part of the state: set before every control tick.
+    guard: Option<Guard>,
     state: ControlState,
 }
 
@@ -66,14 +71,14 @@ impl RobotControl {
             drive: model.settings.drive,
             wheels: DriveGeometry::new(&model.settings),
             gripper: model.settings.gripper,
+            guard: None,
             state,
         }
     }
 
-    /// The grasp point moves no faster than this in the control tick that comes, m/s,
-    /// where that is slower than the robot's own limit.
-    pub fn limit_tool_speed(&mut self, most: Option<f64>) {
-        self.arm.limit = most;
+    /// Bounds of the control tick that comes; `None` where nothing is guarded.
+    pub fn set_guard(&mut self, guard: Option<Guard>) {
+        self.guard = guard;
     }
 
     /// One control tick: takes what is newly asked and returns the targets of
@@ -81,6 +86,10 @@ impl RobotControl {
     /// not taken.
     pub fn update(&mut self, input: &ControlInput, snapshot: &Snapshot) -> [Targets; TICKS] {
         let ControlState { arm, base, gripper } = &mut self.state;
+        let guard = self.guard.as_ref();
+        if let Some(guard) = guard {
+            self.arm.shorten_lead(arm, guard);
+        }
         if let Some(intent) = input.arm.as_ref().filter(|intent| intent.is_finite()) {
             self.arm.take(arm, intent, snapshot);
         }
@@ -98,16 +107,17 @@ impl RobotControl {
         }
         let dt = 1.0 / PHYSICS_HZ as f64;
         std::array::from_fn(|i| {
-            self.arm.advance(arm, dt);
-            base.advance(&self.drive, dt, TICKS - i);
-            gripper.advance(&self.gripper, dt);
+            self.arm.advance(arm, guard, dt);
+            base.advance(&self.drive, guard, dt, TICKS - i);
+            let fingers = guard.and_then(|guard| guard.fingers);
+            gripper.advance(&self.gripper, fingers, dt);
             Targets {
                 arm_position: arm.position,
                 arm_velocity: arm.velocity,
                 wheel_velocity: self.wheels.wheel_speeds(&base.now),
                 knuckle_position: gripper.position,
                 knuckle_velocity: gripper.velocity,
-                pad_force: gripper.force,
+                pad_force: fingers.map_or(gripper.force, |bound| gripper.force.min(bound.force)),
             }
         })
     }

@@ -2,6 +2,10 @@
 
 use wheelarm_proto::exact;
 
+/// Share of a joint's speed limit that is commanded. The rest covers what a drive
+/// overshoots, so that the measured speed keeps the limit as well.
+pub(super) const SPEED_SHARE: f64 = 0.98;
+
 /// Greatest speed for the coming step of `dt` seconds from which a coordinate,
 /// `distance` before its goal, stops at the goal without overshoot when it
 /// brakes by at most `deceleration`. Any unit of distance; 0 at or beyond the

@@ -132,6 +132,19 @@ fn broken_robots_are_refused_with_the_reason() {
         &urdf,
         &["drive.track", "-0.496", "greater than 0"],
     );
+    refused(
+        &toml.replace("dry_friction = [0.522,", "dry_friction = [-0.522,"),
+        &urdf,
+        &["arm.dry_friction[0]", "-0.522", "0 or more"],
+    );
+    refused(
+        &toml.replace(
+            "tyre_rolling_resistance = 0.015",
+            "tyre_rolling_resistance = nan",
+        ),
+        &urdf,
+        &["drive.tyre_rolling_resistance", "NaN", "0 or more"],
+    );
     std::fs::remove_dir_all(&folder).unwrap();
 }
 

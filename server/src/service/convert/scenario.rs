@@ -73,6 +73,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             })
             .collect(),
         start: s.start.as_ref().map(pose),
+        rejected_starts: s.rejected_starts,
         instruction: Some(s.instruction.clone()),
         language: s.language.as_ref().map(language::told),
         target: Some(s.target.clone()),
@@ -279,6 +280,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.objects.clear();
         s.slides.clear();
         s.start = None;
+        s.rejected_starts = 0;
         s.instruction.clear();
         if let Some(language) = &mut s.language {
             language.template.clear();
@@ -333,7 +335,12 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         })?;
     }
     if let Some(limit) = asked.time_limit_seconds {
-        s.time_limit = Some(check::within("time_limit_seconds", limit, 0.0, 1e5)?);
+        s.time_limit = Some(check::within(
+            "time_limit_seconds",
+            limit,
+            0.0,
+            check::MAX_TIME_LIMIT,
+        )?);
         s.asked.open_limit = false;
     }
     keep(&mut s.imu_noise, asked.imu_noise);
@@ -398,6 +405,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     }
     if let Some(start) = &asked.start {
         s.start = Some(place("start", Some(start))?);
+        s.rejected_starts = asked.rejected_starts;
     }
     let objects = asked
         .objects

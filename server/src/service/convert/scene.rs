@@ -19,6 +19,10 @@ fn failure(failure: tasks::Failure) -> v1::FailureReason {
         tasks::Failure::HardCollision => Reason::HardCollision,
         tasks::Failure::Lost => Reason::Lost,
         tasks::Failure::Physics => Reason::Physics,
+        tasks::Failure::PersonForce => Reason::PersonForce,
+        tasks::Failure::WrongObject => Reason::WrongObject,
+        tasks::Failure::KnockedOver => Reason::KnockedOver,
+        tasks::Failure::Tilted => Reason::Tilted,
     }
 }
 

@@ -41,8 +41,13 @@ impl Engine {
             Query::Pick => self.answer_pick(asked, &payload),
             Query::Reset => {
                 let wanted = self.wanted(&payload);
-                let begun = wanted.and_then(|(scenario, snapshot, right)| {
-                    Ok((self.load(scenario, snapshot)?, right))
+                let begun = wanted.and_then(|(scenario, request)| {
+                    let loading = self.load(scenario, request.snapshot, request.playback)?;
+                    let right = Right {
+                        force: request.force,
+                        secret: request.secret,
+                    };
+                    Ok((loading, right))
                 });
                 match begun {
                     Ok((loading, right)) => {
@@ -104,16 +109,15 @@ impl Engine {
     }
 
     /// The scenario that a reset asks for, every field of it checked.
-    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, Bytes, Right), Denied> {
-        let request: v1::ResetRequest = decode(payload)?;
-        let right = Right {
+    fn wanted(&self, payload: &[u8]) -> Result<(Scenario, v1::ResetRequest), Denied> {
+        let mut request: v1::ResetRequest = decode(payload)?;
+        self.may_reset(&Right {
             force: request.force,
-            secret: request.secret,
-        };
-        self.may_reset(&right)?;
-        let asked = request.scenario.unwrap_or_default();
+            secret: request.secret.clone(),
+        })?;
+        let asked = request.scenario.take().unwrap_or_default();
         let scenario = convert::scenario_over(self.sim.scenario(), &asked);
-        Ok((scenario?, request.snapshot, right))
+        Ok((scenario?, request))
     }
 
     /// Whether a client may put another world in the place of this one.
@@ -177,7 +181,16 @@ impl Engine {
                 self.event(kind, "by a client");
                 self.ack()
             }
-            Query::Episode => self.episode_state().encode_to_vec().into(),
+            Query::Episode => {
+                let request: v1::EpisodeRequest = decode(payload)?;
+                if !request.recorder.is_empty() {
+                    let mut recorders = self.shared.recorders.lock();
+                    recorders
+                        .claim(&request.recorder, &request.session, Instant::now())
+                        .map_err(|words| Denied::new(FailureCode::Invalid, words))?;
+                }
+                self.episode_state().encode_to_vec().into()
+            }
             Query::Snapshot => self.snapshot()?,
             Query::Sensors => self.sensors_given().encode_to_vec().into(),
             Query::Shutdown => {

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use wheelarm_proto::v1::{FailureCode, WaitingFor};
-use wheelarm_proto::{StreamId, TopicId, check, v1};
+use wheelarm_proto::{Message, StreamId, TopicId, check, v1};
 
 use super::{Engine, NAP, Next, Waits};
 use crate::service::denied::Denied;
-use crate::service::episode::{Episode, Stage};
+use crate::service::episode::{Episode, Stage, Unacknowledged};
 use crate::service::inbox::Listening;
 use crate::service::recorders::Progress;
 use crate::service::{convert, describe};
@@ -24,10 +24,67 @@ const PRESENT_SECS: u64 = 120;
 /// How long a server that ends waits for its recorders to get the rest, s.
 const FAREWELL_SECS: u64 = 10;
 
+/// Longest wait for recorders to receive the manifest before `episode_stop` is answered, s.
+/// What was lost on a slow line is fetched first.
+const ACKNOWLEDGED_SECS: u64 = 10;
+
 /// Ended episodes whose manifests are kept for recorders that ask late.
 const ENDED_EPISODES: usize = 8;
 
 impl Engine {
+    /// Ends the episode and answers `asked` when its recorders have the manifest.
+    pub(super) fn stop_for(
+        &mut self,
+        asked: Option<zenoh::query::Query>,
+        discard: bool,
+        cause: v1::EndCause,
+    ) {
+        let episode = self.episode.as_ref();
+        let participants = episode.map_or_else(Vec::new, |e| e.participants.clone());
+        let stopped = self.stop_episode(discard, cause);
+        let Some(asked) = asked else {
+            return;
+        };
+        match stopped {
+            Some(stopped) => self.unacknowledged.push(Unacknowledged {
+                asked,
+                stopped,
+                participants,
+                since: Instant::now(),
+            }),
+            None => {
+                let words = "no episode is running";
+                self.refuse(asked, Denied::new(FailureCode::NoEpisode, words));
+            }
+        }
+        self.answer_acknowledged(false);
+    }
+
+    /// Answers those whose recorders have the manifest or have had their time, or `all`.
+    pub(super) fn answer_acknowledged(&mut self, all: bool) {
+        if self.unacknowledged.is_empty() {
+            return;
+        }
+        let now = Instant::now();
+        let waiting = std::mem::take(&mut self.unacknowledged);
+        let patience = Duration::from_secs(ACKNOWLEDGED_SECS);
+        let (waiting, due): (Vec<_>, Vec<_>) = {
+            let mut recorders = self.shared.recorders.lock();
+            recorders.expire(now);
+            let run = self.shared.outbox.run_id();
+            waiting.into_iter().partition(|answer| {
+                let header = answer.stopped.header.as_ref();
+                let episode = header.map_or(0, |header| header.episode);
+                !all && now.duration_since(answer.since) < patience
+                    && recorders.is_anyone_recording(run, episode, &answer.participants)
+            })
+        };
+        self.unacknowledged = waiting;
+        for answer in due {
+            self.reply(answer.asked, Ok(answer.stopped.encode_to_vec()));
+        }
+    }
+
     /// Announces an episode; simulation time goes on when its recorders are ready.
     /// What the cameras drew before it is out.
     pub(super) fn start_episode(
@@ -61,8 +118,17 @@ impl Engine {
                  with --pacing lock-step",
             ));
         }
+        if request.practice && request.require_recorders > 0 {
+            return Err(Denied::new(
+                FailureCode::Invalid,
+                "a practice episode is not recorded: ask for 0 recorders, or leave `practice` out",
+            ));
+        }
+        if let Some(limit) = request.time_limit_seconds {
+            check::within("time_limit_seconds", limit, 1.0, check::MAX_TIME_LIMIT)?;
+        }
         // In lock-step time waits for every recorder that is there.
-        let required = match lock_step {
+        let required = match lock_step && !request.practice {
             true => self
                 .shared
                 .recorders
@@ -73,7 +139,7 @@ impl Engine {
         };
         self.shared.recorders.lock().begin();
         if !request.replay && !shown {
-            self.sim.begin_episode();
+            self.sim.begin_episode(request.time_limit_seconds);
         }
         self.signals.restart();
         if let Some(lag) = &mut self.lag {
@@ -86,7 +152,11 @@ impl Engine {
         self.episodes += 1;
         let number = self.episodes;
         let tick = self.sim.snapshot().tick;
-        let started = self.announcement(number, request.label, request.instruction, shown);
+        let mut started = self.announcement(number, &request, shown);
+        if let (Some(limit), Some(scenario)) = (request.time_limit_seconds, &mut started.scenario) {
+            // The file says which limit was in force, and a replay takes it from there.
+            scenario.time_limit_seconds = Some(limit);
+        }
         self.episode = Some(Episode {
             number,
             started: started.clone(),
@@ -119,16 +189,18 @@ impl Engine {
     fn announcement(
         &self,
         number: u64,
-        label: String,
-        instruction: Option<String>,
+        request: &v1::EpisodeStartRequest,
         shown: bool,
     ) -> v1::EpisodeStarted {
         let scenario = self.sim.scenario();
         let task = self.sim.task();
         v1::EpisodeStarted {
             header: Some(self.shared.outbox.header(number, self.sim.snapshot().tick)),
-            label,
-            instruction: instruction.unwrap_or_else(|| scenario.instruction.clone()),
+            label: request.label.clone(),
+            instruction: match &request.instruction {
+                Some(instruction) => instruction.clone(),
+                None => scenario.instruction.clone(),
+            },
             scenario: Some(convert::scenario(scenario)),
             activity: task.map(|t| t.activity.clone()).unwrap_or_default(),
             area: task.map(|t| t.area.name.clone()).unwrap_or_default(),
@@ -162,6 +234,7 @@ impl Engine {
             },
             as_recorded: shown,
             compressed_cameras: true,
+            practice: request.practice,
         }
     }
 
@@ -218,7 +291,8 @@ impl Engine {
         }
         let stopped = v1::EpisodeStopped {
             header: Some(self.shared.outbox.header(episode.number, tick)),
-            discard,
+            // Of a practice episode there is nothing to keep.
+            discard: discard || episode.started.practice,
             evaluation: match &self.shown {
                 Some(shown) => shown.evaluation.clone(),
                 None => Some(convert::evaluation(self.sim.evaluation())),

@@ -36,6 +36,7 @@ impl Engine {
         &self,
         scenario: Scenario,
         snapshot: bytes::Bytes,
+        playback: bool,
     ) -> Result<Receiver<Result<Loaded, Denied>>, Denied> {
         if self.episode.is_some() {
             let words = "an episode is running; stop it before a reset";
@@ -56,8 +57,11 @@ impl Engine {
                 on_processor().saturating_sub(since) > SETTLING
             };
             let load = || {
-                let mut sim =
-                    Simulation::new_within(&folder, scenario, &late).map_err(Denied::scenario)?;
+                let made = match playback {
+                    true => Simulation::for_playback(&folder, scenario, &late),
+                    false => Simulation::new_within(&folder, scenario, &late),
+                };
+                let mut sim = made.map_err(Denied::scenario)?;
                 if !snapshot.is_empty() {
                     sim.restore(&snapshot).map_err(Denied::scenario)?;
                 }
@@ -170,13 +174,7 @@ impl Engine {
                     discard,
                     cause,
                 } => {
-                    let stopped = self.stop_episode(discard, cause);
-                    if let Some(asked) = asked {
-                        let answer = stopped.ok_or_else(|| {
-                            Denied::new(FailureCode::NoEpisode, "no episode is running")
-                        });
-                        self.reply(asked, answer.map(|reply| reply.encode_to_vec()));
-                    }
+                    self.stop_for(asked, discard, cause);
                 }
             }
         }

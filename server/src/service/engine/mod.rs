@@ -22,7 +22,7 @@ use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::WaitingFor;
 
-use super::episode::{Episode, Stage};
+use super::episode::{Episode, Stage, Unacknowledged};
 use super::errand::Errand;
 use super::error::ServiceError;
 use super::inbox::{Listening, Standing};
@@ -75,6 +75,8 @@ pub struct Engine {
     pub(in crate::service) waiting: Waiting,
     pub(in crate::service) pace: Pace,
     pub(in crate::service) episodes: u64,
+    /// Answers to `episode_stop` that wait for recorders.
+    pub(in crate::service) unacknowledged: Vec<Unacknowledged>,
     /// The last episodes that ended, oldest first.
     pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
     pub(in crate::service) seen_anomalies: Vec<Anomaly>,
@@ -128,6 +130,7 @@ impl Engine {
             waiting_for: Waits::default(),
             waiting: Waiting::new(),
             episodes: 0,
+            unacknowledged: Vec::new(),
             ended: VecDeque::new(),
             seen_anomalies: Vec::new(),
             anomalies: Vec::new(),
@@ -200,6 +203,7 @@ impl Engine {
         self.publish_state();
         while !self.shared.stop.load(Ordering::Acquire) {
             self.proceed();
+            self.answer_acknowledged(false);
             self.answer_some();
             self.publish_refusals();
             self.publish_tidings();
@@ -222,6 +226,7 @@ impl Engine {
             self.stop_episode(false, v1::EndCause::Shutdown);
             self.wait_for_files(number, &participants);
         }
+        self.answer_acknowledged(true);
     }
 
     /// Whether a query waits that could be answered now.

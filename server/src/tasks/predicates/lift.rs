@@ -5,6 +5,7 @@ use serde::Deserialize;
 use crate::snapshot::Snapshot;
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// The object's lowest point is `height` above where it started, and both pads
 /// press it with at least `pad_force`, for `secs`. Value: the rise, metres.
@@ -35,6 +36,10 @@ impl Predicate for LiftedAndHeld {
             Threshold::new("pad_force", self.pad_force, "N", 1000.0),
             Threshold::new("secs", self.secs, "s", 60.0),
         ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(
@@ -79,6 +84,10 @@ impl Predicate for LiftedBefore {
             Threshold::new("height", self.height, "m", 2.0),
             Threshold::new("pad_force", self.pad_force, "N", 1000.0),
         ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(

@@ -97,7 +97,7 @@ mod tests {
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
         "no_hard_collision = { force = 50.0 }",
-        "clear_of_person = { force = 5.0 }",
+        "clear_of_person = { force = 5.0, face = 2.0, resting = 3.0 }",
         r#"at_mouth = { object = "a", distance = 0.03, tilt_deg = 15, force = 2.0, secs = 2.5 }"#,
         "gentle_on_face = { force = 2.0 }",
         r#"kept_level = { object = "a", tilt_deg = 30 }"#,

@@ -7,6 +7,7 @@ use crate::people::BodyPart;
 use crate::snapshot::{PersonState, Snapshot};
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// The object's tip is within `distance` of the middle of the lips while it leans by
 /// no more than `tilt_deg` from how it stood, and nothing presses the face with more
@@ -41,6 +42,10 @@ impl Predicate for AtMouth {
             Threshold::new("force", self.force, "N", 1_000.0),
             Threshold::new("secs", self.secs, "s", 60.0),
         ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(
@@ -84,6 +89,10 @@ impl Predicate for GentleOnFace {
         vec![Threshold::new("force", self.force, "N", 1_000.0)]
     }
 
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::PersonForce)
+    }
+
     fn measure(
         &self,
         _context: &Context,
@@ -119,6 +128,10 @@ impl Predicate for KeptLevel {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("tilt_deg", self.tilt_deg, "degrees", 180.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::Tilted)
     }
 
     fn measure(

@@ -5,6 +5,7 @@ use serde::{Deserialize, Deserializer};
 use crate::snapshot::Snapshot;
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// The joint of furniture is open by at least, or at most, so much. Value: its
 /// position, metres.
@@ -73,6 +74,10 @@ impl Predicate for Opening {
             Side::AtMost => "position",
         };
         vec![Threshold::new(key, self.bound, "m", 2.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(

@@ -5,6 +5,7 @@ use serde::Deserialize;
 use crate::snapshot::Snapshot;
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// Of the targets that could have been drawn none but the drawn one was ever
 /// lifted by `height`. Value: the greatest rise of another, metres.
@@ -26,6 +27,10 @@ impl Predicate for CorrectInstance {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("height", self.height, "m", 2.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::WrongObject)
     }
 
     fn measure(
@@ -70,6 +75,10 @@ impl Predicate for NothingKnockedOver {
             Threshold::new("tilt_deg", self.tilt_deg, "degrees", 180.0),
             Threshold::new("drop", self.drop, "m", 2.0),
         ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::KnockedOver)
     }
 
     fn measure(

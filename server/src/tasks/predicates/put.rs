@@ -5,6 +5,7 @@ use serde::Deserialize;
 use crate::snapshot::Snapshot;
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// The object's centre of mass is above the first surface of furniture `on`,
 /// and its lowest point within `above` of it. Value: the distance of the centre
@@ -29,6 +30,10 @@ impl Predicate for Inside {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("above", self.above, "m", 1.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(
@@ -67,6 +72,10 @@ impl Predicate for InLap {
         vec![Threshold::new("above", self.above, "m", 1.0)]
     }
 
+    fn loss(&self) -> Option<Failure> {
+        None
+    }
+
     fn measure(
         &self,
         context: &Context,
@@ -100,6 +109,10 @@ impl Predicate for Upright {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("tilt_deg", self.tilt_deg, "degrees", 180.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(
@@ -149,6 +162,10 @@ impl Predicate for AtRest {
         ]
     }
 
+    fn loss(&self) -> Option<Failure> {
+        None
+    }
+
     fn measure(
         &self,
         context: &Context,
@@ -187,6 +204,10 @@ impl Predicate for Released {
 
     fn thresholds(&self) -> Vec<Threshold> {
         vec![Threshold::new("secs", self.secs, "s", 60.0)]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(

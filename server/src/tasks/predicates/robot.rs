@@ -3,9 +3,10 @@
 use serde::Deserialize;
 
 use crate::people::BodyPart;
-use crate::snapshot::{PersonState, Snapshot};
+use crate::snapshot::{BodyRef, Snapshot, Touch};
 use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
+use crate::tasks::failure::Failure;
 
 /// The chair moves slower than `speed` and turns slower than `turn_rate_deg_s`.
 /// Value: its speed, m/s.
@@ -33,6 +34,10 @@ impl Predicate for ChairStopped {
             Threshold::new("speed", self.speed, "m/s", 1.0),
             Threshold::new("turn_rate_deg_s", turn_rate, "degrees/s", 60.0),
         ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        None
     }
 
     fn measure(
@@ -76,6 +81,10 @@ impl Predicate for NoHardCollision {
         vec![Threshold::new("force", self.force, "N", 10_000.0)]
     }
 
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::HardCollision)
+    }
+
     fn measure(
         &self,
         context: &Context,
@@ -90,23 +99,43 @@ impl Predicate for NoHardCollision {
     }
 }
 
-/// Nothing has ever pressed the person in the chair with more than `force`: the robot
-/// anywhere, whatever it is on head, torso and arms. Things may lie in lap and hands.
-/// Value: the greatest force so far, N.
+/// No part of the person in the chair was ever pressed too hard. Every part and every
+/// body that touches it counts, but for the chair's own seat, which is rigid with the
+/// person. Value: the greatest force so far, N.
+///
+/// | part | touched by | limit |
+/// |---|---|---|
+/// | face, mouth | anything | `face` |
+/// | lap, hands | an object that the robot does not touch | `force`, or `resting` times its weight |
+/// | lap, hands | an object that the robot touches | `force`, or its weight |
+/// | all others | robot, furniture, floor, object | `force` |
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct ClearOfPerson {
     /// N.
     force: f64,
+    /// N.
+    face: f64,
+    /// Weights of the object.
+    resting: f64,
 }
 
-/// Parts on which nothing is to lie.
-const BARE: [BodyPart; 4] = [
-    BodyPart::Head,
-    BodyPart::Face,
-    BodyPart::Torso,
-    BodyPart::Arms,
-];
+impl ClearOfPerson {
+    /// Greatest force that a contact may have, N.
+    fn limit(&self, touch: &Touch, context: &Context, snapshot: &Snapshot) -> f64 {
+        match (touch.part, touch.partner) {
+            (BodyPart::Face | BodyPart::Mouth, _) => self.face,
+            (BodyPart::Lap | BodyPart::Hands, BodyRef::Object(object)) => {
+                let weights = match context.robot_force(object, snapshot) {
+                    Some(_) => 1.0,
+                    None => self.resting,
+                };
+                self.force.max(weights * touch.weight)
+            }
+            _ => self.force,
+        }
+    }
+}
 
 impl Predicate for ClearOfPerson {
     fn word(&self) -> &'static str {
@@ -118,24 +147,30 @@ impl Predicate for ClearOfPerson {
     }
 
     fn thresholds(&self) -> Vec<Threshold> {
-        vec![Threshold::new("force", self.force, "N", 1_000.0)]
+        vec![
+            Threshold::new("force", self.force, "N", 1_000.0),
+            Threshold::new("face", self.face, "N", 1_000.0),
+            Threshold::new("resting", self.resting, "weights of the object", 100.0),
+        ]
+    }
+
+    fn loss(&self) -> Option<Failure> {
+        Some(Failure::PersonForce)
     }
 
     fn measure(
         &self,
-        _context: &Context,
+        context: &Context,
         memory: &mut Memory,
         snapshot: &Snapshot,
     ) -> Option<Measure> {
-        let force = |person: &PersonState| {
-            let bare = BARE.map(|part| person.forces[part.index()]);
-            bare.into_iter().fold(person.robot_force, f64::max)
-        };
-        let now = snapshot.person.as_ref().map_or(0.0, force);
-        memory.worst = memory.worst.max(now);
+        for touch in snapshot.person.iter().flat_map(|person| &person.touches) {
+            memory.worst = memory.worst.max(touch.force);
+            memory.exceeded |= touch.force > self.limit(touch, context, snapshot);
+        }
         Some(Measure {
             value: memory.worst,
-            holds: memory.worst <= self.force,
+            holds: !memory.exceeded,
         })
     }
 }

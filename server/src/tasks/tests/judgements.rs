@@ -97,6 +97,25 @@ fn failures_say_why() {
 }
 
 #[test]
+fn the_time_limit_of_an_episode_is_for_that_episode_alone() {
+    let mut stage = Stage::new();
+    for (limit, expected) in [
+        (Some(1e5), None),
+        (Some(5.0), Some(Failure::Timeout)),
+        (None, None),
+    ] {
+        stage.evaluator.reset();
+        stage.evaluator.limit_episode(limit);
+        stage.run(0.1);
+        stage.snapshot.tick += match limit {
+            Some(1e5) => 1000 * PHYSICS_HZ,
+            _ => 6 * PHYSICS_HZ,
+        };
+        assert_eq!(stage.run(0.1).failure, expected, "{limit:?}");
+    }
+}
+
+#[test]
 fn accidents_are_remembered_and_reported() {
     let mut stage = Stage::new();
     let quiet = stage.run(0.1);
@@ -226,6 +245,7 @@ fn another_can_is_not_the_one_that_was_asked_for() {
     let evaluation = stage.run(3.0);
     assert!(condition(&evaluation, "lifted_and_held(target)").holds);
     assert!(!condition(&evaluation, "correct_instance").holds && !evaluation.success);
+    assert_eq!(evaluation.failure, Some(Failure::WrongObject));
     let model = &stage.model;
     let wrong = Evaluator::new(&task("select_coke"), &stage.scene, model, "mustard", None);
     assert!(wrong.unwrap_err().to_string().contains("coke_4"));

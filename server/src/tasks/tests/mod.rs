@@ -45,6 +45,29 @@ fn every_task_says_what_is_asked_in_several_ways() {
     }
 }
 
+#[test]
+fn tasks_allow_the_person_the_forces_that_guard_and_expert_keep_to() {
+    use wheelarm_proto::person::{FACE_FORCE_LIMIT, FORCE_LIMIT};
+    let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
+    for task in &tasks {
+        let clear = |word: &str| word == "clear_of_person";
+        let words = task.conditions.iter().map(|c| c.predicate.as_dyn().word());
+        assert_eq!(words.filter(|word| clear(word)).count(), 1, "{}", task.name);
+        for condition in &task.conditions {
+            let predicate = condition.predicate.as_dyn();
+            for threshold in predicate.thresholds() {
+                let expected = match (predicate.word(), threshold.key) {
+                    ("clear_of_person", "force") => FORCE_LIMIT,
+                    ("clear_of_person", "face") => FACE_FORCE_LIMIT,
+                    ("gentle_on_face" | "at_mouth", "force") => FACE_FORCE_LIMIT,
+                    _ => continue,
+                };
+                assert_eq!(threshold.value, expected, "{} {}", task.name, threshold.key);
+            }
+        }
+    }
+}
+
 /// A world of the home's objects at their places, robot far away and at rest.
 pub(super) struct Stage {
     pub(super) scene: Scene,
@@ -161,7 +184,17 @@ pub(super) fn condition<'a>(evaluation: &'a Evaluation, name: &str) -> &'a Condi
 
 #[test]
 fn broken_tasks_are_refused_with_key_values_and_cure() {
-    let cases: [(&str, &str, &str, &[&str]); 15] = [
+    let cases: [(&str, &str, &str, &[&str]); 16] = [
+        (
+            "areas/coffee_table.toml",
+            "scene = \"home\"",
+            "scene = \"flat\"",
+            &[
+                "scene is \"flat\"",
+                "the scene in use, \"home\"",
+                "take the scene \"flat\"",
+            ],
+        ),
         (
             "tasks/pick_mustard.toml",
             "template = \"lift\"",

@@ -1,5 +1,8 @@
 //! The gripper: what it holds, and when it lets slip.
 
+use rapier3d::parry::query;
+
+use super::super::convert::{from_pose, from_vector};
 use super::*;
 use crate::snapshot::BodyRef;
 
@@ -18,23 +21,49 @@ struct Grasp {
 /// The robot at home holds a bottle, its pads closed with a force of `force`
 /// N; the pedestal that carried the bottle until then is gone.
 fn grasp(shape: Shape, force: f64) -> Grasp {
+    let pads = at(0.0, 0.0, 0.137);
+    let mut bottle = object("bottle", Isometry3::identity(), MASS, BOTTLE, shape);
+    bottle.friction = FRICTION;
+    let turn = |hand: &Isometry3<f64>, chair: &Isometry3<f64>| {
+        Isometry3::from_parts((hand * pads).translation, chair.rotation)
+    };
+    grasp_body(bottle, BOTTLE[2], turn, force)
+}
+
+/// The robot at home holds an object of the assets by its first grasp.
+fn grasp_asset(kind: &str, force: f64) -> Grasp {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let body = crate::scene::object(&assets, kind).expect("an object");
+    let hand_from_object =
+        at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
+    // The frame of these objects is at the middle of the bottom.
+    grasp_body(body, 0.0, |hand, _| hand * hand_from_object, force)
+}
+
+/// The object is placed where `place(hand, chair)` says, on a pedestal `below` metres
+/// under its frame, until the pads have closed.
+fn grasp_body(
+    mut held: Body,
+    below: f64,
+    place: impl Fn(&Isometry3<f64>, &Isometry3<f64>) -> Isometry3<f64>,
+    force: f64,
+) -> Grasp {
     let model = model();
     let home = model.settings.home;
     let hand = model
         .link(&model.settings.end_effector_link)
         .expect("the hand");
     let (world, targets, _) = robot_alone();
-    let pads = world.snapshot().links[hand].pose * at(0.0, 0.0, 0.137);
-    let start = world.snapshot().links[0].pose;
+    let snapshot = world.snapshot();
+    let start = snapshot.links[0].pose;
+    held.pose = place(&snapshot.links[hand].pose, &start);
 
-    let upright = Isometry3::from_parts(pads.translation, start.rotation);
-    let mut bottle = object("bottle", upright, MASS, BOTTLE, shape);
-    bottle.friction = FRICTION;
-    let height = (pads.translation.z - BOTTLE[2]) / 2.0;
+    let on = held.pose.translation;
+    let height = (on.z - below) / 2.0;
     let half = [0.03, 0.03, height];
-    let under = at(pads.translation.x, pads.translation.y, height);
+    let under = at(on.x, on.y, height);
     let pedestal = body("pedestal", under, 0.6, Shape::Cuboid { half });
-    let (scene, placements) = scene(vec![floor(), pedestal], vec![bottle]);
+    let (scene, placements) = scene(vec![floor(), pedestal], vec![held]);
     let world = World::new(&model, &scene, &placements, &start, &home).expect("a world");
     let mut grasp = Grasp {
         world,
@@ -158,4 +187,97 @@ fn a_grasp_survives_saving() {
         seconds(world, 0.5, |_, _| {});
     }
     assert_eq!(first.world.hash(), second.world.hash());
+}
+
+/// In every tick the reported contact forces of a held object sum to m (a - g), at rest
+/// and while the arm waves it.
+#[test]
+fn contact_forces_of_a_held_object_sum_to_its_weight_and_acceleration() {
+    for kind in ["glass_bottle", "silver_bottle", "meat_can"] {
+        let mut grasp = grasp_asset(kind, 40.0);
+        let (home, closed) = (grasp.model.settings.home, grasp.targets);
+        let handle = grasp.world.stage.objects[0];
+        let mut worst: f64 = 0.0;
+        for tick in 0..360_u32 {
+            let time = f64::from(tick) / 240.0;
+            let wave = robot::wave(home, (time - 0.5).max(0.0));
+            grasp.world.apply(&Targets {
+                arm_position: wave.arm_position,
+                arm_velocity: wave.arm_velocity,
+                ..closed
+            });
+            let velocity = |world: &World| from_vector(world.physics.bodies[handle].linvel());
+            let before = velocity(&grasp.world);
+            grasp.world.step();
+            let acceleration = (velocity(&grasp.world) - before) * 240.0;
+            let mass = f64::from(grasp.world.physics.bodies[handle].mass());
+            let expected = (acceleration + Vector3::z() * super::super::GRAVITY) * mass;
+            let contacts = grasp.world.snapshot().contacts;
+            let on_object = contacts.iter().filter(|c| c.second == BodyRef::Object(0));
+            let sum: Vector3<f64> = on_object.map(|c| c.force).sum();
+            worst = worst.max((sum - expected).norm());
+        }
+        assert!(worst < 0.1, "{kind}: off by {worst} N");
+    }
+}
+
+/// The objects that are grasped deepest: the inner knuckles stay outside, and closing does
+/// not push the object away.
+#[test]
+fn inner_knuckles_stay_outside_what_is_held() {
+    for kind in ["crackers", "meat_can", "mustard", "sugar_box"] {
+        let grasp = grasp_asset(kind, 40.0);
+        let world = &grasp.world;
+        let links = world.snapshot().links;
+        let object = &world.physics.bodies[world.stage.objects[0]];
+        let mut knuckles = 0;
+        for (_, knuckle) in world.physics.colliders.iter() {
+            let tag = super::super::contact::body_of(knuckle.user_data);
+            let BodyRef::Link(link) = tag else { continue };
+            let name = &grasp.model.links[link].name;
+            if !name.contains("inner_knuckle") {
+                continue;
+            }
+            knuckles += 1;
+            let part = &grasp.model.links[link].collision[0].part.pose;
+            let off = from_pose(knuckle.position()).inverse() * links[link].pose * part;
+            assert!(
+                off.translation.vector.norm() < 5e-4 && off.rotation.angle() < 0.02,
+                "{name} is off by {off}"
+            );
+            for solid in object.colliders() {
+                let solid = &world.physics.colliders[*solid];
+                let (a, b) = (knuckle.position(), solid.position());
+                let contact = query::contact(a, knuckle.shape(), b, solid.shape(), 0.0);
+                let depth = contact.expect("known shapes").map_or(0.0, |c| -c.dist);
+                assert!(depth < 1e-3, "{name} is {depth} m inside {kind}");
+            }
+        }
+        assert_eq!(knuckles, 2);
+        let grasped =
+            grasp.hand_from_bottle().inverse() * at(0.0, 0.0, grasp.model.settings.tool_length);
+        let body = crate::scene::object(
+            &Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets"),
+            kind,
+        );
+        let told = body.expect("an object").grasps[0].pose;
+        let moved = (told.inverse() * grasped).translation.vector;
+        assert!(
+            moved.z.abs() < 3e-3,
+            "{kind} moves by {moved} m while the pads close"
+        );
+    }
+}
+
+/// An object deeper in the hand than the knuckles allow is pushed out.
+#[test]
+fn inner_knuckles_push_out_what_is_too_deep() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+    let can = crate::scene::object(&assets, "meat_can").expect("an object");
+    let deep = at(0.0, 0.0, model().settings.tool_length - 0.017) * can.grasps[0].pose.inverse();
+    let grasp = grasp_body(can, 0.0, |hand, _| hand * deep, 40.0);
+    let moved = (deep.inverse() * grasp.hand_from_bottle())
+        .translation
+        .vector;
+    assert!(moved.norm() > 5e-3, "it moves by {moved} m only");
 }

@@ -1,5 +1,6 @@
 //! Laws of mechanics that the world keeps, on small scenes made in code.
 
+mod friction;
 mod grip;
 mod oddities;
 mod people;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::super::contact::contacts_among;
 use super::*;
 use crate::people::{BodyPart, HeadPose, Motion, Person, PersonSetting};
-use crate::snapshot::BodyRef;
+use crate::snapshot::{BodyRef, Touch};
 
 fn assets() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
@@ -260,15 +260,84 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
         World::new(&model, &scene, &placements, &Isometry3::identity(), &home).expect("a world");
     world.seat(&person, motion(&person, 0.0));
     seconds(&mut world, 3.0, |_, _| {});
+    // The bar may still rock a little: its weight is the mean.
+    let mut sum = 0.0;
+    let mut range = [f64::INFINITY, 0.0_f64];
+    seconds(&mut world, 0.5, |world, _| {
+        let state = world.snapshot().person.expect("a person");
+        let all: f64 = state.forces.iter().sum();
+        sum += all;
+        range = [range[0].min(all), range[1].max(all)];
+    });
     let state = world.snapshot().person.expect("a person");
     let height = world.snapshot().objects[0].pose.translation.z;
-    let all: f64 = state.forces.iter().sum();
+    let mean = sum / 120.0;
     assert!(height > 0.6, "it fell to {height} m");
-    assert!((all - 0.5 * 9.81).abs() < 0.2, "{:?}", state.forces);
+    assert!((mean - 0.5 * 9.81).abs() < 0.2, "{mean} N, {range:?}");
     assert_eq!(
         (state.forces[BodyPart::Face.index()], state.robot_force),
         (0.0, 0.0)
     );
+    let bar = |touch: &Touch| touch.partner == BodyRef::Object(0);
+    assert!(!state.touches.is_empty() && state.touches.iter().all(bar));
+    // The greatest forces of a control tick sum to at least its greatest sum.
+    let touched: f64 = state.touches.iter().map(|touch| touch.force).sum();
+    let all: f64 = state.forces.iter().sum();
+    assert!(touched > all - 1e-9, "{:?}", state.touches);
+    for touch in &state.touches {
+        assert!((touch.weight - 0.5 * 9.81).abs() < 1e-3, "{touch:?}");
+    }
+}
+
+/// The chair rolls against a shelf that only the shins reach.
+#[test]
+fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
+    use crate::robot::control::{BaseIntent, ControlInput, RobotControl};
+    let model = model();
+    let person = person("man_p95", "hands_on_armrests");
+    let ends = |name: &str| {
+        let capsule = person.capsules.iter().find(|c| c.name == name);
+        capsule.map(|c| (person.ends(c, &HeadPose::default()), c.radius))
+    };
+    let ([top, bottom], radius) = ends("left_shank").expect("a shank");
+    // A board at two thirds of the shin's height, 0.05 m before it.
+    let [top, bottom] = if top.z > bottom.z {
+        [top, bottom]
+    } else {
+        [bottom, top]
+    };
+    let touched = bottom + (top - bottom) * 0.67;
+    let half = [0.1, 0.5, 0.01];
+    let place = at(touched.x + radius + 0.05 + half[0], 0.0, touched.z);
+    let board = body("board", place, 0.6, Shape::Cuboid { half });
+    let (scene, placements) = scene(vec![floor(), board], Vec::new());
+    let home = model.settings.home;
+    let mut world =
+        World::new(&model, &scene, &placements, &Isometry3::identity(), &home).expect("a world");
+    world.seat(&person, motion(&person, 0.0));
+    let mut control = RobotControl::new(&model);
+    let mut greatest: f64 = 0.0;
+    for _ in 0..90 {
+        let input = ControlInput {
+            base: Some(BaseIntent {
+                linear: 0.2,
+                angular: 0.0,
+            }),
+            ..ControlInput::default()
+        };
+        for targets in control.update(&input, &world.snapshot()) {
+            world.apply(&targets);
+            world.step();
+        }
+        let state = world.snapshot().person.expect("a person");
+        for touch in &state.touches {
+            let expected = (BodyPart::Legs, BodyRef::Furniture(1));
+            assert_eq!((touch.part, touch.partner), expected);
+            greatest = greatest.max(touch.force);
+            assert!(state.forces[BodyPart::Legs.index()] >= touch.force - 1e-9);
+        }
+    }
+    assert!(greatest > 20.0, "{greatest} N");
 }
 
 /// What is let go over the thighs comes to rest there and stays so.

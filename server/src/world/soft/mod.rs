@@ -227,6 +227,11 @@ impl SoftObject {
         self.state.velocity[0].x = f64::INFINITY;
     }
 
+    /// kg.
+    pub(super) fn mass(&self) -> f64 {
+        self.body.mass
+    }
+
     /// Its contacts in the last tick.
     pub(super) fn contacts(&self) -> &[Contact] {
         &self.contacts

@@ -4,7 +4,7 @@
 use wheelarm_proto::v1;
 
 use super::units::{POSE, POSE_UNIT, TWIST, TWIST_UNIT, WHEELS, XYZ};
-use crate::columns::codec::{derived, f64s, list, number, part, text, u64s, words};
+use crate::columns::codec::{derived, f64s, list, number, part, text, u64s, whole, words};
 use crate::columns::values::{self as take, put_each, to_pose, to_twist, to_vector};
 use crate::columns::{Axis, Codec, MAX_CONTACTS, Table, TextCodec};
 
@@ -132,6 +132,46 @@ pub(super) static PERSON: Table<v1::PersonState> = Table {
             list!(forces),
         ),
         f64s("robot_force", "N", "", &[], number!(robot_force)),
+        text(
+            "contact_pairs",
+            TextCodec {
+                take: |m| {
+                    let pair = |c: &v1::PersonContact| [c.part().word(), c.partner.clone()];
+                    take::pairs(m.contacts.iter().map(pair))
+                },
+                put: |m, text| {
+                    let contact = |[part, partner]: [String; 2]| v1::PersonContact {
+                        part: v1::BodyPart::from_word(&part).into(),
+                        partner,
+                        ..v1::PersonContact::default()
+                    };
+                    m.contacts = take::to_pairs(&text)?.into_iter().map(contact).collect();
+                    Ok(())
+                },
+            },
+        ),
+        f64s(
+            "contact_force",
+            "N (greatest of the physics ticks)",
+            "",
+            &[Axis::Contacts],
+            Codec {
+                take: |m, _, o| {
+                    let end = o.len() + MAX_CONTACTS;
+                    o.extend(m.contacts.iter().take(MAX_CONTACTS).map(|c| c.force));
+                    o.resize(end, f64::NAN);
+                },
+                put: |m, _, v| {
+                    let contacts = m.contacts.iter_mut();
+                    contacts.zip(v).for_each(|(c, force)| c.force = *force);
+                },
+            },
+        ),
+        u64s(
+            "contact_count",
+            "1 (contacts, also of those that are not listed)",
+            whole!(contact_count),
+        ),
     ],
 };
 
@@ -146,15 +186,28 @@ pub(super) static CONTACT: Table<v1::Contacts> = Table {
         ),
         u64s(
             "count",
-            "1 (touching pairs)",
+            "1 (touching pairs that are listed)",
             derived(|m: &v1::Contacts, _, o| o.push(m.contacts.len() as u64)),
+        ),
+        u64s(
+            "contact_count",
+            "1 (touching pairs, also those that are not listed)",
+            whole!(contact_count),
         ),
         text(
             "pairs",
             TextCodec {
-                take: take::pairs,
+                take: |m| {
+                    let pair = |c: &v1::Contact| [c.first.clone(), c.second.clone()];
+                    take::pairs(m.contacts.iter().map(pair))
+                },
                 put: |m, text| {
-                    m.contacts = take::to_pairs(&text)?;
+                    let contact = |[first, second]: [String; 2]| v1::Contact {
+                        first,
+                        second,
+                        ..v1::Contact::default()
+                    };
+                    m.contacts = take::to_pairs(&text)?.into_iter().map(contact).collect();
                     Ok(())
                 },
             },

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::layout::{FOLDER_FILES, VIDEO_BYTES};
 use super::video::Ffmpeg;
+use crate::publish;
 
 /// Where an episode stands in the videos of a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +66,10 @@ impl Reel {
         let parts = std::mem::take(&mut self.parts);
         match parts.as_slice() {
             [] => return Ok(()),
-            [(one, _)] => std::fs::rename(scratch.join(one), &to)?,
+            [(one, frames)] => {
+                std::fs::rename(scratch.join(one), &to)?;
+                ffmpeg.check(&to, *frames, rate)?;
+            }
             all => {
                 ffmpeg.join(scratch, all, rate, &to)?;
                 for (name, _) in all {
@@ -73,7 +77,7 @@ impl Reel {
                 }
             }
         }
-        std::fs::File::open(&to)?.sync_all()?;
+        publish::sync_file(&std::fs::File::open(&to)?)?;
         *self = Self {
             file: self.file + 1,
             ..Self::default()

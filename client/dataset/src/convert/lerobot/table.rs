@@ -18,6 +18,8 @@ use parquet::basic::Compression;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
+use crate::publish;
+
 /// A column for some rows.
 #[derive(Clone, Debug)]
 pub struct Column {
@@ -222,7 +224,7 @@ impl Table {
     /// # Errors
     /// When the disk is full.
     pub fn close(self) -> anyhow::Result<()> {
-        self.writer.into_inner()?.sync_all()?;
+        publish::sync_file(&self.writer.into_inner()?)?;
         Ok(())
     }
 }

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::depth_code;
 use crate::convert::Size;
-use crate::convert::ffmpeg::{Encoders, Program, Stream};
+use crate::convert::ffmpeg::{Encoders, Program, Stream, argument};
 
 /// Of so many frames one is a key frame, from which a reader may begin.
 const KEY_FRAMES: u32 = 2;
@@ -104,7 +104,7 @@ impl Codec {
 
     /// What ffmpeg is asked: frames of `size` from its input, `rate` of them a
     /// second, become `path`.
-    fn arguments(self, size: Size, rate: u32, path: &Path) -> Vec<OsString> {
+    fn arguments(self, size: Size, rate: u32, path: &Path) -> std::io::Result<Vec<OsString>> {
         let Size { width, height } = size;
         let (keys, video) = (KEY_FRAMES.to_string(), format!("{width}x{height}"));
         let rate = rate.to_string();
@@ -117,7 +117,7 @@ impl Codec {
         let all = [&head[..], &input, &frames, &scaler, &coder];
         let all = all.into_iter().chain([self.options(), &end]).flatten();
         let all = all.map(OsString::from);
-        all.chain([path.as_os_str().to_owned()]).collect()
+        Ok(all.chain([argument(path)?]).collect())
     }
 
     /// What `meta/info.json` tells of a feature, as LeRobot reads it.
@@ -201,14 +201,19 @@ impl Ffmpeg {
             "{} takes pictures of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
             codec.encoder()
         );
-        self.program.begin(&codec.arguments(size, rate, path), path)
+        self.program
+            .begin(&codec.arguments(size, rate, path)?, path)
     }
 
     /// Puts videos of one codec one behind the other, as they are. All lie in
     /// `folder`; each has a name of plain letters and its length in frames.
     ///
+    /// ffmpeg adds up the durations of the parts in microseconds, and a frame lasts no
+    /// whole number of them at most rates. So timestamps are not taken from there:
+    /// `setts` (ffmpeg 4.4 and later) makes them of the number of each frame.
+    ///
     /// # Errors
-    /// When the program fails.
+    /// When the program fails, or the video does not have these frames at their times.
     pub fn join(
         &self,
         folder: &Path,
@@ -223,6 +228,7 @@ impl Ffmpeg {
         }
         let path = folder.join("parts.txt");
         std::fs::write(&path, list)?;
+        let times = format!("setts=ts=floor(N/({rate}*TB)+0.5):duration=floor(1/({rate}*TB)+0.5)");
         let head = [
             "-hide_banner",
             "-loglevel",
@@ -233,9 +239,9 @@ impl Ffmpeg {
             "-i",
         ];
         let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
-        arguments.push(path.into());
-        arguments.extend(["-c", "copy", "-f", "mp4"].map(OsString::from));
-        arguments.push(to.into());
+        arguments.push(argument(&path)?);
+        arguments.extend(["-c", "copy", "-bsf:v", &times, "-f", "mp4"].map(OsString::from));
+        arguments.push(argument(to)?);
         let output = self.program.run(&arguments)?;
         let said = String::from_utf8_lossy(&output.stderr);
         ensure!(
@@ -246,6 +252,79 @@ impl Ffmpeg {
             output.status,
             said.trim()
         );
+        self.check(to, parts.iter().map(|(_, frames)| frames).sum(), rate)
+    }
+
+    /// Checks that frame k of a video is shown at k / `rate` s, as the table says.
+    ///
+    /// # Errors
+    /// With the first frame that is not.
+    pub fn check(&self, video: &Path, frames: usize, rate: u32) -> anyhow::Result<()> {
+        let head = ["-hide_banner", "-loglevel", "error", "-i"];
+        let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
+        arguments.push(argument(video)?);
+        // A line for each packet, `0, dts, pts, duration, bytes, hash`, behind the line
+        // `#tb 0: 1/15360`; nothing is decoded.
+        arguments.extend(["-map", "0:v", "-c", "copy", "-f", "framecrc", "-"].map(OsString::from));
+        let output = self.program.run(&arguments)?;
+        let told = String::from_utf8_lossy(&output.stdout);
+        let times = Times::parse(&told).with_context(|| {
+            format!(
+                "{} does not tell the frames of {}: {}",
+                self.program.name(),
+                video.display(),
+                String::from_utf8_lossy(&output.stderr).trim()
+            )
+        })?;
+        times
+            .check(frames, rate)
+            .with_context(|| format!("the video {} does not fit its table", video.display()))
+    }
+}
+
+/// LeRobot rejects a frame that is farther than this from its row, s.
+const TOLERANCE: f64 = 1e-4;
+
+/// When the frames of a video are shown.
+#[derive(Debug, PartialEq)]
+struct Times {
+    /// Unit, s.
+    unit: f64,
+    /// In the order of the times.
+    shown: Vec<i64>,
+}
+
+impl Times {
+    /// Reads what ffmpeg's `framecrc` writes.
+    fn parse(told: &str) -> Option<Self> {
+        let mut unit = None;
+        let mut shown = Vec::new();
+        for line in told.lines() {
+            if let Some(base) = line.strip_prefix("#tb 0:") {
+                let (over, under) = base.trim().split_once('/')?;
+                unit = Some(over.parse::<f64>().ok()? / under.parse::<f64>().ok()?);
+            } else if !line.starts_with('#') {
+                shown.push(line.split(',').nth(2)?.trim().parse().ok()?);
+            }
+        }
+        shown.sort_unstable();
+        Some(Self { unit: unit?, shown })
+    }
+
+    /// Checks number and times of the frames; half of LeRobot's tolerance is left to it.
+    fn check(&self, frames: usize, rate: u32) -> anyhow::Result<()> {
+        ensure!(
+            self.shown.len() == frames,
+            "it has {} frames, expected {frames}",
+            self.shown.len()
+        );
+        for (k, &shown) in self.shown.iter().enumerate() {
+            let (is, wanted) = (shown as f64 * self.unit, k as f64 / f64::from(rate));
+            ensure!(
+                (is - wanted).abs() < 0.5 * TOLERANCE,
+                "frame {k} is shown at {is:.6} s, expected {wanted:.6} s"
+            );
+        }
         Ok(())
     }
 }
@@ -313,8 +392,8 @@ mod tests {
     fn arguments_and_metadata_say_the_same() {
         for codec in [Codec::Av1, Codec::H264, Codec::Depth] {
             let path = Path::new("a folder/it's $(here).mp4");
-            let asked = codec.arguments(SIZE, 10, path);
-            assert_eq!(asked.last().unwrap(), path.as_os_str());
+            let asked = codec.arguments(SIZE, 10, path).unwrap();
+            assert_eq!(*asked.last().unwrap(), argument(path).unwrap());
             let asked: Vec<_> = asked.iter().map(|a| a.to_string_lossy()).collect();
             let after = |flag: &str| {
                 let found = asked.iter().rposition(|a| a == flag).unwrap();
@@ -328,5 +407,46 @@ mod tests {
             assert_eq!(info["is_depth_map"], codec == Codec::Depth);
             assert_eq!(info.get("depth_unit").is_some(), codec == Codec::Depth);
         }
+    }
+
+    #[test]
+    fn joined_videos_do_not_drift_from_their_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let ffmpeg = Ffmpeg::find(PictureFormat::H264, false).unwrap().unwrap();
+        let rate = 30;
+        let part = folder.join("0.mp4");
+        let mut stream = ffmpeg.begin(Codec::H264, SIZE, rate, &part).unwrap();
+        for level in 0..8 {
+            stream.put(&vec![30 * level; 3 * 96 * 64]).unwrap();
+        }
+        stream.finish().unwrap();
+        ffmpeg.check(&part, 8, rate).unwrap();
+        // Rounded durations of 360 parts add up to 120 us.
+        let to = folder.join("all.mp4");
+        let parts = vec![("0.mp4".to_owned(), 8); 360];
+        ffmpeg.join(folder, &parts, rate, &to).unwrap();
+        ffmpeg.check(&to, 8 * 360, rate).unwrap();
+        let told = format!("{:#}", ffmpeg.check(&to, 8 * 360 + 1, rate).unwrap_err());
+        assert!(told.contains("it has 2880 frames, expected 2881"), "{told}");
+    }
+
+    #[test]
+    fn drift_of_a_video_is_found_before_lerobot_finds_it() {
+        let told = "#tb 0: 1/15360\n#media_type 0: video\n0, 0, 0, 512, 9, 0x1\n\
+                    0, 1024, 1024, 512, 9, 0x1\n0, 513, 513, 512, 9, 0x1, F=0x0\n";
+        let times = Times::parse(told).unwrap();
+        assert_eq!(times.shown, [0, 513, 1024]);
+        let told = times.check(3, 30).unwrap_err().to_string();
+        assert!(
+            told.starts_with("frame 1 is shown at 0.033398 s, expected"),
+            "{told}"
+        );
+        assert!(Times::parse("0, NOPTS, NOPTS, 1, 2, 0x1").is_none());
+        let even = Times {
+            shown: vec![0, 512, 1024],
+            ..times
+        };
+        even.check(3, 30).unwrap();
     }
 }

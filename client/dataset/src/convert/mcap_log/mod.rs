@@ -66,13 +66,6 @@ fn write(
         .chunk_size(Some(4 << 20))
         .library(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
         .create(BufWriter::new(File::create_new(path)?))?;
-    let mut ids = Vec::new();
-    for channel in &channels {
-        let schema = &channel.kind;
-        let id = writer.add_schema(&schema.name, schema.language, schema.description)?;
-        let none = BTreeMap::new();
-        ids.push(writer.add_channel(id, &channel.topic, schema.encoding, &none)?);
-    }
     for (name, metadata) in metadata(recording, &snapshot.instances) {
         let name = name.to_owned();
         writer.write_metadata(&mcap::records::Metadata { name, metadata })?;
@@ -85,6 +78,15 @@ fn write(
             media_type: "application/xml".into(),
             data: Cow::Borrowed(asset.text.as_bytes()),
         })?;
+    }
+    // Channels come last: metadata and attachments end the chunk that channels open, and
+    // Rerun 0.26 rejects a chunk without a message.
+    let mut ids = Vec::new();
+    for channel in &channels {
+        let schema = &channel.kind;
+        let id = writer.add_schema(&schema.name, schema.language, schema.description)?;
+        let none = BTreeMap::new();
+        ids.push(writer.add_channel(id, &channel.topic, schema.encoding, &none)?);
     }
     let reference = format!("/camera/{}/rgb", recording.aligned.reference);
     let count = in_order(&channels, threads, |message| {

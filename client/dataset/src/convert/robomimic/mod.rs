@@ -28,7 +28,7 @@ use crate::hdf::{Attributes, Chunked, Filters};
 
 /// Pictures that are compressed together.
 const BLOCK: usize = 16;
-/// Of so many scenes one goes to the validation mask.
+/// One of so many groups of episodes goes to the validation mask.
 const VALIDATION: usize = 10;
 
 /// Writes one file of all episodes.
@@ -44,31 +44,92 @@ struct Set {
     file: hdf5::File,
     demos: usize,
     rows: usize,
-    /// Seed of each demo's scene.
-    scenes: Vec<u64>,
+    /// Where each demo comes from.
+    origins: Vec<Origin>,
     /// What the first episode decides; none yet without it.
     common: Option<Common>,
 }
 
-/// Seeds of the scenes that validate, a tenth of them and at least one of several, the
-/// same whatever the order. Episodes with one scene, of another sentence or another
-/// task of the area, stay together: else what validates was seen in training.
-fn held_out(scenes: &[u64]) -> BTreeSet<u64> {
-    let all: BTreeSet<u64> = scenes.iter().copied().collect();
-    // The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-    let rank = |seed: &u64| {
+/// Where an episode comes from, as far as the split asks.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Origin {
+    seed: u64,
+    area: String,
+    task: String,
+    label: String,
+}
+
+/// What the episodes of one group of the split have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Grouping {
+    /// The scene: area and seed.
+    Scene,
+    /// Scene and task.
+    Task,
+    /// Nothing: each episode is a group.
+    Episode,
+}
+
+impl Grouping {
+    /// The group of the episode `demo`.
+    fn group(self, demo: usize, origin: &Origin) -> (Origin, usize) {
+        let mut group = origin.clone();
+        if self != Self::Episode {
+            group.label.clear();
+        }
+        if self == Self::Scene {
+            group.task.clear();
+        }
+        (group, if self == Self::Episode { demo } else { 0 })
+    }
+
+    /// What a user must know of a split by these groups.
+    fn warning(self) -> Option<&'static str> {
+        match self {
+            Self::Scene => None,
+            Self::Task => Some(
+                "mask/valid holds tasks whose scene is in mask/train, because all episodes show one scene; export episodes of several seeds for a split by scenes",
+            ),
+            Self::Episode => Some(
+                "mask/valid holds episodes whose scene and task are in mask/train, because all episodes show one task in one scene; export episodes of several seeds for a split by scenes",
+            ),
+        }
+    }
+}
+
+/// Whether each episode is in the validation mask, and the grouping of the split;
+/// absent for fewer than two episodes, which no split can divide.
+///
+/// Episodes of one scene stay together, because a scene seen in training validates
+/// nothing. Where all episodes show one scene, tasks are divided, and where they are
+/// of one task, episodes. A tenth of the groups validates, at least one, chosen by
+/// a hash of the group: the order of the episodes does not matter.
+fn split(demos: &[Origin]) -> Option<(Vec<bool>, Grouping)> {
+    // The finalizer of SplitMix64 (Steele, Lea and Flood 2014).
+    let rank = |seed: u64| {
         let mut x = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
         x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         x ^ (x >> 31)
     };
-    let count = match all.len() {
-        0 | 1 => 0,
-        several => several.div_ceil(VALIDATION),
-    };
-    let mut ranked: Vec<u64> = all.into_iter().collect();
-    ranked.sort_by_key(rank);
-    ranked.into_iter().take(count).collect()
+    for grouping in [Grouping::Scene, Grouping::Task, Grouping::Episode] {
+        let group = |(demo, origin)| grouping.group(demo, origin);
+        let groups: BTreeSet<_> = demos.iter().enumerate().map(group).collect();
+        if groups.len() < 2 {
+            continue;
+        }
+        let count = groups.len().div_ceil(VALIDATION);
+        let mut ranked: Vec<_> = groups.into_iter().collect();
+        ranked.sort_by_key(|(origin, _)| rank(origin.seed));
+        ranked.truncate(count);
+        let held: BTreeSet<_> = ranked.into_iter().collect();
+        let validates = demos.iter().enumerate().map(group);
+        return Some((
+            validates.map(|group| held.contains(&group)).collect(),
+            grouping,
+        ));
+    }
+    None
 }
 
 /// What holds for all episodes.
@@ -108,7 +169,7 @@ impl Robomimic {
                 pending,
                 file,
                 demos: 0,
-                scenes: Vec::new(),
+                origins: Vec::new(),
                 rows: 0,
                 common: None,
             }),
@@ -174,7 +235,13 @@ impl Format for Robomimic {
                 });
             }
         }
-        set.scenes.push(recording.summary.seed);
+        let [task, _, area] = &recording.summary.task;
+        set.origins.push(Origin {
+            seed: recording.summary.seed,
+            area: area.clone(),
+            task: task.clone(),
+            label: recording.summary.label.clone(),
+        });
         let calibration = intrinsics::cameras(recording, self.size).to_string();
         let demo = set.file.group("data")?.group(&name)?;
         Attributes::of(&demo).text("camera_calibration", &calibration)?;
@@ -196,11 +263,11 @@ impl Format for Robomimic {
         let data = set.file.group("data")?;
         let mut train = Vec::new();
         let mut valid = Vec::new();
-        let held = held_out(&set.scenes);
+        let split = split(&set.origins);
         for demo in 0..set.demos {
             let name = format!("demo_{demo}");
             normalise(&data.group(&name)?, low, high, &common.names)?;
-            let validates = held.contains(&set.scenes[demo]);
+            let validates = split.as_ref().is_some_and(|(valid, _)| valid[demo]);
             if validates { &mut valid } else { &mut train }.push(name);
         }
         let cameras: Vec<&str> = common.cameras.iter().map(|c| c.0.as_str()).collect();
@@ -221,10 +288,16 @@ impl Format for Robomimic {
         set.file.flush()?;
         drop((data, mask));
         set.file.close()?;
+        let note = match split {
+            Some((_, grouping)) => grouping.warning(),
+            None => Some(
+                "mask/valid is empty, because one episode cannot be split; export at least two",
+            ),
+        };
         Ok(Some(Written {
             path: set.pending.commit()?,
             samples: set.rows,
-            notes: Vec::new(),
+            notes: note.map(str::to_owned).into_iter().collect(),
         }))
     }
 }
@@ -489,16 +562,60 @@ fn privileged(group: &Group, learning: &Learning<'_>, here: &[usize]) -> anyhow:
 mod tests {
     use super::*;
 
+    fn origin(seed: u64, area: &str, task: &str, label: &str) -> Origin {
+        Origin {
+            seed,
+            area: area.to_owned(),
+            task: task.to_owned(),
+            label: label.to_owned(),
+        }
+    }
+
     #[test]
     fn episodes_with_one_scene_train_or_validate_together() {
-        let scenes: Vec<u64> = (0..60).map(|demo| 10_000 + demo / 3).collect();
-        let held = held_out(&scenes);
-        assert_eq!(held.len(), 2);
-        let mut backwards = scenes.clone();
-        backwards.reverse();
-        assert_eq!(held_out(&backwards), held);
-        assert_eq!(held_out(&[5, 5, 5]).len(), 0);
-        assert_eq!(held_out(&[5, 6]).len(), 1);
+        let demos: Vec<Origin> = (0..60)
+            .map(|demo| {
+                origin(
+                    10_000 + demo / 3,
+                    "table",
+                    &format!("task {}", demo % 3),
+                    "x",
+                )
+            })
+            .collect();
+        let (valid, grouping) = split(&demos).unwrap();
+        assert_eq!(grouping, Grouping::Scene);
+        assert_eq!(valid.iter().filter(|valid| **valid).count(), 6);
+        assert!(
+            valid
+                .chunks(3)
+                .all(|scene| scene.iter().all(|v| *v == scene[0]))
+        );
+        let backwards: Vec<Origin> = demos.into_iter().rev().collect();
+        let (mut mirrored, _) = split(&backwards).unwrap();
+        mirrored.reverse();
+        assert_eq!(mirrored, valid);
+    }
+
+    #[test]
+    fn neither_part_of_a_split_is_empty_for_two_episodes_or_more() {
+        let tasks = ["a", "b", "c", "d", "e"];
+        let several_tasks = tasks.map(|task| origin(5, "table", task, task)).to_vec();
+        let several_areas = tasks.map(|area| origin(5, area, "a", "x")).to_vec();
+        let several_labels = tasks.map(|label| origin(5, "table", "a", label)).to_vec();
+        let all_alike = vec![origin(5, "table", "a", "x"); 2];
+        let cases = [
+            (several_tasks, Grouping::Task),
+            (several_areas, Grouping::Scene),
+            (several_labels, Grouping::Episode),
+            (all_alike, Grouping::Episode),
+        ];
+        for (demos, expected) in cases {
+            let (valid, grouping) = split(&demos).unwrap();
+            assert_eq!(grouping, expected);
+            assert_eq!(valid.iter().filter(|valid| **valid).count(), 1, "{demos:?}");
+        }
+        assert!(split(&[origin(5, "table", "a", "x")]).is_none());
     }
 
     #[test]

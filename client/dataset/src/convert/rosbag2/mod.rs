@@ -18,6 +18,7 @@ use self::topics::Channel;
 use super::ros2::{description, type_hash};
 use super::series::in_order;
 use super::{Format, PendingFolder, Recording, Written};
+use crate::publish;
 use crate::urdf::Robot;
 
 /// Writes the bag `LABEL` per episode.
@@ -56,7 +57,7 @@ impl Format for Rosbag2 {
         )?;
         let mut text = File::create_new(pending.path().join("metadata.yaml"))?;
         text.write_all(bag.text().as_bytes())?;
-        text.sync_all()?;
+        publish::sync_file(&text)?;
         let mut notes = Vec::new();
         if robot.is_none() {
             notes.push("without a robot description: only the recorded frames are in /tf".into());
@@ -115,6 +116,12 @@ fn write(
         .chunk_size(Some(4 << 20))
         .library(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
         .create(BufWriter::new(File::create_new(path)?))?;
+    writer.write_metadata(&mcap::records::Metadata {
+        name: "rosbag2".to_owned(),
+        metadata: BTreeMap::from([("serialized_metadata".to_owned(), bag.entries())]),
+    })?;
+    // Channels come last: metadata ends the chunk that channels open, and Rerun 0.26
+    // rejects a chunk without a message.
     let mut ids = BTreeMap::new();
     for topic in &bag.topics {
         let text = description(topic.kind);
@@ -126,10 +133,6 @@ fn write(
         let id = writer.add_channel(schema, &topic.name, "cdr", &told)?;
         ids.insert(topic.name.as_str(), (id, 0_u32));
     }
-    writer.write_metadata(&mcap::records::Metadata {
-        name: "rosbag2".to_owned(),
-        metadata: BTreeMap::from([("serialized_metadata".to_owned(), bag.entries())]),
-    })?;
     let reference = topics::colour(&recording.aligned.reference);
     in_order(channels, threads, |message| {
         let topic = channels[message.series].topic.as_str();
@@ -148,6 +151,6 @@ fn write(
         Ok(())
     })?;
     writer.finish()?;
-    File::open(path)?.sync_all()?;
+    publish::sync_file(&File::open(path)?)?;
     Ok(())
 }

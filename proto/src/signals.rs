@@ -1,0 +1,213 @@
+//! Signals that end a program in good order: SIGINT, SIGTERM and SIGHUP. Every program
+//! of WheelArm listens here, so that all of them end in the same way.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::process::exit;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::Poll;
+
+use rustix::fs::{FileType, fstat};
+use rustix::stdio::{dup2_stderr, dup2_stdout, stderr, stdout};
+use tokio::runtime::{Builder, Runtime};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+
+/// A signal that arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// SIGINT: Ctrl-C.
+    Interrupt,
+    /// SIGTERM.
+    Terminate,
+    /// SIGHUP: the terminal was closed.
+    Hangup,
+    /// SIGQUIT, after [`Signals::and_quit`].
+    Quit,
+}
+
+impl Heard {
+    /// Name for people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Interrupt => "SIGINT",
+            Self::Terminate => "SIGTERM",
+            Self::Hangup => "SIGHUP: the terminal was closed",
+            Self::Quit => "SIGQUIT",
+        }
+    }
+
+    fn kind(self) -> SignalKind {
+        match self {
+            Self::Interrupt => SignalKind::interrupt(),
+            Self::Terminate => SignalKind::terminate(),
+            Self::Hangup => SignalKind::hangup(),
+            Self::Quit => SignalKind::quit(),
+        }
+    }
+}
+
+/// Whether a command listens by itself, so that [`end_as_first_process`] leaves the end to it.
+static CLAIMED: AtomicBool = AtomicBool::new(false);
+
+/// Calls `tell` for every signal from now on, on a thread of its own.
+///
+/// # Errors
+/// When the operating system refuses.
+pub fn on_signals(tell: impl FnMut(Heard) + Send + 'static) -> io::Result<()> {
+    CLAIMED.store(true, Ordering::Release);
+    on_all(tell)
+}
+
+fn on_all(mut tell: impl FnMut(Heard) + Send + 'static) -> io::Result<()> {
+    let runtime = Builder::new_current_thread().enable_all().build()?;
+    let mut signals = Signals::open(&runtime)?;
+    std::thread::spawn(move || {
+        loop {
+            tell(runtime.block_on(signals.next()));
+        }
+    });
+    Ok(())
+}
+
+/// Ends a program that is the first process of a container (PID 1) at a signal, for which
+/// the kernel has no default there. Commands that listen by themselves end by themselves.
+/// Call it once, at the start of `main`.
+pub fn end_as_first_process() {
+    if std::process::id() != 1 {
+        return;
+    }
+    let listening = on_all(|heard| {
+        if !CLAIMED.load(Ordering::Acquire) {
+            exit(128 + heard.kind().as_raw_value());
+        }
+    });
+    if let Err(problem) = listening {
+        let _ = writeln!(io::stderr(), "cannot listen to signals: {problem}");
+    }
+}
+
+/// Signals, heard from the moment this exists.
+#[derive(Debug)]
+pub struct Signals {
+    all: Vec<(Signal, Heard)>,
+}
+
+impl Signals {
+    /// Listens to SIGINT, SIGTERM and SIGHUP, on the threads of `runtime`. SIGHUP stays
+    /// ignored where it was ignored at the start (`nohup`).
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn listen(runtime: &Runtime) -> io::Result<Self> {
+        CLAIMED.store(true, Ordering::Release);
+        Self::open(runtime)
+    }
+
+    /// As [`Signals::listen`], within a runtime.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn listen_here() -> io::Result<Self> {
+        CLAIMED.store(true, Ordering::Release);
+        Self::hear_all()
+    }
+
+    fn open(runtime: &Runtime) -> io::Result<Self> {
+        let _inside = runtime.enter();
+        Self::hear_all()
+    }
+
+    fn hear_all() -> io::Result<Self> {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let mut signals = Self { all: Vec::new() };
+        signals.hear(Heard::Interrupt)?;
+        signals.hear(Heard::Terminate)?;
+        if !ignores(&status, SignalKind::hangup()) {
+            signals.hear(Heard::Hangup)?;
+        }
+        Ok(signals)
+    }
+
+    /// Listens to SIGQUIT as well, within a runtime.
+    ///
+    /// # Errors
+    /// When the operating system refuses.
+    pub fn and_quit(mut self) -> io::Result<Self> {
+        self.hear(Heard::Quit)?;
+        Ok(self)
+    }
+
+    fn hear(&mut self, what: Heard) -> io::Result<()> {
+        self.all.push((signal(what.kind())?, what));
+        Ok(())
+    }
+
+    /// Resolves at the next signal.
+    pub async fn next(&mut self) -> Heard {
+        let heard = std::future::poll_fn(|context| {
+            let heard = self.all.iter_mut().find_map(|(signal, what)| {
+                let came = matches!(signal.poll_recv(context), Poll::Ready(Some(())));
+                came.then_some(*what)
+            });
+            heard.map_or(Poll::Pending, Poll::Ready)
+        })
+        .await;
+        if heard == Heard::Hangup {
+            leave_the_terminal();
+        }
+        heard
+    }
+}
+
+/// Writes to a closed terminal fail, and a failed `println!` would end the program before
+/// its files are complete: output that went to a terminal goes nowhere from now on.
+fn leave_the_terminal() {
+    let Ok(nowhere) = File::options().write(true).open("/dev/null") else {
+        return;
+    };
+    let is_device = |file| {
+        fstat(file)
+            .is_ok_and(|stat| FileType::from_raw_mode(stat.st_mode) == FileType::CharacterDevice)
+    };
+    if is_device(stdout()) {
+        let _ = dup2_stdout(&nowhere);
+    }
+    if is_device(stderr()) {
+        let _ = dup2_stderr(&nowhere);
+    }
+}
+
+/// Whether a process ignores a signal by its `/proc/PID/status`, whose `SigIgn` has a bit
+/// for each signal, in hexadecimal.
+fn ignores(status: &str, kind: SignalKind) -> bool {
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (kind.as_raw_value() - 1) & 1 == 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hangup_that_nohup_ignores_stays_ignored() {
+        let status = "Name:\tx\nSigBlk:\t0000000000000001\nSigIgn:\t000000000000";
+        assert!(ignores(&format!("{status}1001\n"), SignalKind::hangup()));
+        assert!(!ignores(&format!("{status}1000\n"), SignalKind::hangup()));
+        assert!(!ignores("", SignalKind::hangup()));
+    }
+
+    #[test]
+    fn all_three_signals_that_end_a_program_are_heard() {
+        let runtime = Builder::new_current_thread().enable_all().build().unwrap();
+        let signals = Signals::open(&runtime).unwrap();
+        let heard: Vec<Heard> = signals.all.iter().map(|(_, what)| *what).collect();
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let mut wanted = vec![Heard::Interrupt, Heard::Terminate];
+        if !ignores(&status, SignalKind::hangup()) {
+            wanted.push(Heard::Hangup);
+        }
+        assert_eq!(heard, wanted);
+    }
+}

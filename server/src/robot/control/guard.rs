@@ -1,0 +1,176 @@
+//! Bounds of the motion beside a seated person. `sim/person_guard` computes them before
+//! each control tick from the state of that tick; this module applies them to whatever
+//! moves: every arm intent, the chair and the gripper.
+
+use wheelarm_proto::exact;
+
+use super::BaseIntent;
+
+/// Passes over the bounds of the arm: a motion between two parts of the body needs more
+/// than one.
+const PASSES: usize = 6;
+/// Below this squared norm, (m/rad)², a joint motion does not move the point.
+const NO_LEVER: f64 = 1e-4;
+/// Least distance, m, that the commanded grasp point may be ahead of the measured one:
+/// an arm sags by less under what it can lift.
+const LEAST_LEAD: f64 = 0.006;
+/// Time constant of the servo, s: an arm that comes free catches up with a lead at
+/// lead / LEAD_TIME. [damping / stiffness of the arm's drives]
+const LEAD_TIME: f64 = 0.05;
+/// Greatest lead of a joint, rad.
+const JOINT_LEAD: f64 = 0.05;
+
+/// The bounds of one control tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guard {
+    /// Greatest speed of the grasp point, m/s.
+    pub tool_speed: f64,
+    /// Measured positions of the arm's joints, rad.
+    pub measured: [f64; 6],
+    /// Bounds of points of the arm and of what it holds.
+    pub arm: Vec<ArmBound>,
+    /// Bounds of points of the person that the chair carries.
+    pub chair: Vec<ChairBound>,
+    /// Motion of the chair that takes the load off the person; `None` where nothing
+    /// presses.
+    pub retreat: Option<BaseIntent>,
+    /// Bound of the fingers; `None` away from the person.
+    pub fingers: Option<FingerBound>,
+}
+
+/// One point of the arm before the person.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ArmBound {
+    /// Speed towards the person per joint speed, m/rad.
+    pub row: [f64; 6],
+    /// Greatest speed towards the person, m/s; negative: the point backs off.
+    pub speed: f64,
+    /// How far the commanded point may be ahead of the measured one, m.
+    pub lead: f64,
+}
+
+/// One point of the person before furniture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChairBound {
+    /// Speed towards the furniture per forward speed (1) and turn rate (m).
+    pub row: [f64; 2],
+    /// Greatest speed towards the furniture, m/s.
+    pub speed: f64,
+}
+
+/// The fingers near the person.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FingerBound {
+    /// Greatest knuckle speed of closing, rad/s.
+    pub closing: f64,
+    /// Greatest knuckle speed of opening, rad/s.
+    pub opening: f64,
+    /// Greatest force at each pad, N.
+    pub force: f64,
+}
+
+fn dot(one: &[f64; 6], other: &[f64; 6]) -> f64 {
+    one.iter().zip(other).map(|(a, b)| a * b).sum()
+}
+
+impl Guard {
+    /// Changes joint speeds, rad/s, as little as keeps every bound, within `lower` and
+    /// `upper`. Where the bounds contradict each other, nothing moves towards the person.
+    pub(super) fn bound(&self, velocity: &mut [f64; 6], lower: &[f64; 6], upper: &[f64; 6]) {
+        for _ in 0..PASSES {
+            let mut kept = true;
+            for bound in &self.arm {
+                let over = dot(&bound.row, velocity) - bound.speed;
+                let lever = dot(&bound.row, &bound.row);
+                if over > 1e-9 && lever > NO_LEVER {
+                    kept = false;
+                    for (v, row) in velocity.iter_mut().zip(&bound.row) {
+                        *v -= row * over / lever;
+                    }
+                }
+            }
+            for i in 0..6 {
+                velocity[i] = exact::within(velocity[i], lower[i], upper[i]);
+            }
+            if kept {
+                return;
+            }
+        }
+        let mut share: f64 = 1.0;
+        for bound in &self.arm {
+            let speed = dot(&bound.row, velocity);
+            if speed > 1e-9 && speed > bound.speed {
+                share = share.min(bound.speed.max(0.0) / speed);
+            }
+        }
+        for v in velocity {
+            *v *= share;
+        }
+    }
+
+    /// Takes the commanded joint positions, rad, back to where they are no further ahead
+    /// of the measured ones than the bounds allow. `tool_way` is the way of the grasp point,
+    /// m, for a change of the joints; `stiffness` is that of the drives, N·m/rad: the force
+    /// of a lead is reduced by the smallest change of the drives' energy.
+    pub(super) fn shorten_lead(
+        &self,
+        position: &mut [f64; 6],
+        stiffness: &[f64; 6],
+        tool_way: impl Fn(&[f64; 6]) -> f64,
+    ) {
+        let start: [f64; 6] = std::array::from_fn(|i| position[i] - self.measured[i]);
+        let mut lead = start;
+        let most = LEAST_LEAD.max(self.tool_speed * LEAD_TIME);
+        let joint = lead.iter().fold(0.0_f64, |most, part| most.max(part.abs()));
+        let excess = (tool_way(&lead) / most).max(joint / JOINT_LEAD);
+        if excess > 1.0 {
+            lead = lead.map(|part| part / excess);
+        }
+        for _ in 0..PASSES {
+            let mut kept = true;
+            for bound in &self.arm {
+                let over = dot(&bound.row, &lead) - bound.lead;
+                let soft: [f64; 6] = std::array::from_fn(|i| bound.row[i] / stiffness[i]);
+                let give = dot(&bound.row, &soft);
+                if over > 1e-6 && dot(&bound.row, &bound.row) > NO_LEVER {
+                    kept = false;
+                    for (part, soft) in lead.iter_mut().zip(&soft) {
+                        *part -= soft * over / give;
+                    }
+                }
+            }
+            if kept {
+                break;
+            }
+        }
+        if lead != start {
+            *position = std::array::from_fn(|i| self.measured[i] + lead[i]);
+        }
+    }
+
+    /// The motion of the chair that the bounds leave of a wanted one. Both speeds are
+    /// scaled alike, so the chair stays on its curve.
+    pub(super) fn of_chair(&self, wanted: BaseIntent) -> BaseIntent {
+        let along =
+            |row: &[f64; 2], motion: &BaseIntent| row[0] * motion.linear + row[1] * motion.angular;
+        let mut wanted = wanted;
+        if let Some(retreat) = self.retreat {
+            let backs_off = wanted.linear * retreat.linear + wanted.angular * retreat.angular;
+            let least = retreat.linear * retreat.linear + retreat.angular * retreat.angular;
+            if backs_off < least {
+                wanted = retreat;
+            }
+        }
+        let mut share: f64 = 1.0;
+        for bound in &self.chair {
+            let speed = along(&bound.row, &wanted);
+            if speed > 1e-9 && speed > bound.speed {
+                share = share.min(bound.speed.max(0.0) / speed);
+            }
+        }
+        BaseIntent {
+            linear: wanted.linear * share,
+            angular: wanted.angular * share,
+        }
+    }
+}
