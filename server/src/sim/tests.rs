@@ -534,3 +534,76 @@ fn a_start_inside_of_furniture_or_the_person_is_refused_by_name_and_depth() {
     });
     assert!(words.contains("of the person"), "{words}");
 }
+
+/// Prints how much floor and start distance a seated person costs, and how many of the
+/// sampled starts are rejected.
+#[test]
+#[ignore = "takes minutes: make test-people"]
+fn starts_keep_the_floor_of_everybody() {
+    let tasks = crate::tasks::list(
+        &assets(),
+        &RobotModel::load(&assets(), "wheelarm")
+            .expect("a robot")
+            .settings
+            .corridor,
+    )
+    .expect("tasks");
+    let (mut area, mut distance, mut starts, mut rejected) = ([0, 0], [0.0, 0.0], 0, 0);
+    for task in tasks.iter().filter(|task| !task.is_care()) {
+        for seed in 0..20 {
+            let of = |person: Option<PersonSetting>| {
+                simulation(Scenario {
+                    seed,
+                    starts: Starts::Anywhere,
+                    person,
+                    ..scenario(&task.name)
+                })
+            };
+            let sims = [of(None), of(Some(PersonSetting::default()))];
+            for (i, sim) in sims.iter().enumerate() {
+                let start = sim.scenario().start.expect("a start").translation.vector;
+                let target = sim.scenario().target.as_str();
+                let known = sim.scene().objects.iter().position(|o| o.name == target);
+                let at = known.map_or_else(
+                    || {
+                        sim.scene().furniture
+                            [sim.scene().furniture_named(target).expect("furniture")]
+                        .pose
+                        .translation
+                        .vector
+                    },
+                    |object| sim.snapshot().objects[object].pose.translation.vector,
+                );
+                distance[i] += (at - start).xy().norm();
+                if seed == 0 {
+                    let model = sim.model();
+                    let floor = match sim.person() {
+                        None => Floor::new(model, sim.scene()),
+                        Some(person) => Floor::occupied(model, sim.scene(), person, |_| true),
+                    };
+                    let named = sim.scenario().variant.clone().expect("a variant");
+                    let variant = task
+                        .variants()
+                        .find(|v| v.name == named)
+                        .expect("a variant");
+                    area[i] += floor
+                        .start_poses(&task.area, variant, sim.scene(), 0.3)
+                        .len();
+                }
+            }
+            starts += 1;
+            rejected += sims[1].scenario().rejected_starts;
+        }
+    }
+    let floor = area[1] as f64 / area[0] as f64;
+    let far = distance[1] / distance[0];
+    let share = f64::from(rejected) / f64::from(rejected + starts);
+    println!(
+        "floor {area:?}: {floor:.3}; distance {far:.3}; {rejected} rejected of {}: {share:.3}",
+        rejected + starts
+    );
+    assert!(
+        floor >= 0.9 && far >= 0.9 && share <= 0.3,
+        "{floor} {far} {share}"
+    );
+}

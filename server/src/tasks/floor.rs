@@ -169,6 +169,35 @@ impl Floor {
         None
     }
 
+    /// Poses on a grid of `spacing` metres and eight headings from which the chair could
+    /// start.
+    #[cfg(test)]
+    pub(crate) fn start_poses(
+        &self,
+        area: &AreaSpec,
+        variant: &Variant,
+        scene: &Scene,
+        spacing: f64,
+    ) -> Vec<Pose2> {
+        let goal = self.stop(area, variant, scene).expect("a place to stop");
+        let [x0, x1, y0, y1] = self.check.bounds();
+        let steps = |from: f64, to: f64| 0..((to - from) / spacing) as usize;
+        let cells = steps(x0, x1).flat_map(|i| steps(y0, y1).map(move |j| (i, j)));
+        let poses = cells.flat_map(|(i, j)| {
+            (0..8).map(move |k| Pose2 {
+                x: x0 + i as f64 * spacing,
+                y: y0 + j as f64 * spacing,
+                heading: f64::from(k) * PI / 4.0,
+            })
+        });
+        let starts = |place: &Pose2| {
+            self.check.is_free(place, ROOM)
+                && self.is_inside(scene, place)
+                && hybrid_a_star::has_path(&self.check, *place, goal, &PREFERENCES, NODES)
+        };
+        poses.filter(starts).collect()
+    }
+
     /// The rough seconds of the chair's way from `start` to where it would stop in
     /// front of an area; `None` when none is found.
     #[must_use]
