@@ -50,6 +50,8 @@ pub struct Observation {
     pub mouth: Option<Isometry3<f64>>,
     /// Force of the robot on the person in the chair, N; 0 without a person.
     pub person_force: f64,
+    /// Force on lap and hands of the person in the chair, N; 0 without a person.
+    pub lap_force: f64,
     /// Positions of the furniture's joints, metres.
     pub slides: Vec<f64>,
     /// All required conditions hold.
@@ -189,6 +191,16 @@ impl Collector {
                 .as_ref()
                 .map(|person| normalized("pose of the mouth", person.mouth.as_ref()))
                 .transpose()?,
+            lap_force: self.person.as_ref().map_or(0.0, |person| {
+                let on_part = |part: v1::BodyPart| {
+                    let index = (part as usize).checked_sub(1);
+                    index.and_then(|i| person.forces.get(i)).copied()
+                };
+                [v1::BodyPart::Lap, v1::BodyPart::Hands]
+                    .into_iter()
+                    .filter_map(on_part)
+                    .sum()
+            }),
             person_force: self.person.as_ref().map_or(0.0, |p| p.robot_force),
             slides: self
                 .slides

@@ -190,6 +190,7 @@ impl KinematicWorld {
             pad_force: if gripped { [30.0, 30.0] } else { [0.0, 0.0] },
             objects: self.objects.clone(),
             mouth: None,
+            lap_force: 0.0,
             person_force: self.person_force,
             slides: Vec::new(),
             success: raised > 0.1 && self.held_for > 1.0,

@@ -7,6 +7,7 @@ mod arm_balls;
 #[cfg(test)]
 mod bits;
 mod calibration;
+mod carriers;
 mod clear;
 mod disturb;
 mod envelope;
@@ -47,8 +48,8 @@ use crate::snapshot::{BodyRef, Contact, Fault, Snapshot};
 use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
+use carriers::Carriers;
 use open::{check_pose, draw_open_values, say, seated, variant};
-use person_guard::Carriers;
 
 /// A running simulation.
 pub struct Simulation {

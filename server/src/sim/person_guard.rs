@@ -11,6 +11,9 @@
 //!   the arm touches approach a part of the body at most at [`RATE`] times the distance
 //!   beyond [`STOP`] (head and face: [`HEAD_RATE`], [`HEAD_STOP`]). At the stop distance
 //!   the approach ends; motion along the body goes on.
+//! - **Handing over.** The fingers and what they hold may settle on lap and hands, at
+//!   [`SETTLE`] and until [`SETTLED`] press there: an object that is dropped from the stop
+//!   distance presses harder.
 //! - **Head.** The arm gives way to a head that moves towards it, at the head's speed.
 //! - **Lead.** The commanded arm is never ahead of the measured arm by more than the
 //!   distance that is left to the stop distance, so the drives do not load against a body.
@@ -20,7 +23,7 @@
 //! - **Gripper.** Within [`FINGERS`] of the person the fingers move slowly and press
 //!   weakly; a grasp of an object keeps its force until the fingers open.
 //! - **Chair.** With its person it approaches furniture no faster than it can brake
-//!   ([`CHAIR_BRAKING`]) to [`CHAIR_STOP`]; this covers knees, feet, hands and the head, and
+//!   to [`CHAIR_STOP`]; this covers knees, feet, hands and the head, and
 //!   arm links near the person. A part pressed by furniture above its limit is
 //!   relieved at [`RETREAT`].
 //! - **Speed at the face.** The grasp point keeps to the speed of [`Simulation::guarded_speed`].
@@ -37,8 +40,9 @@ use wheelarm_proto::person::{FACE_FORCE_LIMIT, FORCE_LIMIT};
 
 use super::Simulation;
 use crate::people::BodyPart;
-use crate::robot::control::{ArmBound, BaseIntent, ChairBound, ControlInput, FingerBound, Guard};
-use crate::robot::{ARM_JOINTS, RobotModel};
+use crate::robot::control::{
+    ArmBound, BaseIntent, ChairBound, ControlInput, FingerBound, Guard, PLANNED_BRAKING,
+};
 use crate::snapshot::{BodyRef, Contact};
 use crate::world::Gap;
 
@@ -52,6 +56,10 @@ const HEAD_RATE: f64 = 2.0;
 const STOP: f64 = 0.006;
 /// The same at head and face, m.
 const HEAD_STOP: f64 = 0.006;
+/// Speed at which the fingers and what they hold settle on lap and hands, m/s, and force
+/// that ends it, N.
+const SETTLE: f64 = 0.005;
+const SETTLED: f64 = 1.0;
 /// Nearer than this a force on a part counts for the gap, m.
 const TOUCH: f64 = 0.002;
 /// Speed of backing off at the force limit, m/s, and its increase with force, m/(s N).
@@ -72,9 +80,6 @@ const FINGER_LEVER: f64 = 0.1;
 const ACROSS: f64 = 0.3;
 /// Pad force while the fingers press the person above the limit, N.
 const FINGER_RELEASE: f64 = 1.0;
-/// Braking that the approach of the chair to furniture counts on, m/s²: less than the
-/// chair's slowest deceleration.
-const CHAIR_BRAKING: f64 = 0.6;
 /// Distance to furniture at which the chair stops its person, m.
 const CHAIR_STOP: f64 = 0.005;
 /// Gap to the person below which a link of the arm counts with the person when the
@@ -82,44 +87,6 @@ const CHAIR_STOP: f64 = 0.005;
 const BESIDE: f64 = 0.1;
 /// Speed at which the chair takes a load off its person, m/s.
 const RETREAT: f64 = 0.03;
-
-/// Which arm joints move each link.
-#[derive(Clone, Debug)]
-pub(super) struct Carriers {
-    /// Number of arm joints that move a link, by link.
-    depths: Vec<usize>,
-    /// Links that can touch the person.
-    links: Vec<BodyRef>,
-    /// Whether the gripper's joints move a link, by link.
-    fingers: Vec<bool>,
-}
-
-impl Carriers {
-    pub(super) fn new(model: &RobotModel) -> Self {
-        let roles = &model.roles;
-        let chain = |link: usize| model.chain(roles.arm_base, link).unwrap_or_default();
-        let moved_by_arm = |link: usize| {
-            let joints = chain(link).into_iter();
-            joints.filter(|j| roles.arm_index(*j).is_some()).count()
-        };
-        let depths: Vec<usize> = (0..model.links.len()).map(moved_by_arm).collect();
-        let beyond_hand = |link: usize| link != roles.end_effector && depths[link] == ARM_JOINTS;
-        let moves_alone = |link: usize| {
-            let hand = model
-                .chain(roles.arm_base, roles.end_effector)
-                .map_or(0, |c| c.len());
-            beyond_hand(link) && chain(link).len() > hand
-        };
-        Self {
-            links: (0..depths.len())
-                .filter(|link| depths[*link] >= 2)
-                .map(BodyRef::Link)
-                .collect(),
-            fingers: (0..depths.len()).map(moves_alone).collect(),
-            depths,
-        }
-    }
-}
 
 /// An object that the arm touches, as if it were fixed to the link.
 #[derive(Clone, Copy, Debug)]
@@ -163,6 +130,7 @@ impl Simulation {
             measured: self.arm_positions(),
             arm,
             chair,
+            chair_braking: self.chair_braking(),
             retreat,
             fingers: self.finger_bound(input, &gaps, &carried),
         })
@@ -237,13 +205,21 @@ impl Simulation {
             (RATE, STOP)
         };
         let joints = self.carriers.depths[link];
+        let force = self.press(gap, part);
+        let hands_over = matches!(gap.first, BodyRef::Object(_)) || self.carriers.fingers[link];
+        let settles =
+            hands_over && force < SETTLED && matches!(part, BodyPart::Lap | BodyPart::Hands);
+        let stop = if settles { 0.0 } else { stop };
         let approach = |distance: f64| {
             // Near without touching, the arm stays.
             let speed = rate * (distance - stop);
-            let least = (rate * distance).min(0.0);
+            let least = match settles {
+                true => SETTLE,
+                false => (rate * distance).min(0.0),
+            };
             speed.max(least) - gap.closing
         };
-        let force = self.press(gap, part) - force_limit(part);
+        let force = force - force_limit(part);
         let mut speed = approach(gap.distance);
         if force > 0.0 {
             speed = speed.min(-(BACK_OFF + BACK_OFF_RATE * force));
@@ -375,24 +351,30 @@ impl Simulation {
                 beside.push(gap.first);
             }
         }
-        // Of the fastest point of an occupied chair.
-        let fastest = |motion: &BaseIntent| {
-            let drive = &self.model.settings.drive;
-            let turn = motion.angular.abs().min(drive.turn_speed);
-            let most = drive.forward_speed.max(drive.backward_speed);
-            motion.linear.abs().min(most) + turn * self.person_reach()
+        // Of the furthest point of an occupied chair.
+        let [straight, turn] = self.chair_braking();
+        let reach = self.person_reach();
+        let way = |motion: &BaseIntent| {
+            let (linear, angular) = (motion.linear, motion.angular);
+            linear * linear / (2.0 * straight) + angular * angular * reach / (2.0 * turn)
         };
-        let fastest = fastest(&wanted).max(fastest(&base.now)) + RETREAT;
-        let range = CHAIR_STOP + fastest * fastest / (2.0 * CHAIR_BRAKING);
+        let range = CHAIR_STOP + way(&wanted).max(way(&base.now)) / PLANNED_BRAKING + RETREAT;
         let near = self.world.gaps_to_furniture(&beside, range);
         let bounds = near.iter().map(|gap| {
             let left = (gap.distance - CHAIR_STOP).max(0.0);
             ChairBound {
                 row: self.chair_row(&gap.point, &gap.normal),
-                speed: (2.0 * CHAIR_BRAKING * left).sqrt(),
+                left,
             }
         });
         (bounds.collect(), retreat)
+    }
+
+    /// Slowest braking of the chair, forwards or backwards and in a turn, m/s² and rad/s².
+    fn chair_braking(&self) -> [f64; 2] {
+        let drive = &self.model.settings.drive;
+        let straight = drive.forward_deceleration.min(drive.backward_deceleration);
+        [straight, drive.turn_deceleration]
     }
 
     /// From the middle of the driven wheels to the furthest of the person, on the floor
@@ -585,10 +567,12 @@ mod tests {
         let mut sim = seated(true);
         press(&mut sim, 1, 150);
         let saved = sim.save().expect("a state");
+        let snapshot = sim.snapshot.clone();
         press(&mut sim, 1, 90);
         let hash = sim.world.hash();
         let mut again = seated(true);
         again.restore(&saved).expect("its own state");
+        assert_eq!(again.snapshot, snapshot);
         press(&mut again, 1, 90);
         assert_eq!(again.world.hash(), hash);
     }

@@ -93,7 +93,9 @@ fn a_panic_in_a_step_breaks_the_simulation_and_nothing_else() {
 
 #[test]
 fn a_chair_in_a_table_breaks_the_physics_with_words() {
-    let mut sim = simulation(started_in("kitchen_table"));
+    // A reset is refused, a playback goes where the recording was.
+    let scenario = started_in("kitchen_table");
+    let mut sim = Simulation::for_playback(&assets(), scenario, &|| false).expect("a playback");
     assert_eq!(sim.broken(), None);
     let good = Arc::clone(sim.snapshot());
     let mut ticks = 0;

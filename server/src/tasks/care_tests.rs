@@ -115,8 +115,13 @@ fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
 fn task_fails_with_the_lost_condition_as_cause_in_the_tick_in_which_it_is_lost() {
     let (mut stage, _) = seated("pick_mustard", "mustard");
     assert!(!stage.run(0.1).done);
-    let press = |stage: &mut Stage, newtons| {
-        stage.snapshot.person.as_mut().unwrap().robot_force = newtons;
+    let press = |stage: &mut Stage, force: f64| {
+        stage.snapshot.person.as_mut().unwrap().touches = vec![Touch {
+            part: BodyPart::Arms,
+            partner: BodyRef::Link(12),
+            force,
+            weight: 0.0,
+        }];
     };
     press(&mut stage, 181_000.0);
     // The target falls in the same tick, which is a consequence and not the cause.

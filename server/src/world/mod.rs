@@ -261,13 +261,8 @@ impl World {
 
     /// Puts a person into the seat, before the first tick.
     pub fn seat(&mut self, person: &Arc<Person>, motion: Motion) {
-        let bodies = &self.physics.bodies;
-        let masses = self
-            .stage
-            .objects
-            .iter()
-            .map(|&handle| bodies[handle].mass());
-        let mut weights: Vec<f64> = masses.map(|mass| f64::from(mass) * GRAVITY).collect();
+        let masses = self.stage.masses.iter();
+        let mut weights: Vec<f64> = masses.map(|mass| mass * GRAVITY).collect();
         for soft in &self.soft {
             weights[soft.object] = soft.mass() * GRAVITY;
         }

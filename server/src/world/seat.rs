@@ -300,7 +300,8 @@ impl Seated {
         let numbers = [yaw, pitch, roll, jaw, self.state.robot_force];
         let touches = self.state.touches.iter().map(|touch| touch.force);
         let numbers = numbers.into_iter().chain(self.state.forces).chain(touches);
-        numbers.map(f64::to_bits).chain(names)
+        // Zero has two signs.
+        numbers.map(|x| (x + 0.0).to_bits()).chain(names)
     }
 }
 

@@ -27,6 +27,8 @@ const ESCAPE_HEIGHT: f64 = 4.0;
 pub(super) struct Stage {
     /// Engine bodies, in the order of `Scene::objects`.
     pub objects: Vec<RigidBodyHandle>,
+    /// Their masses, kg; 0 for a soft object.
+    pub masses: Vec<f64>,
     /// Furniture that slides, in the order of `Scene::joints`.
     pub slides: Vec<Slide>,
     /// Corners of the box that holds everything, metres.
@@ -85,6 +87,7 @@ impl Stage {
             tops.map(|aabb| f64::from(aabb.maxs[2])).reduce(f64::max)
         });
         let mut objects = Vec::new();
+        let mut masses = vec![0.0; scene.objects.len()];
         for (index, (body, placement)) in scene.objects.iter().zip(placements).enumerate() {
             if body.soft.is_some() {
                 // A soft object moves by itself; the engine keeps its place in the list.
@@ -92,6 +95,7 @@ impl Stage {
                 continue;
             }
             let mass = placed_mass(body, placement)?;
+            masses[index] = mass.mass;
             let handle = physics.insert_body(
                 RigidBodyBuilder::dynamic()
                     .pose(pose(&placement.pose))
@@ -111,6 +115,7 @@ impl Stage {
         let height = Vector3::new(ESCAPE_MARGIN, ESCAPE_MARGIN, ESCAPE_HEIGHT);
         Ok(Self {
             objects,
+            masses,
             slides,
             bounds: (bounds.0 - margin, bounds.1 + height),
             floor: floor.unwrap_or(0.0),

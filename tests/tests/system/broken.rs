@@ -61,7 +61,16 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     wait_until("the recorder is there", || !status().recorders.is_empty());
     let commander = IdleCommander::start(&link);
     let sound = status().scenario.expect("a scenario");
-    reset(&link, chair_in_the_table(&link)).expect("it can be set up");
+    let refused = reset(&link, chair_in_the_table(&link)).expect_err("an overlap");
+    assert!(refused.to_string().contains("kitchen_table"), "{refused}");
+    // A playback goes where the recording was.
+    let request = v1::ResetRequest {
+        scenario: Some(chair_in_the_table(&link)),
+        force: true,
+        playback: true,
+        ..Default::default()
+    };
+    link.ask(&request).expect("it can be set up");
     assert_eq!(status().broken, "");
     let ends = link.streams(&[TopicId::EpisodeStop]).expect("the ends");
     start(&link, "broken", 1).expect("an episode");

@@ -39,6 +39,10 @@ struct Episode {
     /// This client started it.
     ours: bool,
     files: BTreeMap<String, File>,
+    /// Since when it runs without a recorder that the server knows, s.
+    unrecorded: Option<f64>,
+    /// No recorder came for longer than [`APPEARS`].
+    is_lost: bool,
     /// When it ended, s.
     ended: Option<f64>,
     /// The server told of its end, which says whether it is discarded.
@@ -72,6 +76,8 @@ impl Files {
             practice: started.practice,
             ours,
             files: BTreeMap::new(),
+            unrecorded: None,
+            is_lost: false,
             ended: None,
             heard: false,
         });
@@ -114,6 +120,13 @@ impl Files {
                     episode.files.insert(recorder.recorder.clone(), file);
                 }
             }
+            // A recorder that ends right after the start is never seen.
+            if episode.files.is_empty() {
+                let since = *episode.unrecorded.get_or_insert(now);
+                episode.is_lost = now - since > APPEARS;
+            } else {
+                (episode.unrecorded, episode.is_lost) = (None, false);
+            }
             let Some(verdict) = episode.verdict(now) else {
                 return true;
             };
@@ -132,6 +145,9 @@ impl Files {
         let running = self.episodes.back()?;
         if running.ended.is_some() || running.practice {
             return None;
+        }
+        if running.ours && running.is_lost {
+            return Some("NOTHING IS RECORDED: no recorder has this episode".to_owned());
         }
         let problems: Vec<String> = running
             .files
@@ -328,6 +344,20 @@ mod tests {
             };
             assert!(verdict.bad && verdict.text.contains(words), "{verdict:?}");
         }
+    }
+
+    #[test]
+    fn episode_whose_recorder_was_never_seen_is_a_problem() {
+        let mut files = Files::default();
+        let running = status(true, &[]);
+        files.began(running.episode.as_ref().expect("an episode"), true);
+        files.status(&running, 0.0);
+        assert_eq!(files.problem(), None);
+        files.status(&running, 1.1 * APPEARS);
+        let problem = files.problem().unwrap_or_default();
+        assert!(problem.starts_with("NOTHING IS RECORDED"), "{problem}");
+        files.status(&status(true, &[recorder("a", Ready)]), 2.0 * APPEARS);
+        assert_eq!(files.problem(), None, "it has come");
     }
 
     #[test]

@@ -391,6 +391,7 @@ mod tests {
                 pad_force: if held { [20.0; 2] } else { [0.0; 2] },
                 objects: vec![Translation3::new(0.0, 0.0, rise) * can],
                 mouth: None,
+                lap_force: 0.0,
                 person_force: 0.0,
                 slides: Vec::new(),
                 success: false,

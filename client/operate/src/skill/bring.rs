@@ -33,6 +33,13 @@ const CLEAR: f64 = 0.01;
 /// Speed to the lips and after them, and down to the lap, m/s: below what the guard
 /// allows at the face.
 const LIPS_SPEED: f64 = 0.025;
+/// Speed at which an object is laid into the lap, m/s: the arm behind it presses with its
+/// momentum within a tick.
+const LAY_SPEED: f64 = 0.006;
+/// Force on the lap at which the object lies there, N.
+const LAID: f64 = 0.3;
+/// The hand rests for this long before it lets go, seconds.
+const REST: f64 = 0.3;
 /// Extra time for the hand to come round, seconds.
 const LATE: f64 = 4.0;
 /// Longest time at the mouth without success, seconds.
@@ -109,6 +116,8 @@ enum State {
         end: End,
         start: Isometry3<f64>,
         aim: Isometry3<f64>,
+        /// When the object came to lie in the lap.
+        laid: Option<f64>,
     },
 }
 
@@ -199,6 +208,7 @@ impl Skill for Bring {
                         end: way.end,
                         start: way.start,
                         aim,
+                        laid: None,
                     };
                     return Step::Going(Act::named(Phase::Retracting, "bringing"));
                 }
@@ -213,6 +223,7 @@ impl Skill for Bring {
                 end,
                 start,
                 aim,
+                laid,
             } => {
                 self.success_since = now.seen.success.then(|| self.success_since.unwrap_or(time));
                 if self
@@ -221,23 +232,34 @@ impl Skill for Bring {
                 {
                     return Step::Done;
                 }
-                let wanted = plan.at(start, *end, plan.near());
-                let way = wanted.translation.vector - aim.translation.vector;
+                let wanted = plan.last(start, *end);
                 let tool = base * now.seen.base_from_tool;
                 let waited = time - *since;
-                match plan.to {
-                    To::Lips(_) if waited > WAIT && self.success_since.is_none() => {
-                        return Step::Impossible(
-                            "the tip does not come to rest at the lips".to_owned(),
-                        );
+                let mut speed = LIPS_SPEED;
+                if matches!(plan.to, To::Lap(_)) {
+                    let over = plan.at(start, *end, plan.near());
+                    if aim.translation.z < over.translation.z + LIPS_SPEED / 60.0 {
+                        speed = LAY_SPEED;
                     }
-                    // What lies on something already goes no further down.
-                    To::Lap(_) if distance(&tool, &wanted) < ARRIVED || waited > WAIT => {
+                    let lies = now.seen.lap_force > LAID || distance(&tool, &wanted) < 1e-3;
+                    if laid.is_none() && (lies || waited > WAIT) {
+                        *laid = Some(time);
+                        *aim = tool;
+                    }
+                    if laid.is_some_and(|at| time - at > REST) {
                         return Step::Done;
                     }
-                    _ => {}
+                    if laid.is_some() {
+                        speed = 0.0;
+                    }
                 }
-                let most = LIPS_SPEED / 60.0;
+                let way = wanted.translation.vector - aim.translation.vector;
+                if matches!(plan.to, To::Lips(_)) && waited > WAIT && self.success_since.is_none() {
+                    return Step::Impossible(
+                        "the tip does not come to rest at the lips".to_owned(),
+                    );
+                }
+                let most = speed / 60.0;
                 aim.translation.vector += way * (most / way.norm().max(most));
                 Step::Going(Act {
                     tool: Some(base.inverse() * *aim),

@@ -30,7 +30,7 @@ use crate::snapshot::Snapshot;
 
 /// Share of the tool speed that is planned; the rest covers the change of the
 /// Jacobian while the joints brake.
-const TOOL_SHARE: f64 = 0.92;
+const TOOL_SHARE: f64 = 0.91;
 
 /// Joint acceleration that the guard of a person may ask for, in units of the arm's own.
 const GUARD_BRAKING: f64 = 4.0;

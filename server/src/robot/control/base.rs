@@ -80,7 +80,7 @@ impl BaseState {
         dt: f64,
         left: usize,
     ) {
-        let wanted = guard.map_or(self.wanted, |guard| guard.of_chair(self.wanted));
+        let wanted = guard.map_or(self.wanted, |guard| guard.of_chair(self.wanted, self.now));
         let stop = wanted == BaseIntent::default();
         let braking =
             |profile: f64, at_stop: f64| if stop { profile.max(at_stop) } else { profile };

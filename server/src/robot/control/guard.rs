@@ -9,6 +9,9 @@ use super::BaseIntent;
 /// Passes over the bounds of the arm: a motion between two parts of the body needs more
 /// than one.
 const PASSES: usize = 6;
+/// Share of the braking that a planned approach counts on: the rest covers the ticks in
+/// which the chair still speeds up.
+pub const PLANNED_BRAKING: f64 = 0.6;
 /// Below this squared norm, (m/rad)², a joint motion does not move the point.
 const NO_LEVER: f64 = 1e-4;
 /// Least distance, m, that the commanded grasp point may be ahead of the measured one:
@@ -31,6 +34,8 @@ pub struct Guard {
     pub arm: Vec<ArmBound>,
     /// Bounds of points of the person that the chair carries.
     pub chair: Vec<ChairBound>,
+    /// Forward and turn deceleration that the bounds of the chair count on, m/s², rad/s².
+    pub chair_braking: [f64; 2],
     /// Motion of the chair that takes the load off the person; `None` where nothing
     /// presses.
     pub retreat: Option<BaseIntent>,
@@ -54,8 +59,26 @@ pub struct ArmBound {
 pub struct ChairBound {
     /// Speed towards the furniture per forward speed (1) and turn rate (m).
     pub row: [f64; 2],
-    /// Greatest speed towards the furniture, m/s.
-    pub speed: f64,
+    /// Distance that is left to the stop, m.
+    pub left: f64,
+}
+
+impl ChairBound {
+    /// How far this point still goes towards the furniture while the chair brakes from
+    /// `motion` at `braking`, m/s² and rad/s², m. A part of the motion that leads away is
+    /// not counted: it may end first.
+    fn stop_distance(&self, motion: &BaseIntent, braking: [f64; 2]) -> f64 {
+        let parts = [motion.linear, motion.angular];
+        let way = |i: usize| {
+            let towards = (self.row[i] * parts[i]).max(0.0);
+            towards * parts[i].abs() / (2.0 * braking[i])
+        };
+        way(0) + way(1)
+    }
+
+    fn speed(&self, motion: &BaseIntent) -> f64 {
+        self.row[0] * motion.linear + self.row[1] * motion.angular
+    }
 }
 
 /// The fingers near the person.
@@ -148,29 +171,52 @@ impl Guard {
         }
     }
 
-    /// The motion of the chair that the bounds leave of a wanted one. Both speeds are
-    /// scaled alike, so the chair stays on its curve.
-    pub(super) fn of_chair(&self, wanted: BaseIntent) -> BaseIntent {
-        let along =
-            |row: &[f64; 2], motion: &BaseIntent| row[0] * motion.linear + row[1] * motion.angular;
-        let mut wanted = wanted;
-        if let Some(retreat) = self.retreat {
+    /// The motion of the chair that the bounds leave of a wanted one while it moves at
+    /// `now`. Both speeds are scaled alike, so the chair stays on its curve.
+    pub(super) fn of_chair(&self, wanted: BaseIntent, now: BaseIntent) -> BaseIntent {
+        if let Some(retreat) = self.free_retreat() {
             let backs_off = wanted.linear * retreat.linear + wanted.angular * retreat.angular;
             let least = retreat.linear * retreat.linear + retreat.angular * retreat.angular;
             if backs_off < least {
-                wanted = retreat;
+                return retreat;
             }
         }
+        // What is still speeding up or turns the other way would brake too late.
+        let braking = self.chair_braking;
+        let late = |bound: &ChairBound| bound.stop_distance(&now, braking) > bound.left;
+        if self.chair.iter().any(late) {
+            return BaseIntent::default();
+        }
+        let braking = braking.map(|part| part * PLANNED_BRAKING);
         let mut share: f64 = 1.0;
         for bound in &self.chair {
-            let speed = along(&bound.row, &wanted);
-            if speed > 1e-9 && speed > bound.speed {
-                share = share.min(bound.speed.max(0.0) / speed);
+            let way = bound.stop_distance(&wanted, braking);
+            if way > bound.left {
+                share = share.min((bound.left / way).sqrt());
             }
         }
         BaseIntent {
             linear: wanted.linear * share,
             angular: wanted.angular * share,
         }
+    }
+
+    /// The retreat along what other furniture leaves free; `None` where nothing presses or
+    /// no way is left.
+    fn free_retreat(&self) -> Option<BaseIntent> {
+        let mut retreat = self.retreat?;
+        for _ in 0..PASSES {
+            for bound in self.chair.iter().filter(|bound| bound.left <= 0.0) {
+                let speed = bound.speed(&retreat);
+                let lever = bound.row[0] * bound.row[0] + bound.row[1] * bound.row[1];
+                if speed > 0.0 && lever > NO_LEVER {
+                    retreat.linear -= bound.row[0] * speed / lever;
+                    retreat.angular -= bound.row[1] * speed / lever;
+                }
+            }
+        }
+        let blocked = |bound: &ChairBound| bound.left <= 0.0 && bound.speed(&retreat) > 1e-4;
+        let way = exact::hypot(retreat.linear, retreat.angular);
+        (way > 1e-3 && !self.chair.iter().any(blocked)).then_some(retreat)
     }
 }

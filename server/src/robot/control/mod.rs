@@ -19,7 +19,7 @@ use self::arm::ArmControl;
 pub use self::arm::{ArmState, Motion, Velocity};
 pub use self::base::{BaseState, DriveGeometry};
 pub use self::gripper::{GripperMap, GripperState};
-pub use self::guard::{ArmBound, ChairBound, FingerBound, Guard};
+pub use self::guard::{ArmBound, ChairBound, FingerBound, Guard, PLANNED_BRAKING};
 use super::{DriveSettings, GripperSettings, RobotModel};
 use crate::snapshot::Snapshot;
 

@@ -6,8 +6,9 @@ use super::super::convert::{from_pose, from_vector};
 use super::*;
 use crate::snapshot::BodyRef;
 
-/// Half extents of a mustard bottle: 0.603 kg, 58 mm between the pads.
-const BOTTLE: [f64; 3] = [0.048, 0.029, 0.08];
+/// Half extents of a bottle of 0.603 kg with 58 mm between the pads, shallow enough for the
+/// inner knuckles to stay clear while the pads hold it at its middle.
+const BOTTLE: [f64; 3] = [0.022, 0.029, 0.08];
 const MASS: f64 = 0.603;
 const FRICTION: f64 = 0.6;
 

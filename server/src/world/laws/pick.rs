@@ -3,8 +3,9 @@
 use super::*;
 use crate::robot::kinematics::ArmKinematics;
 
-/// Half extents of a mustard bottle: 0.603 kg, 58 mm between the pads.
-const BOTTLE: [f64; 3] = [0.048, 0.029, 0.08];
+/// Half extents of a bottle of 0.603 kg with 58 mm between the pads, shallow enough for the
+/// inner knuckles to stay clear while the pads hold it at its middle.
+const BOTTLE: [f64; 3] = [0.022, 0.029, 0.08];
 
 struct Picker {
     world: World,

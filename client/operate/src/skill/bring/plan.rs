@@ -12,8 +12,11 @@ use crate::skill::Now;
 
 /// The tip is held this far before the lips, metres.
 const BEFORE: f64 = 0.018;
-/// A thing is let go this far over the lap, metres: the fingers reach below it.
+/// The way to the lap is planned to this far over it, metres: the fingers reach below the
+/// object. From there the object is laid down.
 const OVER: f64 = 0.02;
+/// The object is laid down at most this far below that, metres: the lap is not level.
+const LAY: f64 = 0.05;
 /// The straight way to the lips or down to the lap begins this far off, metres.
 pub const AWAY: f64 = 0.11;
 /// What is carried keeps this far from the person on the last way down to the lap,
@@ -127,6 +130,14 @@ impl<'a> Plan<'a> {
         match self.to {
             To::Lips(_) => BEFORE,
             To::Lap(_) => OVER,
+        }
+    }
+
+    /// Where the object is laid down at the latest; the tip at the lips.
+    pub fn last(&self, start: &Isometry3<f64>, end: End) -> Isometry3<f64> {
+        match self.to {
+            To::Lips(_) => self.at(start, end, BEFORE),
+            To::Lap(_) => self.at(start, end, OVER - LAY),
         }
     }
 
