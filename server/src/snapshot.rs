@@ -96,7 +96,8 @@ pub struct Touch {
     pub part: BodyPart,
     /// The body that touches it.
     pub partner: BodyRef,
-    /// Force on the part, N: the greatest of the control tick's physics ticks.
+    /// Force on the part, N: the greatest of the control tick's physics ticks, for an object
+    /// their mean.
     pub force: f64,
     /// Weight of an object, N; 0 for robot and furniture.
     pub weight: f64,

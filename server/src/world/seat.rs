@@ -200,10 +200,20 @@ impl Seated {
         }
     }
 
-    /// Adds what a body presses on a part in one tick.
+    /// Adds what a body presses on a part in one tick: of an object the mean over the control
+    /// tick counts, of everything else the greatest force. The engine's bodies are rigid and
+    /// end a blow within one tick of 4 ms; soft tissue of 2 N/mm spreads that of an object of
+    /// 0.1 kg over pi sqrt(m / k) = 20 ms.
     fn touch(&mut self, part: BodyPart, partner: BodyRef, force: f64) {
         let touches = &mut self.state.touches;
+        let is_object = matches!(partner, BodyRef::Object(_));
+        let force = if is_object {
+            force / TICKS_PER_CONTROL as f64
+        } else {
+            force
+        };
         match touches.binary_search_by_key(&(part, partner), |t| (t.part, t.partner)) {
+            Ok(known) if is_object => touches[known].force += force,
             Ok(known) => touches[known].force = touches[known].force.max(force),
             Err(place) => {
                 let weight = match partner {

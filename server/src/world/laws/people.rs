@@ -279,10 +279,8 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
     );
     let bar = |touch: &Touch| touch.partner == BodyRef::Object(0);
     assert!(!state.touches.is_empty() && state.touches.iter().all(bar));
-    // The greatest forces of a control tick sum to at least its greatest sum.
     let touched: f64 = state.touches.iter().map(|touch| touch.force).sum();
-    let all: f64 = state.forces.iter().sum();
-    assert!(touched > all - 1e-9, "{:?}", state.touches);
+    assert!((touched / parts - 1.0).abs() < 0.1, "{:?}", state.touches);
     for touch in &state.touches {
         assert!((touch.weight - 0.5 * 9.81).abs() < 1e-3, "{touch:?}");
     }

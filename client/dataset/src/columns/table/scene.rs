@@ -152,7 +152,7 @@ pub(super) static PERSON: Table<v1::PersonState> = Table {
         ),
         f64s(
             "contact_force",
-            "N (greatest of the physics ticks)",
+            "N (greatest of the physics ticks; mean for objects)",
             "",
             &[Axis::Contacts],
             Codec {
