@@ -199,7 +199,9 @@ impl Recorders {
     }
 
     /// All of them: the newest status of each, after those of episodes of this
-    /// run that are still being made into files or just have been.
+    /// run that are still being made into files or just have been. A recorder that left
+    /// a moment ago is listed with what became of its files: clients that ask in intervals
+    /// would take its last file for lost.
     #[must_use]
     pub fn all(&self, run_id: &str) -> Vec<v1::RecorderStatus> {
         let mut all = Vec::new();
@@ -213,6 +215,13 @@ impl Recorders {
                 all.push(newest.clone());
             }
         }
+        let over = [v1::RecorderState::Finished, v1::RecorderState::Failed];
+        let left = self.away.keys().filter_map(|name| self.known.get(name));
+        let left = left.flatten().filter(|status| {
+            let (run, episode) = id(status);
+            run == run_id && episode > 0 && over.contains(&status.state())
+        });
+        all.extend(left.cloned());
         all
     }
 
@@ -407,6 +416,23 @@ mod tests {
         recorders.update(status("a", 1, 4));
         assert!(!waits(&recorders, 9, 9 * CREDIT_TICKS));
         assert!(waits(&recorders, 10, 0));
+    }
+
+    #[test]
+    fn recorder_that_left_is_listed_with_its_finished_file_for_a_while() {
+        let now = Instant::now();
+        let mut recorders = Recorders::default();
+        recorders.came("disk");
+        let mut last = status("disk", 1, 5);
+        recorders.update(last.clone());
+        last.set_state(v1::RecorderState::Finished);
+        recorders.update(last.clone());
+        let run = id(&last).0.to_owned();
+        recorders.left("disk", now);
+        assert_eq!((recorders.present(), recorders.all(&run)), (0, vec![last]));
+        assert!(recorders.all("another run").is_empty());
+        recorders.expire(now + AWAY + Duration::from_millis(1));
+        assert!(recorders.all(&run).is_empty());
     }
 
     #[test]
