@@ -18,7 +18,7 @@
 //!   distance that is left to the stop distance, so the drives do not load against a body.
 //! - **Force.** Above [`FORCE_LIMIT`] (head and face: [`FACE_FORCE_LIMIT`]) on a part of the body the
 //!   body that presses it backs off.
-//! - **Own links.** Links of the arm that touch each other near the person move apart.
+//! - **Own links.** Links of the arm that touch each other move apart.
 //! - **Gripper.** Within [`FINGERS`] of the person the fingers move slowly and press
 //!   weakly; a grasp of an object keeps its force until the fingers open.
 //! - **Chair.** With its person it approaches furniture no faster than it can brake
@@ -59,7 +59,7 @@ const HEAD_STOP: f64 = 0.006;
 /// The same for links between base and hand, m: contacts of their cylinders with the capsules
 /// of the body begin up to 10 mm early in the engine (measured: single ticks of 15 to 70 N at
 /// gaps of 4 to 10 mm in 12 of 880 adversarial episodes).
-const LINK_STOP: f64 = 0.018;
+const LINK_STOP: f64 = 0.012;
 /// Speed at which an object in the hand settles in the lap, m/s, and the force that ends
 /// it, N.
 const SETTLE: f64 = 0.005;
@@ -125,9 +125,7 @@ impl Simulation {
         for gap in &gaps {
             self.bound_gap(gap, &carried, &mut arm);
         }
-        if !gaps.is_empty() {
-            self.bound_own(&mut arm);
-        }
+        self.bound_own(&mut arm);
         let (chair, retreat) = self.chair_bounds(input, &gaps);
         Some(Guard {
             tool_speed,

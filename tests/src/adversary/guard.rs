@@ -24,12 +24,13 @@ use super::{Start, chair_at};
 
 /// Greatest force on a part of the body, N.
 const MOST: f64 = 15.0;
-/// Objects in the hand, with the width, m, at which the fingers hold them.
-const HELD: [(&str, f64); 4] = [
-    ("coke", 0.066),
-    ("straw_cup", 0.068),
-    ("tomato_soup", 0.0677),
-    ("mustard", 0.058),
+/// Objects in the hand, with the width, m, at which the fingers hold them, and how far their
+/// middle is beyond the grasp point, m: the palm does not reach into them.
+const HELD: [(&str, f64, f64); 4] = [
+    ("coke", 0.066, 0.0),
+    ("straw_cup", 0.068, 0.0),
+    ("tomato_soup", 0.0677, 0.0),
+    ("mustard", 0.058, 0.044),
 ];
 /// Bodies and postures by turns.
 const BODIES: [&str; 7] = [
@@ -171,7 +172,7 @@ impl GuardRun {
         };
         let holds = random.random_bool(0.5);
         if holds {
-            let (name, width) = HELD[random.random_range(0..HELD.len())];
+            let (name, width, beyond) = HELD[random.random_range(0..HELD.len())];
             let model = base.model();
             let chair = start.unwrap_or(base.snapshot().links[0].pose);
             let mut joints = vec![0.0; model.joints.len()];
@@ -182,7 +183,7 @@ impl GuardRun {
             let known = &base.scenario().objects;
             if let Some((_, placed)) = known.iter().find(|(known, _)| known == name) {
                 let placed = Placement {
-                    pose: in_hand(&hand, model.settings.tool_length),
+                    pose: in_hand(&hand, model.settings.tool_length + beyond),
                     ..*placed
                 };
                 let map = wheelarm_server::robot::control::GripperMap::new(model);
