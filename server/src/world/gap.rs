@@ -64,7 +64,7 @@ impl<'a> Placed<'a> {
         let normal = from_vector(nearest.normal1);
         let point = from_vector(nearest.point1) + normal * f64::from(rim);
         let finite = normal.iter().chain(point.iter()).all(|x| x.is_finite());
-        if !finite || !(distance < range) {
+        if !finite || distance.is_nan() || distance >= range {
             return None;
         }
         let own = self.shape.compute_local_aabb();

@@ -348,9 +348,9 @@ impl ArmControl {
                 velocity[i] = exact::within(eased, least[i], greatest[i]);
             }
         }
-        for i in 0..6 {
-            state.velocity[i] = velocity[i];
-            state.position[i] += velocity[i] * dt;
+        state.velocity = velocity;
+        for (position, velocity) in state.position.iter_mut().zip(velocity) {
+            *position += velocity * dt;
         }
         // Rounding only: the stopping speed lands on the limit.
         self.kinematics.clamp(&mut state.position);
