@@ -605,3 +605,17 @@ fn statements_have_no_thanks_and_no_statement_promises_a_handover() {
     }
     assert!(count.iter().all(|count| *count > 20), "{count:?}");
 }
+
+/// The number that the files state is that of the form of the name.
+#[test]
+fn number_of_every_name_is_that_of_its_form() {
+    let (grammar, _) = world();
+    for noun in &grammar.nouns {
+        // "Thermos" has the form of a plural and is none.
+        if noun.text == "thermos" {
+            continue;
+        }
+        let is_plural = noun.number == crate::grammar::Number::Plural;
+        assert_eq!(crate::is_plural(&noun.text), is_plural, "{}", noun.text);
+    }
+}

@@ -34,4 +34,4 @@ pub use meaning::Meaning;
 pub use parse::{Answer, Parser};
 pub use say::{Options, Said, Wish, say};
 pub use scene::{Area, Role, Scene, Thing, kind_of};
-pub use words::normalised;
+pub use words::{is_plural, normalised};
