@@ -229,8 +229,8 @@ eyes_and_ears() {
         has "$from" && has "$to" || continue
         tasks=$from,$to evaluate "told-$to" "$jobs" "$seeds" "$served --say '$sentence'" --split "$seen_split"
     done <<'PAIRS'
-pick_mustard pick_crackers Please get me the crackers from the coffee table
-pick_bowl pick_blue_mug Please get me the mug from the kitchen table
+pick_mustard pick_crackers Please pick up the crackers from the coffee table
+pick_bowl pick_blue_mug Please pick up the mug from the kitchen table
 PAIRS
 }
 table() { "$python" scripts/tasks_table.py "$out" "$tasks" >"$out/table.md" && cat "$out/table.md"; }

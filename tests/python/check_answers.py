@@ -2,7 +2,9 @@
 
 Reads /labels/questions of files made by `wheelarm-dataset annotate`, takes --rows of
 them at random, computes every answer from the recorded state and the recorded asset
-texts, and compares. Imports nothing of WheelArm. Exit code 1 when an answer differs.
+texts, and compares. A question with cameras must be about objects that have a visible box
+in the last image of each until its time. Imports nothing of WheelArm. Exit code 1 when an
+answer differs or an object is not visible.
 
 Usage: check_answers.py [--rows 500] [--seed 0] FILE...
 
@@ -125,6 +127,18 @@ class Episode:
                 return name
         return None
 
+    def unseen(self, cameras, tick, names):
+        """The first of these objects that the last image of a camera does not show."""
+        stamp = self.file["streams/object_pose/stamp_nanos"][int(np.searchsorted(self.ticks, tick))]
+        for camera in cameras:
+            taken = self.file[f"streams/camera/{camera}/stamp_nanos"][:]
+            image = int(np.searchsorted(taken, stamp, side="right")) - 1
+            boxes = self.file[f"labels/boxes/{camera}/visible"]
+            for name in names:
+                if image < 0 or np.isnan(boxes[image, self.objects.index(name)]).any():
+                    return f"{name} in {camera}"
+        return None
+
     def held(self, tick):
         row = self.row("contact", tick)
         pairs = json.loads(self.file["streams/contact/pairs"][row])
@@ -215,17 +229,24 @@ def main():
         group = episode.file["labels/questions"]
         kinds = [k for k in group.attrs["kinds"]]
         text = lambda name: [t.decode() for t in group[name][:]]
-        columns = zip(group["kind"][:], group["tick"][:], text("question"), text("arguments"), text("value"))
-        rows += [(episode, kinds[k], int(t), q, json.loads(a), json.loads(v)) for k, t, q, a, v in columns]
+        columns = zip(group["kind"][:], group["tick"][:], text("question"), text("arguments"), text("value"), text("cameras"))
+        rows += [(episode, kinds[k], int(t), q, json.loads(a), json.loads(v), c.split()) for k, t, q, a, v, c in columns]
     chosen = random.Random(args.seed).sample(rows, min(args.rows, len(rows)))
-    wrong, counts = 0, {}
-    for episode, kind, tick, question, asked, value in chosen:
+    wrong, memory, counts = 0, 0, {}
+    for episode, kind, tick, question, asked, value, cameras in chosen:
         counts[kind] = counts.get(kind, 0) + 1
         found = episode.answer(kind, tick, asked)
         if found != value:
             wrong += 1
             print(f"{episode.file.filename} tick {tick}: {question} {value}, here {found}")
-    print(f"{len(chosen)} of {len(rows)} rows answered again, {wrong} wrong;", ", ".join(f"{k} {n}" for k, n in sorted(counts.items())))
+        memory += not cameras
+        answered = value if kind == "side" else [value] if kind == "held" and value else []
+        names = [name for name in [asked.get("object"), *answered] if name]
+        unseen = episode.unseen(cameras, tick, names)
+        if unseen:
+            wrong += 1
+            print(f"{episode.file.filename} tick {tick}: {question} is about {unseen}, which is not visible")
+    print(f"{len(chosen)} of {len(rows)} rows answered again, {wrong} wrong, {memory} from memory;", ", ".join(f"{k} {n}" for k, n in sorted(counts.items())))
     if wrong or not chosen:
         sys.exit(1)
 

@@ -10,6 +10,7 @@ pub(crate) struct Bound {
     pub object: Option<usize>,
     pub goal: Option<usize>,
     pub place: Option<usize>,
+    /// A place with a preposition.
     pub at: Option<usize>,
     noun: Option<Named>,
     other: Option<Named>,
@@ -23,6 +24,11 @@ pub(crate) struct Chart<'a> {
     pub nodes: Vec<Node>,
     pub objects: Vec<Vec<(usize, usize)>>,
     pub goals: Vec<Vec<(usize, usize)>>,
+    /// Goals with a preposition.
+    at_goals: Vec<Vec<(usize, usize)>>,
+    /// Words for postures, by where they end.
+    standing: Vec<bool>,
+    stands: Vec<bool>,
     pub places: Vec<Vec<(usize, usize)>>,
     ats: Vec<Vec<(usize, usize)>>,
     named: Vec<Vec<(usize, Named)>>,
@@ -43,8 +49,11 @@ impl<'a> Chart<'a> {
         });
         let ats = each(&|at| {
             let begun = places.get(at + 1).map_or(&[][..], Vec::as_slice);
-            let fits =
-                |(_, i): &&(usize, usize)| grammar.places[*i].prepositions.contains(&words[at]);
+            let fits = |(_, i): &&(usize, usize)| {
+                let place = &grammar.places[*i];
+                let lists = [&place.on, &place.from, &place.understood];
+                lists.iter().any(|list| list.contains(&words[at]))
+            };
             begun.iter().filter(fits).copied().collect()
         });
         let nouns = each(&|at| {
@@ -83,7 +92,7 @@ impl<'a> Chart<'a> {
             })
             .collect();
         let is_goal = |noun: usize| matches!(grammar.nouns[noun].names, Names::Goal(_));
-        let goals = others
+        let goals: Vec<Vec<(usize, usize)>> = others
             .iter()
             .map(|found| {
                 let goals = found
@@ -92,11 +101,30 @@ impl<'a> Chart<'a> {
                 goals.map(|(end, n)| (*end, n.noun)).collect()
             })
             .collect();
+        // People mix the prepositions of goals up: any of them is understood.
+        let of_goals = |at: usize| {
+            let kinds = grammar.goals.iter();
+            kinds.flat_map(|g| [&g.at, &g.to]).any(|p| *p == words[at])
+        };
+        let at_goals = each(&|at| match of_goals(at) {
+            true => goals.get(at + 1).cloned().unwrap_or_default(),
+            false => Vec::new(),
+        });
+        let postures = &grammar.postures;
+        let standing = words
+            .iter()
+            .map(|word| postures.iter().any(|p| p.participle == *word));
+        let stands = words
+            .iter()
+            .map(|word| postures.iter().any(|p| p.verbs.contains(word)));
         let mut chart = Self {
             words,
             nodes: Vec::new(),
             objects: Vec::new(),
             goals,
+            at_goals,
+            standing: standing.collect(),
+            stands: stands.collect(),
             places,
             ats,
             named,
@@ -145,6 +173,29 @@ impl<'a> Chart<'a> {
         match piece {
             Piece::Word(word) if word == here => self.go_on(rest, at + 1, bound, out),
             Piece::Word(_) => {}
+            // A listener does not depend on agreement.
+            Piece::Agreement(forms) if forms.contains(here) => {
+                self.go_on(rest, at + 1, bound, out);
+            }
+            Piece::Agreement(_) => {}
+            Piece::Slot(Slot::Standing) if self.standing[at] => {
+                self.go_on(rest, at + 1, bound, out);
+            }
+            Piece::Slot(Slot::Stands) if self.stands[at] => self.go_on(rest, at + 1, bound, out),
+            Piece::Slot(Slot::Standing | Slot::Stands) => {}
+            Piece::Slot(Slot::AtGoal | Slot::ToGoal) => {
+                for (end, i) in list(&self.at_goals) {
+                    self.go_on(
+                        rest,
+                        end,
+                        Bound {
+                            goal: Some(i),
+                            ..bound
+                        },
+                        out,
+                    );
+                }
+            }
             Piece::Slot(Slot::Object) => {
                 for (end, i) in list(&self.objects) {
                     self.go_on(
@@ -184,7 +235,7 @@ impl<'a> Chart<'a> {
                     );
                 }
             }
-            Piece::Slot(Slot::At | Slot::On) => {
+            Piece::Slot(Slot::At | Slot::On | Slot::From) => {
                 for (end, i) in list(&self.ats) {
                     self.go_on(
                         rest,

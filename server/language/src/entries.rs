@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::grammar::Verb;
+use crate::grammar::{Holds, Number, Verb};
 
 pub(crate) type Texts = Vec<Spanned<String>>;
 
@@ -13,7 +13,16 @@ pub(crate) struct NounsFile {
     pub origin: Spanned<String>,
     pub license: Spanned<String>,
     pub colour: Vec<ColourEntry>,
+    pub posture: Vec<PostureEntry>,
     pub noun: Vec<NounEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PostureEntry {
+    pub participle: Spanned<String>,
+    pub verbs: [Spanned<String>; 2],
+    pub of: Spanned<Vec<String>>,
 }
 
 #[derive(Deserialize)]
@@ -21,6 +30,8 @@ pub(crate) struct NounsFile {
 pub(crate) struct ColourEntry {
     pub name: String,
     pub texts: Texts,
+    #[serde(default)]
+    pub understood: Texts,
 }
 
 #[derive(Deserialize)]
@@ -29,6 +40,13 @@ pub(crate) struct NounEntry {
     pub of: Option<Vec<String>>,
     pub category: Option<String>,
     pub goal: Option<String>,
+    #[serde(default)]
+    pub number: Number,
+    #[serde(default)]
+    pub contents: bool,
+    pub colour: Option<bool>,
+    #[serde(default)]
+    pub tail: bool,
     pub split: Option<Spanned<String>>,
     pub said: Option<bool>,
     pub texts: Spanned<Texts>,
@@ -39,14 +57,29 @@ pub(crate) struct NounEntry {
 pub(crate) struct PlacesFile {
     pub origin: Spanned<String>,
     pub license: Spanned<String>,
+    pub goal: Vec<GoalEntry>,
     pub place: Vec<PlaceEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct GoalEntry {
+    pub of: Spanned<Vec<String>>,
+    pub holds: Holds,
+    #[serde(rename = "where")]
+    pub at: Spanned<String>,
+    pub to: Spanned<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PlaceEntry {
     pub area: String,
-    pub prepositions: Spanned<Vec<String>>,
+    #[serde(rename = "where")]
+    pub on: Spanned<Vec<String>>,
+    pub from: Spanned<Vec<String>>,
+    pub understood: Option<Spanned<Vec<String>>>,
+    pub drive: Option<bool>,
     pub split: Option<Spanned<String>>,
     pub said: Option<bool>,
     pub texts: Texts,
@@ -81,7 +114,7 @@ pub(crate) struct ReasonsFile {
 #[serde(deny_unknown_fields)]
 pub(crate) struct ReasonEntry {
     pub of: Spanned<Vec<String>>,
-    pub verb: Option<Verb>,
+    pub verbs: Spanned<Vec<Verb>>,
     pub texts: Texts,
 }
 
@@ -90,10 +123,24 @@ pub(crate) struct ReasonEntry {
 pub(crate) struct PolitenessFile {
     pub origin: Spanned<String>,
     pub license: Spanned<String>,
-    pub before: Texts,
+    pub before: Vec<BeforeEntry>,
     pub after: Texts,
+    pub understood_before: Texts,
+    pub understood_after: Texts,
     pub thanks: Texts,
     pub reasons: Texts,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BeforeEntry {
+    #[serde(default)]
+    pub question: bool,
+    #[serde(default)]
+    pub comma: bool,
+    #[serde(default)]
+    pub opens: bool,
+    pub texts: Texts,
 }
 
 #[derive(Deserialize)]
@@ -111,6 +158,10 @@ pub(crate) struct VerbFile {
 pub(crate) struct TemplateEntry {
     pub form: Option<Spanned<String>>,
     pub wants: Option<Spanned<Vec<String>>>,
+    pub of: Option<Spanned<Vec<String>>>,
+    pub holds: Option<Spanned<Holds>>,
+    #[serde(default)]
+    pub removes: bool,
     pub split: Option<Spanned<String>>,
     pub said: Option<bool>,
     pub texts: Texts,

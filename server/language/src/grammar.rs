@@ -88,26 +88,49 @@ pub enum Split {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Slot {
     Object,
+    /// A goal alone: `the mat`.
     Goal,
+    /// A goal with its preposition of rest: `on the mat`, `in the bin`.
+    AtGoal,
+    /// A goal with its preposition of motion: `onto the mat`, `into the bin`.
+    ToGoal,
     Place,
+    /// A place with any preposition that is understood.
     At,
+    /// A place with a preposition that says where an object is.
     On,
+    /// A place with a preposition of removal.
+    From,
     Noun,
     Other,
     Nth,
+    /// The posture of the noun as a participle: `standing`.
+    Standing,
+    /// The posture of the noun as a verb: `stands`.
+    Stands,
 }
 
 impl Slot {
-    pub(crate) const ALL: [(&'static str, Self); 8] = [
+    pub(crate) const ALL: [(&'static str, Self); 13] = [
         ("object", Self::Object),
         ("goal", Self::Goal),
+        ("at_goal", Self::AtGoal),
+        ("to_goal", Self::ToGoal),
         ("place", Self::Place),
         ("at", Self::At),
         ("on", Self::On),
+        ("from", Self::From),
         ("noun", Self::Noun),
         ("other", Self::Other),
         ("nth", Self::Nth),
+        ("standing", Self::Standing),
+        ("stands", Self::Stands),
     ];
+
+    /// Slots of goals.
+    pub(crate) const GOALS: [Self; 3] = [Self::Goal, Self::AtGoal, Self::ToGoal];
+    /// Slots of places with a preposition.
+    pub(crate) const PLACES: [Self; 3] = [Self::At, Self::On, Self::From];
 }
 
 /// A part of a pattern.
@@ -115,6 +138,8 @@ impl Slot {
 pub(crate) enum Piece {
     Word(String),
     Slot(Slot),
+    /// The form with a singular or mass noun, and that with a plural one.
+    Agreement([String; 2]),
 }
 
 /// A text with slots.
@@ -128,6 +153,10 @@ pub(crate) struct Pattern {
 impl Pattern {
     pub fn has(&self, slot: Slot) -> bool {
         self.pieces.contains(&Piece::Slot(slot))
+    }
+
+    pub fn has_any(&self, slots: &[Slot]) -> bool {
+        slots.iter().any(|slot| self.has(*slot))
     }
 }
 
@@ -177,12 +206,56 @@ pub(crate) enum Names {
     Goal(String),
 }
 
+/// How verbs and pronouns agree with a noun.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Number {
+    #[default]
+    Singular,
+    Plural,
+    /// As a singular, and never counted: soup.
+    Mass,
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Noun {
     pub text: String,
     pub words: Vec<String>,
     pub names: Names,
+    pub number: Number,
+    /// The name is that of the contents, not of the container.
+    pub is_contents: bool,
+    /// A color word may stand before it.
+    pub takes_colour: bool,
+    /// Words follow the noun itself, so that the phrase ends with the name.
+    pub has_tail: bool,
     pub of: Use,
+}
+
+/// How objects of some kinds are at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Posture {
+    pub participle: String,
+    /// With a singular and with a plural noun.
+    pub verbs: [String; 2],
+    pub kinds: Vec<String>,
+}
+
+/// What a goal is.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Holds {
+    Surface,
+    Container,
+}
+
+/// The prepositions of some goals.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct GoalKind {
+    pub goals: Vec<String>,
+    pub holds: Holds,
+    pub at: String,
+    pub to: String,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -190,6 +263,7 @@ pub(crate) struct Colour {
     pub name: String,
     pub text: String,
     pub words: Vec<String>,
+    pub is_spoken: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -197,8 +271,24 @@ pub(crate) struct PlaceName {
     pub area: String,
     pub text: String,
     pub words: Vec<String>,
-    pub prepositions: Vec<String>,
+    /// Prepositions of rest, of removal, and those that are only understood.
+    pub on: Vec<String>,
+    pub from: Vec<String>,
+    pub understood: Vec<String>,
+    /// The chair can drive to a place of this name.
+    pub is_drive: bool,
     pub of: Use,
+}
+
+/// How a template takes politeness.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// An imperative: politeness before and behind it.
+    Request,
+    /// A wish: "please" behind it.
+    Wish,
+    /// Neither.
+    Statement,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -207,10 +297,15 @@ pub(crate) struct Template {
     pub id: String,
     pub verb: Verb,
     pub pattern: Pattern,
-    /// An imperative, before which politeness can stand.
-    pub is_request: bool,
+    pub form: Form,
     /// Kinds of which any is meant, where the text names none.
     pub wants: Vec<String>,
+    /// Kinds with which it is spoken; empty: all.
+    pub kinds: Vec<String>,
+    /// Goals with which it is spoken; `None`: all.
+    pub holds: Option<Holds>,
+    /// Its verb removes the object, so that "from the table" may follow it.
+    pub removes: bool,
     pub of: Use,
 }
 
@@ -219,7 +314,20 @@ pub(crate) struct Reason {
     pub text: String,
     pub words: Vec<String>,
     pub kinds: Vec<String>,
-    pub verb: Option<Verb>,
+    pub verbs: Vec<Verb>,
+}
+
+/// Politeness before a request.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Before {
+    pub text: String,
+    pub words: Vec<String>,
+    pub is_question: bool,
+    /// A comma sets it apart.
+    pub has_comma: bool,
+    /// It stands at the beginning of a sentence alone.
+    pub opens: bool,
+    pub is_spoken: bool,
 }
 
 /// How a reason and a request stand together.
@@ -236,12 +344,16 @@ pub(crate) struct Frame {
 pub struct Grammar {
     pub(crate) colours: Vec<Colour>,
     pub(crate) nouns: Vec<Noun>,
+    pub(crate) postures: Vec<Posture>,
     pub(crate) places: Vec<PlaceName>,
+    pub(crate) goals: Vec<GoalKind>,
     pub(crate) phrases: Vec<Phrase>,
     pub(crate) reasons: Vec<Reason>,
     /// Politeness: as written, and its words.
-    pub(crate) before: Vec<(String, Vec<String>)>,
+    pub(crate) before: Vec<Before>,
     pub(crate) after: Vec<(String, Vec<String>)>,
+    /// Words behind a request that are only understood.
+    pub(crate) understood_after: Vec<Vec<String>>,
     pub(crate) thanks: Vec<(String, Vec<String>)>,
     pub(crate) frames: Vec<Frame>,
     pub(crate) templates: Vec<Template>,
@@ -306,8 +418,20 @@ impl Grammar {
     pub(crate) fn preposition(&self, area: &str) -> &str {
         let place = self.places.iter().find(|place| place.area == area);
         place
-            .and_then(|p| p.prepositions.first())
+            .and_then(|p| p.on.first())
             .map_or("at", String::as_str)
+    }
+
+    /// How objects of a kind are at rest, where the grammar has a word for it.
+    pub(crate) fn posture(&self, kind: &str) -> Option<&Posture> {
+        let fits = |posture: &&Posture| posture.kinds.iter().any(|k| k == kind);
+        self.postures.iter().find(fits)
+    }
+
+    /// The prepositions of a goal.
+    pub(crate) fn goal(&self, name: &str) -> Option<&GoalKind> {
+        let fits = |goal: &&GoalKind| goal.goals.iter().any(|g| g == name);
+        self.goals.iter().find(fits)
     }
 }
 

@@ -8,10 +8,15 @@
 //! Left, right, in front and behind are those of who sits in the chair while it
 //! stands at an area and looks at it: [`space`] says exactly how.
 
+#[cfg(test)]
+extern crate self as wheelarm_language;
+
 mod chart;
 mod entries;
 mod grammar;
 mod home;
+#[cfg(test)]
+mod law;
 mod meaning;
 mod parse;
 mod question;
@@ -20,6 +25,7 @@ mod read;
 mod say;
 mod scene;
 pub mod space;
+mod wording;
 mod words;
 
 pub use grammar::{FILES, Grammar, GrammarError, Split, Verb};
@@ -28,4 +34,4 @@ pub use meaning::Meaning;
 pub use parse::{Answer, Parser};
 pub use say::{Options, Said, Wish, say};
 pub use scene::{Area, Role, Scene, Thing, kind_of};
-pub use words::normalised;
+pub use words::{is_plural, normalised};

@@ -167,12 +167,14 @@ impl<'a> Parser<'a> {
         for (from, to) in spans {
             let mut starts = vec![from];
             let mut ends = vec![to];
-            for (_, polite) in &self.grammar.before {
-                if words[from..to].starts_with(polite) {
-                    starts.push(from + polite.len());
+            for before in &self.grammar.before {
+                if words[from..to].starts_with(&before.words) {
+                    starts.push(from + before.words.len());
                 }
             }
-            for (_, polite) in self.grammar.after.iter().chain(&self.grammar.thanks) {
+            let behind = self.grammar.after.iter().chain(&self.grammar.thanks);
+            let behind = behind.map(|(_, words)| words);
+            for polite in behind.chain(&self.grammar.understood_after) {
                 if words[from..to].ends_with(polite) {
                     ends.push(to - polite.len());
                 }

@@ -9,8 +9,8 @@ use toml::Spanned;
 
 use crate::entries::{NounsFile, PhrasesFile, PlacesFile, PolitenessFile, ReasonsFile, VerbFile};
 use crate::grammar::{
-    Colour, FILES, Frame, Grammar, GrammarError, Means, NTH, Names, Noun, Pattern, Phrase, Piece,
-    PlaceName, Reason, Slot, Template, Use, Verb,
+    Before, Colour, FILES, Form, Frame, GoalKind, Grammar, GrammarError, Means, NTH, Names, Noun,
+    Pattern, Phrase, Piece, PlaceName, Posture, Reason, Slot, Template, Use, Verb,
 };
 use crate::space::{Order, Side};
 use crate::words::words;
@@ -109,7 +109,10 @@ impl File<'_> {
             .map(|(name, _)| format!("{{{name}}}"))
             .collect();
         let wrong = || {
-            let allowed = format!("words and each at most once of {}", listed.join(", "));
+            let allowed = format!(
+                "words, {{one/several}} and each at most once of {}",
+                listed.join(", ")
+            );
             self.wrong(
                 &text.span(),
                 "texts",
@@ -125,7 +128,13 @@ impl File<'_> {
                 None => (part, None),
             };
             pieces.extend(words(before).into_iter().map(Piece::Word));
-            if let Some(name) = slot {
+            if let Some((one, many)) = slot.and_then(|slot| slot.split_once('/')) {
+                let forms = [one, many].map(words);
+                let [[one], [many]] = [&forms[0][..], &forms[1][..]] else {
+                    return Err(wrong());
+                };
+                pieces.push(Piece::Agreement([one.clone(), many.clone()]));
+            } else if let Some(name) = slot {
                 let known = Slot::ALL.iter().find(|(known, _)| *known == name);
                 let (_, slot) = known
                     .filter(|(_, s)| allowed.contains(s))
@@ -200,11 +209,14 @@ impl Grammar {
         let mut out = Self {
             colours: Vec::new(),
             nouns: Vec::new(),
+            postures: Vec::new(),
             places: Vec::new(),
+            goals: Vec::new(),
             phrases: Vec::new(),
             reasons: Vec::new(),
             before: Vec::new(),
             after: Vec::new(),
+            understood_after: Vec::new(),
             thanks: Vec::new(),
             frames: Vec::new(),
             templates: Vec::new(),
@@ -228,11 +240,13 @@ impl Grammar {
     }
 
     fn know_pattern(&mut self, pattern: &Pattern) {
-        let words = pattern.pieces.iter().filter_map(|piece| match piece {
-            Piece::Word(word) => Some(word.clone()),
-            Piece::Slot(_) => None,
-        });
-        self.vocabulary.extend(words);
+        for piece in &pattern.pieces {
+            match piece {
+                Piece::Word(word) => self.know([word]),
+                Piece::Agreement(forms) => self.know(forms),
+                Piece::Slot(_) => {}
+            }
+        }
     }
 
     fn read_nouns(&mut self, file: &File<'_>) -> Result<BTreeSet<String>, GrammarError> {
@@ -240,11 +254,17 @@ impl Grammar {
         file.provenance([("origin", &read.origin), ("license", &read.license)])?;
         let mut kinds = BTreeSet::new();
         for colour in &read.colour {
-            for text in &colour.texts {
+            let spoken = colour.texts.iter().map(|text| (text, true));
+            let understood = colour.understood.iter().map(|text| (text, false));
+            for (text, is_spoken) in spoken.chain(understood) {
                 let words = file.plain(text)?;
                 self.know(&words);
-                let (name, text) = (colour.name.clone(), text.get_ref().clone());
-                self.colours.push(Colour { name, text, words });
+                self.colours.push(Colour {
+                    name: colour.name.clone(),
+                    text: text.get_ref().clone(),
+                    words,
+                    is_spoken,
+                });
             }
         }
         for entry in &read.noun {
@@ -269,14 +289,30 @@ impl Grammar {
             for text in entry.texts.get_ref() {
                 let words = file.plain(text)?;
                 self.know(&words);
-                let (text, names) = (text.get_ref().clone(), names.clone());
                 self.nouns.push(Noun {
-                    text,
+                    text: text.get_ref().clone(),
                     words,
-                    names,
+                    names: names.clone(),
+                    number: entry.number,
+                    is_contents: entry.contents,
+                    takes_colour: entry.colour.unwrap_or(!entry.contents),
+                    has_tail: entry.tail,
                     of,
                 });
             }
+        }
+        for entry in &read.posture {
+            file.kinds("of", &entry.of, &kinds)?;
+            let texts = [&entry.participle, &entry.verbs[0], &entry.verbs[1]];
+            for text in texts {
+                let words = file.plain(text)?;
+                self.know(&words);
+            }
+            self.postures.push(Posture {
+                participle: entry.participle.get_ref().clone(),
+                verbs: entry.verbs.each_ref().map(|verb| verb.get_ref().clone()),
+                kinds: entry.of.get_ref().clone(),
+            });
         }
         Ok(kinds)
     }
@@ -284,19 +320,57 @@ impl Grammar {
     fn read_places(&mut self, file: &File<'_>) -> Result<(), GrammarError> {
         let read: PlacesFile = file.parse()?;
         file.provenance([("origin", &read.origin), ("license", &read.license)])?;
+        for entry in &read.goal {
+            let goals = entry.of.get_ref().clone();
+            let is_named = |goal: &String| {
+                let names = |noun: &Noun| noun.names == Names::Goal(goal.clone());
+                self.nouns.iter().any(names)
+            };
+            if let Some(unknown) = goals.iter().find(|goal| !is_named(goal)) {
+                let found = format!("{unknown:?}");
+                return Err(file.wrong(&entry.of.span(), "of", found, "goals of nouns.toml"));
+            }
+            for text in [&entry.at, &entry.to] {
+                let words = file.plain(text)?;
+                self.know(&words);
+            }
+            self.goals.push(GoalKind {
+                goals,
+                holds: entry.holds,
+                at: entry.at.get_ref().clone(),
+                to: entry.to.get_ref().clone(),
+            });
+        }
+        let named = self.nouns.iter().filter_map(|noun| match &noun.names {
+            Names::Goal(goal) => Some(goal),
+            Names::Kinds(_) | Names::Category(_) => None,
+        });
+        if let Some(missing) = named.into_iter().find(|goal| self.goal(goal).is_none()) {
+            let found = format!("no entry of {missing:?}");
+            return Err(file.wrong(&(0..0), "goal", found, "each goal of nouns.toml once"));
+        }
         for entry in &read.place {
             let of = file.of(entry.split.as_ref(), entry.said)?;
-            let prepositions = entry.prepositions.get_ref().clone();
-            if prepositions.is_empty() || prepositions.iter().any(|p| words(p).len() != 1) {
-                let at = entry.prepositions.span();
-                return Err(file.wrong(
-                    &at,
-                    "prepositions",
-                    format!("{prepositions:?}"),
-                    "a list of single words",
-                ));
+            let lists = [
+                ("where", Some(&entry.on)),
+                ("from", Some(&entry.from)),
+                ("understood", entry.understood.as_ref()),
+            ];
+            for (key, list) in lists {
+                let Some(list) = list else { continue };
+                let prepositions = list.get_ref();
+                let is_missing = key == "where" && prepositions.is_empty();
+                if is_missing || prepositions.iter().any(|p| words(p).len() != 1) {
+                    return Err(file.wrong(
+                        &list.span(),
+                        key,
+                        format!("{prepositions:?}"),
+                        "a list of single words",
+                    ));
+                }
+                self.know(prepositions);
             }
-            self.know(&prepositions);
+            let understood = entry.understood.as_ref();
             for text in &entry.texts {
                 let words = file.plain(text)?;
                 self.know(&words);
@@ -304,7 +378,10 @@ impl Grammar {
                     area: entry.area.clone(),
                     text: text.get_ref().clone(),
                     words,
-                    prepositions: prepositions.clone(),
+                    on: entry.on.get_ref().clone(),
+                    from: entry.from.get_ref().clone(),
+                    understood: understood.map_or_else(Vec::new, |list| list.get_ref().clone()),
+                    is_drive: entry.drive.unwrap_or(true),
                     of,
                 });
             }
@@ -325,7 +402,16 @@ impl Grammar {
             for text in &entry.texts {
                 let pattern = file.pattern(
                     text,
-                    &[Slot::Noun, Slot::Other, Slot::Nth, Slot::At, Slot::On],
+                    &[
+                        Slot::Noun,
+                        Slot::Other,
+                        Slot::Nth,
+                        Slot::At,
+                        Slot::On,
+                        Slot::From,
+                        Slot::Standing,
+                        Slot::Stands,
+                    ],
                 )?;
                 let needs = [
                     (Slot::Noun, true),
@@ -364,6 +450,10 @@ impl Grammar {
         file.provenance([("origin", &read.origin), ("license", &read.license)])?;
         for entry in &read.reason {
             file.kinds("of", &entry.of, kinds)?;
+            if entry.verbs.get_ref().is_empty() {
+                let allowed = "the verbs with which the reasons are spoken";
+                return Err(file.wrong(&entry.verbs.span(), "verbs", "[]", allowed));
+            }
             for text in &entry.texts {
                 let words = file.plain(text)?;
                 self.know(&words);
@@ -371,7 +461,7 @@ impl Grammar {
                     text: text.get_ref().clone(),
                     words,
                     kinds: entry.of.get_ref().clone(),
-                    verb: entry.verb,
+                    verbs: entry.verbs.get_ref().clone(),
                 });
             }
         }
@@ -382,7 +472,6 @@ impl Grammar {
         let read: PolitenessFile = file.parse()?;
         file.provenance([("origin", &read.origin), ("license", &read.license)])?;
         let lists = [
-            (&read.before, &mut self.before),
             (&read.after, &mut self.after),
             (&read.thanks, &mut self.thanks),
         ];
@@ -392,6 +481,37 @@ impl Grammar {
                 self.vocabulary.extend(words.iter().cloned());
                 list.push((text.get_ref().clone(), words));
             }
+        }
+        for entry in &read.before {
+            for text in &entry.texts {
+                let words = file.plain(text)?;
+                self.know(&words);
+                self.before.push(Before {
+                    text: text.get_ref().clone(),
+                    words,
+                    is_question: entry.question,
+                    has_comma: entry.comma,
+                    opens: entry.opens,
+                    is_spoken: true,
+                });
+            }
+        }
+        for text in &read.understood_before {
+            let words = file.plain(text)?;
+            self.know(&words);
+            self.before.push(Before {
+                text: text.get_ref().clone(),
+                words,
+                is_question: false,
+                has_comma: false,
+                opens: false,
+                is_spoken: false,
+            });
+        }
+        for text in &read.understood_after {
+            let words = file.plain(text)?;
+            self.know(&words);
+            self.understood_after.push(words);
         }
         for text in &read.reasons {
             let both = ["{reason}", "{request}"].map(|slot| text.get_ref().find(slot));
@@ -427,16 +547,17 @@ impl Grammar {
             .extend(read.words.into_iter().map(|word| (word, verb)));
         for entry in &read.template {
             let of = file.of(entry.split.as_ref(), entry.said)?;
-            let is_request = match entry.form.as_ref().map(|f| f.get_ref().as_str()) {
-                None | Some("request") => true,
-                Some("statement") => false,
+            let form = match entry.form.as_ref().map(|f| f.get_ref().as_str()) {
+                None | Some("request") => Form::Request,
+                Some("wish") => Form::Wish,
+                Some("statement") => Form::Statement,
                 Some(other) => {
                     let at = entry.form.as_ref().map_or(0..0, Spanned::span);
                     return Err(file.wrong(
                         &at,
                         "form",
                         format!("{other:?}"),
-                        "\"request\" or \"statement\"",
+                        "\"request\", \"wish\" or \"statement\"",
                     ));
                 }
             };
@@ -447,9 +568,32 @@ impl Grammar {
                     wants.get_ref().clone()
                 }
             };
+            let of_kinds = match &entry.of {
+                None => Vec::new(),
+                Some(of) => {
+                    file.kinds("of", of, kinds)?;
+                    of.get_ref().clone()
+                }
+            };
+            let holds = entry.holds.as_ref();
+            if let Some(holds) = holds.filter(|_| verb != Verb::Put) {
+                let found = format!("{:?}", holds.get_ref());
+                return Err(file.wrong(&holds.span(), "holds", found, "only with the verb put"));
+            }
             for text in &entry.texts {
-                let pattern =
-                    file.pattern(text, &[Slot::Object, Slot::Goal, Slot::Place, Slot::At])?;
+                let pattern = file.pattern(
+                    text,
+                    &[
+                        Slot::Object,
+                        Slot::Goal,
+                        Slot::AtGoal,
+                        Slot::ToGoal,
+                        Slot::Place,
+                        Slot::At,
+                        Slot::On,
+                        Slot::From,
+                    ],
+                )?;
                 let found = || format!("{:?}", text.get_ref());
                 if pattern.has(Slot::Object) != wants.is_empty() {
                     return Err(file.wrong(
@@ -459,12 +603,12 @@ impl Grammar {
                         "either {object} or a list `wants`",
                     ));
                 }
-                if pattern.has(Slot::Goal) != (verb == Verb::Put) {
+                if pattern.has_any(&Slot::GOALS) != (verb == Verb::Put) {
                     return Err(file.wrong(
                         &text.span(),
                         "texts",
                         found(),
-                        "{goal} with the verb put, and with no other",
+                        "{goal}, {at_goal} or {to_goal} with the verb put, and with no other",
                     ));
                 }
                 let id = format!("{}/{}", verb.word(), words(text.get_ref()).join("-"));
@@ -476,8 +620,11 @@ impl Grammar {
                     id,
                     verb,
                     pattern,
-                    is_request,
+                    form,
                     wants: wants.clone(),
+                    kinds: of_kinds.clone(),
+                    holds: holds.map(|holds| *holds.get_ref()),
+                    removes: entry.removes,
                     of,
                 });
             }

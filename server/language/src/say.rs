@@ -1,12 +1,13 @@
 //! The speaker: a sentence that asks for something in a scene. What it says is
 //! parsed before it is said, and must mean the same or be marked ambiguous.
 
-use crate::grammar::{Grammar, Means, NTH, Phrase, Slot, Split, Template, Verb};
-use crate::meaning::{Meaning, Named, Node, denotes, is_called};
+use crate::grammar::{Form, Grammar, Means, Pattern, Phrase, Slot, Split, Template};
+use crate::meaning::{Meaning, Named, Node, denotes, fits, is_called};
 use crate::parse::{Answer, Parser, role};
 use crate::random::Random;
 use crate::scene::Scene;
 use crate::space::at_place;
+use crate::wording::{At, ObjectWords, RequestWords, spoken};
 use crate::words::slip;
 
 /// What is asked for: that which the parser must find.
@@ -62,14 +63,8 @@ impl Said {
 const TRIES: usize = 600;
 /// Of these the first many look for an ambiguous one, where one is asked for.
 const TRIES_AMBIGUOUS: usize = 200;
-/// Words with which a question begins.
-const ASKS: [&str; 4] = ["could you", "can you", "would you", "may I"];
-/// Words of politeness that a comma sets apart.
-const APART: [&str; 5] = ["if", "when", "hey", "robot", "okay"];
-/// Words behind an object that is kept short, so that they are not lost.
-const PARTICLES: [&str; 8] = ["up", "open", "out", "shut", "closed", "in", "back", "a"];
-/// Most words of such an object.
-const SHORT: usize = 4;
+/// Words of a template behind which no adverb follows.
+const ADVERBS: [&str; 5] = ["gently", "completely", "all the way", "a little", "wide"];
 /// Share of requests with a reason.
 const REASONS: f64 = 0.4;
 /// Share of phrases that try the bare name first.
@@ -120,6 +115,27 @@ pub fn say(
     None
 }
 
+/// A request with politeness.
+struct Polite {
+    text: String,
+    is_question: bool,
+    /// It begins a sentence.
+    opens: bool,
+    /// Politeness ends it.
+    is_behind: bool,
+}
+
+impl Polite {
+    fn none(text: String) -> Self {
+        Self {
+            text,
+            is_question: false,
+            opens: false,
+            is_behind: false,
+        }
+    }
+}
+
 struct Speaker<'a> {
     grammar: &'a Grammar,
     scene: &'a Scene,
@@ -131,86 +147,126 @@ impl<'a> Speaker<'a> {
     /// One sentence, which need not be understood.
     fn attempt(&self, ambiguous: bool, random: &mut Random) -> Option<(String, &'a Template)> {
         let template = self.template(random)?;
-        let mut text = template.pattern.text.clone();
-        if template.pattern.has(Slot::Object) {
-            let object = self.object(template, ambiguous, random)?;
-            let behind = template.pattern.text.split("{object} ").nth(1);
-            let next = behind.and_then(|words| words.split(' ').next());
-            let is_split = next.is_some_and(|word| PARTICLES.contains(&word));
-            if is_split && object.split(' ').count() > SHORT {
-                return None;
-            }
-            text = text.replace("{object}", &object);
-        }
-        if let Some(goal) = self.wish.goal {
-            text = text.replace(
-                "{goal}",
-                &format!("the {}", self.noun(goal, Split::Any, random)?.0),
-            );
-        }
-        if template.pattern.has(Slot::Place) {
-            text = text.replace("{place}", self.place(random)?.0);
-        }
-        if template.pattern.has(Slot::At) {
-            text = text.replace("{at}", &self.at(random)?);
-        }
-        let mut ending = ".";
+        let object = match template.pattern.has(Slot::Object) {
+            true => Some(self.object(template, ambiguous, random)?),
+            false => None,
+        };
+        let goal = match self.wish.goal {
+            Some(goal) => Some(self.noun(goal, Split::Any, random)?),
+            None => None,
+        };
+        let place = match template.pattern.has(Slot::Place) {
+            true => Some(self.place(random)?),
+            false => None,
+        };
+        let words = RequestWords {
+            template,
+            object,
+            goal,
+            place,
+            at: self.at(&template.pattern, random)?,
+        };
+        let text = words.text(self.grammar, self.scene, self.wish)?;
+        let mut polite = Polite::none(text);
         if random.happens(self.options.politeness) {
-            (text, ending) = self.politely(&text, template.is_request, random)?;
+            polite = self.politely(polite.text, &words, random)?;
         }
-        if template.is_request && random.happens(REASONS) {
-            text = self.with_reason(&text, ending, random).unwrap_or(text);
+        let mut text = polite.text.clone();
+        // A template that says what the object is for has its reason in it.
+        let takes_reason = template.form == Form::Request && template.wants.is_empty();
+        if takes_reason && random.happens(REASONS) {
+            text = self.with_reason(&polite, random).unwrap_or(text);
         }
         let mut text = capitals(&text);
         if random.happens(self.options.typos) {
             text = slip(&text, random);
         }
+        let ending = if polite.is_question { "?" } else { "." };
         Some((format!("{text}{ending}"), template))
     }
 
-    /// The text with politeness before or behind it, and how it ends then.
+    /// The text with politeness before or behind it. A wish takes "please" alone, and
+    /// a statement nothing: thanks answer a request.
     fn politely(
         &self,
-        text: &str,
-        is_request: bool,
+        text: String,
+        words: &RequestWords<'_>,
         random: &mut Random,
-    ) -> Option<(String, &'static str)> {
-        if is_request && random.happens(0.6) {
-            let (words, _) = random.one(&self.grammar.before)?;
-            let last = words.rsplit(", ").next().unwrap_or(words);
-            let is_question = ASKS.iter().any(|ask| last.starts_with(ask));
-            let is_apart = APART.iter().any(|begin| words.starts_with(begin));
-            let apart = if is_apart { "," } else { "" };
-            return Some((
-                format!("{words}{apart} {text}"),
-                if is_question { "?" } else { "." },
-            ));
+    ) -> Option<Polite> {
+        let template = words.template;
+        match template.form {
+            Form::Statement => return Some(Polite::none(text)),
+            Form::Wish => {
+                let text = format!("{text}, please");
+                return Some(Polite {
+                    is_behind: true,
+                    ..Polite::none(text)
+                });
+            }
+            Form::Request => {}
         }
-        if is_request && random.happens(0.5) {
+        if random.happens(0.6) {
+            // "Go ahead and head to the shelf and take" has one "and" too many.
+            let has_and = text.contains(" and ");
+            let spoken = self
+                .grammar
+                .before
+                .iter()
+                .filter(|b| b.is_spoken && !(has_and && b.text.ends_with(" and")));
+            let spoken: Vec<_> = spoken.collect();
+            let before = random.one(&spoken)?;
+            let comma = if before.has_comma { "," } else { "" };
+            return Some(Polite {
+                text: format!("{}{comma} {text}", before.text),
+                is_question: before.is_question,
+                opens: before.opens,
+                is_behind: false,
+            });
+        }
+        // An adverb would belong to a clause before it: "the knife that lies there now".
+        let has_clause = words.object.is_some_and(|object| {
+            let pattern = &object.phrase.pattern;
+            let clause = [" that ", " which "]
+                .iter()
+                .any(|w| pattern.text.contains(w));
+            clause || pattern.has(Slot::Standing)
+        });
+        let has_purpose = !template.wants.is_empty();
+        let has_adverb = ADVERBS.iter().any(|a| template.pattern.text.contains(a));
+        let text = if random.happens(0.5) && !has_clause && !has_adverb && !has_purpose {
             let (words, _) = random.one(&self.grammar.after)?;
-            return Some((format!("{text} {words}"), "."));
-        }
-        let (words, _) = random.one(&self.grammar.thanks)?;
-        Some((format!("{text}, {words}"), "."))
+            format!("{text} {words}")
+        } else {
+            let (words, _) = random.one(&self.grammar.thanks)?;
+            format!("{text}, {words}")
+        };
+        Some(Polite {
+            is_behind: true,
+            ..Polite::none(text)
+        })
     }
 
-    fn with_reason(&self, text: &str, ending: &str, random: &mut Random) -> Option<String> {
+    fn with_reason(&self, polite: &Polite, random: &mut Random) -> Option<String> {
         let kind = &self.scene.things[self.wish.target].kind;
-        let fits = |verb: Option<Verb>| verb.is_none_or(|verb| verb == self.wish.verb);
         let all = self.grammar.reasons.iter();
         let able: Vec<_> = all
-            .filter(|r| r.kinds.contains(kind) && fits(r.verb))
+            .filter(|r| r.kinds.contains(kind) && r.verbs.contains(&self.wish.verb))
             .collect();
         let reason = random.one(&able)?;
-        let frame = random.one(&self.grammar.frames)?;
-        // A question ends with its own mark.
-        if ending == "?" && !frame.reason_first {
-            return None;
-        }
+        let frames = self.grammar.frames.iter().filter(|frame| {
+            let joins = !frame.between.is_empty();
+            // A question ends with its own mark; a greeting begins a sentence; thanks
+            // end one.
+            (frame.reason_first || !polite.is_question)
+                && !(joins && frame.reason_first && polite.opens)
+                && !(joins && !frame.reason_first && polite.is_behind)
+        });
+        let frames: Vec<_> = frames.collect();
+        let frame = random.one(&frames)?;
         Some(
             frame
                 .text
-                .replace("{request}", text)
+                .replace("{request}", &polite.text)
                 .replace("{reason}", &reason.text),
         )
     }
@@ -227,8 +283,8 @@ impl<'a> Speaker<'a> {
         random.one(&able).copied()
     }
 
-    /// A name of a thing, with its index; of the target's where names are held out.
-    fn noun(&self, thing: usize, split: Split, random: &mut Random) -> Option<(&'a str, usize)> {
+    /// A name of a thing: its index; of the target's where names are held out.
+    fn noun(&self, thing: usize, split: Split, random: &mut Random) -> Option<usize> {
         let thing = &self.scene.things[thing];
         let only_held_out = split == Split::HeldOut;
         let all = self.grammar.nouns.iter().enumerate();
@@ -237,76 +293,75 @@ impl<'a> Speaker<'a> {
                 && n.of.is_in(self.options.split)
                 && (!only_held_out || n.of.held_out)
         };
-        let able: Vec<_> = all.filter(|(_, n)| fits(n)).collect();
-        let (i, noun) = random.one(&able)?;
-        Some((noun.text.as_str(), *i))
+        let able: Vec<_> = all.filter(|(_, n)| fits(n)).map(|(i, _)| i).collect();
+        random.one(&able).copied()
     }
 
-    fn named(&self, thing: usize, split: Split, random: &mut Random) -> Option<(String, Named)> {
-        let (text, noun) = self.noun(thing, split, random)?;
+    fn named(&self, thing: usize, split: Split, random: &mut Random) -> Option<Named> {
+        let noun = self.noun(thing, split, random)?;
         let own = &self.scene.things[thing].colour;
+        let takes_colour = self.grammar.nouns[noun].takes_colour;
         let colours = self.grammar.colours.iter().enumerate();
-        let able: Vec<_> = colours.filter(|(_, c)| c.name == *own).collect();
-        let colour = if random.happens(COLOURS) {
-            random.one(&able)
-        } else {
-            None
+        let able: Vec<_> = colours
+            .filter(|(_, c)| c.name == *own && c.is_spoken && takes_colour)
+            .map(|(i, _)| i)
+            .collect();
+        let colour = match random.happens(COLOURS) {
+            true => random.one(&able).copied(),
+            false => None,
         };
-        Some(match colour {
-            Some((i, colour)) => (
-                format!("{} {text}", colour.text),
-                Named {
-                    colour: Some(*i),
-                    noun,
-                },
-            ),
-            None => (text.to_owned(), Named { colour: None, noun }),
-        })
+        Some(Named { colour, noun })
     }
 
-    fn place(&self, random: &mut Random) -> Option<(&'a str, usize)> {
+    fn place(&self, random: &mut Random) -> Option<usize> {
         let area = self.scene.things[self.wish.target].area?;
         let area = &self.scene.areas[area].name;
         let all = self.grammar.places.iter().enumerate();
         let able: Vec<_> = all
             .filter(|(_, p)| p.area == *area && p.of.is_in(self.options.split))
+            .map(|(i, _)| i)
             .collect();
-        let (i, place) = random.one(&able)?;
-        Some((place.text.as_str(), *i))
+        random.one(&able).copied()
     }
 
-    fn at(&self, random: &mut Random) -> Option<String> {
-        let (text, i) = self.place(random)?;
-        let preposition = random.one(&self.grammar.places[i].prepositions)?;
-        Some(format!("{preposition} {text}"))
+    /// The place that a pattern wants, with its preposition; `None` where it wants one
+    /// and there is none.
+    fn at(&self, pattern: &Pattern, random: &mut Random) -> Option<Option<At<'a>>> {
+        let Some(slot) = Slot::PLACES.into_iter().find(|slot| pattern.has(*slot)) else {
+            return Some(None);
+        };
+        let place = self.place(random)?;
+        let preposition = random.one(spoken(&self.grammar.places[place], slot))?;
+        Some(Some((place, preposition.as_str())))
     }
 
-    /// A phrase for the target that tells it from the others, or from all but some.
-    fn object(&self, template: &Template, ambiguous: bool, random: &mut Random) -> Option<String> {
+    /// Words for the target that tell it from the others, or from all but some.
+    fn object(
+        &self,
+        template: &Template,
+        ambiguous: bool,
+        random: &mut Random,
+    ) -> Option<ObjectWords<'a>> {
         // A place is said once.
-        let says_place = template.pattern.has(Slot::Place) || template.pattern.has(Slot::At);
+        let says_place =
+            template.pattern.has(Slot::Place) || template.pattern.has_any(&Slot::PLACES);
         let phrase = self.phrase(says_place, random)?;
         let target = self.wish.target;
-        let (name, noun) = self.named(target, self.options.split, random)?;
-        let mut text = phrase.pattern.text.replace("{noun}", &name);
+        let name = self.named(target, self.options.split, random)?;
+        let at = self.at(&phrase.pattern, random)?;
+        let mut words = ObjectWords {
+            phrase,
+            name,
+            at,
+            other: None,
+            nth: None,
+        };
         let mut node = Node {
             means: phrase.means,
-            noun,
+            noun: name,
             other: None,
-            at: None,
+            at: at.map(|(place, _)| place),
         };
-        for slot in [Slot::At, Slot::On] {
-            if phrase.pattern.has(slot) {
-                let (place, i) = self.place(random)?;
-                let prepositions = &self.grammar.places[i].prepositions;
-                let (key, preposition) = match slot {
-                    Slot::On => ("{on}", prepositions.first()?),
-                    _ => ("{at}", random.one(prepositions)?),
-                };
-                text = text.replace(key, &format!("{preposition} {place}"));
-                node.at = Some(i);
-            }
-        }
         if phrase.pattern.has(Slot::Other) {
             let area = self.scene.things[target].area;
             let beside = (0..self.scene.things.len()).filter(|&i| {
@@ -317,9 +372,15 @@ impl<'a> Speaker<'a> {
             });
             let beside: Vec<usize> = beside.collect();
             let other = *random.one(&beside)?;
-            let (name, named) = self.named(other, Split::Any, random)?;
-            text = text.replace("{other}", &format!("the {name}"));
-            node.other = Some(named);
+            let named = self.named(other, Split::Any, random)?;
+            // "The metal bottle left of the bottle" tells neither from the other.
+            let mut called = fits(self.grammar, self.scene, named);
+            called.retain(|&i| self.scene.things[i].area == area);
+            if called != [other] {
+                return None;
+            }
+            words.other = Some(named);
+            node.other = words.other;
         }
         if let Means::Order(order, place) = phrase.means {
             let like = Node {
@@ -335,7 +396,7 @@ impl<'a> Speaker<'a> {
             if place.is_none() {
                 let found = |n: &usize| at_place(self.scene, &among, order, *n) == [target];
                 let n = (0..among.len()).find(found)?;
-                text = text.replace("{nth}", NTH.get(n)?);
+                words.nth = Some(n);
                 node.means = Means::Order(order, Some(n));
             }
         }
@@ -344,13 +405,13 @@ impl<'a> Speaker<'a> {
             true => denoted.contains(&target),
             false => denoted == [target],
         };
-        good.then_some(text)
+        good.then_some(words)
     }
 
     fn phrase(&self, says_place: bool, random: &mut Random) -> Option<&'a Phrase> {
         let plain = random.happens(PLAIN);
         let fits = |p: &&Phrase| {
-            let has_place = p.pattern.has(Slot::At) || p.pattern.has(Slot::On);
+            let has_place = p.pattern.has_any(&Slot::PLACES);
             p.of.is_in(self.options.split)
                 && (!plain || p.means == Means::Plain)
                 && (!says_place || !has_place)

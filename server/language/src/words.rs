@@ -23,6 +23,17 @@ pub fn normalised(text: &str) -> String {
     words(text).join(" ")
 }
 
+/// Whether a name is a plural: "crackers", "box of crackers" not.
+#[must_use]
+pub fn is_plural(name: &str) -> bool {
+    let noun = [" of ", " with ", " without ", " made "]
+        .iter()
+        .filter_map(|word| name.find(word))
+        .min()
+        .map_or(name, |end| &name[..end]);
+    noun.ends_with('s') && !noun.ends_with("ss")
+}
+
 /// Shortest word in which a slip is made or mended, letters.
 const LEAST: usize = 4;
 
@@ -119,6 +130,23 @@ mod tests {
         ] {
             assert_eq!(is_one_slip(a, b), is, "{a} {b}");
             assert_eq!(is_one_slip(b, a), is, "{b} {a}");
+        }
+    }
+
+    #[test]
+    fn plurals_are_told_by_the_noun_and_not_by_what_follows_it() {
+        for name in ["crackers", "salty crackers"] {
+            assert!(is_plural(name), "{name}");
+        }
+        for name in [
+            "box of crackers",
+            "mug",
+            "bottle of glass",
+            "glass",
+            "cup with straight sides",
+            "thermos bottle",
+        ] {
+            assert!(!is_plural(name), "{name}");
         }
     }
 

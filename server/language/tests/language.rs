@@ -1,5 +1,6 @@
 //! The grammar in `assets/language` against scenes by the ranges of `assets/areas`.
 
+#[expect(dead_code, reason = "the law and the examples need more of it")]
 mod made_up;
 
 use std::collections::BTreeSet;
@@ -120,7 +121,7 @@ fn names_of_one_split_are_not_those_of_the_other() {
     let [train, held_out] = &mut by_split;
     assert!(train.is_disjoint(held_out));
     let held = |text: &String| {
-        ["condiment bottle", "burger sauce", "seasoning bottle"]
+        ["condiment bottle", "sauce bottle", "seasoning bottle"]
             .iter()
             .any(|n| text.contains(n))
     };
@@ -132,10 +133,10 @@ fn names_of_one_split_are_not_those_of_the_other() {
 #[test]
 fn the_sentences_of_the_tasks_are_understood() {
     let (grammar, home) = (grammar(), home());
-    let scene = scene(&home, 5);
-    let parser = Parser::new(&grammar, &scene);
     let mut count = 0;
-    for (task, sentences) in made_up::tasks() {
+    for ((task, sentences), own) in made_up::tasks().into_iter().zip(made_up::library()) {
+        let scene = own.scene(&home, 5);
+        let parser = Parser::new(&grammar, &scene);
         let (verb, object) = task.split_once('_').unwrap();
         let verb = match verb {
             "pick" | "select" | "take" => Verb::Lift,
@@ -255,7 +256,7 @@ fn a_mistake_in_a_file_is_told_with_line_key_found_and_allowed() {
         ),
         (
             "put.toml",
-            "\"put {object} on {goal}\", ",
+            "\"put {object} {at_goal}\", ",
             "\"put {object} away\", ",
             0,
             "texts",
@@ -263,10 +264,10 @@ fn a_mistake_in_a_file_is_told_with_line_key_found_and_allowed() {
         ),
         (
             "places.toml",
-            "prepositions = [\"on\", \"from\", \"off\", \"at\"]",
-            "prepositions = []",
+            "where = [\"on\"]",
+            "where = []",
             0,
-            "prepositions",
+            "where",
             "single words",
         ),
     ] {

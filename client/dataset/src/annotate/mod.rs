@@ -11,6 +11,7 @@ mod grasps;
 mod labels;
 mod questions;
 mod shapes;
+mod sight;
 mod state;
 mod subtasks;
 mod table;
@@ -23,6 +24,7 @@ pub use grasps::ChosenGrasp;
 pub use labels::Annotations;
 pub use questions::{KINDS, Question};
 pub use shapes::middle;
+pub use sight::{Sight, VISIBLE_PIXELS};
 pub use state::State;
 pub use subtasks::Subtask;
 pub use table::{write_questions, write_subtasks};
@@ -42,11 +44,12 @@ pub fn annotate(
     phases: &[Segment],
 ) -> Result<Annotations, ReadError> {
     let grasps = grasps::grasps(state);
+    let sight = questions::sight(episode, state)?;
     let subtasks = subtasks::subtasks(state, phases, &grasps);
     Ok(Annotations {
         plan: subtasks::plan(&subtasks),
         subtasks,
-        questions: questions::questions(state),
+        questions: questions::questions(state, &sight),
         contacts: contacts::intervals(episode)?,
         grasps,
         traces: trace::traces(episode, state)?,

@@ -4,11 +4,13 @@
 //! arguments and the value are for programs, question and answer for people.
 
 use serde_json::{Value, json};
-use wheelarm_language::Scene;
 use wheelarm_language::space::{self, Side};
+use wheelarm_language::{Scene, is_plural};
 
+use super::sight::Sight;
 use super::state::{OPEN, State};
 use crate::pose;
+use crate::read::{Episode, ReadError};
 
 /// Types of questions by their code, from 0.
 pub const KINDS: [&str; 6] = ["where", "count", "side", "reach", "held", "open"];
@@ -35,6 +37,17 @@ pub struct Question {
     pub arguments: Value,
     /// The answer, JSON.
     pub value: Value,
+    /// Cameras whose images show what question and answer are about at that time; with
+    /// none the question is one from memory.
+    pub cameras: Vec<String>,
+}
+
+impl Question {
+    /// Whether no image of that time shows what it is about.
+    #[must_use]
+    pub fn is_from_memory(&self) -> bool {
+        self.cameras.is_empty()
+    }
 }
 
 /// Picks things in turn, another one each time.
@@ -47,45 +60,95 @@ impl Turns {
     }
 }
 
-/// Questions about an episode: one of each type every second.
-pub(super) fn questions(state: &State) -> Vec<Question> {
+/// What a question is about, in words and in JSON.
+struct Draft {
+    question: String,
+    answer: String,
+    arguments: Value,
+    value: Value,
+    /// Instances that an image must show for the answer to be seen in it.
+    shown: Vec<String>,
+}
+
+/// What the cameras show at the samples that have questions.
+///
+/// # Errors
+/// When images cannot be read.
+pub(super) fn sight(episode: &Episode, state: &State) -> Result<Sight, ReadError> {
+    let slides = state.home.slides.iter().map(|slide| slide.name.clone());
+    let names = state.objects.iter().cloned().chain(slides);
+    let names = names.chain(state.tips.iter().cloned()).collect();
+    let stamps: Vec<u64> = rows(state).into_iter().map(|r| state.stamps[r]).collect();
+    Sight::read(episode, names, &stamps)
+}
+
+/// The samples that have questions: one every second.
+fn rows(state: &State) -> Vec<usize> {
+    let mut due = state.stamps.first().copied().unwrap_or(0);
+    let mut rows = Vec::new();
+    for row in 0..state.stamps.len().min(state.poses.len()) {
+        if state.stamps[row] >= due {
+            due = state.stamps[row] + EVERY;
+            rows.push(row);
+        }
+    }
+    rows
+}
+
+/// Questions about an episode: one of each type every second. Each is about what an
+/// image shows wherever there is something to ask about in one, and is a question from
+/// memory elsewhere.
+pub(super) fn questions(state: &State, sight: &Sight) -> Vec<Question> {
     let mut out = Vec::new();
     let mut turns = Turns(state.stamps.len());
-    let mut due = state.stamps.first().copied().unwrap_or(0);
-    for row in 0..state.stamps.len().min(state.poses.len()) {
-        if state.stamps[row] < due {
-            continue;
-        }
-        due = state.stamps[row] + EVERY;
+    for row in rows(state) {
+        let stamp = state.stamps[row];
         let scene = state.scene(row);
-        let asked = [
-            place(state, row, &mut turns),
-            count(state, row, &mut turns),
-            side(state, &scene, row, &mut turns),
-            reach(state, row, &mut turns),
+        let objects = 0..state.objects.len();
+        let is_seen = |name: &str| !sight.cameras(stamp, &[name]).is_empty();
+        let seen: Vec<usize> = objects
+            .clone()
+            .filter(|&i| is_seen(&state.objects[i]))
+            .collect();
+        let all = if seen.is_empty() {
+            objects.collect()
+        } else {
+            seen
+        };
+        let slides = 0..state.home.slides.len();
+        let slide_seen = |i: &usize| is_seen(&state.home.slides[*i].name);
+        let seen: Vec<usize> = slides.clone().filter(slide_seen).collect();
+        let slides = if seen.is_empty() {
+            slides.collect()
+        } else {
+            seen
+        };
+        let drafts = [
+            place(state, row, &all, &mut turns),
+            count(state, row, &all, &mut turns),
+            side(state, &scene, row, &all, &mut turns),
+            reach(state, row, &all, &mut turns),
             held(state, row),
-            open(state, row, &mut turns),
+            open(state, row, &slides, &mut turns),
         ];
-        for (kind, asked) in asked.into_iter().enumerate() {
-            let Some((question, answer, arguments, value)) = asked else {
-                continue;
-            };
+        for (kind, draft) in drafts.into_iter().enumerate() {
+            let Some(draft) = draft else { continue };
+            let shown: Vec<&str> = draft.shown.iter().map(String::as_str).collect();
             out.push(Question {
                 row,
-                stamp: state.stamps[row],
+                stamp,
                 tick: state.ticks[row],
                 kind,
-                question,
-                answer,
-                arguments,
-                value,
+                question: draft.question,
+                answer: draft.answer,
+                arguments: draft.arguments,
+                value: draft.value,
+                cameras: sight.cameras(stamp, &shown),
             });
         }
     }
     out
 }
-
-type Asked = Option<(String, String, Value, Value)>;
 
 fn words(name: &str) -> String {
     name.replace('_', " ")
@@ -105,9 +168,13 @@ fn where_is(state: &State, row: usize, object: usize) -> String {
     }
 }
 
-fn place(state: &State, row: usize, turns: &mut Turns) -> Asked {
-    let all: Vec<usize> = (0..state.objects.len()).collect();
-    let object = *turns.next(&all)?;
+/// `is` or `are`, as the name of an object wants it.
+fn be(name: &str) -> &'static str {
+    if is_plural(&words(name)) { "are" } else { "is" }
+}
+
+fn place(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<Draft> {
+    let object = *turns.next(all)?;
     let name = &state.objects[object];
     let found = where_is(state, row, object);
     let answer = match found.as_str() {
@@ -116,18 +183,18 @@ fn place(state: &State, row: usize, turns: &mut Turns) -> Asked {
         "elsewhere" => "somewhere else".to_owned(),
         area => format!("on the {}", words(area)),
     };
-    Some((
-        format!("Where is {}?", state.called(name)),
+    Some(Draft {
+        question: format!("Where {} {}?", be(name), state.called(name)),
         answer,
-        json!({"object": name}),
-        json!(found),
-    ))
+        arguments: json!({"object": name}),
+        value: json!(found),
+        shown: vec![name.clone()],
+    })
 }
 
 /// Categories and areas of the home, of which there are some two times of three.
-fn count(state: &State, row: usize, turns: &mut Turns) -> Asked {
-    let all: Vec<usize> = (0..state.objects.len()).collect();
-    let object = *turns.next(&all)?;
+fn count(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<Draft> {
+    let object = *turns.next(all)?;
     let [category, _] = state.home.words_of(&state.objects[object]);
     if category.is_empty() {
         return None;
@@ -143,13 +210,16 @@ fn count(state: &State, row: usize, turns: &mut Turns) -> Asked {
         let [own, _] = state.home.words_of(&state.objects[*object]);
         own == category && where_is(state, row, *object) == area
     };
-    let number = all.iter().filter(|object| is_counted(object)).count();
-    Some((
-        format!("How many {} are on the {}?", several(category), words(area)),
-        number.to_string(),
-        json!({"category": category, "area": area}),
-        json!(number),
-    ))
+    let counted: Vec<usize> = (0..state.objects.len()).filter(is_counted).collect();
+    // None at all is seen in no image: nothing says that the whole area is in it.
+    let shown = counted.iter().map(|&i| state.objects[i].clone());
+    Some(Draft {
+        question: format!("How many {} are on the {}?", several(category), words(area)),
+        answer: counted.len().to_string(),
+        arguments: json!({"category": category, "area": area}),
+        value: json!(counted.len()),
+        shown: shown.collect(),
+    })
 }
 
 /// The plural of a category.
@@ -169,12 +239,24 @@ const SIDES: [(&str, Side, &str); 4] = [
     ("behind", Side::Behind, "behind"),
 ];
 
-fn side(state: &State, scene: &Scene, row: usize, turns: &mut Turns) -> Asked {
+fn side(
+    state: &State,
+    scene: &Scene,
+    row: usize,
+    all: &[usize],
+    turns: &mut Turns,
+) -> Option<Draft> {
     let is_there = |object: usize| where_is(state, row, object);
     let stands: Vec<usize> = (0..state.objects.len())
         .filter(|&i| state.home.areas.iter().any(|a| a.name == is_there(i)))
         .collect();
-    let object = *turns.next(&stands)?;
+    let able: Vec<usize> = stands.iter().copied().filter(|i| all.contains(i)).collect();
+    let able = if able.is_empty() {
+        stands.clone()
+    } else {
+        able
+    };
+    let object = *turns.next(&able)?;
     let (word, side, words) = *turns.next(&SIDES)?;
     let thing = &scene.things[scene.named(&state.objects[object])?];
     let beside = stands.iter().filter(|&&other| other != object);
@@ -191,21 +273,28 @@ fn side(state: &State, scene: &Scene, row: usize, turns: &mut Turns) -> Asked {
         true => "nothing".to_owned(),
         false => called.join(", "),
     };
-    Some((
-        format!(
-            "What stands {words} {}?",
-            state.called(&state.objects[object])
-        ),
+    // "Nothing" is seen where everything else on that furniture is.
+    let own = is_there(object);
+    let mut shown = vec![state.objects[object].clone()];
+    match names.is_empty() {
+        true => {
+            let neighbours = stands.iter().filter(|&&other| is_there(other) == own);
+            shown.extend(neighbours.map(|&other| state.objects[other].clone()));
+        }
+        false => shown.extend(names.iter().map(|name| (*name).to_owned())),
+    }
+    Some(Draft {
+        question: format!("What is {words} {}?", state.called(&state.objects[object])),
         answer,
-        json!({"object": state.objects[object], "side": word}),
-        json!(names),
-    ))
+        arguments: json!({"object": state.objects[object], "side": word}),
+        value: json!(names),
+        shown,
+    })
 }
 
 /// Whether an object's origin lies within the outer radius of the arm's reach.
-fn reach(state: &State, row: usize, turns: &mut Turns) -> Asked {
-    let all: Vec<usize> = (0..state.objects.len()).collect();
-    let object = *turns.next(&all)?;
+fn reach(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<Draft> {
+    let object = *turns.next(all)?;
     let base = &state.base[row];
     let (centre, radius) = state.reach;
     let turned = pose::turned(pose::orientation(base), centre);
@@ -213,33 +302,37 @@ fn reach(state: &State, row: usize, turns: &mut Turns) -> Asked {
     let far: f64 = (0..3).map(|k| (own[k] - base[k] - turned[k]).powi(2)).sum();
     let is_near = far.sqrt() <= radius;
     let name = &state.objects[object];
-    Some((
-        format!("Is {} within reach of the arm?", state.called(name)),
-        if is_near { "yes" } else { "no" }.to_owned(),
-        json!({"object": name}),
-        json!(is_near),
-    ))
+    let be = if be(name) == "are" { "Are" } else { "Is" };
+    Some(Draft {
+        question: format!("{be} {} within reach of the arm?", state.called(name)),
+        answer: if is_near { "yes" } else { "no" }.to_owned(),
+        arguments: json!({"object": name}),
+        value: json!(is_near),
+        shown: vec![name.clone()],
+    })
 }
 
-fn held(state: &State, row: usize) -> Asked {
+fn held(state: &State, row: usize) -> Option<Draft> {
     let name = state.held[row].map(|i| state.objects[i].as_str());
-    Some((
-        "What is in the hand?".to_owned(),
-        name.map_or("nothing".to_owned(), |name| state.called(name)),
-        json!({}),
-        json!(name),
-    ))
+    Some(Draft {
+        question: "What is in the hand?".to_owned(),
+        answer: name.map_or("nothing".to_owned(), |name| state.called(name)),
+        arguments: json!({}),
+        value: json!(name),
+        // An empty hand is seen where its finger tips are.
+        shown: name.map_or_else(|| state.tips.clone(), |name| vec![name.to_owned()]),
+    })
 }
 
-fn open(state: &State, row: usize, turns: &mut Turns) -> Asked {
-    let all: Vec<usize> = (0..state.home.slides.len()).collect();
-    let slide = *turns.next(&all)?;
+fn open(state: &State, row: usize, slides: &[usize], turns: &mut Turns) -> Option<Draft> {
+    let slide = *turns.next(slides)?;
     let name = &state.home.slides[slide].name;
     let is_open = state.slides[row][slide] >= OPEN;
-    Some((
-        format!("Is {} open?", state.called(name)),
-        if is_open { "yes" } else { "no" }.to_owned(),
-        json!({"slide": name}),
-        json!(is_open),
-    ))
+    Some(Draft {
+        question: format!("Is {} open?", state.called(name)),
+        answer: if is_open { "yes" } else { "no" }.to_owned(),
+        arguments: json!({"slide": name}),
+        value: json!(is_open),
+        shown: vec![name.clone()],
+    })
 }

@@ -33,6 +33,8 @@ pub struct State {
     pub base: Vec<Pose>,
     /// The end effector in `house`.
     pub hand: Vec<Pose>,
+    /// Links of the finger tips.
+    pub tips: Vec<String>,
     /// What is held: index of the object.
     pub held: Vec<Option<usize>>,
     /// Verb of the task: `lift`, `put`, `open`, `close`; empty without one.
@@ -133,6 +135,7 @@ impl State {
             slides,
             base,
             hand,
+            tips,
             held,
             verb,
             target: scenario.target().to_owned(),

@@ -110,7 +110,13 @@ fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
         (2, _) => format!("close the hand around {target}"),
         (_, "open") => format!("pull {target} open"),
         (_, "close") => format!("push {target} shut"),
+        // A bin holds what is in it, other goals what is on them.
+        (_, "put") if state.goal.ends_with("bin") => {
+            format!("put {target} in the {}", said(&state.goal))
+        }
         (_, "put") => format!("put {target} on the {}", said(&state.goal)),
+        (_, "bring") => format!("bring {target} to the mouth"),
+        (_, "give") => format!("lay {target} in the lap"),
         _ => format!("lift {target}{}", at.replacen(" on ", " from ", 1)),
     }
 }

@@ -48,6 +48,7 @@ pub fn write_questions(to: impl Write, all: &[(String, u64, Annotations)]) -> an
         "answer",
         "arguments",
         "value",
+        "cameras",
     ])?;
     for (episode, _, annotations) in all {
         for q in &annotations.questions {
@@ -64,6 +65,7 @@ pub fn write_questions(to: impl Write, all: &[(String, u64, Annotations)]) -> an
                 &q.answer,
                 &arguments,
                 &value,
+                &q.cameras.join(" "),
             ])?;
         }
     }

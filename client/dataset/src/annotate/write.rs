@@ -10,13 +10,14 @@ use super::contacts::Interval;
 use super::labels::Annotations;
 use super::questions::{KINDS, Question};
 use super::shapes;
+use super::sight::VISIBLE_PIXELS;
 use super::state::{HELD, OPEN, State};
 use super::subtasks::Subtask;
 use super::trace::STEPS;
 use crate::hdf::{Attributes, texts};
 
 /// Layout of the group.
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 /// Adds the group `/labels` to a copy of the recording at `path`.
 ///
@@ -35,13 +36,15 @@ pub fn write(
         .set("held_newton", HELD)?
         .set("open_metres", OPEN)?
         .set("side_step_metres", space::STEP)?
+        .set("visible_pixels", VISIBLE_PIXELS as u64)?
         .text(
             "definitions",
             "left, right, front and behind: of who sits in the chair while it stands at the area and looks \
              at it; held: both finger tips press it with held_newton or more; within reach: the origin lies \
              within the outer radius of robot.toml's reach; open: the joint stands at open_metres or more; \
              visible share: pixels of the object's id over those of the union of the hulls of its projected \
-             parts",
+             parts; cameras of a question: those whose images at its time show what question and answer are \
+             about with at least visible_pixels pixels each, none for a question from memory",
         )?;
     phases(&group.create_group("phases")?, labels)?;
     texts(&group, "plan", &labels.plan)?;
@@ -126,7 +129,8 @@ fn questions(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
     texts(group, "question", &words(|q| q.question.clone()))?;
     texts(group, "answer", &words(|q| q.answer.clone()))?;
     texts(group, "arguments", &words(|q| q.arguments.to_string()))?;
-    texts(group, "value", &words(|q| q.value.to_string()))
+    texts(group, "value", &words(|q| q.value.to_string()))?;
+    texts(group, "cameras", &words(|q| q.cameras.join(" ")))
 }
 
 fn contacts(group: &Group, labels: &Annotations) -> hdf5::Result<()> {

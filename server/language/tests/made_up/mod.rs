@@ -210,9 +210,112 @@ pub fn wishes(scene: &Scene) -> Vec<Meaning> {
                 add(Verb::Close, None);
             }
             (Role::Object, Some(goal)) => add(Verb::Put, scene.named(goal)),
-            (Role::Object, None) => add(Verb::Lift, None),
+            (Role::Object, None) => {
+                add(Verb::Lift, None);
+                match thing.name.as_str() {
+                    "straw_cup" | "feeding_spoon" => add(Verb::Bring, None),
+                    "remote_control" => add(Verb::Give, None),
+                    "meat_can" => add(Verb::Put, scene.named("table_bin")),
+                    _ => {}
+                }
+            }
             (Role::Goal, _) => {}
         }
     }
     out
+}
+
+/// A task of the library: what is done, with which object, and where it goes.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// Name of its file.
+    pub name: String,
+    /// Area of its objects.
+    pub area: String,
+    verb: Verb,
+    object: Query,
+    goal: Option<String>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+struct Query {
+    name: Option<String>,
+    category: Option<String>,
+}
+
+/// The tasks of the library in the order of their names.
+pub fn library() -> Vec<Task> {
+    #[derive(Deserialize)]
+    struct File {
+        area: String,
+        template: Verb,
+        object: Query,
+        #[serde(default)]
+        place: Query,
+    }
+    let read = |name: String| {
+        let file: File = toml::from_str(&text(&format!("tasks/{name}"))).expect("a task");
+        Task {
+            name: name.trim_end_matches(".toml").to_owned(),
+            area: file.area,
+            verb: file.template,
+            object: file.object,
+            goal: file.place.name,
+        }
+    };
+    names("tasks").into_iter().map(read).collect()
+}
+
+impl Task {
+    /// A scene with the objects of the task's area, and those of the areas that
+    /// stand on other furniture.
+    pub fn scene(&self, home: &Home, seed: u64) -> Scene {
+        let mut scene = home.scene(&|name| self.goal.as_deref() == Some(name));
+        let bear = self.object.name.as_deref() == Some("teddy_bear");
+        let own: Vec<Place> = places(&self.area, bear);
+        let mut draws = Draws::of(seed);
+        let others = ["coffee_table", "kitchen_table", "shelf"];
+        let others = others
+            .iter()
+            .filter(|area| own.iter().all(|place| place.on != **area));
+        let rest: Vec<Place> = others.flat_map(|area| places(area, false)).collect();
+        for place in own.iter().chain(&rest) {
+            let is_absent = place.chance.is_some_and(|chance| draws.fraction() > chance);
+            if !is_absent && scene.named(&place.object).is_none() {
+                stand(&mut scene, home, place, &mut draws);
+            }
+        }
+        scene
+    }
+
+    /// What the task requests in a scene; of several objects one by the seed.
+    pub fn wish(&self, scene: &Scene, seed: u64) -> Meaning {
+        let fits = |i: &usize| {
+            let thing = &scene.things[*i];
+            let is_named = self.object.name.as_ref().is_some_and(|n| *n == thing.name);
+            let on = |area: usize| scene.areas[area].name == self.area;
+            let category = self.object.category.as_ref();
+            let is_of =
+                category.is_some_and(|c| *c == thing.category && thing.area.is_some_and(on));
+            is_named || is_of
+        };
+        let all: Vec<usize> = (0..scene.things.len()).filter(fits).collect();
+        let chosen = (Draws::of(seed ^ 0x7a5c).fraction() * all.len() as f64) as usize;
+        Meaning {
+            verb: self.verb,
+            target: all[chosen.min(all.len() - 1)],
+            goal: self.goal.as_ref().and_then(|goal| scene.named(goal)),
+        }
+    }
+}
+
+/// Objects of an area with where they stand, those of its variants by request.
+fn places(area: &str, with_variants: bool) -> Vec<Place> {
+    let file: AreaFile = toml::from_str(&text(&format!("areas/{area}.toml"))).expect("an area");
+    let mut places = file.place;
+    for variant in file.variant.into_iter().filter(|_| with_variants) {
+        places.retain(|p| variant.place.iter().all(|own| own.object != p.object));
+        places.extend(variant.place);
+    }
+    places
 }

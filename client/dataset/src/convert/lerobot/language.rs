@@ -59,9 +59,14 @@ impl Spoken {
             }
         }
         let mut events = vec![Vec::new(); stamps.len()];
-        // Questions are about the state, not about a view; LeRobot wants one named.
-        let camera = cameras.keys().next();
+        // LeRobot ties each question to a camera, so a question is exported with one whose
+        // image shows what it is about; a question from memory would teach to invent.
         for question in &labels.questions {
+            let exported = |camera: &&String| cameras.contains_key(*camera);
+            let camera = question.cameras.iter().find(exported);
+            if camera.is_none() {
+                continue;
+            }
             let at = frame(question.stamp);
             if question.stamp < stamps.first().copied().unwrap_or(0) {
                 continue;
