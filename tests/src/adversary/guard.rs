@@ -397,7 +397,7 @@ impl Operator {
     }
 
     /// frame_from_house of the operator's frame.
-    fn into_frame(&self, sim: &Simulation) -> Isometry3<f64> {
+    fn frame_from_house(&self, sim: &Simulation) -> Isometry3<f64> {
         let links = &sim.snapshot().links;
         match self.frame {
             IntentFrame::ArmBase => links[sim.model().roles.arm_base].pose.inverse(),
@@ -408,7 +408,7 @@ impl Operator {
     }
 
     fn arm(&mut self, sim: &Simulation) -> Option<ArmIntent> {
-        let turn = self.into_frame(sim).rotation;
+        let turn = self.frame_from_house(sim).rotation;
         let way = self.way(sim);
         let (frame, spin) = (self.frame, self.spin);
         let twist = |linear: Vector3<f64>, angular: Vector3<f64>| ArmIntent::Twist {
@@ -435,7 +435,7 @@ impl Operator {
                 let goal = Isometry3::from_parts(at, hand.rotation);
                 ArmIntent::Pose {
                     frame,
-                    pose: self.into_frame(sim) * goal,
+                    pose: self.frame_from_house(sim) * goal,
                 }
             }
             Device::Joints | Device::AnyJoints => ArmIntent::Joints(self.goal),

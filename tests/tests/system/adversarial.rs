@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use wheelarm_tests::adversary::{Kind, Recorded, Run, runs};
+use wheelarm_tests::adversary::{GuardRun, Kind, Recorded, Run, runs};
 use wheelarm_tests::{printed, program, root};
 
 /// Commands that pressed, tore and threw the bear until an earlier physics came
@@ -64,6 +64,34 @@ fn operators_that_broke_the_rigid_home_once_do_not_break_it() {
         assert!(verdict.broken.is_empty(), "{run:?}: {verdict:?}");
         assert!(verdict.ticks as f64 > 240.0 * then, "{run:?}: {verdict:?}");
     }
+}
+
+/// Episodes in which earlier guards let a part of the person be pressed with 20 to 1,900 N:
+/// a bicep and a forearm beside the torso (1033, 50082), a wrist held by the bicep (1045), a
+/// chair that turns before a table (1145), an arm that carries a can (50101).
+#[test]
+fn guard_keeps_every_part_of_the_person_below_15_newtons() {
+    let assets = root().join("assets");
+    std::thread::scope(|scope| {
+        for half in [&[1033, 1045, 1145][..], &[50082, 50101]] {
+            let assets = &assets;
+            scope.spawn(move || {
+                for &seed in half {
+                    let run = GuardRun { seed, guard: true };
+                    let verdict = run.play(assets, 10.0).expect("a scenario");
+                    assert!(verdict.fault.is_none(), "{seed}: {verdict:?}");
+                    assert!(verdict.broken.is_empty(), "{seed}: {verdict:?}");
+                    assert!(verdict.ticks == 600, "{seed}: {verdict:?}");
+                }
+            });
+        }
+    });
+    let unguarded = GuardRun {
+        seed: 1145,
+        guard: false,
+    };
+    let verdict = unguarded.play(&assets, 10.0).expect("a scenario");
+    assert!(!verdict.broken.is_empty(), "the operator is too weak");
 }
 
 /// The seed of the bear's task on which an earlier physics broke by itself.

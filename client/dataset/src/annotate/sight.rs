@@ -6,12 +6,15 @@ use crate::read::{Episode, ReadError};
 /// than a speck at any resolution that is recorded.
 pub const VISIBLE_PIXELS: usize = 16;
 
+/// Cameras with whether each shows each instance.
+type Shown = Vec<(String, Vec<bool>)>;
+
 /// What the cameras show at some times.
 #[derive(Clone, Debug, Default)]
 pub struct Sight {
     names: Vec<String>,
     /// Time by camera: the camera, and whether each name is visible.
-    times: Vec<(u64, Vec<(String, Vec<bool>)>)>,
+    times: Vec<(u64, Shown)>,
 }
 
 impl Sight {
@@ -25,7 +28,7 @@ impl Sight {
         let legend = episode.snapshot()?.instances;
         let id = |name: &String| legend.iter().find(|i| i.name == *name).map_or(0, |i| i.id);
         let ids: Vec<u32> = names.iter().map(id).collect();
-        let mut times: Vec<(u64, Vec<(String, Vec<bool>)>)> =
+        let mut times: Vec<(u64, Shown)> =
             stamps.iter().map(|&stamp| (stamp, Vec::new())).collect();
         for name in episode.cameras()? {
             let camera = episode.camera(&name)?;

@@ -2136,7 +2136,7 @@ class PersonContact(_Message):
     partner: str
     """Link of the robot, object or furniture, as in the scene query (no unit)."""
     force: float
-    """Force on the part, of four physics ticks the greatest, N."""
+    """Force on the part, of four physics ticks the greatest, for an object their mean, N."""
     def __init__(
         self,
         *,
