@@ -199,8 +199,8 @@ impl Limb {
     }
 }
 
-/// Outlines of an occupied chair, bottom up: those of the empty chair, grown in slices
-/// of [`SLICE`] by the limbs that stick out of them (knees, shins, feet, elbows).
+/// Outlines of an occupied chair, bottom up: those of the empty chair, grown in thin
+/// slices by the limbs that stick out of them (knees, shins, feet, elbows).
 /// Without limbs that stick out the outlines stay as they are.
 #[must_use]
 pub fn occupied(outlines: &[(f64, Outline)], limbs: &[Limb]) -> Vec<(f64, Outline)> {

@@ -42,8 +42,8 @@ pub struct Floor {
     /// The empty chair; `None` where `check` is that already.
     empty: Option<FootprintCheck>,
     home: [f64; 6],
-    /// Postures of the arm with whether each is clear of the person.
-    postures: Vec<([f64; 6], bool)>,
+    /// Postures of the arm that are clear of the person.
+    postures: Vec<[f64; 6]>,
     /// Knuckle angle of the closed gripper, radians.
     closed: f64,
 }
@@ -55,7 +55,7 @@ pub(super) struct Start {
     pub arm: Option<[f64; 6]>,
     /// `None` for open.
     pub knuckle: Option<f64>,
-    /// Places and postures that were drawn before and rejected because of the person.
+    /// Places that were sampled before and rejected because of the person.
     pub rejected: u32,
 }
 
@@ -68,7 +68,7 @@ impl Floor {
             check: footprint_check(model, scene, &[]),
             empty: None,
             home: settings.home,
-            postures: settings.postures.iter().map(|p| (*p, true)).collect(),
+            postures: settings.postures.clone(),
             closed: settings.gripper.closed,
         }
     }
@@ -99,7 +99,7 @@ impl Floor {
                 }))
             })
         };
-        let postures = empty.postures.iter().map(|(p, _)| (*p, way_home(p)));
+        let postures = empty.postures.iter().copied().filter(way_home);
         Self {
             check: footprint_check(model, scene, &limbs),
             postures: postures.collect(),
@@ -122,16 +122,8 @@ impl Floor {
         let mut random = stream(&area.name, seed, "posture");
         let mut rejected = 0;
         // Home is the last; it is clear of everybody who fits the chair.
-        let arm = loop {
-            match self
-                .postures
-                .get(index(&mut random, self.postures.len() + 1))
-            {
-                Some((posture, true)) => break *posture,
-                Some(_) => rejected += 1,
-                None => break self.home,
-            }
-        };
+        let posture = index(&mut random, self.postures.len() + 1);
+        let arm = self.postures.get(posture).copied().unwrap_or(self.home);
         let knuckle = [0.0, self.closed][index(&mut random, 2)];
         let mut random = stream(&area.name, seed, "anywhere");
         let [x0, x1, y0, y1] = self.check.bounds();
