@@ -12,6 +12,9 @@ use super::{AccessError, Folder, SERVER, Users};
 /// Time between two looks at the file. It is read, not its date: network file systems
 /// and editors do not agree on dates.
 const PAUSE: Duration = Duration::from_millis(500);
+/// A changed file counts when it reads the same after this time, at most so often.
+const SETTLE: Duration = Duration::from_millis(30);
+const MOST_LOOKS: usize = 10;
 
 /// Called with the users after each change, by the thread that found it.
 type Changed = Box<dyn Fn(&Users) + Send + Sync>;
@@ -144,7 +147,7 @@ impl Shared {
 
     fn look(&self) -> Result<Arc<Users>, AccessError> {
         let _turn = self.looking.lock().unwrap_or_else(PoisonError::into_inner);
-        let text = Users::text(&self.path)?;
+        let mut text = Users::text(&self.path)?;
         let before = {
             let state = self.state();
             if text == state.text {
@@ -152,6 +155,16 @@ impl Shared {
             }
             Arc::clone(&state.users)
         };
+        // An editor that writes in place leaves the file empty or cut for a moment, and
+        // every user would lose the connection.
+        for _ in 0..MOST_LOOKS {
+            std::thread::sleep(SETTLE);
+            let again = Users::text(&self.path)?;
+            if again == text {
+                break;
+            }
+            text = again;
+        }
         let users = Arc::new(Users::parse(&self.path, &text)?);
         {
             let mut state = self.state();
