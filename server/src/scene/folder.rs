@@ -16,7 +16,8 @@ pub struct AssetText {
     pub text: String,
 }
 
-/// The texts of files below the assets folder, in the order of `paths`.
+/// The texts of files below the assets folder, in the order of `paths`. Characters of
+/// another encoding than UTF-8, as in names and comments of OBJ files, are replaced.
 ///
 /// # Errors
 /// When one of them cannot be read.
@@ -25,7 +26,7 @@ pub fn texts(assets: &Path, paths: &[String]) -> Result<Vec<AssetText>, SceneErr
         .iter()
         .map(|path| {
             Ok(AssetText {
-                text: text(assets, path)?,
+                text: String::from_utf8_lossy(&bytes(assets, path)?).into_owned(),
                 path: path.clone(),
             })
         })
@@ -58,16 +59,25 @@ pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneErr
 /// # Errors
 /// When it cannot be read.
 pub(crate) fn text(assets: &Path, path: &str) -> Result<String, SceneError> {
-    let full = assets.join(path);
-    std::fs::read_to_string(&full).map_err(|source| {
-        let folder = path.split('/').next().unwrap_or(path);
-        let known = names(assets, folder).unwrap_or_default().join(", ");
-        SceneError::Read {
-            path: full,
-            source,
-            cure: format!("{folder} there are: {known}"),
-        }
+    let bytes = bytes(assets, path)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let source = std::io::Error::new(std::io::ErrorKind::InvalidData, error);
+        unreadable(assets, path, source)
     })
+}
+
+fn bytes(assets: &Path, path: &str) -> Result<Vec<u8>, SceneError> {
+    std::fs::read(assets.join(path)).map_err(|source| unreadable(assets, path, source))
+}
+
+fn unreadable(assets: &Path, path: &str, source: std::io::Error) -> SceneError {
+    let folder = path.split('/').next().unwrap_or(path);
+    let known = names(assets, folder).unwrap_or_default().join(", ");
+    SceneError::Read {
+        path: assets.join(path),
+        source,
+        cure: format!("{folder} there are: {known}"),
+    }
 }
 
 /// An asset as its file type.

@@ -366,3 +366,13 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
         "{missing}"
     );
 }
+
+#[test]
+fn obj_files_of_another_encoding_are_recorded_with_replaced_characters() {
+    let folder = Copy::new("latin1");
+    let path = folder.0.join("meshes");
+    std::fs::create_dir_all(&path).unwrap();
+    std::fs::write(path.join("latin1.obj"), b"# B\xfcro\nv 0 0 0\n").unwrap();
+    let texts = super::texts(&folder.0, &["meshes/latin1.obj".to_owned()]).unwrap();
+    assert_eq!(texts[0].text, "# B\u{fffd}ro\nv 0 0 0\n");
+}
