@@ -98,7 +98,9 @@ impl Pacing {
 pub enum Quality {
     /// No shadows.
     Fast,
-    /// One shadow map.
+    /// One shadow map; neither shadows nor edges are filtered.
+    Draft,
+    /// Filtered shadows, anti-aliased edges, smoothed ambient light.
     #[default]
     Standard,
     /// Soft shadows, four samples per pixel.
@@ -107,11 +109,12 @@ pub enum Quality {
 
 impl Named for Quality {
     const WHAT: &'static str = "quality";
-    const ALL: &'static [Self] = &[Self::Fast, Self::Standard, Self::High];
+    const ALL: &'static [Self] = &[Self::Fast, Self::Draft, Self::Standard, Self::High];
 
     fn name(self) -> &'static str {
         match self {
             Self::Fast => "fast",
+            Self::Draft => "draft",
             Self::Standard => "standard",
             Self::High => "high",
         }
@@ -125,6 +128,7 @@ impl Quality {
         match code {
             v1::RenderQuality::Unspecified => None,
             v1::RenderQuality::Fast => Some(Self::Fast),
+            v1::RenderQuality::Draft => Some(Self::Draft),
             v1::RenderQuality::Standard => Some(Self::Standard),
             v1::RenderQuality::High => Some(Self::High),
         }
@@ -135,6 +139,7 @@ impl Quality {
     pub fn code(self) -> v1::RenderQuality {
         match self {
             Self::Fast => v1::RenderQuality::Fast,
+            Self::Draft => v1::RenderQuality::Draft,
             Self::Standard => v1::RenderQuality::Standard,
             Self::High => v1::RenderQuality::High,
         }
@@ -486,6 +491,9 @@ mod tests {
         assert_eq!((imu.camera.as_str(), imu.strength), ("", None));
         assert!(v1::SensorSetting::from_text("imu=much").is_err());
         let words = Quality::from_name("best").unwrap_err().to_string();
-        assert_eq!(words, "quality \"best\" is none of fast, standard, high");
+        assert_eq!(
+            words,
+            "quality \"best\" is none of fast, draft, standard, high"
+        );
     }
 }

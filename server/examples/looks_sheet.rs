@@ -3,7 +3,7 @@
 //!
 //! `looks_sheet OUT.jpg|OUT.png [--assets DIR] [--task NAME] [--view table|room|close]
 //! [--strength 1|2|3] [--first-look N] [--columns N] [--rows N] [--width W]
-//! [--quality fast|standard|high]`
+//! [--quality fast|draft|standard|high]`
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ struct Options {
     /// Width of one picture, pixels.
     #[arg(long, default_value_t = 400)]
     width: u32,
-    /// fast, standard or high.
+    /// fast, draft, standard or high.
     #[arg(long, default_value = "high")]
     quality: String,
 }

@@ -15,6 +15,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use clap::Parser;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 use wheelarm_server::people::PersonSetting;
 use wheelarm_server::robot::control::{BaseIntent, ControlInput};
@@ -55,6 +56,9 @@ struct Options {
     /// Seed of the scene and of what is left open of who sits there.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// fast, draft, standard or high.
+    #[arg(long, default_value = "standard")]
+    quality: String,
     /// Graphics adapter by a part of its name.
     #[arg(long)]
     adapter: Option<String>,
@@ -84,7 +88,7 @@ fn renderer(options: &Options, sim: &Simulation, cameras: &[CameraSpec]) -> Resu
     Ok(Renderer::new(
         &seen,
         cameras,
-        Quality::Standard,
+        Quality::from_name(&options.quality)?,
         options.adapter.as_deref(),
     )?)
 }

@@ -2,7 +2,7 @@
 //! back into memory. The arm, the chair and an object move in every pair.
 //!
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
-//! [--quality fast|standard|high] [--adapter NAME] [--packing adapter|processor]`
+//! [--quality fast|draft|standard|high] [--adapter NAME] [--packing adapter|processor]`
 //!
 //! With `--look SEED` the same under a look of that seed, one pair by turns with
 //! none: as ratios of the rate without.
@@ -10,6 +10,9 @@
 //! `--packing` says who packs the pictures; else it is as the server has it. With
 //! `--compare-packing` both do, one pair by turns, and must give the same bytes, but for
 //! single pixels where surfaces lie in one another.
+//!
+//! With `--compare-quality QUALITY` also that quality, one pair by turns: as ratios of the
+//! rate and of the processor time, under the look of `--look` where that is given.
 //!
 //! With `--parts` the adapter's time for each part of a pair stands beside; with
 //! `--renderers N` N threads draw on one device at the same time.
@@ -49,9 +52,12 @@ struct Options {
     /// Pixels.
     #[arg(long, default_value_t = 720)]
     height: u32,
-    /// fast, standard or high.
-    #[arg(long, default_value = "standard")]
-    quality: String,
+    /// fast, draft, standard or high.
+    #[arg(long, default_value = "standard", value_parser = quality)]
+    quality: Quality,
+    /// The quality to compare with.
+    #[arg(long, value_parser = quality)]
+    compare_quality: Option<Quality>,
     /// Part of an adapter's name.
     #[arg(long)]
     adapter: Option<String>,
@@ -77,6 +83,10 @@ struct Options {
     #[arg(long, value_name = "DEPTH", num_args = 0..=1, default_missing_value = "f32",
           value_parser = |name: &str| Depth::from_name(name).map_err(|e| e.to_string()))]
     deflate: Option<Depth>,
+}
+
+fn quality(name: &str) -> Result<Quality, String> {
+    Quality::from_name(name).map_err(|error| error.to_string())
 }
 
 impl Options {
@@ -115,14 +125,12 @@ impl Options {
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    let quality = match options.quality.as_str() {
-        "fast" => Quality::Fast,
-        "standard" => Quality::Standard,
-        "high" => Quality::High,
-        other => bail!("quality is '{other}', expected fast, standard or high"),
-    };
+    let quality = options.quality;
     let robot = RobotModel::load(&options.assets, "wheelarm")?;
     let scene = Scene::load(&options.assets, "home")?;
+    if let Some(other) = options.compare_quality {
+        return compare_quality(&options, [other, quality], &robot, &scene);
+    }
     if options.compare_packing {
         return compare_packing(&options, quality, &robot, &scene);
     }
@@ -176,7 +184,7 @@ fn main() -> Result<()> {
          median {median:.1} ms ({:.1} pairs/s), processor time {cpu:.1} ms (least {least_cpu:.1})",
         options.width,
         options.height,
-        options.quality,
+        options.quality.name(),
         bytes as f64 * 1e-6,
         1e3 / least,
         1e3 / median
@@ -297,6 +305,58 @@ fn ahead(
             share(1),
             share(2)
         );
+    }
+    Ok(())
+}
+
+/// Pairs of two qualities by turns.
+fn compare_quality(
+    options: &Options,
+    qualities: [Quality; 2],
+    robot: &RobotModel,
+    scene: &Scene,
+) -> Result<()> {
+    let rendered = match options.look {
+        Some(seed) => {
+            let look = Drawn::new(look(options, seed), scene, &options.assets)?;
+            RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
+        }
+        None => RenderScene::new(robot, scene, &options.assets)?,
+    };
+    let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
+    let mut renderers = Vec::new();
+    for quality in qualities {
+        let started = Instant::now();
+        let renderer = options.renderer(&rendered, &cameras, quality, options.packing()?)?;
+        let seconds = started.elapsed().as_secs_f64();
+        println!("{}: ready after {seconds:.2} s", quality.name());
+        renderers.push((quality, renderer, Vec::new(), Vec::new()));
+    }
+    for pair in 0..options.pairs + 5 {
+        let snapshot = motion::moving(robot, scene, pair as f64 * 0.1);
+        for (_, renderer, times, processor) in &mut renderers {
+            let (before, cpu) = (Instant::now(), cpu_seconds());
+            renderer.render(&snapshot, &[0, 1])?;
+            if pair >= 5 {
+                times.push(before.elapsed().as_secs_f64() * 1e3);
+                processor.push((cpu_seconds() - cpu) * 1e3);
+            }
+        }
+    }
+    let ([least, median], [least_cpu, cpu]) = (middle(&renderers[0].2), middle(&renderers[0].3));
+    for (quality, renderer, times, processor) in &mut renderers {
+        let ([own_least, own_median], [own_least_cpu, own_cpu]) =
+            (middle(times), middle(processor));
+        println!(
+            "{}: min {own_least:.2} ms, median {own_median:.2} ms, processor {own_cpu:.2} ms; \
+             rate {:.3} (min), {:.3} (median), by processor time {:.3} (min), {:.3} (median)",
+            quality.name(),
+            least / own_least,
+            median / own_median,
+            least_cpu / own_least_cpu,
+            cpu / own_cpu
+        );
+        ahead(renderer, robot, scene, options.pairs, None)?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! `--task`, what a seed draws for it, the chair parked before its area.
 //!
 //! `render_scene [--assets DIR] [--out DIR] [--width W] [--height H]
-//! [--quality fast|standard|high] [--adapter NAME] [--task NAME] [--seed N]`
+//! [--quality fast|draft|standard|high] [--adapter NAME] [--task NAME] [--seed N]`
 
 #![expect(clippy::disallowed_methods, reason = "it measures wall time")]
 
@@ -12,9 +12,10 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::Parser;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_proto::settings::Named;
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::ControlInput;
 use wheelarm_server::scene::Scene;
@@ -41,7 +42,7 @@ struct Options {
     /// Pixels.
     #[arg(long, default_value_t = 720)]
     height: u32,
-    /// fast, standard or high.
+    /// fast, draft, standard or high.
     #[arg(long, default_value = "standard")]
     quality: String,
     /// Part of an adapter's name.
@@ -57,12 +58,7 @@ struct Options {
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    let quality = match options.quality.as_str() {
-        "fast" => Quality::Fast,
-        "standard" => Quality::Standard,
-        "high" => Quality::High,
-        other => bail!("quality is '{other}', expected fast, standard or high"),
-    };
+    let quality = Quality::from_name(&options.quality)?;
     let robot = RobotModel::load(&options.assets, "wheelarm")?;
     let scene = Scene::load(&options.assets, &options.scene)?;
     if let Some(task) = &options.task {

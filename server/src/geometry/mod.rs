@@ -142,6 +142,8 @@ pub enum Family {
     Plastic,
     Ceramic,
     Art,
+    Fruit,
+    Flower,
     Plant,
     /// Shades of lamps.
     Lamp,
@@ -165,6 +167,8 @@ impl Family {
             Self::Plastic => "plastic",
             Self::Ceramic => "ceramic",
             Self::Art => "art",
+            Self::Fruit => "fruit",
+            Self::Flower => "flower",
             Self::Plant => "plant",
             Self::Lamp => "lamp",
             Self::Outdoors => "outdoors",

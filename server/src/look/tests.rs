@@ -228,3 +228,34 @@ fn a_file_with_a_mistake_is_answered_with_line_key_found_and_allowed() {
     );
     std::fs::remove_dir_all(&folder).unwrap();
 }
+
+#[test]
+fn fruit_and_flowers_never_wear_fabric() {
+    let home = Scene::load(&assets(), "home").unwrap();
+    for (name, family) in [
+        ("fruit_bowl", Family::Fruit),
+        ("table_vase", Family::Flower),
+    ] {
+        let body = home
+            .furniture
+            .iter()
+            .find(|body| body.name == name)
+            .unwrap();
+        let balls = body.visual.iter().map(|visual| &visual.material);
+        let balls: Vec<_> = balls.filter(|m| m.family == Some(family)).collect();
+        assert!(balls.len() >= 4, "{name}");
+        assert!(
+            body.visual
+                .iter()
+                .all(|v| v.material.family != Some(Family::Fabric))
+        );
+        let colors: BTreeSet<_> = (0..40)
+            .map(|seed| drawn(look(seed, 3)).furniture(balls[0]))
+            .map(|seen| {
+                assert_eq!(seen.texture, None, "{name}");
+                seen.color.map(f32::to_bits)
+            })
+            .collect();
+        assert!(colors.len() > 3, "{name}");
+    }
+}

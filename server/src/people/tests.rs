@@ -137,3 +137,21 @@ fn the_head_begins_straight_moves_smoothly_within_its_range_and_the_mouth_opens(
     let other = Motion { seed: 6, ..motion };
     assert_ne!(motion.at(777), other.at(777));
 }
+
+/// Lighter skin burns out to white in the sun.
+#[test]
+fn no_skin_is_lighter_than_measured_skin() {
+    let path = format!("{}/looks.toml", folder::FOLDER);
+    let looks: file::Looks = folder::read(&assets(), &path).unwrap();
+    assert!(looks.skin.len() >= 8);
+    for skin in &looks.skin {
+        let channel = |k: usize| {
+            let digits = &skin.color[1 + 2 * k..3 + 2 * k];
+            let value = f32::from(u8::from_str_radix(digits, 16).unwrap()) / 255.0;
+            wheelarm_proto::exact::powf((value + 0.055) / 1.055, 2.4)
+        };
+        let luminance = 0.2126 * channel(0) + 0.7152 * channel(1) + 0.0722 * channel(2);
+        // L* of 68.
+        assert!(luminance < 0.38, "{}: {luminance:.2}", skin.name);
+    }
+}

@@ -478,14 +478,17 @@ class RenderQuality(int, metaclass=_EnumWrapper):
     RENDER_QUALITY_FAST: _ClassVar[RenderQuality]
     """No shadows."""
     RENDER_QUALITY_STANDARD: _ClassVar[RenderQuality]
-    """One shadow map."""
+    """Filtered shadows, anti-aliased edges, smoothed ambient light."""
     RENDER_QUALITY_HIGH: _ClassVar[RenderQuality]
     """Multisampling and soft shadows."""
+    RENDER_QUALITY_DRAFT: _ClassVar[RenderQuality]
+    """One shadow map; neither shadows nor edges are filtered."""
 
 RENDER_QUALITY_UNSPECIFIED: RenderQuality
 RENDER_QUALITY_FAST: RenderQuality
 RENDER_QUALITY_STANDARD: RenderQuality
 RENDER_QUALITY_HIGH: RenderQuality
+RENDER_QUALITY_DRAFT: RenderQuality
 
 class Starts(int, metaclass=_EnumWrapper):
     """Where the robot starts."""

@@ -108,13 +108,7 @@ impl Surroundings {
 
     /// Share of the light from all around that reaches a surface, 0 to 1.
     fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
-        let helper = if normal.x.abs() < 0.7 {
-            Vector3::x()
-        } else {
-            Vector3::y()
-        };
-        let right = normal.cross(&helper).normalize();
-        let ahead = normal.cross(&right);
+        let (right, ahead) = across(normal);
         // Out of the surface's own cells first.
         let start = p + normal * (1.5 * CELL);
         let blocked: f64 = self
@@ -123,6 +117,32 @@ impl Surroundings {
             .map(|d| self.blocked(&start, &(right * d.x + ahead * d.y + normal * d.z)))
             .sum();
         1.0 - STRENGTH * blocked / self.directions.len() as f64
+    }
+
+    /// The mean of [`Self::of_surface`] around a point of a wide surface. Its vertices lie
+    /// up to [`LONGEST`] apart: what changes faster shows as wing-shaped smudges. Points
+    /// inside something that stands before the surface do not count, nor do points
+    /// behind it.
+    fn of_wide_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+        let (right, ahead) = across(normal);
+        let out = normal * (1.5 * CELL);
+        let is_free = |p: &Point3<f64>| !self.cell(p).is_some_and(|cell| self.filled[cell]);
+        let centre_is_free = is_free(&(p + out));
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for [x, y, weight] in patch() {
+            let offset = right * x + ahead * y;
+            let at = p + offset;
+            let half_way = p + offset * 0.5;
+            if is_free(&(at + out)) && (!centre_is_free || is_free(&(half_way + out))) {
+                sum += weight * self.of_surface(&at, normal);
+                weights += weight;
+            }
+        }
+        if weights > 0.0 {
+            sum / weights
+        } else {
+            self.of_surface(p, normal)
+        }
     }
 
     /// Share of the light from above that reaches a body that moves.
@@ -148,6 +168,33 @@ impl Surroundings {
         }
         0.0
     }
+}
+
+/// Two unit vectors across a normal.
+fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let helper = if normal.x.abs() < 0.7 {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
+    let right = normal.cross(&helper).normalize();
+    (right, normal.cross(&right))
+}
+
+/// Points of a disc, metres, and their weights: its middle and two rings of six.
+fn patch() -> [[f64; 3]; 13] {
+    /// Radius and weight: a tent of the radius [`LONGEST`].
+    const RINGS: [[f64; 2]; 2] = [[0.13, 0.675], [0.26, 0.35]];
+    std::array::from_fn(|i| {
+        let Some(on_ring) = i.checked_sub(1) else {
+            return [0.0, 0.0, 1.0];
+        };
+        let [radius, weight] = RINGS[on_ring / 6];
+        let turn = std::f64::consts::PI * (on_ring % 6) as f64 / 3.0
+            + std::f64::consts::FRAC_PI_6 * (on_ring / 6) as f64;
+        let (sin, cos) = exact::sin_cos(turn);
+        [radius * cos, radius * sin, weight]
+    })
 }
 
 /// Cosine-weighted directions about z: equal areas of the unit disc, lifted.
@@ -182,8 +229,8 @@ pub(super) struct AmbientOcclusion<'a> {
     known: Known,
 }
 
-/// Light of places by the bits of place and normal.
-pub(super) type Known = BTreeMap<[u64; 6], f64>;
+/// Light of places by the bits of place and normal, and whether the surface is wide.
+pub(super) type Known = BTreeMap<([u64; 6], bool), f64>;
 
 /// The light of a home, body by body, so that several can be worked out at one time.
 pub(super) struct HomeLight<'a> {
@@ -255,14 +302,23 @@ impl<'a> HomeLight<'a> {
 }
 
 impl AmbientOcclusion<'_> {
-    /// Share of the light from all around that reaches a surface, 0 to 1.
-    pub(super) fn of_surface(&mut self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+    /// Share of the light from all around that reaches a surface, 0 to 1; that of a wide
+    /// one is smoothed.
+    pub(super) fn of_surface(
+        &mut self,
+        p: &Point3<f64>,
+        normal: &Vector3<f64>,
+        is_wide: bool,
+    ) -> f64 {
         let key = [p.x, p.y, p.z, normal.x, normal.y, normal.z].map(f64::to_bits);
         let around = self.around;
         *self
             .known
-            .entry(key)
-            .or_insert_with(|| around.of_surface(p, normal))
+            .entry((key, is_wide))
+            .or_insert_with(|| match is_wide {
+                true => around.of_wide_surface(p, normal),
+                false => around.of_surface(p, normal),
+            })
     }
 
     /// All of it.
@@ -272,7 +328,7 @@ impl AmbientOcclusion<'_> {
 
     /// Pieces of a triangle that never moves. Every edge is cut by its length
     /// alone, as is the neighbour's: no gaps. What looks out of the house stays whole.
-    pub(super) fn cut(&mut self, triangle: [Corner; 3]) -> Vec<[Corner; 3]> {
+    pub(super) fn cut(&mut self, triangle: [Corner; 3], is_wide: bool) -> Vec<[Corner; 3]> {
         let [a, b, c] = &triangle;
         let middle =
             Point3::from((a.position.coords + b.position.coords + c.position.coords) / 3.0);
@@ -291,13 +347,13 @@ impl AmbientOcclusion<'_> {
                 continue;
             }
             let (a, b, c) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
-            let m = self.middle(&a, &b);
+            let m = self.middle(&a, &b, is_wide);
             waiting.extend([[a, m, c], [m, b, c]]);
         }
         pieces
     }
 
-    fn middle(&mut self, a: &Corner, b: &Corner) -> Corner {
+    fn middle(&mut self, a: &Corner, b: &Corner, is_wide: bool) -> Corner {
         let position = nalgebra::center(&a.position, &b.position);
         let normal = (a.normal + b.normal)
             .try_normalize(1e-6)
@@ -306,7 +362,7 @@ impl AmbientOcclusion<'_> {
             position,
             normal,
             uv: std::array::from_fn(|k| 0.5 * (a.uv[k] + b.uv[k])),
-            ambient_occlusion: self.of_surface(&position, &normal),
+            ambient_occlusion: self.of_surface(&position, &normal, is_wide),
         }
     }
 }
@@ -332,7 +388,7 @@ mod tests {
             let mut home = last.of(around);
             let mut body = home.of_body(3);
             let before = body.known.len();
-            let light = body.of_surface(&at.0, &at.1);
+            let light = body.of_surface(&at.0, &at.1, false);
             home.put_back(3, body.into_known());
             last.keep(home);
             (before, light)
@@ -381,8 +437,8 @@ mod tests {
             corner(-1.5, 1.5),
         ];
         let mut ambient_occlusion = LastHome::default().of(&around).of_body(0);
-        let mut pieces = ambient_occlusion.cut([a, b, c]);
-        pieces.extend(ambient_occlusion.cut([a, c, d]));
+        let mut pieces = ambient_occlusion.cut([a, b, c], true);
+        pieces.extend(ambient_occlusion.cut([a, c, d], true));
         assert!(pieces.len() > 20);
         // Every inner edge is met from both sides, the rim once.
         let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();
@@ -411,5 +467,38 @@ mod tests {
             })
             .sum();
         assert!((area - 9.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn furniture_before_a_wall_leaves_no_dark_wings_beside_it() {
+        let mut around = empty();
+        // A board upright before the wall y = 0, as deep as a curtain.
+        let board = |x: f64, z: f64| Point3::new(x, 0.13, z);
+        around.fill([board(-0.05, 0.0), board(0.05, 0.0), board(0.05, 2.0)]);
+        around.fill([board(-0.05, 0.0), board(0.05, 2.0), board(-0.05, 2.0)]);
+        let wall = |x: f64| Point3::new(x, 0.0, 1.0);
+        let sharp = |x: f64| around.of_surface(&wall(x), &Vector3::y());
+        let wide = |x: f64| around.of_wide_surface(&wall(x), &Vector3::y());
+        // The hidden vertex has the light of what is seen around it.
+        assert!(
+            sharp(0.0) < 0.4 && wide(0.0) > 0.6,
+            "{} {}",
+            sharp(0.0),
+            wide(0.0)
+        );
+        // Neighboring vertices differ by less.
+        let step = |light: &dyn Fn(f64) -> f64| {
+            let at = |i: i32| light(f64::from(i) * 0.2);
+            (-4..4)
+                .map(|i| (at(i + 1) - at(i)).abs())
+                .fold(0.0, f64::max)
+        };
+        assert!(
+            step(&wide) < 0.5 * step(&sharp),
+            "{} {}",
+            step(&wide),
+            step(&sharp)
+        );
+        assert!((wide(1.6) - sharp(1.6)).abs() < 0.02);
     }
 }

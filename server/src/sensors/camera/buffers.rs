@@ -180,6 +180,7 @@ impl Buffers {
             let mut share = Share {
                 body,
                 sun,
+                smooths_light: tier.smooth_edges,
                 reach: match person.contains(&items[0].instance) {
                     true => RenderedPerson::REACH,
                     false if soft(items[0].binding) => SOFT_REACH,
@@ -311,6 +312,8 @@ struct Share<'a> {
     body: usize,
     /// Towards it.
     sun: Vector3<f32>,
+    /// Ambient light of wide surfaces is smoothed.
+    smooths_light: bool,
     /// How far its vertices move in its frame, metres.
     reach: f64,
     /// Items by their finish, with their materials.
@@ -326,7 +329,20 @@ struct Part {
     casters: Vec<Caster>,
 }
 
+/// Side of a wide surface, metres.
+const WIDE: f32 = 1.0;
+
 impl Share<'_> {
+    /// Whether the ambient light of an item is smoothed.
+    fn is_wide(&self, item: &RenderItem) -> bool {
+        let positions = &item.coarse.positions;
+        let side = |k: usize| {
+            let values = || positions.iter().map(|p| p[k]);
+            values().fold(f32::MIN, f32::max) - values().fold(f32::MAX, f32::min)
+        };
+        self.smooths_light && (0..3).any(|k| side(k) > WIDE)
+    }
+
     fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, Known) {
         let mut part = Part::default();
         for (finish, chosen) in &self.finished {
@@ -352,7 +368,8 @@ impl Share<'_> {
         let start = part.indices.len() as u32;
         for (item, material) in chosen {
             let packed = body as u32 | material << 20;
-            part.append(item, &item.mesh, ambient_occlusion, packed, &belongs);
+            let light = (&mut *ambient_occlusion, self.is_wide(item));
+            part.append(item, &item.mesh, light, packed, &belongs);
         }
         let middle = part.indices.len() as u32;
         if middle == start {
@@ -362,7 +379,8 @@ impl Share<'_> {
         let mut caster_end = middle;
         for (item, material) in chosen {
             let packed = body as u32 | material << 20;
-            part.append(item, &item.coarse, ambient_occlusion, packed, &belongs);
+            let light = (&mut *ambient_occlusion, self.is_wide(item));
+            part.append(item, &item.coarse, light, packed, &belongs);
             if item.casts_shadow {
                 caster_end = part.indices.len() as u32;
             }
@@ -408,7 +426,7 @@ impl Part {
         &mut self,
         item: &RenderItem,
         mesh: &TriMesh,
-        ambient_occlusion: &mut AmbientOcclusion<'_>,
+        (ambient_occlusion, is_wide): (&mut AmbientOcclusion<'_>, bool),
         packed: u32,
         belongs: &dyn Fn(&RenderItem, [Vector3<f32>; 3]) -> bool,
     ) {
@@ -423,7 +441,7 @@ impl Part {
                     normal,
                     uv: mesh.uvs[i],
                     ambient_occlusion: if fixed {
-                        ambient_occlusion.of_surface(&position, &normal)
+                        ambient_occlusion.of_surface(&position, &normal, is_wide)
                     } else {
                         1.0
                     },
@@ -438,7 +456,7 @@ impl Part {
                 continue;
             }
             let pieces = if fixed {
-                ambient_occlusion.cut(triangle)
+                ambient_occlusion.cut(triangle, is_wide)
             } else {
                 vec![triangle]
             };

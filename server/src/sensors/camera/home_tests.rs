@@ -134,3 +134,33 @@ fn a_part_of_a_picture_of_the_home_shows_the_same_and_so_does_a_fresh_renderer()
         assert!(kinds.len() > 4, "{}", kinds.len());
     }
 }
+
+#[test]
+fn filters_of_standard_leave_depth_and_ids_of_draft() {
+    let (robot, home, scene) = load();
+    let lens = Intrinsics::centred([320, 180], 1.2);
+    let views = [
+        looking([-7.0, 3.0, 1.6], [-9.1, 0.0, 0.6]),
+        looking([-4.0, 1.0, 1.4], [-8.0, 3.0, 0.9]),
+        looking([-6.2, 2.6, 1.6], [-3.9, 4.4, 0.75]),
+    ];
+    let cameras = views.map(|view| camera(view, lens));
+    let mut now = snapshot(&vec![[0.0; 3]; home.objects.len()]);
+    let slides = home.joints.iter();
+    let slides = slides.map(|joint| BodyState::resting(home.furniture[joint.furniture].pose));
+    now.sliding = slides.collect();
+    for (body, object) in now.objects.iter_mut().zip(&home.objects) {
+        body.pose = object.pose;
+    }
+    let link = |i| BodyState::resting(Translation3::new(-8.0, 3.0, 0.05 * f64::from(i)).into());
+    now.links = (0..robot.links.len() as u32).map(link).collect();
+    let seen = |quality| Some(renderer(&scene, &cameras, quality)?.render(&now, &[0, 1, 2]));
+    let (Some(draft), Some(standard)) = (seen(Quality::Draft), seen(Quality::Standard)) else {
+        return;
+    };
+    for (draft, standard) in draft.unwrap().iter().zip(&standard.unwrap()) {
+        assert_ne!(draft.rgb, standard.rgb);
+        assert_eq!(draft.depth, standard.depth);
+        assert_eq!(draft.ids, standard.ids);
+    }
+}

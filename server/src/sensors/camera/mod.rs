@@ -7,6 +7,7 @@
 
 mod adapter;
 mod ambient_occlusion;
+mod antialias;
 mod buffers;
 mod cells;
 mod decoration;

@@ -14,6 +14,8 @@ struct Planes {
     far: u32,
     // Colour where nothing is hit, its alpha byte 0; another where that is drawn.
     background: u32,
+    // Edges are smoothed where this is not 0.
+    smooth_edges: u32,
 }
 
 @group(0) @binding(0) var<uniform> planes: Planes;
@@ -56,21 +58,150 @@ fn place(pixel: u32) -> vec2<u32> {
     return vec2(inside % planes.width, inside / planes.width);
 }
 
-// Colour and depth of the four from `first` on; their alpha bytes.
-fn pack_four(four: u32) -> array<u32, 4> {
+// The color of a pixel as rendered, its alpha byte in the highest bits.
+fn rendered(at: vec2<u32>) -> u32 {
+    let drawn = bitcast<u32>(textureLoad(depth, at, 0)) != 0u || (planes.background >> 24u) != 0u;
+    return select(planes.background, pack4x8unorm(textureLoad(color, at, 0)), drawn);
+}
+
+// Anti-aliasing: the rules and constants of `antialias.rs`.
+const REACH: i32 = 8;
+const LEAST_CONTRAST: i32 = 64;
+const CONTRAST_SHIFT: u32 = 3u;
+const BEND: f32 = 0.0001220703125;
+const LEAST_BEND: f32 = 0.0000000298023223876953125;
+
+// The nearest pixel inside the image.
+fn inside(at: vec2<i32>) -> vec2<u32> {
+    let last = vec2<i32>(i32(planes.width) - 1, i32(planes.count / planes.width) - 1);
+    return vec2<u32>(clamp(at, vec2<i32>(0, 0), last));
+}
+
+fn depth_at(at: vec2<i32>) -> f32 {
+    return textureLoad(depth, inside(at), 0);
+}
+
+// Whether reversed depth bends across a pixel: it is linear over a plane.
+fn bends(at: vec2<u32>) -> bool {
+    let p = vec2<i32>(at);
+    let here = depth_at(p);
+    let least = here * BEND + LEAST_BEND;
+    let x = depth_at(p - vec2(1, 0)) + depth_at(p + vec2(1, 0)) - 2.0 * here;
+    let y = depth_at(p - vec2(0, 1)) + depth_at(p + vec2(0, 1)) - 2.0 * here;
+    return abs(x) > least || abs(y) > least;
+}
+
+// Luma, 0 to 2040.
+fn luma(at: vec2<i32>) -> i32 {
+    let c = rendered(inside(at));
+    return i32(2u * (c & 0xffu) + 5u * ((c >> 8u) & 0xffu) + ((c >> 16u) & 0xffu));
+}
+
+// Where the stair step ends in a direction, and the difference there.
+fn end_of_step(at: vec2<i32>, along: vec2<i32>, across: vec2<i32>, sum: i32, gradient: i32) -> vec2<i32> {
+    var difference = 0;
+    for (var i = 1; i <= REACH; i++) {
+        let p = at + along * i;
+        difference = luma(p) + luma(p + across) - sum;
+        if 2 * abs(difference) >= gradient {
+            return vec2(i, difference);
+        }
+    }
+    return vec2(REACH, difference);
+}
+
+// The color of a pixel on an edge.
+fn blended(at: vec2<u32>) -> u32 {
+    let own = rendered(at);
+    let p = vec2<i32>(at);
+    let m = luma(p);
+    let n = luma(p + vec2(0, -1));
+    let s = luma(p + vec2(0, 1));
+    let w = luma(p + vec2(-1, 0));
+    let e = luma(p + vec2(1, 0));
+    let brightest = max(max(max(m, n), max(s, w)), e);
+    let contrast = brightest - min(min(min(m, n), min(s, w)), e);
+    if contrast < max(LEAST_CONTRAST, brightest >> CONTRAST_SHIFT) {
+        return own;
+    }
+    let nw = luma(p + vec2(-1, -1));
+    let ne = luma(p + vec2(1, -1));
+    let sw = luma(p + vec2(-1, 1));
+    let se = luma(p + vec2(1, 1));
+    let across_rows = abs(nw + sw - 2 * w) + 2 * abs(n + s - 2 * m) + abs(ne + se - 2 * e);
+    let across_columns = abs(nw + ne - 2 * n) + 2 * abs(w + e - 2 * m) + abs(sw + se - 2 * s);
+    let horizontal = across_rows >= across_columns;
+    let before = select(w, n, horizontal);
+    let after = select(e, s, horizontal);
+    let backwards = abs(before - m) >= abs(after - m);
+    let side = select(after, before, backwards);
+    let along = select(vec2<i32>(0, 1), vec2<i32>(1, 0), horizontal);
+    let across = along.yx * select(1i, -1i, backwards);
+    let gradient = abs(side - m);
+    let back = end_of_step(p, -along, across, m + side, gradient);
+    let ahead = end_of_step(p, along, across, m + side, gradient);
+    let nearest = select(ahead, back, back.x <= ahead.x);
+    if (nearest.y < 0) == (m < side) {
+        return own;
+    }
+    let length = back.x + ahead.x - 1;
+    let weight = u32(128 * (length - 2 * nearest.x + 1) / length);
+    let other = rendered(inside(p + across));
+    var mixed = own & 0xff000000u;
+    for (var shift = 0u; shift < 24u; shift += 8u) {
+        let sum = ((own >> shift) & 0xffu) * (256u - weight) + ((other >> shift) & 0xffu) * weight;
+        mixed |= ((sum + 128u) >> 8u) << shift;
+    }
+    return mixed;
+}
+
+// Color and depth of the four from `four` on; their alpha bytes. `on_edge` says which
+// border another id.
+fn pack_four(four: u32, on_edge: vec4<bool>) -> array<u32, 4> {
     var shown: array<u32, 4>;
     for (var i = 0u; i < 4u; i++) {
         let at = place(four * 4u + i);
-        let reversed = bitcast<u32>(textureLoad(depth, at, 0));
-        let drawn = reversed != 0u || (planes.background >> 24u) != 0u;
-        shown[i] = select(planes.background, pack4x8unorm(textureLoad(color, at, 0)), drawn);
-        packed[planes.depth + four * 4u + i] = metres(reversed);
+        shown[i] = rendered(at);
+        if planes.smooth_edges != 0u && (on_edge[i] || bends(at)) {
+            shown[i] = blended(at);
+        }
+        packed[planes.depth + four * 4u + i] = metres(bitcast<u32>(textureLoad(depth, at, 0)));
     }
     let rgb = four * 3u;
     packed[rgb] = (shown[0] & 0xffffffu) | (shown[1] << 24u);
     packed[rgb + 1u] = ((shown[1] >> 8u) & 0xffffu) | (shown[2] << 16u);
     packed[rgb + 2u] = ((shown[2] >> 16u) & 0xffu) | (shown[3] << 8u);
     return array(shown[0] >> 24u, shown[1] >> 24u, shown[2] >> 24u, shown[3] >> 24u);
+}
+
+fn narrow_id(at: vec2<i32>) -> u32 {
+    return rendered(inside(at)) >> 24u;
+}
+
+fn borders_narrow(pixel: u32) -> bool {
+    let p = vec2<i32>(place(pixel));
+    let id = vec4(narrow_id(p));
+    return any(id != vec4(
+        narrow_id(p - vec2(1, 0)),
+        narrow_id(p + vec2(1, 0)),
+        narrow_id(p - vec2(0, 1)),
+        narrow_id(p + vec2(0, 1)),
+    ));
+}
+
+fn wide_id(at: vec2<i32>) -> u32 {
+    return textureLoad(wide, inside(at), 0).x;
+}
+
+fn borders_wide(pixel: u32) -> bool {
+    let p = vec2<i32>(place(pixel));
+    let id = vec4(wide_id(p));
+    return any(id != vec4(
+        wide_id(p - vec2(1, 0)),
+        wide_id(p + vec2(1, 0)),
+        wide_id(p - vec2(0, 1)),
+        wide_id(p + vec2(0, 1)),
+    ));
 }
 
 fn number(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
@@ -87,7 +218,13 @@ fn number(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
     if four * 4u >= planes.count {
         return;
     }
-    let id = pack_four(four);
+    var on_edge = vec4(false);
+    if planes.smooth_edges != 0u {
+        for (var i = 0u; i < 4u; i++) {
+            on_edge[i] = borders_narrow(four * 4u + i);
+        }
+    }
+    let id = pack_four(four, on_edge);
     packed[planes.ids + four * 2u] = id[0] | (id[1] << 16u);
     packed[planes.ids + four * 2u + 1u] = id[2] | (id[3] << 16u);
 }
@@ -102,7 +239,13 @@ fn number(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
     if four * 4u >= planes.count {
         return;
     }
-    pack_four(four);
+    var on_edge = vec4(false);
+    if planes.smooth_edges != 0u {
+        for (var i = 0u; i < 4u; i++) {
+            on_edge[i] = borders_wide(four * 4u + i);
+        }
+    }
+    pack_four(four, on_edge);
     for (var pair = 0u; pair < 2u; pair++) {
         let low = textureLoad(wide, place(four * 4u + pair * 2u), 0).x;
         let high = textureLoad(wide, place(four * 4u + pair * 2u + 1u), 0).x;

@@ -31,6 +31,7 @@ struct PlanesUniform {
     near: u32,
     far: u32,
     background: u32,
+    smooth_edges: u32,
 }
 
 /// Pixels of one workgroup.
@@ -97,6 +98,7 @@ impl Packer {
                 true => u32::MAX,
                 false => rgb_bytes(background),
             },
+            smooth_edges: target.smooth_edges.into(),
         };
         let uniform = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("planes"),

@@ -51,7 +51,12 @@ fn both_pack_the_same_bits_of_every_size_and_quality() {
     let scene = floor_and_box();
     let cameras = sizes();
     let all: Vec<usize> = (0..cameras.len()).collect();
-    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+    for quality in [
+        Quality::Fast,
+        Quality::Draft,
+        Quality::Standard,
+        Quality::High,
+    ] {
         let Some([mut adapter, mut processor]) = both(&scene, &cameras, quality) else {
             return;
         };
@@ -88,7 +93,7 @@ fn both_pack_the_same_ids_beyond_a_byte() {
         looking([0.0; 3], [1.0, 0.0, 0.0]),
         Intrinsics::centred([101, 63], 1.2),
     );
-    for quality in [Quality::Standard, Quality::High] {
+    for quality in [Quality::Draft, Quality::Standard, Quality::High] {
         let Some([mut adapter, mut processor]) = both(&scene, std::slice::from_ref(&eye), quality)
         else {
             return;
@@ -173,7 +178,12 @@ fn both_show_the_sky_where_nothing_is_hit() {
     let away = [-3.0, 0.0, 0.0];
     for lit in [false, true] {
         all.surrounding = lit.then(even_light);
-        for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+        for quality in [
+            Quality::Fast,
+            Quality::Draft,
+            Quality::Standard,
+            Quality::High,
+        ] {
             let Some([mut adapter, mut processor]) =
                 both(&all, std::slice::from_ref(&eye), quality)
             else {

@@ -7,6 +7,7 @@ use bytes::{Bytes, BytesMut};
 use parking_lot::Mutex;
 use wheelarm_proto::settings::Depth;
 
+use super::antialias::{self, Rendered};
 use super::deflate::{Deflated, Results};
 use super::geometry::Order;
 use super::packing::{CameraPacker, Packer};
@@ -164,6 +165,7 @@ pub(super) struct Layout {
     row: usize,
     /// Bytes per row of two-byte ids when they have a plane of their own.
     id_row: Option<usize>,
+    smooth_edges: bool,
 }
 
 impl Layout {
@@ -176,6 +178,7 @@ impl Layout {
             height: lens.height as usize,
             row: padded(lens.width * 4),
             id_row: target.ids.as_ref().map(|_| padded(lens.width * 2)),
+            smooth_edges: target.smooth_edges,
         }
     }
 
@@ -254,6 +257,16 @@ impl Layout {
                 let z = near / f32::from_ne_bytes(*from);
                 *to = (if z > far { f32::INFINITY } else { z }).to_le_bytes();
             }
+        }
+        if self.smooth_edges {
+            let rendered = Rendered {
+                colors,
+                depths,
+                row: self.row,
+                width: self.width,
+                height: self.height,
+            };
+            antialias::smooth(rendered, &ids, &mut rgb);
         }
         memory.give([rgb, depth, ids])
     }

@@ -5,7 +5,7 @@
 override TEXTURED: bool = false;
 // The sun may reach the surface.
 override SUNNY: bool = true;
-// Shadow map look-ups per pixel: 0, 1, 9 or 16.
+// Shadow map look-ups per pixel: 0, 1, 3, 9 or 16.
 override SHADOW_TAPS: u32 = 1u;
 // The alpha byte holds the instance id; not when samples are averaged.
 override ID_IN_ALPHA: bool = true;
@@ -230,12 +230,28 @@ fn alpha(id: f32) -> f32 {
     return select(1.0, id * (1.0 / 255.0), ID_IN_ALPHA);
 }
 
+// Three bilinear look-ups about the point, none in the row or column of another: an edge
+// of any direction becomes a ramp of three texels. On a CPU adapter each costs 7 % of the
+// rate; four in a square look no better.
+fn three_taps(at: vec3<f32>) -> f32 {
+    let texel = camera.shadow_texel.x;
+    let a = at.xy + texel * vec2(0.9, 0.35);
+    let b = at.xy + texel * vec2(-0.75, 0.6);
+    let c = at.xy + texel * vec2(-0.15, -0.95);
+    return (textureSampleCompareLevel(shadow_map, shadow_sampler, a, at.z)
+        + textureSampleCompareLevel(shadow_map, shadow_sampler, b, at.z)
+        + textureSampleCompareLevel(shadow_map, shadow_sampler, c, at.z)) * (1.0 / 3.0);
+}
+
 fn sunlit(at: vec3<f32>) -> f32 {
     if SHADOW_TAPS == 0u {
         return 1.0;
     }
     if SHADOW_TAPS == 1u {
         return textureSampleCompareLevel(shadow_map, shadow_sampler, at.xy, at.z);
+    }
+    if SHADOW_TAPS == 3u {
+        return three_taps(at);
     }
     if SHADOW_TAPS == 16u {
         var all = 0.0;

@@ -14,6 +14,8 @@ pub(super) struct Target {
     pub(super) samples: Option<[wgpu::TextureView; 2]>,
     /// When ids do not travel in the alpha byte.
     pub(super) ids: Option<Picture>,
+    /// Edges are smoothed when the image is packed.
+    pub(super) smooth_edges: bool,
     pub(super) uniform: wgpu::Buffer,
 }
 
@@ -39,6 +41,7 @@ impl Target {
             ids: tier
                 .separate_ids()
                 .then(|| picture(device, size, IDS, 1, read)),
+            smooth_edges: tier.smooth_edges,
             uniform: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(&spec.name),
                 size: size_of::<CameraUniform>() as u64,

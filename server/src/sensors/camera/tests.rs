@@ -135,7 +135,12 @@ fn depth_is_metres_along_the_optical_axis() {
     // Padded rows: neither 225 x 4 nor 225 is a multiple of 256.
     let lens = Intrinsics::centred([225, 127], 1.2);
     let eye = camera(looking([0.0; 3], [1.0, 0.0, 0.0]), lens);
-    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+    for quality in [
+        Quality::Fast,
+        Quality::Draft,
+        Quality::Standard,
+        Quality::High,
+    ] {
         let Some(mut renderer) = renderer(&scene, std::slice::from_ref(&eye), quality) else {
             return;
         };
@@ -280,7 +285,12 @@ fn light_and_shadow_fall_where_the_sun_says() {
         }
         sum
     };
-    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+    for quality in [
+        Quality::Fast,
+        Quality::Draft,
+        Quality::Standard,
+        Quality::High,
+    ] {
         let Some(mut renderer) = renderer(&floor_and_box(), &[camera(pose, lens)], quality) else {
             return;
         };
@@ -308,6 +318,37 @@ fn light_and_shadow_fall_where_the_sun_says() {
         let top = mean(frame, [0.0, 0.0, 1.1]);
         assert!(top[0] > 2.0 * top[1], "the box is red: {top:?}");
     }
+}
+
+#[test]
+fn standard_filters_the_edges_of_shadows() {
+    let floor = Shape::Cuboid {
+        half: [8.0, 8.0, 0.05],
+    };
+    let cube = Shape::Cuboid { half: [0.3; 3] };
+    let items = vec![
+        item(&cube, [0.5; 3], Binding::Object(0), [0.0; 3], 1),
+        item(&floor, [0.5; 3], Binding::World, [0.0, 0.0, -0.05], 2),
+    ];
+    let scene = scene(items, 1);
+    // Before the edge x = 0.3 of the shadow of a cube that floats above.
+    let pose = looking([0.3, -0.9, 0.35], [0.3, -0.6, 0.0]);
+    let eye = camera(pose, Intrinsics::centred([200, 120], 1.0));
+    let steepest = |quality| {
+        let mut renderer = renderer(&scene, std::slice::from_ref(&eye), quality)?;
+        let frame = &renderer
+            .render(&snapshot(&[[0.0, 0.0, 0.8]]), &[0])
+            .unwrap()[0];
+        let row = &frame.rgb[60 * 600..61 * 600];
+        let green = |x: usize| i32::from(row[x * 3 + 1]);
+        assert!((green(0) - green(199)).abs() > 60, "{quality:?}");
+        (0..199).map(|x| (green(x + 1) - green(x)).abs()).max()
+    };
+    let (Some(draft), Some(standard)) = (steepest(Quality::Draft), steepest(Quality::Standard))
+    else {
+        return;
+    };
+    assert!(3 * standard <= 2 * draft, "{standard} {draft}");
 }
 
 #[test]
@@ -381,7 +422,12 @@ fn ids_beyond_a_byte_are_told_in_every_quality() {
     let places: Vec<_> = (0..count).map(at).collect();
     let lens = Intrinsics::centred([400, 320], 1.0);
     let eye = camera(looking([0.0; 3], [1.0, 0.0, 0.0]), lens);
-    for quality in [Quality::Fast, Quality::Standard, Quality::High] {
+    for quality in [
+        Quality::Fast,
+        Quality::Draft,
+        Quality::Standard,
+        Quality::High,
+    ] {
         let Some(mut renderer) = renderer(&scene, std::slice::from_ref(&eye), quality) else {
             return;
         };
@@ -417,7 +463,7 @@ fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
     for (body, object) in now.objects.iter_mut().zip(&home.objects) {
         body.pose = object.pose;
     }
-    for quality in [Quality::Standard, Quality::High] {
+    for quality in [Quality::Draft, Quality::Standard, Quality::High] {
         let seen = |seed| {
             let look = Look {
                 seed,

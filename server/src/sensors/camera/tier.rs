@@ -11,6 +11,8 @@ pub(super) struct Tier {
     pub(super) shadow_taps: u32,
     /// Colour samples per pixel.
     pub(super) samples: u32,
+    /// Edges are smoothed in the finished image.
+    pub(super) smooth_edges: bool,
     /// Highlights on rough surfaces too.
     pub(super) all_glossy: bool,
     /// A look is drawn: light from all around, glass, metal that mirrors.
@@ -28,19 +30,21 @@ impl Tier {
         let tier = |shadow_size, shadow_taps, samples| Self {
             shadow_size,
             // A look has softer shadows where that does not cost a tenth of the rate.
-            shadow_taps: if lit && shadow_taps > 1 {
+            shadow_taps: if lit && shadow_taps > 3 {
                 16
             } else {
                 shadow_taps
             },
             samples,
+            smooth_edges: quality == Quality::Standard,
             all_glossy: samples > 1,
             lit,
             wide_ids: scene.items.iter().any(|item| item.instance > BYTE_IDS),
         };
         match quality {
             Quality::Fast => tier(1, 0, 1),
-            Quality::Standard => tier(2048, 1, 1),
+            Quality::Draft => tier(2048, 1, 1),
+            Quality::Standard => tier(2048, 3, 1),
             Quality::High => tier(4096, 9, 4),
         }
     }
