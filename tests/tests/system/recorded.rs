@@ -220,7 +220,8 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
             .all(|(a, b)| a.to_bits() == b.to_bits());
         assert!(equal, "{stream}/{column} is another");
     }
-    // And so are the pictures, but for what the renderer may have learned since.
+    // And so are the images, but for what the renderer may have learned since: smoothed
+    // ambient light alone changes a wall that fills the image by 7 levels.
     for name in ["gen3", "wheelchair"] {
         let [was, is] = [&old, &new].map(|e| e.camera(name).expect("a camera"));
         assert_eq!(was.stamps(), is.stamps());
@@ -234,7 +235,7 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
                 .sum();
             let apart = apart / was.len() as f64;
             assert!(
-                apart < 6.0,
+                apart < 10.0,
                 "{name} {index}: levels differ by {apart:.1} on average"
             );
         }
