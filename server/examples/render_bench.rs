@@ -309,6 +309,17 @@ fn ahead(
     Ok(())
 }
 
+/// The scene under the look of the options, if they name one.
+fn render_scene(options: &Options, robot: &RobotModel, scene: &Scene) -> Result<RenderScene> {
+    Ok(match options.look {
+        Some(seed) => {
+            let look = Drawn::new(look(options, seed), scene, &options.assets)?;
+            RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
+        }
+        None => RenderScene::new(robot, scene, &options.assets)?,
+    })
+}
+
 /// Pairs of two qualities by turns.
 fn compare_quality(
     options: &Options,
@@ -316,13 +327,7 @@ fn compare_quality(
     robot: &RobotModel,
     scene: &Scene,
 ) -> Result<()> {
-    let rendered = match options.look {
-        Some(seed) => {
-            let look = Drawn::new(look(options, seed), scene, &options.assets)?;
-            RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
-        }
-        None => RenderScene::new(robot, scene, &options.assets)?,
-    };
+    let rendered = render_scene(options, robot, scene)?;
     let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
     let mut renderers = Vec::new();
     for quality in qualities {
@@ -368,13 +373,7 @@ fn compare_packing(
     robot: &RobotModel,
     scene: &Scene,
 ) -> Result<()> {
-    let drawn = match options.look {
-        Some(seed) => {
-            let look = Drawn::new(look(options, seed), scene, &options.assets)?;
-            RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
-        }
-        None => RenderScene::new(robot, scene, &options.assets)?,
-    };
+    let drawn = render_scene(options, robot, scene)?;
     let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
     let mut renderers = Vec::new();
     for packing in [Packing::Processor, Packing::Adapter] {

@@ -156,15 +156,17 @@ fn pressed(name: &str, run: GuardRun, assets: &Path, seconds: f64) -> bool {
             }
             good
         }
-        Ok(Err(error)) => {
-            println!("BAD {name}: {error:#}");
-            false
-        }
-        Err(_) => {
-            println!("BAD {name}: panicked");
-            false
-        }
+        failed => report_failure(name, failed),
     }
+}
+
+/// Prints why a run has no verdict.
+fn report_failure<T>(name: &str, result: std::thread::Result<Result<T>>) -> bool {
+    match result {
+        Ok(Err(error)) => println!("BAD {name}: {error:#}"),
+        _ => println!("BAD {name}: panicked"),
+    }
+    false
 }
 
 /// Prints what came of a run; whether it was good.
@@ -195,13 +197,6 @@ fn told(name: &str, job: &dyn Fn() -> Result<Verdict>) -> bool {
             }
             good
         }
-        Ok(Err(error)) => {
-            println!("BAD {name}: {error:#}");
-            false
-        }
-        Err(_) => {
-            println!("BAD {name}: panicked");
-            false
-        }
+        failed => report_failure(name, failed),
     }
 }
