@@ -193,6 +193,7 @@ fn stream(
         // A command that was not given is NaN; so are a contact that is not there and a
         // push that nobody gives.
         let optional = matches!(name, "command" | "contact" | "evaluation" | "disturbance")
+            || (name, meta.name.as_str()) == ("person", "contact_force")
             || (name == "applied" && (rule == Rule::Nearest || rule == Rule::Pose));
         if bad > 0 && !optional {
             wrong(format!("{}: {bad} numbers are not finite", meta.name));

@@ -15,6 +15,8 @@ fn recorded(out: &Path, more: &[&str]) -> (Episode, String) {
     let output = wheelarm(&[&own[..], &small, &["--out", &folder], more].concat());
     let file = out.join("pick_mustard-seed2.h5");
     assert!(file.is_file(), "{}", printed(&output));
+    let found = wheelarm_dataset::validate::validate(&file, 1).expect("a readable recording");
+    assert!(found.problems.is_empty(), "{found}");
     (Episode::open(&file).expect("a recording"), printed(&output))
 }
 
