@@ -41,6 +41,8 @@ pub mod replay;
 #[cfg(feature = "terminal")]
 pub mod teleop;
 #[cfg(feature = "hdf5")]
+mod text_file;
+#[cfg(feature = "hdf5")]
 mod variation;
 pub mod watch;
 #[cfg(feature = "hdf5")]

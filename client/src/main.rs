@@ -38,6 +38,7 @@ use wheelarm_client::replay::{self, ReplayArgs};
 use wheelarm_client::teleop::{self, TeleopArgs};
 use wheelarm_client::watch::{self, WatchArgs};
 use wheelarm_link::Connect;
+use wheelarm_proto::log;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{told, version};
 use wheelarm_proto::restart::{self, SENDING_THREADS, TRANSPORT_THREADS};
@@ -258,16 +259,13 @@ fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     refuse_without_effect(&matches);
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,zenoh=error"));
-    let messages = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_ansi(std::io::stderr().is_terminal());
+    let filter = "warn,zenoh=error";
+    let ansi = std::io::stderr().is_terminal();
     if cli.command.has_the_screen() && std::env::var_os("RUST_LOG").is_none() {
         // They would be written over its screen.
-        messages.with_writer(std::io::sink).init();
+        log::start(filter, ansi, std::io::sink);
     } else {
-        messages.with_writer(std::io::stderr).init();
+        log::start(filter, ansi, std::io::stderr);
     }
     let connect = match cli.connect.connect() {
         Ok(connect) => connect,
@@ -357,7 +355,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Pause => control::pause(&link()?, true)?,
         Command::Resume => control::pause(&link()?, false)?,
         Command::Lease(command) => return control::lease(&link()?, command),
-        Command::Episode(command) => control::episode(&link()?, command)?,
+        Command::Episode(command) => return control::episode(&link()?, command),
         #[cfg(feature = "hdf5")]
         Command::Record(args) => return record::run(&connect, args),
         #[cfg(feature = "hdf5")]

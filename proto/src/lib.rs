@@ -17,6 +17,8 @@ pub mod geometry;
 pub mod installed;
 pub mod keys;
 pub mod label;
+#[cfg(feature = "log")]
+pub mod log;
 pub mod look;
 pub mod output;
 pub mod person;

@@ -29,6 +29,20 @@ pub fn version() -> &'static str {
     &LINE
 }
 
+/// A test cannot run here. Where `WHEELARM_NO_SKIPS` is set, as `make test` does, that is
+/// a failure: what was skipped has not passed.
+///
+/// # Panics
+/// There.
+#[track_caller]
+pub fn skipped(reason: &str) {
+    assert!(
+        std::env::var_os("WHEELARM_NO_SKIPS").is_none(),
+        "this test cannot run here: {reason}"
+    );
+    eprintln!("skipped: {reason}");
+}
+
 /// An error with its causes in one line, each of them once: many repeat the words
 /// of their cause.
 #[must_use]

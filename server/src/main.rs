@@ -10,7 +10,6 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use wheelarm_access::Folder;
 use wheelarm_proto::endpoint::check_endpoint;
-use wheelarm_proto::installed;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
@@ -18,6 +17,7 @@ use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Pacing, Quality, Starts};
 use wheelarm_proto::signals::{Signals, end_as_first_process};
 use wheelarm_proto::v1;
+use wheelarm_proto::{installed, log};
 use wheelarm_server::environment;
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
@@ -437,14 +437,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
             .render(&mut std::io::stdout())
             .context("printing the man page");
     }
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_default_env()
-                .unwrap_or_else(|_| "warn,wheelarm_server=info,zenoh=error".into()),
-        )
-        .init();
+    let filter = "warn,wheelarm_server=info,zenoh=error";
+    log::start(filter, std::io::stderr().is_terminal(), std::io::stderr);
     if args.list_adapters {
         let adapters = Renderer::adapters();
         if adapters.is_empty() {

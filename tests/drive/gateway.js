@@ -294,7 +294,7 @@ export class Gateway {
         let refusal = "";
         let label = message.label || "mustard-seed3-1";
         if (!practice && this.recorders.length < (message.recorders ?? 1)) {
-          refusal = "nothing can be recorded: 0 of 1 recorders connected. Start one with `wheelarm record`, or practise without recording";
+          refusal = "nothing can be recorded: 0 of 1 recorders answer. Start one with `wheelarm record`, or practise without recording";
         } else if (!practice && message.label && this.labels.includes(label)) refusal = `recorder disk cannot record it: ${label}.h5 exists already; the next free label is ${label}-2`;
         else for (let number = 2; !practice && this.labels.includes(label); number += 1) label = `mustard-seed3-${number}`;
         this.alarms = refusal ? [refusal] : [];

@@ -26,7 +26,7 @@ fn python() -> Option<String> {
 #[test]
 fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
     let Some(python) = python() else {
-        println!("skipped: no python3 with h5py and numpy (set WHEELARM_PYTHON)");
+        wheelarm_proto::program::skipped("no python3 with h5py and numpy (set WHEELARM_PYTHON)");
         return;
     };
     let dir = tempfile::tempdir().unwrap();

@@ -177,13 +177,15 @@ fn wait_for_recorders(link: &Link, wanted: u32) -> Result<(), String> {
     let since = Instant::now();
     loop {
         let status = link.ask(&v1::StatusRequest {}).map_err(|e| words(&e))?;
-        let names: BTreeSet<_> = status.recorders.iter().map(|r| &r.recorder).collect();
+        let all = status.recorders.iter();
+        let answering = all.filter(|recorder| recorder.silent_seconds.is_none());
+        let names: BTreeSet<_> = answering.map(|recorder| &recorder.recorder).collect();
         if names.len() >= wanted as usize {
             return Ok(());
         }
         if since.elapsed() > RECORDERS_COME {
             return Err(format!(
-                "nothing can be recorded: {} of {wanted} recorders connected. Start one with \
+                "nothing can be recorded: {} of {wanted} recorders answer. Start one with \
                  `wheelarm record`, or practise without recording",
                 names.len()
             ));

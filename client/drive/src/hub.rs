@@ -174,6 +174,8 @@ pub struct Hub {
     pub link: latest::Receiver<Option<Link>>,
     /// Names of the cameras, by their index.
     pub cameras: latest::Receiver<Vec<String>>,
+    /// The page in control.
+    pub driving: latest::Receiver<Option<String>>,
 }
 
 impl Hub {
@@ -183,12 +185,14 @@ impl Hub {
         let (lanes, came) = Came::lanes();
         let (link, link_of) = latest::channel(None);
         let (cameras, cameras_of) = latest::channel(Vec::new());
+        let (driving, driving_of) = latest::channel(None);
         let work = Work {
             model: Model::default(),
             lanes: lanes.clone(),
             link: None,
             link_told: link,
             cameras,
+            driving,
             commands: None,
             skills: None,
             outlets: BTreeMap::new(),
@@ -211,6 +215,7 @@ impl Hub {
             lanes,
             link: link_of,
             cameras: cameras_of,
+            driving: driving_of,
         };
         (hub, thread)
     }
@@ -227,6 +232,7 @@ struct Work {
     link: Option<Link>,
     link_told: latest::Sender<Option<Link>>,
     cameras: latest::Sender<Vec<String>>,
+    driving: latest::Sender<Option<String>>,
     commands: Option<Commands>,
     skills: Option<Skills>,
     outlets: BTreeMap<String, Outlet>,
@@ -387,6 +393,14 @@ impl Work {
     }
 
     fn perform(&mut self, effects: Vec<Effect>) {
+        let driving = self.model.control.page();
+        self.driving.send_if_modified(|told| {
+            let changed = told.as_deref() != driving;
+            if changed {
+                *told = driving.map(str::to_owned);
+            }
+            changed
+        });
         for effect in effects {
             match effect {
                 Effect::Send(header, command) => {

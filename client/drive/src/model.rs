@@ -228,6 +228,7 @@ impl Model {
         let mut effects = self.carry_out(page, out, time);
         if stops {
             effects.extend(self.stopped_by(page, time));
+            effects.extend(self.stop_program(page));
         }
         effects
     }

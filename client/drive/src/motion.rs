@@ -415,7 +415,7 @@ impl Motion {
 }
 
 /// A chair at rest and an arm that holds.
-fn rest(base: bool, arm: bool) -> v1::Command {
+pub(crate) fn rest(base: bool, arm: bool) -> v1::Command {
     v1::Command {
         base: base.then(v1::BaseCommand::default),
         arm: arm.then_some(v1::ArmCommand {

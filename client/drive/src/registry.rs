@@ -39,8 +39,8 @@ struct Pages {
 }
 
 impl Pages {
-    /// Makes room for another page of `visitor`.
-    fn make_room(&mut self, visitor: &Visitor) -> Result<(), Full> {
+    /// Makes room for another page of `visitor`; the page that drives keeps its place.
+    fn make_room(&mut self, visitor: &Visitor, driving: Option<&str>) -> Result<(), Full> {
         let drives = visitor.role.may_drive();
         let most = if drives { DRIVERS[0] } else { VIEWERS };
         let same_kind = |page: &Page| page.visitor.role.may_drive() == drives;
@@ -63,7 +63,9 @@ impl Pages {
                 _ => return Err(Full::Pages),
             }
         };
-        let theirs = self.pages.iter().filter(|(_, p)| p.visitor == loser);
+        let mut theirs: Vec<_> = self.pages.iter().collect();
+        theirs.retain(|(name, p)| p.visitor == loser && Some(name.as_str()) != driving);
+        let theirs = theirs.into_iter();
         let oldest = theirs.min_by_key(|(_, page)| page.since);
         if let Some(name) = oldest.map(|(name, _)| name.clone())
             && let Some(page) = self.pages.remove(&name)
@@ -94,7 +96,7 @@ pub enum Full {
 
 impl Registry {
     /// Opens a socket: its number, and what ends it. A visitor with too many pages
-    /// loses its oldest.
+    /// loses its oldest, but never the one that is `driving`.
     ///
     /// # Errors
     /// [`Full`].
@@ -103,6 +105,7 @@ impl Registry {
         page: &str,
         visitor: &Visitor,
         socket: Socket,
+        driving: Option<&str>,
     ) -> Result<(u64, oneshot::Receiver<Evicted>), Full> {
         let mut all = self.pages.lock();
         all.count += 1;
@@ -110,7 +113,7 @@ impl Registry {
         match all.pages.get(page) {
             Some(known) if known.visitor != *visitor => return Err(Full::Foreign),
             Some(_) => {}
-            None => all.make_room(visitor)?,
+            None => all.make_room(visitor, driving)?,
         }
         let known = all.pages.entry(page.to_owned()).or_insert_with(|| Page {
             visitor: visitor.clone(),
@@ -159,18 +162,18 @@ mod tests {
     fn a_newer_socket_ends_the_older_and_a_page_has_one_visitor() {
         let registry = Registry::default();
         let anna = visitor("anna", Role::Viewer);
-        let (first, mut ended) = registry.open("p", &anna, Socket::State).unwrap();
+        let (first, mut ended) = registry.open("p", &anna, Socket::State, None).unwrap();
         assert_eq!(ended.try_recv(), Err(TryRecvError::Empty));
-        let (second, mut kept) = registry.open("p", &anna, Socket::State).unwrap();
+        let (second, mut kept) = registry.open("p", &anna, Socket::State, None).unwrap();
         assert_eq!(ended.try_recv(), Err(TryRecvError::Closed));
         // The older one's end does not end the newer one.
         registry.close("p", Socket::State, first);
         assert_eq!(kept.try_recv(), Err(TryRecvError::Empty));
         let ben = visitor("ben", Role::Viewer);
-        let foreign = registry.open("p", &ben, Socket::Video);
+        let foreign = registry.open("p", &ben, Socket::Video, None);
         assert_eq!(foreign.err(), Some(Full::Foreign));
         registry.close("p", Socket::State, second);
-        assert!(registry.open("p", &ben, Socket::Video).is_ok());
+        assert!(registry.open("p", &ben, Socket::Video, None).is_ok());
     }
 
     #[test]
@@ -180,7 +183,8 @@ mod tests {
             visitor("viewer", Role::Viewer),
             visitor("anna", Role::Operator),
         );
-        let open = |page: String, visitor: &Visitor| registry.open(&page, visitor, Socket::State);
+        let open =
+            |page: String, visitor: &Visitor| registry.open(&page, visitor, Socket::State, None);
         let kept: Vec<_> = (0..VIEWERS)
             .map(|i| open(format!("v{i}"), &viewer))
             .collect();
@@ -201,13 +205,20 @@ mod tests {
             visitor("anna", Role::Operator),
             visitor("ben", Role::Operator),
         );
-        let open = |page: &str, visitor| registry.open(page, visitor, Socket::State).unwrap().1;
+        let open =
+            |page: &str, visitor| registry.open(page, visitor, Socket::State, None).unwrap().1;
         let mut bens = open("b", &ben);
         let mut first = open("a", &anna);
         for i in 0..100 {
             open(&format!("a{i}"), &anna);
         }
         assert_eq!(first.try_recv(), Ok(Evicted));
+        let (_, mut driving) = registry.open("d", &anna, Socket::State, None).unwrap();
+        for i in 0..100 {
+            let page = format!("d{i}");
+            let _ = registry.open(&page, &anna, Socket::State, Some("d"));
+        }
+        assert_eq!(driving.try_recv(), Err(TryRecvError::Empty));
         assert_eq!(bens.try_recv(), Err(TryRecvError::Empty));
         let pages = registry.pages.lock().pages.len();
         assert_eq!(pages, 1 + DRIVERS[1]);

@@ -199,6 +199,7 @@ fn recorder(status: &v1::RecorderStatus) -> Value {
         "missed": status.missed,
         "frames": status.accepted_frames,
         "complete": status.complete,
+        "silent_s": status.silent_seconds,
         "message": status.message,
     })
 }

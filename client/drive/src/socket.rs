@@ -101,7 +101,12 @@ async fn enter(
         }
         Kind::Control => Socket::Control(hello.lane),
     };
-    let opened = shared.registry.open(&hello.page, &visitor, socket);
+    let opened = {
+        let driving = shared.hub.driving.borrow();
+        shared
+            .registry
+            .open(&hello.page, &visitor, socket, driving.as_deref())
+    };
     let (number, registered) = opened.map_err(|full| match full {
         Full::Pages => Close::new(4429, "too many pages are open"),
         Full::Foreign => Close::new(SIGNED_OUT, "this page is somebody else's"),

@@ -12,10 +12,7 @@ use clap::Parser;
 fn main() -> ExitCode {
     wheelarm_proto::output::end_with_output();
     wheelarm_proto::signals::end_as_first_process();
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::from_default_env())
-        .with_writer(std::io::stderr)
-        .init();
+    wheelarm_proto::log::start("error", false, std::io::stderr);
     match commands::run(commands::Cli::parse()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {

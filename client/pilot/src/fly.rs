@@ -3,12 +3,12 @@
 
 use std::time::{Duration, Instant};
 
-use wheelarm_link::{Link, LinkError, Turn, Turns};
+use wheelarm_link::{Link, Turn, Turns};
 use wheelarm_policy::{Pilot, PilotOptions, Player};
-use wheelarm_proto::check::Invalid;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
 
+pub use crate::error::FlyError;
 use crate::eyes::{Eyes, STREAMS};
 use crate::policy::{Policy, PolicyError, checked};
 
@@ -57,26 +57,6 @@ impl Default for FlyOptions {
             device: v1::Device::Policy,
         }
     }
-}
-
-/// Why an episode could not be flown to its end.
-#[derive(Debug, thiserror::Error)]
-pub enum FlyError {
-    /// The connection to the server.
-    #[error(transparent)]
-    Link(#[from] LinkError),
-    /// A message is not as the contract says.
-    #[error("a message of the server is wrong: {0}")]
-    Message(#[from] Invalid),
-    /// The policy cannot be shown what it was made for.
-    #[error("{0}")]
-    Sees(String),
-    /// The episode ended under the policy's hands.
-    #[error("the episode was ended by somebody else")]
-    Ended,
-    /// Nothing came for a long time.
-    #[error("the server sent nothing for {0:.0} s; it waits for: {1}")]
-    Silent(f64, String),
 }
 
 /// How an episode went.

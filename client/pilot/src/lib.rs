@@ -12,6 +12,7 @@
 #![warn(missing_docs)]
 
 mod batched;
+mod error;
 mod eyes;
 pub mod fly;
 mod host;

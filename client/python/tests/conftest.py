@@ -17,6 +17,13 @@ def pytest_configure() -> None:
         os.environ.setdefault("WHEELARM_ASSETS", str(ROOT / "assets"))
 
 
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """`make test` sets this: what was skipped has not passed."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if os.environ.get("WHEELARM_NO_SKIPS") and reporter.stats.get("skipped"):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
 @pytest.fixture(scope="session", autouse=True)
 def program() -> pathlib.Path:
     """The server; without one nothing here can be tested, which is no skip but an error."""

@@ -163,24 +163,25 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     if let Some(problem) = unknown {
         bail!("{problem}");
     }
+    let needed = (worker_bytes(&plan) + kept) * workers as f64;
+    let free = host.memory.filter(|free| (*free as f64) < needed);
+    let short = free.map(|free| {
+        let [needed, free] = [needed, free as f64].map(estimate::bytes);
+        format!("{workers} workers need {needed} of memory and {free} are free")
+    });
     if args.dry_run {
         print!("{}", estimate.table(&plan, &out, (workers, kept)));
         if let Some(scratch) = &args.scratch {
             println!("{}", estimate.scratch(scratch, workers));
         }
         estimate.check_disk(&out)?;
+        if let Some(words) = short {
+            bail!("{words}; ask for fewer --workers or smaller cameras");
+        }
         return Ok(ExitCode::SUCCESS);
     }
-    let needed = worker_bytes(&plan) + kept;
-    if let Some(free) = host
-        .memory
-        .filter(|free| (*free as f64) < needed * workers as f64)
-    {
-        tracing::warn!(
-            "{workers} workers need {} of memory and {} are free; a worker that the system kills is replaced, with fewer at a time",
-            estimate::bytes(needed * workers as f64),
-            estimate::bytes(free as f64)
-        );
+    if let Some(words) = short {
+        tracing::warn!("{words}; a worker that the system kills is replaced, with fewer at a time");
     }
     let mut folder = Folder::make(&out)?;
     if let Some(scratch) = &args.scratch {

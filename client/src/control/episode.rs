@@ -1,6 +1,8 @@
 //! `wheelarm episode …`: an episode is started, and the word is given when it
 //! runs; or ended.
 
+use std::process::ExitCode;
+
 use clap::{Args, Subcommand};
 use wheelarm_link::Link;
 use wheelarm_proto::v1;
@@ -46,13 +48,14 @@ pub struct EpisodeStopArgs {
     pub force: bool,
 }
 
-/// Runs `wheelarm episode …` and prints the result.
+/// Runs `wheelarm episode …` and prints the result. Exit code 3 when a recorder has not
+/// confirmed that it has the whole episode.
 ///
 /// # Errors
 /// When the server refuses, or the episode is over before it began.
-pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<()> {
+pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<ExitCode> {
     match command {
-        EpisodeCommand::Start(args) => start(link, args),
+        EpisodeCommand::Start(args) => start(link, args).map(|()| ExitCode::SUCCESS),
         EpisodeCommand::Stop(args) => {
             let stopped = link.ask(&v1::EpisodeStopRequest {
                 discard: args.discard,
@@ -61,7 +64,10 @@ pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<()> {
                 secret: link.secret(),
             })?;
             print!("{}", stopped_text(&stopped));
-            Ok(())
+            Ok(match stopped.unconfirmed.is_empty() {
+                true => ExitCode::SUCCESS,
+                false => ExitCode::from(3),
+            })
         }
     }
 }
@@ -83,9 +89,10 @@ fn start(link: &Link, args: &EpisodeStartArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The recorders that an episode will wait for because they are not connected, in words.
+/// The recorders that an episode will wait for because they do not answer, in words.
 fn waiting(required: u32, status: &v1::Status) -> Option<String> {
-    let recorders = status.recorders.iter();
+    let all = status.recorders.iter();
+    let recorders = all.filter(|one| one.silent_seconds.is_none());
     let names: Vec<&str> = recorders.map(|one| one.recorder.as_str()).collect();
     (names.len() < required as usize).then(|| {
         let connected = match names.is_empty() {
@@ -115,5 +122,7 @@ mod tests {
         }];
         assert_eq!(waiting(1, &status), None);
         assert!(waiting(2, &status).unwrap().contains("connected: r;"));
+        status.recorders[0].silent_seconds = Some(4.0);
+        assert!(waiting(1, &status).unwrap().contains("connected: none;"));
     }
 }

@@ -119,6 +119,9 @@ fn recorder_line(recorder: &v1::RecorderStatus) -> String {
         recorder.accepted_frames,
         recorder.missed
     );
+    if let Some(seconds) = recorder.silent_seconds {
+        let _ = write!(line, ", DOES NOT ANSWER for {seconds:.0} s");
+    }
     for more in [&recorder.path, &recorder.message] {
         if !more.is_empty() {
             let _ = write!(line, ", {more}");
@@ -169,6 +172,12 @@ pub(super) fn stopped_text(stopped: &v1::EpisodeStopped) -> String {
         if stopped.discard { ", discarded" } else { "" },
         stopped.wall_seconds
     );
+    for recorder in &stopped.unconfirmed {
+        let _ = writeln!(
+            text,
+            "  NOT CONFIRMED by recorder {recorder}: its file may be missing or incomplete"
+        );
+    }
     if stopped.cause() == v1::EndCause::Physics {
         text.push_str("  ended by the server: the physics broke\n");
     }

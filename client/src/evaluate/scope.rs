@@ -77,7 +77,7 @@ fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
 /// purposes, or is not what was frozen.
 pub fn read_split(path: &Path) -> anyhow::Result<Scope> {
     let path = &file_or_asset(path);
-    let text = std::fs::read_to_string(path).with_context(|| {
+    let text = crate::text_file::read(path).with_context(|| {
         format!(
             "reading the split {}; name a file, for example assets/splits/policy-claim.toml",
             path.display()

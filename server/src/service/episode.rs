@@ -32,6 +32,8 @@ pub struct Episode {
     pub required: usize,
     /// Recorders that were ready when time went on.
     pub participants: Vec<String>,
+    /// Participants that were lost since then.
+    pub lost: Vec<String>,
     /// Wall time of the announcement.
     pub since: Instant,
     /// Wall time when simulation time went on.

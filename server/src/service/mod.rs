@@ -113,7 +113,7 @@ pub async fn run(
                 // Nobody speaks for another recorder.
                 match status.ok().filter(|status| status.recorder == from) {
                     Some(status) => {
-                        shared.recorders.lock().update(status);
+                        shared.recorders.lock().update(status, Instant::now());
                         shared.signal.raise();
                     }
                     None => shared.note_strange(),

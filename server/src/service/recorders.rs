@@ -14,6 +14,8 @@ pub struct Recorders {
     /// Recorders whose liveliness token is there. What others tell is kept, for
     /// a token may come after the first status, but counts for nothing.
     alive: BTreeSet<String>,
+    /// When each was heard last.
+    heard: BTreeMap<String, Instant>,
     /// Recorders whose connection ended, and since when; they may come back.
     away: BTreeMap<String, Instant>,
     /// Recorders that were lost in the running episode; they hold nobody up again.
@@ -34,6 +36,11 @@ struct Claim {
 /// How long a recorder may be away before it is lost. One that stood still
 /// comes back with a new connection at once; one that was killed does not.
 pub(super) const AWAY: Duration = Duration::from_secs(5);
+
+/// A recorder tells its status every half second. One that told nothing for so long
+/// does not answer: its process or its host stands still. It may go on, and in lock-step
+/// time waits for it; it is not waited for at the start and at the end of an episode.
+pub(super) const SILENT: Duration = Duration::from_secs(3);
 
 /// How long a claimed name waits for its recorder's liveliness token.
 const CLAIM: Duration = Duration::from_secs(10);
@@ -93,7 +100,7 @@ impl Recorders {
     }
 
     /// Takes a status message; ones without a usable name are ignored.
-    pub fn update(&mut self, status: v1::RecorderStatus) {
+    pub fn update(&mut self, status: v1::RecorderStatus, now: Instant) {
         if keys::check_name(&status.recorder).is_err() {
             return;
         }
@@ -103,9 +110,10 @@ impl Recorders {
             let known = self.known.iter();
             let oldest = known.min_by_key(|(name, all)| (self.alive.contains(*name), newest(all)));
             if let Some(name) = oldest.map(|(name, _)| name.clone()) {
-                self.known.remove(&name);
+                self.forget(&name);
             }
         }
+        self.heard.insert(status.recorder.clone(), now);
         let episodes = self.known.entry(status.recorder.clone()).or_default();
         match episodes.iter_mut().find(|s| id(s) == id(&status)) {
             Some(old) => *old = status,
@@ -160,11 +168,31 @@ impl Recorders {
         self.away.contains_key(name)
     }
 
+    fn forget(&mut self, name: &str) {
+        self.known.remove(name);
+        self.heard.remove(name);
+    }
+
+    /// How long a connected recorder has told nothing; zero for one that is not known.
+    fn silence(&self, name: &str, now: Instant) -> Duration {
+        let heard = self.heard.get(name).filter(|_| self.alive.contains(name));
+        heard.map_or(Duration::ZERO, |heard| {
+            now.saturating_duration_since(*heard)
+        })
+    }
+
+    /// Whether a connected recorder does not answer.
+    #[must_use]
+    pub fn is_silent(&self, name: &str, now: Instant) -> bool {
+        self.silence(name, now) > SILENT
+    }
+
     /// Forgets the recorders that were away for too long.
     pub fn expire(&mut self, now: Instant) {
         let late = |since: &Instant| now.saturating_duration_since(*since) > AWAY;
-        for (name, _) in self.away.extract_if(.., |_, since| late(since)) {
-            self.known.remove(&name);
+        let away = self.away.extract_if(.., |_, since| late(since));
+        for (name, _) in away.collect::<Vec<_>>() {
+            self.forget(&name);
             self.gone.insert(name);
         }
     }
@@ -173,7 +201,7 @@ impl Recorders {
     pub fn begin(&mut self) {
         self.gone.clear();
         for name in std::mem::take(&mut self.away).into_keys() {
-            self.known.remove(&name);
+            self.forget(&name);
         }
     }
 
@@ -185,10 +213,18 @@ impl Recorders {
         there.map(|(_, episodes)| episodes)
     }
 
-    /// Number of recorders that are there.
+    /// Number of recorders that are there and answer.
     #[must_use]
-    pub fn present(&self) -> usize {
-        self.there().count()
+    pub fn present(&self, now: Instant) -> usize {
+        let names = self.known.keys().filter(|name| self.alive.contains(*name));
+        names.filter(|name| !self.is_silent(name, now)).count()
+    }
+
+    /// Connected recorders that do not answer.
+    #[must_use]
+    pub fn silent(&self, now: Instant) -> Vec<String> {
+        let names = self.known.keys().filter(|name| self.is_silent(name, now));
+        names.cloned().collect()
     }
 
     /// Participants that were lost since the episode began.
@@ -201,9 +237,9 @@ impl Recorders {
     /// All of them: the newest status of each, after those of episodes of this
     /// run that are still being made into files or just have been. A recorder that left
     /// a moment ago is listed with what became of its files: clients that ask in intervals
-    /// would take its last file for lost.
+    /// would take its last file for lost. One that does not answer says since when.
     #[must_use]
-    pub fn all(&self, run_id: &str) -> Vec<v1::RecorderStatus> {
+    pub fn all(&self, run_id: &str, now: Instant) -> Vec<v1::RecorderStatus> {
         let mut all = Vec::new();
         for episodes in self.there() {
             if let Some((newest, earlier)) = episodes.split_last() {
@@ -222,6 +258,10 @@ impl Recorders {
             run == run_id && episode > 0 && over.contains(&status.state())
         });
         all.extend(left.cloned());
+        for status in &mut all {
+            let silence = self.silence(&status.recorder, now);
+            status.silent_seconds = (silence > SILENT).then_some(silence.as_secs_f64());
+        }
         all
     }
 
@@ -266,10 +306,29 @@ impl Recorders {
             .filter(|s| participants.contains(&s.recorder) && !self.gone.contains(&s.recorder))
     }
 
-    /// Whether a participant has not got the whole episode yet.
+    /// Whether a participant that answers has not got the whole episode yet.
     #[must_use]
-    pub fn is_anyone_recording(&self, run_id: &str, episode: u64, participants: &[String]) -> bool {
-        self.at_work(run_id, episode, participants).next().is_some()
+    pub fn is_anyone_recording(
+        &self,
+        run_id: &str,
+        episode: u64,
+        participants: &[String],
+        now: Instant,
+    ) -> bool {
+        self.at_work(run_id, episode, participants)
+            .any(|status| !self.is_silent(&status.recorder, now))
+    }
+
+    /// Participants of which it is not known that they have the whole episode.
+    #[must_use]
+    pub fn unconfirmed(&self, run_id: &str, episode: u64, participants: &[String]) -> Vec<String> {
+        use v1::RecorderState::{Finished, Finishing};
+        let has = |name: &String| {
+            self.of_episode(run_id, episode)
+                .any(|s| s.recorder == *name && [Finishing, Finished].contains(&s.state()))
+        };
+        let without = participants.iter().filter(|name| !has(name));
+        without.cloned().collect()
     }
 
     /// The participant that what was `published` has left farthest behind, if it is too
@@ -333,18 +392,19 @@ mod tests {
 
     #[test]
     fn credit_is_that_of_the_slowest_participant_of_this_episode() {
+        let now = Instant::now();
         let mut recorders = Recorders::default();
         for name in ["a", "b", "old", "guest"] {
             recorders.came(name);
         }
-        recorders.update(status("a", 2, 10));
-        recorders.update(status("b", 2, 7));
-        recorders.update(status("old", 1, 0));
-        recorders.update(status("guest", 2, 1));
+        recorders.update(status("a", 2, 10), now);
+        recorders.update(status("b", 2, 7), now);
+        recorders.update(status("old", 1, 0), now);
+        recorders.update(status("guest", 2, 1), now);
         // A file that is finished late does not hide what is recorded now.
         let mut late = status("a", 1, 99);
         late.state = v1::RecorderState::Finished as i32;
-        recorders.update(late);
+        recorders.update(late, now);
         let participants = ["a".to_owned(), "b".to_owned(), "old".to_owned()];
         let waits = |recorders: &Recorders, pictures| {
             let published = Progress { pictures, tick: 0 };
@@ -352,7 +412,6 @@ mod tests {
         };
         assert_eq!(waits(&recorders, 12), None);
         assert_eq!(waits(&recorders, 13).as_deref(), Some("b"));
-        let now = Instant::now();
         recorders.left("b", now);
         recorders.expire(now + AWAY);
         let still = waits(&recorders, 13);
@@ -362,20 +421,24 @@ mod tests {
             "one that is away may come back"
         );
         recorders.came("b");
-        recorders.expire(now + 9 * AWAY);
+        let later = now + 9 * AWAY;
+        recorders.update(status("a", 2, 10), later);
+        recorders.update(status("b", 2, 7), later);
+        recorders.expire(later);
         assert!(recorders.lost_of(&participants).is_empty());
         recorders.left("b", now);
-        recorders.expire(now + 2 * AWAY);
+        recorders.expire(later);
         assert_eq!(recorders.lost_of(&participants), ["b"]);
         assert_eq!(waits(&recorders, 15), None);
         assert_eq!(waits(&recorders, 16).as_deref(), Some("a"));
-        assert!(recorders.is_anyone_recording("r", 2, &participants));
+        assert!(recorders.is_anyone_recording("r", 2, &participants, later));
         assert_eq!(recorders.ready("r", 1), ["old"]);
         assert!(recorders.ready("other run", 2).is_empty());
     }
 
     #[test]
     fn time_does_not_run_away_from_a_recorder_that_has_not_got_its_samples() {
+        let now = Instant::now();
         let mut recorders = Recorders::default();
         recorders.came("a");
         let told = |frames, tick| v1::RecorderStatus {
@@ -385,7 +448,7 @@ mod tests {
             missed: 3,
             ..status("a", 1, 9)
         };
-        recorders.update(told(4, 100));
+        recorders.update(told(4, 100), now);
         let participants = ["a".to_owned()];
         let waits = |recorders: &Recorders, pictures, tick| {
             let published = Progress { pictures, tick };
@@ -405,7 +468,7 @@ mod tests {
             recorder: "b".into(),
             ..told(9, 50)
         };
-        recorders.update(behind);
+        recorders.update(behind, now);
         let published = Progress {
             pictures: 9,
             tick: 100 + CREDIT_TICKS,
@@ -413,9 +476,43 @@ mod tests {
         let farthest = recorders.without_credit("r", 1, &both, published);
         assert_eq!(farthest.as_deref(), Some("b"));
         // A recorder of before tells neither.
-        recorders.update(status("a", 1, 4));
+        recorders.update(status("a", 1, 4), now);
         assert!(!waits(&recorders, 9, 9 * CREDIT_TICKS));
         assert!(waits(&recorders, 10, 0));
+    }
+
+    #[test]
+    fn connected_recorder_that_tells_nothing_is_said_and_not_lost() {
+        let now = Instant::now();
+        let mut recorders = Recorders::default();
+        let participants = ["hung".to_owned(), "well".to_owned()];
+        for name in ["hung", "well"] {
+            recorders.came(name);
+            recorders.update(status(name, 1, 0), now);
+        }
+        let tick = Duration::from_millis(1);
+        assert_eq!(recorders.silent(now + SILENT), [""; 0]);
+        let silent = now + SILENT + tick;
+        recorders.update(status("well", 1, 0), silent);
+        assert_eq!(recorders.silent(silent), ["hung"]);
+        assert_eq!(recorders.present(silent), 1);
+        let told = recorders.all("r", silent);
+        let seconds: Vec<_> = told.iter().map(|s| s.silent_seconds.is_some()).collect();
+        assert_eq!(seconds, [true, false]);
+        recorders.expire(silent);
+        assert!(recorders.lost_of(&participants).is_empty(), "it may go on");
+        // Nobody waits for its word at the end of an episode, and its name is told.
+        let mut finishing = status("well", 1, 0);
+        finishing.set_state(v1::RecorderState::Finishing);
+        recorders.update(finishing, silent);
+        assert!(!recorders.is_anyone_recording("r", 1, &participants, silent));
+        assert_eq!(recorders.unconfirmed("r", 1, &participants), ["hung"]);
+
+        // It goes on.
+        recorders.update(status("hung", 1, 0), silent);
+        assert_eq!(recorders.silent(silent), [""; 0]);
+        assert_eq!(recorders.present(silent), 2);
+        assert!(recorders.is_anyone_recording("r", 1, &participants, silent));
     }
 
     #[test]
@@ -424,21 +521,24 @@ mod tests {
         let mut recorders = Recorders::default();
         recorders.came("disk");
         let mut last = status("disk", 1, 5);
-        recorders.update(last.clone());
+        recorders.update(last.clone(), now);
         last.set_state(v1::RecorderState::Finished);
-        recorders.update(last.clone());
+        recorders.update(last.clone(), now);
         let run = id(&last).0.to_owned();
         recorders.left("disk", now);
-        assert_eq!((recorders.present(), recorders.all(&run)), (0, vec![last]));
-        assert!(recorders.all("another run").is_empty());
+        assert_eq!(
+            (recorders.present(now), recorders.all(&run, now)),
+            (0, vec![last])
+        );
+        assert!(recorders.all("another run", now).is_empty());
         recorders.expire(now + AWAY + Duration::from_millis(1));
-        assert!(recorders.all(&run).is_empty());
+        assert!(recorders.all(&run, now).is_empty());
     }
 
     #[test]
     fn of_two_recorders_of_one_name_the_second_is_refused() {
-        let mut recorders = Recorders::default();
         let now = Instant::now();
+        let mut recorders = Recorders::default();
         assert_eq!(recorders.claim("disk", "a", now), Ok(()));
         let refused = recorders.claim("disk", "b", now).unwrap_err();
         assert!(refused.contains("choose another --name"), "{refused}");
@@ -460,12 +560,13 @@ mod tests {
 
     #[test]
     fn what_somebody_without_a_token_tells_counts_for_nothing() {
+        let now = Instant::now();
         let mut recorders = Recorders::default();
-        recorders.update(status("stranger", 1, 0));
+        recorders.update(status("stranger", 1, 0), now);
         let mut failed = status("liar", 1, 0);
         failed.state = v1::RecorderState::Failed as i32;
-        recorders.update(failed);
-        assert_eq!(recorders.present(), 0);
+        recorders.update(failed, now);
+        assert_eq!(recorders.present(now), 0);
         assert!(recorders.ready("r", 1).is_empty());
         assert!(recorders.failed("r", 1).is_empty());
         recorders.came("stranger");
@@ -481,11 +582,12 @@ mod tests {
 
     #[test]
     fn strangers_do_not_push_out_a_recorder() {
+        let now = Instant::now();
         let mut recorders = Recorders::default();
         recorders.came("real");
-        recorders.update(status("real", 1, 0));
+        recorders.update(status("real", 1, 0), now);
         for number in 0..2 * MAX_ALIVE {
-            recorders.update(status(&format!("stranger-{number}"), 9, 0));
+            recorders.update(status(&format!("stranger-{number}"), 9, 0), now);
         }
         assert_eq!(recorders.ready("r", 1), ["real"]);
         assert!(recorders.known.len() <= MAX_RECORDERS);
@@ -497,7 +599,7 @@ mod tests {
         assert_eq!(recorders.ready("r", 1), ["real"]);
         // Nor do their tokens keep a new one out.
         recorders.came("late");
-        recorders.update(status("late", 1, 0));
+        recorders.update(status("late", 1, 0), now);
         assert_eq!(recorders.ready("r", 1), ["late", "real"]);
     }
 }

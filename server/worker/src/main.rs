@@ -85,14 +85,7 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
 /// Takes orders until its standard input ends: then whoever gave them is gone, and
 /// what is under way would be made again.
 fn work(args: Args) -> anyhow::Result<()> {
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_ansi(false)
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_default_env()
-                .unwrap_or_else(|_| "warn,zenoh=error".into()),
-        )
-        .init();
+    wheelarm_proto::log::start("warn,zenoh=error", false, std::io::stderr);
     let assets = assets(args.assets)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)

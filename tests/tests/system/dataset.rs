@@ -6,6 +6,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use wheelarm_dataset::read::Episode;
+use wheelarm_proto::program::skipped;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program, root, wait_until};
@@ -55,7 +56,9 @@ fn python(modules: &str) -> Option<String> {
     if there.is_ok_and(|o| o.status.success()) {
         return Some(python);
     }
-    println!("skipped: {python} cannot import {modules}; `make test` installs them");
+    skipped(&format!(
+        "{python} cannot import {modules}; `make test` installs them"
+    ));
     None
 }
 
@@ -304,7 +307,9 @@ fn page_plays(page: &Path) {
             .output()
             .is_ok_and(|o| o.status.success())
     }) else {
-        println!("skipped: none of {browsers:?} is installed; run: scripts/setup.sh chromium");
+        skipped(&format!(
+            "none of {browsers:?} is installed; run: scripts/setup.sh chromium"
+        ));
         return;
     };
     let output = Command::new(browser)

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use wheelarm_proto::program::skipped;
 use wheelarm_tests::{printed, program, root};
 
 /// Size and rate that keep the software renderer quick.
@@ -47,7 +48,9 @@ fn python(script: &str, args: &[&Path]) -> Option<Output> {
         .args(["-c", "import h5py, numpy"])
         .output();
     if !importable.is_ok_and(|o| o.status.success()) {
-        println!("skipped: {python} cannot import h5py and numpy; `make test` installs them");
+        skipped(&format!(
+            "{python} cannot import h5py and numpy; `make test` installs them"
+        ));
         return None;
     }
     let script = root().join("tests/python").join(script);

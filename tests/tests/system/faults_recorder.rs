@@ -359,8 +359,9 @@ fn lock_step_waits_for_a_stopped_recorder_and_says_for_whom() {
     start_lock_step(&link, "pair");
     pass(&link, 1.0);
     recorders[1].signal("STOP");
-    wait_until("the server says for whom it waits", || {
-        status(&link).waiting_for.contains("recorder two")
+    wait_until("the server says for whom it waits, and why", || {
+        let words = status(&link).waiting_for;
+        words.contains("recorder two") && words.contains("does not answer")
     });
     let before = tick(&link);
     // Longer than the ten seconds after which the transport takes a silent
@@ -385,6 +386,29 @@ fn lock_step_waits_for_a_stopped_recorder_and_says_for_whom() {
     for name in &names[1..] {
         equal(&first, &read(name));
     }
+}
+
+#[test]
+fn the_end_of_an_episode_names_a_recorder_that_stands_still() {
+    let server = Server::start("still", &["--no-cameras"]).expect("a server");
+    let link = server.link();
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorder = Recorder::start(&server, "one", folder.path(), &["--episodes", "1"]);
+    wait_for_recorders(&link, 1);
+    start(&link, "still", 1);
+    pass(&link, 0.5);
+    recorder.signal("STOP");
+    wait_until("its silence is told", || {
+        let recorders = status(&link).recorders;
+        recorders.iter().any(|one| one.silent_seconds.is_some())
+    });
+    let ended = server.client(&["episode", "stop"]).expect("a client");
+    assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
+    let text = printed(&ended);
+    assert!(text.contains("NOT CONFIRMED by recorder one"), "{text}");
+    recorder.signal("CONT");
+    let text = recorder.finish();
+    assert!(text.contains("still.h5: complete"), "{text}");
 }
 
 #[test]

@@ -83,6 +83,7 @@ export class Panels {
     const ready = recorders.filter((one) => one.state === "ready").length;
     if (s.episode?.practice) return ["practice: nothing is kept", "careful"];
     if (recorders.some((one) => one.state === "failed")) return ["recorder FAILED", "bad"];
+    if (recorders.some((one) => one.silent_s)) return ["a recorder DOES NOT ANSWER", "bad"];
     if (missed > 0) return [`${missed} samples missed`, "bad"];
     if (s.episode && ready > 0) return [`● recording × ${ready}`, "good"];
     if (s.episode) return ["NOT RECORDED", "bad"];
@@ -118,9 +119,9 @@ export class Panels {
     });
     text($("recorders_text"), (s.recorders || []).map((one) =>
       `${one.name}: ${one.state === "finished" && !one.complete ? "file NOT complete" : RECORDER_WORDS[one.state] || one.state}` +
-      `, ${one.frames ?? 0} pictures${one.missed ? `, ${one.missed} missed` : ""}${one.message ? `. ${one.message}` : ""}`)
+      `${one.silent_s ? ", DOES NOT ANSWER" : ""}, ${one.frames ?? 0} pictures${one.missed ? `, ${one.missed} missed` : ""}${one.message ? `. ${one.message}` : ""}`)
       .join("; ") || "No recorder is connected: an episode cannot start, practice can.");
-    $("recorders_text").className = (s.recorders || []).some((one) => one.state === "failed" || one.missed) ? "bad" : "quiet";
+    $("recorders_text").className = (s.recorders || []).some((one) => one.state === "failed" || one.missed || one.silent_s) ? "bad" : "quiet";
     const conditions = s.evaluation?.conditions || [];
     children($("conditions"), JSON.stringify(conditions.map((one) => [one.name, one.holds])), () =>
       conditions.map((one) => h("li", { className: one.holds ? "good" : "" }, `${one.name}: ${one.holds ? "yes" : "no"}`)));

@@ -6,6 +6,7 @@ use wheelarm_proto::v1;
 use super::asks::LISTING;
 use super::{Effect, Model, note};
 use crate::errand::Errand;
+use crate::motion::rest;
 use crate::watch::{Connection, Verdict};
 
 /// A status this soon after control was given may be older than that, s.
@@ -31,6 +32,8 @@ pub enum Control {
         name: String,
         /// Number of the page's question, if it asked.
         id: Option<u64>,
+        /// Control is taken for a STOP: the robot is told to rest as soon as it is ours.
+        stops: bool,
     },
     /// A page.
     Ours {
@@ -201,11 +204,34 @@ impl Model {
         self.pages.get(page).is_some_and(|page| page.is_open())
     }
 
+    /// STOP while a program commands the server without this gateway: control is taken
+    /// from it, which ends its commands, and the robot rests.
+    pub(super) fn stop_program(&mut self, page: &str) -> Vec<Effect> {
+        let status = self.situation.status.as_ref();
+        let holder = status.map_or_else(String::new, |status| status.holder.clone());
+        let is_open = self.situation.connection == Connection::Open;
+        let asker = self.pages.get(page).map(|p| p.visitor.name.clone());
+        let Some(asker) = asker.filter(|_| is_open && !holder.is_empty()) else {
+            return Vec::new();
+        };
+        if self.control != Control::None {
+            return Vec::new();
+        }
+        let words = format!("STOP takes control from {holder}");
+        let mut effects = vec![note(page, true, &words), self.audit(page, "took", &holder)];
+        effects.extend(self.ask_server(page, &asker, None, true));
+        if let Control::Asking { stops, .. } = &mut self.control {
+            *stops = true;
+        }
+        effects
+    }
+
     fn ask_server(&mut self, page: &str, name: &str, id: Option<u64>, take: bool) -> Vec<Effect> {
         self.control = Control::Asking {
             page: page.to_owned(),
             name: name.to_owned(),
             id,
+            stops: false,
         };
         vec![Effect::Errand(Errand::Lease { take }, name.to_owned())]
     }
@@ -232,7 +258,13 @@ impl Model {
 
     /// What came of asking the server.
     pub(super) fn leased(&mut self, result: Result<(), String>, time: f64) -> Vec<Effect> {
-        let Control::Asking { page, name, id } = std::mem::take(&mut self.control) else {
+        let Control::Asking {
+            page,
+            name,
+            id,
+            stops,
+        } = std::mem::take(&mut self.control)
+        else {
             return Vec::new();
         };
         match result {
@@ -247,6 +279,10 @@ impl Model {
                 };
                 self.forget_motion(&page);
                 let mut effects = vec![self.audit(&page, "control", "")];
+                if stops {
+                    let header = self.situation.header.clone();
+                    effects.push(self.send(header, rest(true, true)));
+                }
                 effects.extend(self.mine(&page, id));
                 if page == SIGNED_OUT {
                     effects.extend(self.give_up("the page signed out"));

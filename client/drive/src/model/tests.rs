@@ -225,6 +225,28 @@ fn control_that_somebody_takes_at_the_server_is_lost_at_once() {
 }
 
 #[test]
+fn stop_takes_control_from_a_program_and_brakes() {
+    let mut model = open();
+    model.status(status("policy"), 0.001, 0.1);
+    model.intent("c", &stop(1), 0.2);
+    assert_eq!(model.control, Control::None, "a viewer stops nobody");
+    let take = Effect::Errand(Errand::Lease { take: true }, "ben".to_owned());
+    let effects = model.intent("b", &stop(1), 0.2);
+    assert!(effects.contains(&take), "{effects:?}");
+    assert!(notes(&effects, "b").iter().any(|n| n.contains("policy")));
+    // Pressed again before the server has answered: it is asked once.
+    let effects = model.intent("b", &stop(2), 0.25);
+    assert!(!effects.contains(&take), "{effects:?}");
+    let effects = model.done(Done::Lease(Ok(())), 0.3);
+    assert!(stops(&effects), "{effects:?}");
+    assert_eq!(model.control.page(), Some("b"));
+    // Nobody is in control: there is nobody to take it from.
+    let mut model = open();
+    let effects = model.intent("b", &stop(1), 0.2);
+    assert!(!effects.contains(&take), "{effects:?}");
+}
+
+#[test]
 fn both_lanes_lost_stop_the_chair_and_one_does_not() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);

@@ -139,6 +139,16 @@ impl Files {
         verdicts
     }
 
+    /// Whether a recorder that answers has the newest episode.
+    #[must_use]
+    pub fn is_recorded(&self) -> bool {
+        let newest = self.episodes.back();
+        newest.is_some_and(|episode| {
+            let mut files = episode.files.iter();
+            files.any(|(name, file)| file.problem(name).is_none())
+        })
+    }
+
     /// What is wrong with the recording of the running episode.
     #[must_use]
     pub fn problem(&self) -> Option<String> {
@@ -173,6 +183,9 @@ impl File {
                 Some(format!("recorder {name} failed: {}", self.status.message))
             }
             (v1::RecorderState::Ready, Some(_)) => Some(format!("recorder {name} is gone")),
+            (v1::RecorderState::Ready, None) if self.status.silent_seconds.is_some() => {
+                Some(format!("recorder {name} does not answer"))
+            }
             _ => None,
         }
     }
@@ -180,7 +193,10 @@ impl File {
     /// Nothing more comes of it.
     fn is_settled(&self, now: f64) -> bool {
         let over = [v1::RecorderState::Finished, v1::RecorderState::Failed];
-        over.contains(&self.status.state()) || self.missing.is_some_and(|at| now - at > GONE)
+        let silent = self.status.silent_seconds;
+        over.contains(&self.status.state())
+            || self.missing.is_some_and(|at| now - at > GONE)
+            || silent.is_some_and(|seconds| seconds > GONE)
     }
 
     fn is_kept(&self) -> bool {
@@ -377,6 +393,32 @@ mod tests {
         assert!(problem.starts_with("NOTHING IS RECORDED"), "{problem}");
         files.status(&status(true, &both), 2.0);
         assert_eq!(files.problem(), None, "they are back");
+    }
+
+    #[test]
+    fn a_recorder_that_does_not_answer_is_a_problem_and_keeps_nothing() {
+        let mut files = Files::default();
+        let hung = v1::RecorderStatus {
+            silent_seconds: Some(4.0),
+            ..recorder("disk", Ready)
+        };
+        files.status(&status(true, &[recorder("disk", Ready)]), 0.0);
+        assert!(files.is_recorded());
+        files.status(&status(true, &[hung.clone()]), 4.0);
+        let problem = files.problem().unwrap_or_default();
+        assert!(
+            problem.ends_with("recorder disk does not answer"),
+            "{problem}"
+        );
+        assert!(!files.is_recorded());
+        files.ended(&stopped(), 5.0);
+        assert_eq!(files.status(&status(false, &[hung.clone()]), 5.0), []);
+        let hung = v1::RecorderStatus {
+            silent_seconds: Some(1.1 * GONE),
+            ..hung
+        };
+        let verdicts = files.status(&status(false, &[hung]), 9.0);
+        assert!(verdicts[0].text.contains("NOT KEPT"), "{verdicts:?}");
     }
 
     #[test]

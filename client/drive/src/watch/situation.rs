@@ -244,7 +244,8 @@ impl Situation {
         let rest = match (practice, stopped.discard) {
             (true, _) => "practice, nothing is kept",
             (false, true) => "discarded",
-            (false, false) => "the recorder writes the file",
+            (false, false) if self.files.is_recorded() => "the recorder writes the file",
+            (false, false) => "NO RECORDER ANSWERS: the file may be missing",
         };
         let text = format!(
             "episode over: {result} after {:.1} s; {rest}",

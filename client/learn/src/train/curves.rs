@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use plotters::prelude::*;
-
-use super::Entry;
+use serde::{Deserialize, Serialize};
 
 const SIZE: (u32, u32) = (900, 420);
 const COLOURS: [RGBColor; 4] = [
@@ -13,6 +12,19 @@ const COLOURS: [RGBColor; 4] = [
     RGBColor(44, 160, 44),
     RGBColor(148, 103, 189),
 ];
+
+/// A point of the curves.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Step.
+    pub step: u64,
+    /// Means of the training's numbers over the interval.
+    pub training: Vec<(String, f64)>,
+    /// Validation.
+    pub validation: Option<f64>,
+    /// Learning rate.
+    pub rate: f64,
+}
 
 /// Draws every number of the log over its step, logarithmic upwards.
 ///

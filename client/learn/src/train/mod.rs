@@ -18,6 +18,8 @@ use burn::prelude::*;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
+pub use self::curves::Entry;
+
 /// What is learned.
 pub trait Lesson {
     /// The network.
@@ -72,19 +74,6 @@ pub struct Told {
     pub is_over: bool,
     /// One entry per interval.
     pub log: Vec<Entry>,
-}
-
-/// A point of the curves.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
-    /// Step.
-    pub step: u64,
-    /// Means of the training's numbers over the interval.
-    pub training: Vec<(String, f64)>,
-    /// Validation.
-    pub validation: Option<f64>,
-    /// Learning rate.
-    pub rate: f64,
 }
 
 /// Trains, or goes on where a checkpoint lies in the folder. The network has to be

@@ -3018,6 +3018,10 @@ class EpisodeStopped(_Message):
     """What was odd in it, in words, oldest first, each once (no unit)."""
     anomaly_kinds: _Scalars[AnomalyKind]
     """Codes of `anomalies`, as many and in the same order (no unit)."""
+    unconfirmed: _Scalars[str]
+    """In the answer to the query: recorders that took part and have not confirmed that they have
+    the whole episode (no unit). Their files may be missing or incomplete.
+    """
     def __init__(
         self,
         *,
@@ -3029,6 +3033,7 @@ class EpisodeStopped(_Message):
         cause: EndCause | str | int | None = ...,
         anomalies: _Iterable[str] | None = ...,
         anomaly_kinds: _Iterable[AnomalyKind | str | int] | None = ...,
+        unconfirmed: _Iterable[str] | None = ...,
     ) -> None: ...
 
 class RecorderStatus(_Message):
@@ -3069,6 +3074,10 @@ class RecorderStatus(_Message):
     """Where recording failed because a file or a log of that label exists: the next label of the
     same stem that is free at this recorder (no unit).
     """
+    silent_seconds: float
+    """In the server's account of its recorders: for how long a connected recorder has told
+    nothing, where that is so long that it does not answer, s. Recorders leave it out. Optional.
+    """
     def __init__(
         self,
         *,
@@ -3083,6 +3092,7 @@ class RecorderStatus(_Message):
         credit_frames: int | None = ...,
         credit_tick: int | None = ...,
         free_label: str | None = ...,
+        silent_seconds: float | None = ...,
     ) -> None: ...
 
 class Clock(_Message):

@@ -70,7 +70,7 @@ impl Plan {
     /// [`PlanError`] with file, line and cure.
     pub fn read(path: &Path) -> Result<Self, PlanError> {
         let path = &file_or_asset(path);
-        let text = std::fs::read_to_string(path).map_err(|source| PlanError {
+        let text = crate::text_file::read(path).map_err(|source| PlanError {
             path: path.to_owned(),
             line: None,
             what: format!(

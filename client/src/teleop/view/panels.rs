@@ -411,6 +411,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     };
     let lines = all.iter().map(|recorder| {
         let (word, style) = match recorder.state() {
+            _ if recorder.silent_seconds.is_some() => ("DOES NOT ANSWER", theme.bad()),
             v1::RecorderState::Ready => ("recording", theme.good()),
             v1::RecorderState::Finishing => ("finishing", theme.strong()),
             v1::RecorderState::Finished if recorder.complete => ("complete", theme.good()),

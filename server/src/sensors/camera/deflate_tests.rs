@@ -126,7 +126,7 @@ fn several_renderers_of_one_device_deflate_at_once() {
         match Renderer::over(&graphics, &scene, &cameras, Quality::Fast) {
             Ok(renderer) => renderers.push(renderer),
             Err(reason @ RenderError::NoDriver) => {
-                eprintln!("skipped: {reason}");
+                wheelarm_proto::program::skipped(&reason.to_string());
                 return;
             }
             Err(other) => panic!("{other}"),

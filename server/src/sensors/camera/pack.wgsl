@@ -58,10 +58,18 @@ fn place(pixel: u32) -> vec2<u32> {
     return vec2(inside % planes.width, inside / planes.width);
 }
 
-// The color of a pixel as rendered, its alpha byte in the highest bits.
-fn rendered(at: vec2<u32>) -> u32 {
-    let drawn = bitcast<u32>(textureLoad(depth, at, 0)) != 0u || (planes.background >> 24u) != 0u;
-    return select(planes.background, pack4x8unorm(textureLoad(color, at, 0)), drawn);
+// A pixel as rendered.
+struct Texel {
+    // Its alpha byte in the highest bits.
+    color: u32,
+    reversed_depth: f32,
+}
+
+fn texel(at: vec2<u32>) -> Texel {
+    let reversed = textureLoad(depth, at, 0);
+    let drawn = bitcast<u32>(reversed) != 0u || (planes.background >> 24u) != 0u;
+    let shown = select(planes.background, pack4x8unorm(textureLoad(color, at, 0)), drawn);
+    return Texel(shown, reversed);
 }
 
 // Anti-aliasing: the rules and constants of `antialias.rs`.
@@ -77,24 +85,19 @@ fn inside(at: vec2<i32>) -> vec2<u32> {
     return vec2<u32>(clamp(at, vec2<i32>(0, 0), last));
 }
 
-fn depth_at(at: vec2<i32>) -> f32 {
-    return textureLoad(depth, inside(at), 0);
-}
-
 // Whether reversed depth bends across a pixel: it is linear over a plane.
-fn bends(at: vec2<u32>) -> bool {
-    let p = vec2<i32>(at);
-    let here = depth_at(p);
+fn bends(here: f32, sum_x: f32, sum_y: f32) -> bool {
     let least = here * BEND + LEAST_BEND;
-    let x = depth_at(p - vec2(1, 0)) + depth_at(p + vec2(1, 0)) - 2.0 * here;
-    let y = depth_at(p - vec2(0, 1)) + depth_at(p + vec2(0, 1)) - 2.0 * here;
-    return abs(x) > least || abs(y) > least;
+    return abs(sum_x - 2.0 * here) > least || abs(sum_y - 2.0 * here) > least;
 }
 
-// Luma, 0 to 2040.
-fn luma(at: vec2<i32>) -> i32 {
-    let c = rendered(inside(at));
+// Luma of a color, 0 to 2040.
+fn luma_of(c: u32) -> i32 {
     return i32(2u * (c & 0xffu) + 5u * ((c >> 8u) & 0xffu) + ((c >> 16u) & 0xffu));
+}
+
+fn luma(at: vec2<i32>) -> i32 {
+    return luma_of(texel(inside(at)).color);
 }
 
 // Where the stair step ends in a direction, and the difference there.
@@ -110,15 +113,14 @@ fn end_of_step(at: vec2<i32>, along: vec2<i32>, across: vec2<i32>, sum: i32, gra
     return vec2(REACH, difference);
 }
 
-// The color of a pixel on an edge.
-fn blended(at: vec2<u32>) -> u32 {
-    let own = rendered(at);
+// The color of a pixel on an edge, of the color `own`; `nswe` are its neighbours' lumas.
+fn blended(at: vec2<u32>, own: u32, nswe: vec4<i32>) -> u32 {
     let p = vec2<i32>(at);
-    let m = luma(p);
-    let n = luma(p + vec2(0, -1));
-    let s = luma(p + vec2(0, 1));
-    let w = luma(p + vec2(-1, 0));
-    let e = luma(p + vec2(1, 0));
+    let m = luma_of(own);
+    let n = nswe.x;
+    let s = nswe.y;
+    let w = nswe.z;
+    let e = nswe.w;
     let brightest = max(max(max(m, n), max(s, w)), e);
     let contrast = brightest - min(min(min(m, n), min(s, w)), e);
     if contrast < max(LEAST_CONTRAST, brightest >> CONTRAST_SHIFT) {
@@ -146,7 +148,7 @@ fn blended(at: vec2<u32>) -> u32 {
     }
     let length = back.x + ahead.x - 1;
     let weight = u32(128 * (length - 2 * nearest.x + 1) / length);
-    let other = rendered(inside(p + across));
+    let other = texel(inside(p + across)).color;
     var mixed = own & 0xff000000u;
     for (var shift = 0u; shift < 24u; shift += 8u) {
         let sum = ((own >> shift) & 0xffu) * (256u - weight) + ((other >> shift) & 0xffu) * weight;
@@ -155,38 +157,52 @@ fn blended(at: vec2<u32>) -> u32 {
     return mixed;
 }
 
-// Color and depth of the four from `four` on; their alpha bytes. `on_edge` says which
-// border another id.
+// Color and depth of the four from `four` on; their alpha bytes. An edge is where depth
+// bends, where alpha bytes differ, or where `on_edge` says so.
 fn pack_four(four: u32, on_edge: vec4<bool>) -> array<u32, 4> {
     var shown: array<u32, 4>;
+    var left: Texel;
+    var here: Texel;
+    var right: Texel;
     for (var i = 0u; i < 4u; i++) {
         let at = place(four * 4u + i);
-        shown[i] = rendered(at);
-        if planes.smooth_edges != 0u && (on_edge[i] || bends(at)) {
-            shown[i] = blended(at);
+        if planes.smooth_edges == 0u {
+            here = texel(at);
+            shown[i] = here.color;
+        } else {
+            let p = vec2<i32>(at);
+            // Neighbours in a row are read once.
+            if i == 0u || at.x == 0u {
+                here = texel(at);
+                left = texel(inside(p - vec2(1, 0)));
+            }
+            right = texel(inside(p + vec2(1, 0)));
+            let up = texel(inside(p - vec2(0, 1)));
+            let down = texel(inside(p + vec2(0, 1)));
+            let borders = (((here.color ^ left.color) | (here.color ^ right.color)
+                | (here.color ^ up.color) | (here.color ^ down.color)) >> 24u) != 0u;
+            let sum_x = left.reversed_depth + right.reversed_depth;
+            let sum_y = up.reversed_depth + down.reversed_depth;
+            shown[i] = here.color;
+            if on_edge[i] || borders || bends(here.reversed_depth, sum_x, sum_y) {
+                let nswe = vec4(
+                    luma_of(up.color),
+                    luma_of(down.color),
+                    luma_of(left.color),
+                    luma_of(right.color),
+                );
+                shown[i] = blended(at, here.color, nswe);
+            }
         }
-        packed[planes.depth + four * 4u + i] = metres(bitcast<u32>(textureLoad(depth, at, 0)));
+        packed[planes.depth + four * 4u + i] = metres(bitcast<u32>(here.reversed_depth));
+        left = here;
+        here = right;
     }
     let rgb = four * 3u;
     packed[rgb] = (shown[0] & 0xffffffu) | (shown[1] << 24u);
     packed[rgb + 1u] = ((shown[1] >> 8u) & 0xffffu) | (shown[2] << 16u);
     packed[rgb + 2u] = ((shown[2] >> 16u) & 0xffu) | (shown[3] << 8u);
     return array(shown[0] >> 24u, shown[1] >> 24u, shown[2] >> 24u, shown[3] >> 24u);
-}
-
-fn narrow_id(at: vec2<i32>) -> u32 {
-    return rendered(inside(at)) >> 24u;
-}
-
-fn borders_narrow(pixel: u32) -> bool {
-    let p = vec2<i32>(place(pixel));
-    let id = vec4(narrow_id(p));
-    return any(id != vec4(
-        narrow_id(p - vec2(1, 0)),
-        narrow_id(p + vec2(1, 0)),
-        narrow_id(p - vec2(0, 1)),
-        narrow_id(p + vec2(0, 1)),
-    ));
 }
 
 fn wide_id(at: vec2<i32>) -> u32 {
@@ -218,13 +234,7 @@ fn number(group: vec3<u32>, groups: vec3<u32>, local: u32) -> u32 {
     if four * 4u >= planes.count {
         return;
     }
-    var on_edge = vec4(false);
-    if planes.smooth_edges != 0u {
-        for (var i = 0u; i < 4u; i++) {
-            on_edge[i] = borders_narrow(four * 4u + i);
-        }
-    }
-    let id = pack_four(four, on_edge);
+    let id = pack_four(four, vec4(false));
     packed[planes.ids + four * 2u] = id[0] | (id[1] << 16u);
     packed[planes.ids + four * 2u + 1u] = id[2] | (id[3] << 16u);
 }

@@ -235,7 +235,7 @@ mod tests {
         let opened = match graphics.device() {
             Ok(opened) => opened,
             Err(reason @ RenderError::NoDriver) => {
-                eprintln!("skipped: {reason}");
+                wheelarm_proto::program::skipped(&reason.to_string());
                 return;
             }
             Err(other) => panic!("{other}"),

@@ -17,7 +17,7 @@ pub(super) fn both(
         match Renderer::over(&graphics, scene, cameras, quality) {
             Ok(renderer) => Some(renderer),
             Err(reason @ RenderError::NoDriver) => {
-                eprintln!("skipped: {reason}");
+                wheelarm_proto::program::skipped(&reason.to_string());
                 None
             }
             Err(other) => panic!("{other}"),

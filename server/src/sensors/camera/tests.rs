@@ -113,7 +113,7 @@ pub(super) fn renderer(
     match Renderer::new(scene, cameras, quality, None) {
         Ok(renderer) => Some(renderer),
         Err(reason @ RenderError::NoDriver) => {
-            eprintln!("skipped: {reason}");
+            wheelarm_proto::program::skipped(&reason.to_string());
             None
         }
         Err(other) => panic!("{other}"),

@@ -282,7 +282,7 @@ impl Engine {
                 .shared
                 .recorders
                 .lock()
-                .all(self.shared.outbox.run_id()),
+                .all(self.shared.outbox.run_id(), Instant::now()),
             refused: self.shared.inbox.lock().refused(),
             evaluation: Some(evaluation),
             holder: held.holder,

@@ -40,7 +40,8 @@ impl Engine {
         cause: v1::EndCause,
     ) {
         let episode = self.episode.as_ref();
-        let participants = episode.map_or_else(Vec::new, |e| e.participants.clone());
+        let participants =
+            episode.map_or_else(Vec::new, |e| [&e.participants[..], &e.lost[..]].concat());
         let stopped = self.stop_episode(discard, cause);
         let Some(asked) = asked else {
             return;
@@ -76,11 +77,20 @@ impl Engine {
                 let header = answer.stopped.header.as_ref();
                 let episode = header.map_or(0, |header| header.episode);
                 !all && now.duration_since(answer.since) < patience
-                    && recorders.is_anyone_recording(run, episode, &answer.participants)
+                    && recorders.is_anyone_recording(run, episode, &answer.participants, now)
             })
         };
         self.unacknowledged = waiting;
-        for answer in due {
+        for mut answer in due {
+            let header = answer.stopped.header.as_ref();
+            let episode = header.map_or(0, |header| header.episode);
+            if !answer.stopped.discard {
+                answer.stopped.unconfirmed = self.shared.recorders.lock().unconfirmed(
+                    self.shared.outbox.run_id(),
+                    episode,
+                    &answer.participants,
+                );
+            }
             self.reply(answer.asked, Ok(answer.stopped.encode_to_vec()));
         }
     }
@@ -133,7 +143,7 @@ impl Engine {
                 .shared
                 .recorders
                 .lock()
-                .present()
+                .present(Instant::now())
                 .max(request.require_recorders as usize),
             false => request.require_recorders as usize,
         };
@@ -166,6 +176,7 @@ impl Engine {
             required,
             pictures: BTreeMap::new(),
             participants: Vec::new(),
+            lost: Vec::new(),
             since: Instant::now(),
             running_since: Instant::now(),
         });
@@ -310,6 +321,7 @@ impl Engine {
                 .iter()
                 .map(|(kind, _)| (*kind).into())
                 .collect(),
+            unconfirmed: Vec::new(),
         };
         // Whoever hears of the end may ask for it at once.
         self.ended.push_back(stopped.clone());
@@ -329,12 +341,15 @@ impl Engine {
         let Some(episode) = &mut self.episode else {
             return Next::Wait(NAP);
         };
-        let (ready, failed) = {
+        let now = Instant::now();
+        let (ready, failed, silent, present) = {
             let recorders = self.shared.recorders.lock();
             let run = self.shared.outbox.run_id();
             (
                 recorders.ready(run, episode.number),
                 recorders.failed(run, episode.number),
+                recorders.silent(now),
+                recorders.present(now),
             )
         };
         if ready.len() >= episode.required {
@@ -352,7 +367,9 @@ impl Engine {
         for (name, reason) in &failed {
             text.push_str(&format!("; {name} failed: {reason}"));
         }
-        let present = self.shared.recorders.lock().present();
+        for name in &silent {
+            text.push_str(&format!("; {name} does not answer"));
+        }
         let patience = if present >= need {
             PRESENT_SECS
         } else {
@@ -379,11 +396,10 @@ impl Engine {
             recorders.lost_of(&episode.participants)
         };
         episode.participants.retain(|name| !lost.contains(name));
+        episode.lost.extend(lost.iter().cloned());
         for name in lost {
-            self.event(
-                v1::EventKind::Note,
-                &format!("recorder {name} was lost in this episode"),
-            );
+            let words = format!("recorder {name} was lost in this episode");
+            self.event(v1::EventKind::Note, &words);
         }
     }
 
@@ -412,9 +428,10 @@ impl Engine {
                 self.answer(request);
             }
             let mut recorders = self.shared.recorders.lock();
-            recorders.expire(Instant::now());
-            let waiting =
-                recorders.is_anyone_recording(self.shared.outbox.run_id(), episode, participants);
+            let now = Instant::now();
+            recorders.expire(now);
+            let run = self.shared.outbox.run_id();
+            let waiting = recorders.is_anyone_recording(run, episode, participants, now);
             drop(recorders);
             if !waiting {
                 return;

@@ -285,9 +285,16 @@ impl Engine {
         self.report_lost_recorders();
         if lock_step {
             if let Some(recorder) = self.recorder_without_credit() {
-                let away = self.shared.recorders.lock().is_away(&recorder);
-                let lost = ["", ", whose connection is lost"][usize::from(away)];
-                let words = format!("recorder {recorder}{lost}");
+                let recorders = self.shared.recorders.lock();
+                let why = if recorders.is_away(&recorder) {
+                    ", whose connection is lost"
+                } else if recorders.is_silent(&recorder, Instant::now()) {
+                    ", which does not answer; time goes on when it does or has ended"
+                } else {
+                    ""
+                };
+                drop(recorders);
+                let words = format!("recorder {recorder}{why}");
                 self.waiting_for = Waits::new(WaitingFor::Credit, words);
                 return Next::Wait(NAP);
             }

@@ -153,10 +153,13 @@ fn circles(mut arrows: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, B
 
 /// Packages of the clients whose files name each other in one direction; those
 /// of the dataset crate are held to an order below.
-const STRAIGHT: [&str; 6] = [
+const STRAIGHT: [&str; 9] = [
     "client/drive/src",
+    "client/learn/src",
     "client/link/src",
     "client/operate/src",
+    "client/pilot/src",
+    "client/policy/src",
     "client/record/src",
     "client/rig/src",
     "client/src",

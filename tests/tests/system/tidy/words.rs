@@ -5,26 +5,54 @@ use std::fs;
 
 use super::{files, list, root, run_code};
 
+/// Whether `word` stands in a text by itself: "N" is no word of "Name".
+fn has_word(text: &str, word: &str) -> bool {
+    let inside = |c: char| c.is_alphanumeric() || "'_/²".contains(c);
+    text.match_indices(word).any(|(at, _)| {
+        !text[..at].ends_with(inside) && !text[at + word.len()..].starts_with(inside)
+    })
+}
+
+#[test]
+fn units_are_whole_words() {
+    for (text, word, is_there) in [
+        ("Name of the robot.", "N", false),
+        ("Force, N.", "N", true),
+        ("Speed, m/s.", "m", false),
+        ("Turn acceleration, rad/s².", "rad/s²", true),
+        ("Turn acceleration, rad/s².", "s", false),
+    ] {
+        assert_eq!(has_word(text, word), is_there, "{text} {word}");
+    }
+}
+
 #[test]
 fn every_message_field_says_its_unit() {
     let units = [
+        "m",
         "metres",
+        "millimetres",
         "m/s",
+        "m/s²",
         "rad",
+        "rad/s",
+        "rad/s²",
+        "radians",
         "N",
+        "N m",
         "kg",
         "Hz",
         "pixels",
         "no unit",
         "ticks",
         "nanoseconds",
-        " s.",
-        " s,",
+        "s",
+        "ms",
         "count",
         "bytes",
         "SI",
         "unit of the field",
-        " J.",
+        "J",
         "0 to 255",
     ];
     let mut bare = Vec::new();
@@ -58,7 +86,7 @@ fn every_message_field_says_its_unit() {
                 || value_of_enum;
             if declares && !exempt {
                 let typed_parts = message && !comment.is_empty();
-                if !typed_parts && !units.iter().any(|u| comment.contains(u)) {
+                if !typed_parts && !units.iter().any(|unit| has_word(&comment, unit)) {
                     bare.push(format!("{}:{} {line}", path.display(), i + 1));
                 }
             }

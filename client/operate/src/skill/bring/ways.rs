@@ -14,6 +14,9 @@ const HEADINGS: [f64; 15] = [
     -150.0, -135.0, -165.0, -120.0, -180.0, -142.5, -157.5, -105.0, -127.5, -172.5, -112.5, -90.0,
     -97.5, -187.5, -195.0,
 ];
+/// How far the hand leans forward at the mouth, radians: level where that is free of the
+/// person, else back, so that a cup under its straw stays before a broad chest.
+const LIPS_LEANS: [f64; 3] = [0.0, -0.17, -0.3];
 /// The hand turns by less than this on the way round, radians.
 const MOST_TURN: f64 = 5.0;
 /// Directions of a thing's longest side in the lap: across the thighs, radians.
@@ -73,6 +76,10 @@ impl Plan<'_> {
                 }
             }
         }
+        // What is level comes before what leans.
+        if let To::Lips(_) = self.to {
+            ways.sort_by(|a, b| a.end.lean.abs().total_cmp(&b.end.lean.abs()));
+        }
         ways
     }
 
@@ -86,14 +93,14 @@ impl Plan<'_> {
                 let turn = |to: &f64| wrap(to.to_radians() - forward);
                 let short = HEADINGS.iter().map(turn);
                 let long = short.clone().map(|turn| turn - TAU * turn.signum());
-                let end = |turn| End {
+                let turns = short.chain(long.filter(|turn| turn.abs() < MOST_TURN));
+                let end = |turn, lean| End {
                     turn,
-                    lean: 0.0,
+                    lean,
                     forward: 0.0,
                 };
-                short
-                    .chain(long.filter(|turn| turn.abs() < MOST_TURN))
-                    .map(end)
+                turns
+                    .flat_map(|turn| LIPS_LEANS.map(|lean| end(turn, lean)))
                     .collect()
             }
             To::Lap(_) => {
