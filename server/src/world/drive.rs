@@ -15,7 +15,7 @@
 //!
 //! Friction of joints, gears and tyres is a damper of the dynamics as well: dry friction
 //! is its torque over the speed at the begin of the tick, so it is solved exactly at any
-//! speed and never turns a joint around. Below `CREEP` it falls linearly.
+//! speed and never turns a joint around. Below `friction::CREEP` it falls linearly.
 //!
 //! Efforts: of the arm what the gear passes on to the link, friction taken off. That is
 //! the torque of inverse dynamics, and what a torque sensor behind the gear measures
@@ -30,6 +30,7 @@ use wheelarm_proto::exact;
 use super::WorldError;
 use super::body::{RobotBody, Surface};
 use super::convert::{from_vector, real, vector};
+use super::friction::Friction;
 use super::health;
 use super::wheels::Wheels;
 use crate::robot::control::Targets;
@@ -39,9 +40,6 @@ use crate::robot::{ARM_JOINTS, RobotModel};
 /// reached 4 mm behind the led position or at an error of 0.04 m/s.
 const WHEEL_STIFFNESS: f64 = 1000.0;
 const WHEEL_DAMPING: f64 = 100.0;
-/// Speed below which dry friction falls linearly, rad/s. [choice: 16 mm/s at a
-/// stretched hand, 1 % of the speed limits]
-const CREEP: f64 = 0.02;
 /// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
 /// is reached 0.02 rad behind the target; near critical damping with the armature.
 const CRANK_STIFFNESS: f64 = 200.0;
@@ -74,22 +72,6 @@ struct Gains {
     /// Speed that the motor itself makes at the most, rad/s: however far its joint is
     /// behind, as after a hand that was held up slips off.
     fastest: f64,
-}
-
-/// Friction of a joint.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Friction {
-    /// Against the motion, whatever its speed, N·m.
-    pub dry: f64,
-    /// In proportion to the speed, N·m·s/rad.
-    pub viscous: f64,
-}
-
-impl Friction {
-    /// The damping that has this friction's torque at a speed, N·m·s/rad.
-    fn damping(self, velocity: f64) -> f64 {
-        self.viscous + self.dry / velocity.abs().max(CREEP)
-    }
 }
 
 #[derive(Clone, Copy, Debug)]

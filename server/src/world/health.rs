@@ -225,6 +225,21 @@ pub(super) fn impulse(pair: &ContactPair) -> f32 {
     sum
 }
 
+/// All numbers are finite and at most `most` away from zero.
+///
+/// # Errors
+/// With the first that is not.
+pub(super) fn within<'a>(
+    what: &str,
+    numbers: impl IntoIterator<Item = &'a f64>,
+    most: f64,
+) -> Result<(), String> {
+    match numbers.into_iter().find(|x| x.is_nan() || x.abs() > most) {
+        None => Ok(()),
+        Some(x) => Err(format!("{what} is {x:e}, at most {most:e} can be")),
+    }
+}
+
 /// What a stored state must keep beside all that a fault says.
 pub(super) fn stored_problem(body: &RigidBody, place: &Vector3<f64>) -> Option<String> {
     let rotation = f64::from(body.rotation().length());

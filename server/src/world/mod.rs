@@ -10,6 +10,7 @@ mod clib;
 mod contact;
 mod convert;
 mod drive;
+mod friction;
 mod gap;
 mod grip;
 pub mod health;

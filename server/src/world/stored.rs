@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use rapier3d::dynamics::{GenericJoint, JointMotor};
 use rapier3d::prelude::{Collider, ColliderSet, JointAxesMask, PhysicsWorld, RigidBody};
 
-use super::health::{STORED_ANGLE, STORED_SPEED, stored_problem};
+use super::health::{STORED_ANGLE, STORED_SPEED, stored_problem, within};
 use super::state::Read;
 use super::{WILD, World};
 use crate::snapshot::BodyRef;
@@ -156,21 +156,6 @@ impl World {
             BodyRef::Furniture(body) => format!("piece of furniture number {}", body + 1),
             BodyRef::Person(_) => "the person".to_owned(),
         }
-    }
-}
-
-/// All numbers are finite and at most `most` away from zero.
-///
-/// # Errors
-/// With the first that is not.
-pub(super) fn within<'a>(
-    what: &str,
-    numbers: impl IntoIterator<Item = &'a f64>,
-    most: f64,
-) -> Result<(), String> {
-    match numbers.into_iter().find(|x| x.is_nan() || x.abs() > most) {
-        None => Ok(()),
-        Some(x) => Err(format!("{what} is {x:e}, at most {most:e} can be")),
     }
 }
 

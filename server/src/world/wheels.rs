@@ -16,7 +16,7 @@ use super::WorldError;
 use super::body::RobotBody;
 use super::contact::tag;
 use super::convert::vector;
-use super::drive::Friction;
+use super::friction::Friction;
 use super::health;
 use crate::robot::RobotModel;
 use crate::snapshot::{BodyRef, JointState};

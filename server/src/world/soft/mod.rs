@@ -31,8 +31,7 @@ use rotation::Rotation;
 use solver::Scratch;
 use tank::Tank;
 
-use super::health::{FARTHEST, SOFT_ENERGY, STORED_NORM, STORED_SPEED};
-use super::stored::within;
+use super::health::{FARTHEST, SOFT_ENERGY, STORED_NORM, STORED_SPEED, within};
 use crate::geometry::tetrahedra::Tetrahedra;
 use crate::scene::{Body, Placement};
 use crate::snapshot::{BodyRef, BodyState, Contact, SoftSkin};
