@@ -18,7 +18,8 @@
 //!   distance that is left to the stop distance, so the drives do not load against a body.
 //! - **Force.** Above [`FORCE_LIMIT`] (head and face: [`FACE_FORCE_LIMIT`]) on a part of the body the
 //!   body that presses it backs off.
-//! - **Own links.** Links of the arm that touch each other move apart.
+//! - **Own links.** Links of the arm that touch each other, or an object in the hand, move
+//!   apart.
 //! - **Gripper.** Within [`FINGERS`] of the person the fingers move slowly and press
 //!   weakly; a grasp of an object keeps its force until the fingers open.
 //! - **Chair.** With its person it approaches furniture no faster than it can brake
@@ -56,8 +57,8 @@ const HEAD_RATE: f64 = 2.0;
 const STOP: f64 = 0.006;
 /// The same at head and face, m.
 const HEAD_STOP: f64 = 0.006;
-/// The same for links between base and hand, m: contacts of their cylinders with the capsules
-/// of the body begin up to 10 mm early in the engine (measured: single ticks of 15 to 70 N at
+/// The same for links between base and hand, and for objects in the hand but at the head, m:
+/// contacts of their cylinders with the capsules of the body begin up to 10 mm early in the engine (measured: single ticks of 15 to 70 N at
 /// gaps of 4 to 10 mm in 12 of 880 adversarial episodes).
 const LINK_STOP: f64 = 0.012;
 /// Speed at which an object in the hand settles in the lap, m/s, and the force that ends
@@ -125,7 +126,7 @@ impl Simulation {
         for gap in &gaps {
             self.bound_gap(gap, &carried, &mut arm);
         }
-        self.bound_own(&mut arm);
+        self.bound_own(&carried, &mut arm);
         let (chair, retreat) = self.chair_bounds(input, &gaps);
         Some(Guard {
             tool_speed,
@@ -210,7 +211,8 @@ impl Simulation {
         let force = self.press(gap, part);
         let is_object = matches!(gap.first, BodyRef::Object(_));
         let settles = is_object && force < SETTLED && part == BodyPart::Lap;
-        let stop = match (settles, joints < ARM_JOINTS) {
+        let is_round = joints < ARM_JOINTS || is_object && !is_head(part);
+        let stop = match (settles, is_round) {
             (true, _) => 0.0,
             (false, true) => LINK_STOP,
             (false, false) => stop,
@@ -248,11 +250,12 @@ impl Simulation {
         }
     }
 
-    /// Bounds of links of the arm that touch each other: a link that presses the person
-    /// cannot back off against another one that holds it there.
-    fn bound_own(&self, bounds: &mut Vec<ArmBound>) {
+    /// Bounds of links of the arm that touch each other, or what another link carries: what
+    /// presses the person cannot back off against a link that holds it there.
+    fn bound_own(&self, carried: &[Carried], bounds: &mut Vec<ArmBound>) {
         for contact in &self.snapshot.contacts {
-            let (BodyRef::Link(one), BodyRef::Link(other)) = (contact.first, contact.second) else {
+            let other = self.carrier(contact.second, carried);
+            let (BodyRef::Link(one), Some(other)) = (contact.first, other) else {
                 continue;
             };
             let [one, other] = [one, other].map(|link| self.carriers.depths[link]);
