@@ -404,7 +404,7 @@ mod tests {
         };
         files.status(&status(true, &[recorder("disk", Ready)]), 0.0);
         assert!(files.is_recorded());
-        files.status(&status(true, &[hung.clone()]), 4.0);
+        files.status(&status(true, std::slice::from_ref(&hung)), 4.0);
         let problem = files.problem().unwrap_or_default();
         assert!(
             problem.ends_with("recorder disk does not answer"),
@@ -412,7 +412,10 @@ mod tests {
         );
         assert!(!files.is_recorded());
         files.ended(&stopped(), 5.0);
-        assert_eq!(files.status(&status(false, &[hung.clone()]), 5.0), []);
+        assert_eq!(
+            files.status(&status(false, std::slice::from_ref(&hung)), 5.0),
+            []
+        );
         let hung = v1::RecorderStatus {
             silent_seconds: Some(1.1 * GONE),
             ..hung
