@@ -441,7 +441,7 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
             y: 3.4,
             heading: 0.0,
         };
-        let placements = base_placement::placements(&scene, &chair, &[candidate], 0.74);
+        let placements = base_placement::placements(&scene, &chair, &[candidate], None, 0.74);
         let far = placements.iter().map(|placement| {
             let base = standing(&placement.chair) * scene.chair_from_base;
             (Point3::from(base.translation.vector) - point).xy().norm()

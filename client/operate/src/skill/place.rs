@@ -6,7 +6,7 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::play::{Play, Played};
-use super::{Act, Now, Skill, Step};
+use super::{Act, Now, Skill, Step, lift};
 use crate::clearance::held_balls;
 use crate::demonstration::adapt;
 use crate::grasp_candidate::GraspCandidate;
@@ -84,7 +84,7 @@ impl Place {
             .into_iter()
             .map(|pose| (pose, now.profile.carry_speed))
             .collect();
-        self.state = State::Over(Motion::new(now, &stops), candidate);
+        self.state = State::Over(lift::carried(now, &stops), candidate);
         Step::Going(Act::named(Phase::Retracting, "carrying"))
     }
 }
