@@ -152,7 +152,11 @@ pub fn placements(
                     y: point.y - ahead * sin - left * cos,
                     heading,
                 };
-                let cost = candidate.cost
+                let grasp = match wanted {
+                    Some(_) => candidate.wish,
+                    None => candidate.cost,
+                };
+                let cost = grasp
                     + direction.cost
                     + ((far - liked) / 0.06).powi(2)
                     + 0.5 * pose.distance(chair)

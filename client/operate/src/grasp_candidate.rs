@@ -33,6 +33,8 @@ pub struct GraspCandidate {
     pub backoff: f64,
     /// What it has against it; 0 for a hand that comes as the grasp says.
     pub cost: f64,
+    /// The same where the habits count; lower for a grasp that suits them.
+    pub wish: f64,
     /// The demonstration that it is of; `None` for one of the operator's own.
     pub shown: Option<Shown>,
 }
@@ -84,7 +86,7 @@ const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
 const HIGHER: f64 = 0.025;
 /// The pads of a higher or lower grasp keep this far from the object's ends, metres.
 const FROM_END: f64 = 0.02;
-/// Cost of a grasp at the told height where another one is wanted.
+/// Cost of a grasp at the told height where another one is wanted, and the other way about.
 const NOT_AS_WANTED: f64 = 0.6;
 /// A hand from above starts nearer to the thing by this factor: there is
 /// little room below the shoulder.
@@ -136,7 +138,11 @@ pub fn candidates(
                     for lean in leans {
                         let found = deepest(scene, grasp, &at, *lean, &around, standoff, margin);
                         candidates.extend(found.map(|mut candidate| {
-                            candidate.cost += cost + ((lean - wanted) / 0.4).powi(2);
+                            let backoff = candidate.cost;
+                            // Another height than the told one is for the habits alone.
+                            let other = if height == 0.0 { 0.0 } else { NOT_AS_WANTED };
+                            candidate.cost = backoff + other + (lean / 0.4).powi(2);
+                            candidate.wish = backoff + cost + ((lean - wanted) / 0.4).powi(2);
                             candidate
                         }));
                     }
@@ -241,6 +247,7 @@ fn deepest(
                 lean,
                 backoff: *backoff,
                 cost: backoff / 0.02 * 0.3,
+                wish: 0.0,
                 shown: None,
             })
         })

@@ -30,9 +30,9 @@ pub struct Habits {
     pub lean: f64,
     /// Where an upright object is grasped, -1 (low) to 1 (high).
     pub height: f64,
-    /// The hand gets ready from this share of the drive on, by this much in
-    /// `wheelchair_root`, metres; `None` keeps it at home.
-    pub prepare: Option<(f64, [f64; 3])>,
+    /// The hand gets ready from this share of the drive on, by these offsets from home in
+    /// `wheelchair_root`, metres, of which the last is where it ends; `None` keeps it at home.
+    pub prepare: Option<(f64, [[f64; 3]; STOPS])>,
     /// From the pregrasp to the grasp.
     pub approach: ApproachHabit,
     /// The chair backs off by this much while the object is carried back, metres.
@@ -43,17 +43,19 @@ pub struct Habits {
 /// whether the chair backs off with the object. Shares are such that a task without backing
 /// off still has five sequences above 10 %.
 const SEQUENCES: [(f64, bool, ApproachHabit, bool); 6] = [
-    (0.14, false, ApproachHabit::Stop, false),
+    (0.16, false, ApproachHabit::Stop, false),
     (0.14, false, ApproachHabit::Correct([0.0; 3]), true),
-    (0.18, true, ApproachHabit::Stop, true),
-    (0.20, true, ApproachHabit::Correct([0.0; 3]), false),
-    (0.17, true, ApproachHabit::Blend, false),
-    (0.17, true, ApproachHabit::Blend, true),
+    (0.20, true, ApproachHabit::Stop, true),
+    (0.22, true, ApproachHabit::Correct([0.0; 3]), false),
+    (0.14, true, ApproachHabit::Blend, false),
+    (0.14, true, ApproachHabit::Blend, true),
 ];
+/// Places through which a hand that gets ready goes at most.
+pub const STOPS: usize = 5;
 /// Greatest wanted bearing, radians.
-const BEARING: f64 = 0.65;
+const BEARING: f64 = 0.75;
 /// The same to the side on which a person sits.
-const BEARING_TO_PERSON: f64 = 0.15;
+const BEARING_TO_PERSON: f64 = 0.30;
 
 impl Habits {
     /// Samples the habits of one episode.
@@ -70,12 +72,14 @@ impl Habits {
             }
         }
         let (_, prepares, approach, backs_off) = chosen;
-        let begin = sample(0.05, 0.45);
-        let ready = [
-            sample(-0.10, -0.02),
-            sample(-0.06, 0.06),
-            sample(-0.12, 0.10),
-        ];
+        let begin = sample(0.0, 0.2);
+        let ready = [(); STOPS].map(|()| {
+            [
+                sample(-0.12, -0.01),
+                sample(-0.07, 0.07),
+                sample(-0.14, 0.10),
+            ]
+        });
         let off = [
             sample(-0.03, 0.03),
             sample(-0.005, 0.03),
@@ -92,6 +96,16 @@ impl Habits {
                 other => other,
             },
             back_off: backs_off.then_some(sample(0.12, 0.35)),
+        }
+    }
+
+    /// The same on the other side.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        Self {
+            bearing: -self.bearing,
+            twist: -self.twist,
+            ..*self
         }
     }
 

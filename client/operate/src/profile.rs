@@ -13,11 +13,11 @@ use wheelarm_route::hybrid_a_star::PathPreferences;
 
 /// The seed of the plain operator: no habits, one speed, one force.
 pub const PLAIN: u64 = 0;
-/// Speeds of the human-like style, as a share of the quick one's.
-const HUMAN: f64 = 0.5;
+/// Speeds of chair and arm in the human-like style, as a share of the quick one's.
+const HUMAN: [f64; 2] = [0.30, 0.45];
 /// Slowest and fastest operator, as a share of the plain one's speeds: durations then vary
 /// by a third, less than in data of several people.
-const TEMPO: [f64; 2] = [0.33, 1.0];
+const TEMPO: [f64; 2] = [0.30, 1.0];
 /// The arm may be faster than the plain one's by this.
 const ARM: f64 = 1.15;
 /// How far chair and arm of one operator differ from the common tempo.
@@ -75,7 +75,7 @@ pub struct OperatorProfile {
     /// Seed of the human-like pace; `None` goes at one rate.
     pub pace: Option<u64>,
     /// Speeds as a share of the plain operator's.
-    tempo: f64,
+    pub tempo: f64,
 }
 
 impl OperatorProfile {
@@ -127,8 +127,10 @@ impl OperatorProfile {
     /// The same with habits, tempo, force and curves of its own.
     fn varied(mut self, rng: &mut ChaCha8Rng) -> Self {
         let mut sample = |low: f64, high: f64| rng.random_range(low..high);
+        // Slow and quick operators are more frequent than those between.
+        let share = 0.5 - 0.5 * exact::cos(std::f64::consts::PI * sample(0.0, 1.0));
+        self.tempo = TEMPO[0] * exact::powf(TEMPO[1] / TEMPO[0], share);
         let mut between = |[low, high]: [f64; 2]| low * exact::powf(high / low, sample(0.0, 1.0));
-        self.tempo = between(TEMPO);
         self.force = between(FORCE);
         self.shape.bow[0] = between(BOW);
         self.shape.overlap = between(OVERLAP);
@@ -151,8 +153,9 @@ impl OperatorProfile {
         self.drive.braking *= gentle;
         self.drive.turn_acceleration *= gentle;
         self.free_speed *= arm;
-        self.approach_speed *= arm;
-        self.carry_speed *= arm;
+        // Not faster where something may be pushed over or dropped.
+        self.approach_speed *= arm.min(1.0);
+        self.carry_speed *= arm.min(1.0);
     }
 
     /// Force cap at each pad for an object of a width in metres, N.
@@ -170,8 +173,9 @@ impl OperatorProfile {
     #[must_use]
     pub fn in_style(mut self, style: Style, seed: u64) -> Self {
         if style == Style::Human {
-            let speed = HUMAN / self.tempo.sqrt();
-            self.at_speeds(speed, speed);
+            let [chair, arm] = HUMAN.map(|share| share / self.tempo.sqrt());
+            self.at_speeds(chair, arm);
+            self.tempo = self.tempo.sqrt();
             self.pace = Some(seed);
         }
         self

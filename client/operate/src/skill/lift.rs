@@ -98,9 +98,11 @@ pub fn carried(now: &mut Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Motion {
     let balls = held_balls(&now.scene.items[item].boxes, &held);
     let taken = now.memory.candidate;
     let width = taken.map_or(0.0, |candidate| candidate.width);
+    // What is soft hangs from the fingers and swings.
+    let soft = taken.is_some_and(|candidate| candidate.force.is_some());
     let shape = match now.profile.habits {
-        Some(_) => now.profile.shape,
-        None => Shape::default(),
+        Some(_) if !soft => now.profile.shape,
+        _ => Shape::default(),
     };
     Motion::curved(now, stops, &shape, |now, poses| {
         // What it stands on is left straight enough within the first part.

@@ -21,6 +21,8 @@ use super::{bring, lift, place};
 
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
+/// The same of those that suit the habits: each costs time, and there are others.
+const WANTED: usize = 30;
 /// Placements without a path after which a level is abandoned.
 const PATHLESS: usize = 12;
 /// Levels of content with a placement: all in one go, or only what comes first.
@@ -279,18 +281,21 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
             placements.truncate(20 * PLACES);
             placements
         };
-        // As the habits want, then anywhere.
-        let wanted = habits.map(|habits| place(Some(&habits)));
-        let placements: Vec<_> = wanted.into_iter().chain([place(None)]).collect();
+        // As the habits want, on the other side, then anywhere.
+        let wanted = habits.into_iter();
+        let wanted = wanted.flat_map(|habits| [habits, habits.mirrored()]);
+        let wanted = wanted.map(|habits| (place(Some(&habits)), WANTED));
+        let placements: Vec<_> = wanted.chain([(place(None), PLACES)]).collect();
         let choice = Choice {
             purpose,
             candidates,
         };
         // Placements from which everything can be done come first.
         for level in 0..LEVELS {
-            for placements in &placements {
+            for (placements, most) in &placements {
                 let (tally, unreached) = (&mut tally, &mut unreached);
-                let drive = choice.drive(placements, level, now, &footprint, tally, unreached);
+                let looks = (&placements[..], *most);
+                let drive = choice.drive(looks, level, now, &footprint, tally, unreached);
                 if let Some(found) = drive {
                     return Ok(found);
                 }
@@ -326,7 +331,7 @@ impl Choice {
     /// be reached.
     fn drive(
         &self,
-        placements: &[BasePlacement],
+        (placements, most): (&[BasePlacement], usize),
         level: usize,
         now: &mut Now<'_>,
         footprint: &FootprintCheck,
@@ -337,7 +342,7 @@ impl Choice {
         let mut looked = 0;
         let mut refused: Vec<(Pose2, usize)> = Vec::new();
         for placement in placements {
-            if looked == PLACES {
+            if looked == most {
                 break;
             }
             // Neighbours of a placement that did not do rarely do better.

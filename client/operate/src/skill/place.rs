@@ -202,6 +202,7 @@ pub fn taken(now: &Now<'_>, tool_from_item: &Isometry3<f64>) -> GraspCandidate {
         lean: 0.0,
         backoff: 0.0,
         cost: 0.0,
+        wish: 0.0,
         shown: None,
     })
 }
@@ -267,6 +268,7 @@ fn own(
                 lean: 0.0,
                 backoff: 0.0,
                 cost: (turn / 0.7).powi(2),
+                wish: 0.0,
                 shown: None,
             }
         })

@@ -1,11 +1,12 @@
 //! Prepare: the hand gets ready while the chair drives. It turns and moves a little towards
 //! the pregrasp, but stays within the outline that the chair's path was planned with.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::Now;
 use crate::base_placement;
 use crate::grasp_candidate::GraspCandidate;
+use crate::habits::STOPS;
 use crate::tool_path::{Shape, ToolPath, distance};
 
 /// The hand counts as home within this, metres.
@@ -20,10 +21,14 @@ const SHARES: [f64; 4] = [1.0, 0.7, 0.45, 0.25];
 const OUT: f64 = 0.02;
 /// Room from a seated person, metres.
 const FROM_PERSON: f64 = 0.12;
-/// Share of the rest of the drive that the movement takes.
-const LONG: f64 = 0.9;
-/// `ToolPath` peaks above its mean speed by this.
-const PEAK: f64 = 1.875;
+/// Share of the rest of the drive that the movement takes at most.
+const LONG: f64 = 0.95;
+/// The hand goes through as many places as there are of these in the drive, seconds.
+const LEG: f64 = 3.5;
+/// Overlap of the legs between them.
+const OVERLAP: f64 = 0.4;
+/// Speed at which a path is timed first, m/s.
+const UNIT: f64 = 0.1;
 
 /// The movement of the hand in `base_link` and when it begins in the drive, seconds.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,31 +58,34 @@ impl Prepare {
         let base_from_house = (house_from_chair * now.scene.chair_from_base).inverse();
         let [pregrasp, grasp] =
             [candidate.pregrasp, candidate.grasp].map(|at| base_from_house * at);
-        let chair_from_base = now.scene.chair_from_base;
-        let moved = chair_from_base.rotation.inverse() * nalgebra::Vector3::from(moved);
+        let base_from_chair = now.scene.chair_from_base.rotation.inverse();
         let towards = (pregrasp.translation.vector - start.translation.vector) * TOWARDS;
         let between = start.rotation.inverse() * pregrasp.rotation;
         let turn = (TURN / between.angle().max(TURN)).min(0.6);
-        let ready = SHARES.into_iter().find_map(|share| {
+        let at = |stop: usize, share: f64| {
+            let moved = base_from_chair * Vector3::from(moved[stop]);
             let to = start.translation.vector + (moved + towards) * share;
-            let turn = UnitQuaternion::identity().slerp(&between, turn * share);
-            let ready = Isometry3::from_parts(Translation3::from(to), start.rotation * turn);
-            let fits = stays_inside(now, &ready)
-                && base_placement::reaches(&start, &[ready, pregrasp, grasp], now.reach);
-            fits.then_some(ready)
-        })?;
-        let begin = begin * seconds;
-        let length = distance(&start, &ready).max(0.3 * start.rotation.angle_to(&ready.rotation));
-        let speed = PEAK * length / (LONG * (seconds - begin)).max(1e-3);
-        let shape = Shape {
-            overlap: 0.0,
-            ..now.profile.shape
+            // It turns evenly up to the end.
+            let done = (stop + 1) as f64 / STOPS as f64;
+            let turn = UnitQuaternion::identity().slerp(&between, turn * share * done);
+            Isometry3::from_parts(Translation3::from(to), start.rotation * turn)
         };
-        let path = ToolPath::shaped(start, &[(ready, speed.min(now.profile.free_speed))], &shape);
-        path.poses()
-            .iter()
-            .all(|pose| stays_inside(now, pose))
-            .then_some(Self { begin, path })
+        let begin = begin * seconds;
+        let seconds = LONG * (seconds - begin);
+        let legs = ((seconds / LEG) as usize).clamp(1, STOPS);
+        for share in SHARES {
+            for legs in [legs, 1] {
+                let stops: Vec<_> = (STOPS - legs..STOPS).map(|stop| at(stop, share)).collect();
+                let path = timed(now, start, &stops, seconds);
+                let reached = [&path.poses()[..], &[pregrasp, grasp]].concat();
+                if path.poses().iter().all(|pose| stays_inside(now, pose))
+                    && base_placement::reaches(&start, &reached, now.reach)
+                {
+                    return Some(Self { begin, path });
+                }
+            }
+        }
+        None
     }
 
     /// The target of the hand `time` seconds after the drive began; `None` before the movement
@@ -89,6 +97,20 @@ impl Prepare {
             .contains(&time)
             .then(|| self.path.at(time + 1.0 / 60.0))
     }
+}
+
+/// The path through `stops` that takes `seconds`, or less where the hand would be too fast.
+fn timed(now: &Now<'_>, start: Isometry3<f64>, stops: &[Isometry3<f64>], seconds: f64) -> ToolPath {
+    let shape = Shape {
+        overlap: OVERLAP,
+        ..now.profile.shape
+    };
+    let path = |speed: f64| {
+        let stops: Vec<_> = stops.iter().map(|stop| (*stop, speed)).collect();
+        ToolPath::shaped(start, &stops, &shape)
+    };
+    let speed = UNIT * path(UNIT).duration() / seconds.max(1e-3);
+    path(speed.min(now.profile.free_speed))
 }
 
 /// Whether the hand, with the end effector at `base_from_tool`, keeps within the outline of
