@@ -119,6 +119,13 @@ pub fn placements(
     let [nearest, furthest] = scene.arm_range;
     let mut placements = Vec::new();
     for (index, candidate) in candidates.iter().enumerate() {
+        let (grasp, distance) = match habits {
+            Some(habits) => (candidate.wish, habits.distance),
+            None => (candidate.cost, distance),
+        };
+        if grasp.is_infinite() {
+            continue;
+        }
         // Where the chair stood when it was shown comes first.
         if let Some(shown) = candidate.shown {
             let turned = wrap(shown.chair.heading - chair.heading).abs();
@@ -151,10 +158,6 @@ pub fn placements(
                     x: point.x - ahead * cos + left * sin,
                     y: point.y - ahead * sin - left * cos,
                     heading,
-                };
-                let grasp = match wanted {
-                    Some(_) => candidate.wish,
-                    None => candidate.cost,
                 };
                 let cost = grasp
                     + direction.cost

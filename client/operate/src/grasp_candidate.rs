@@ -31,7 +31,8 @@ pub struct GraspCandidate {
     pub lean: f64,
     /// How much shallower than told the object is grasped, metres.
     pub backoff: f64,
-    /// What it has against it; 0 for a hand that comes as the grasp says.
+    /// What it has against it; 0 for a hand that comes as the grasp says, infinite for one
+    /// that only habits choose.
     pub cost: f64,
     /// The same where the habits count; lower for a grasp that suits them.
     pub wish: f64,
@@ -86,7 +87,7 @@ const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
 const HIGHER: f64 = 0.025;
 /// The pads of a higher or lower grasp keep this far from the object's ends, metres.
 const FROM_END: f64 = 0.02;
-/// Cost of a grasp at the told height where another one is wanted, and the other way about.
+/// Cost of a grasp at the told height where another one is wanted.
 const NOT_AS_WANTED: f64 = 0.6;
 /// A hand from above starts nearer to the thing by this factor: there is
 /// little room below the shoulder.
@@ -140,8 +141,10 @@ pub fn candidates(
                         candidates.extend(found.map(|mut candidate| {
                             let backoff = candidate.cost;
                             // Another height than the told one is for the habits alone.
-                            let other = if height == 0.0 { 0.0 } else { NOT_AS_WANTED };
-                            candidate.cost = backoff + other + (lean / 0.4).powi(2);
+                            candidate.cost = match height == 0.0 {
+                                true => backoff + (lean / 0.4).powi(2),
+                                false => f64::INFINITY,
+                            };
                             candidate.wish = backoff + cost + ((lean - wanted) / 0.4).powi(2);
                             candidate
                         }));

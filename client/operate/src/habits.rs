@@ -24,6 +24,8 @@ pub struct Habits {
     /// Bearing of the object from the arm's base at the grasp against the chair's heading,
     /// radians.
     pub bearing: f64,
+    /// Distance from the arm's base to the object on the floor plan, metres.
+    pub distance: f64,
     /// The hand comes from this much beside the line from the arm's base, radians.
     pub twist: f64,
     /// How far the hand leans, as a share of what is usual for the grasp, 0 to 1.
@@ -87,6 +89,7 @@ impl Habits {
         ];
         Self {
             bearing: sample(-BEARING, BEARING),
+            distance: sample(0.66, 0.80),
             twist: sample(-0.25, 0.25),
             lean: sample(0.0, 1.0),
             height: sample(-1.0, 1.0),

@@ -33,8 +33,6 @@ const STROKE: f64 = 0.085;
 const BOW: [f64; 2] = [0.13, 0.28];
 /// To which side they bow, radians from upwards.
 const SIDE: f64 = 1.2;
-/// Distance from the arm's base to the object on the floor plan, metres.
-const DISTANCE: [f64; 2] = [0.66, 0.80];
 /// Overlap of the legs of one movement.
 const OVERLAP: [f64; 2] = [0.15, 0.40];
 
@@ -137,7 +135,6 @@ impl OperatorProfile {
         let chair = between([1.0 - APART, 1.0 + APART]) * self.tempo;
         let arm = between([1.0 - APART, 1.0 + APART]) * self.tempo * ARM;
         self.shape.bow[1] = sample(-SIDE, SIDE);
-        self.grasp.distance = sample(DISTANCE[0], DISTANCE[1]);
         self.at_speeds(chair.min(1.0), arm);
         self.habits = Some(Habits::sample(rng));
         self
