@@ -13,6 +13,7 @@ use super::observation::Observation;
 use super::operator::{Act, Extent, Operator, Outcome};
 use super::profile::{OperatorProfile, PLAIN};
 use super::scene::{Grasp, Item, SceneModel};
+use wheelarm_proto::exact;
 use wheelarm_route::footprint_check::{Outline, Pose2};
 use wheelarm_route::obb::Obb;
 
@@ -542,12 +543,12 @@ fn operators_of_different_seeds_do_the_same_work_in_different_ways() {
     // The arm is mounted backwards.
     let bearing = spread(|at, _| {
         let point = at * Point3::new(0.0, 0.0, 0.13);
-        (-point.y).atan2(-point.x).to_degrees()
+        exact::atan2(-point.y, -point.x).to_degrees()
     });
     assert!(bearing > 12.0, "bearing {bearing:.1} degrees");
     let height = spread(|at, _| (at * Point3::new(0.0, 0.0, 0.13)).z);
     assert!(height > 0.004, "height {height:.4} m");
-    let lean = spread(|at, _| (at.rotation * Vector3::z()).z.asin().to_degrees());
+    let lean = spread(|at, _| exact::asin((at.rotation * Vector3::z()).z).to_degrees());
     assert!(lean > 4.0, "lean {lean:.1} degrees");
     let force = spread(|_, force| force);
     assert!(force > 6.0, "force {force:.1} N");
@@ -568,5 +569,5 @@ fn operator_of_a_seed_repeats_itself_and_the_plain_one_has_no_habits() {
     let (names, at, force) = to_the_grasp(PLAIN);
     assert!(!names.contains(&"driving and preparing") && force == 40.0);
     let point = at * Point3::new(0.0, 0.0, 0.13);
-    assert!((-point.y).atan2(-point.x).abs() < 0.1, "{point}");
+    assert!(exact::atan2(-point.y, -point.x).abs() < 0.1, "{point}");
 }
