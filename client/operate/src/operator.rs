@@ -391,7 +391,7 @@ impl Operator {
                     self.memory
                         .candidate
                         .and_then(|candidate| candidate.force)
-                        .unwrap_or(self.profile.force_at(width)),
+                        .unwrap_or(self.profile.force_at(width / self.scene.hand.stroke)),
                 ),
             }),
             phase: act.phase.into(),

@@ -27,8 +27,6 @@ const FORCE: [f64; 2] = [28.0, 70.0];
 /// The cap at no width, and what the gripper's whole stroke adds, as a share of it: wide
 /// objects are heavier.
 const FORCE_BY_WIDTH: [f64; 2] = [0.75, 0.5];
-/// Width of the widest object that the gripper takes, metres.
-const STROKE: f64 = 0.085;
 /// How far free movements bow out, as a share of their length.
 const BOW: [f64; 2] = [0.13, 0.28];
 /// To which side they bow, radians from upwards.
@@ -155,12 +153,12 @@ impl OperatorProfile {
         self.carry_speed *= arm.min(1.0);
     }
 
-    /// Force cap at each pad for an object of a width in metres, N.
+    /// Force cap at each pad for an object whose width is this share of the gripper's stroke, N.
     #[must_use]
-    pub fn force_at(&self, width: f64) -> f64 {
+    pub fn force_at(&self, share: f64) -> f64 {
         let [none, whole] = FORCE_BY_WIDTH;
         match self.habits {
-            Some(_) => self.force * (none + whole * width / STROKE),
+            Some(_) => self.force * (none + whole * share),
             None => self.force,
         }
     }
