@@ -34,6 +34,9 @@
 # make test-expert   the scripted expert, 20 seeds of each task from EXPERT_SEED: near and
 #                    anywhere, without and with a person; about an hour on two cores;
 #                    results in data/expert-COMMIT, where an interrupted run is resumed
+# make test-variety   how much demonstrations differ, 40 seeds of each task from EXPERT_SEED, and
+#                    the rhythm of the style human, 6 seeds; about an hour on two cores;
+#                    results in data/variety-COMMIT
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
 # make demo-policy   the policy that ships takes the mustard, or does POLICY_TASK=pick_blue_mug,
@@ -64,7 +67,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # What this shell was told of a server elsewhere is not for servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-expert soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -178,6 +181,12 @@ test-expert:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
 	python3 tests/bench/expert.py --programs "$(BUILT)" --out "data/expert-$(WHEELARM_COMMIT)" --first $(EXPERT_SEED) --jobs "$$(nproc)"
+
+test-variety:
+	scripts/setup.sh python numpy h5py
+	$(CARGO) build --release --bins
+	"$(WHEELARM_PYTHON)" tests/bench/variety.py --programs "$(BUILT)" --out "data/variety-$(WHEELARM_COMMIT)/quick" --first $(EXPERT_SEED) --jobs "$$(nproc)"
+	"$(WHEELARM_PYTHON)" tests/bench/variety.py --programs "$(BUILT)" --out "data/variety-$(WHEELARM_COMMIT)/human" --style human --episodes 6 --tasks pick_mustard,pick_bowl,pick_tomato_soup,open_drawer --first $(EXPERT_SEED) --jobs "$$(nproc)"
 
 soak:
 	scripts/setup.sh

@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
 use super::grasp_candidate::GraspCandidate;
+use super::habits::Habits;
 use super::scene::SceneModel;
 use wheelarm_route::footprint_check::{Pose2, wrap};
 
@@ -46,19 +47,85 @@ const SAMPLE: f64 = 0.10;
 /// the arm would have to fold over.
 const JOINT_CHANGE: f64 = 1.0;
 
+/// A direction of the chair that is looked at for a candidate.
+struct Direction {
+    /// Of the chair, radians.
+    heading: f64,
+    /// Of the object from the arm's base against the chair's heading, radians.
+    bearing: f64,
+    cost: f64,
+}
+
+/// Directions for a candidate; with habits, the object at the wanted bearing and the hand
+/// along the arm, but for the twist.
+fn directions(candidate: &GraspCandidate, wanted: Option<(f64, f64)>) -> Vec<Direction> {
+    let steps =
+        |middle: f64, count: i32| (-count..=count).map(move |i| middle + f64::from(i) * 0.1);
+    let mut directions = Vec::new();
+    let mut push = |heading, bearing, cost| {
+        directions.push(Direction {
+            heading: wrap(heading),
+            bearing,
+            cost,
+        });
+    };
+    let bearings = || match wanted {
+        Some((bearing, _)) => steps(bearing, 1),
+        None => steps(0.0, 4),
+    };
+    for bearing in bearings() {
+        // How far the chair is turned to the left of the hand.
+        let offs = match wanted {
+            Some((_, twist)) => steps(twist - bearing, 3),
+            None => steps(0.0, 6),
+        };
+        let cost = |off: f64| match wanted {
+            Some((wanted, twist)) => {
+                ((bearing - wanted) / 0.15).powi(2) + 0.5 * ((off + bearing - twist) / 0.3).powi(2)
+            }
+            None => {
+                (off / 0.2).powi(2)
+                    + ((bearing - off) / 0.2).powi(2)
+                    + 0.5 * (bearing / 0.2).powi(2)
+            }
+        };
+        match (candidate.heading(), wanted) {
+            (Some(direction), _) => offs.for_each(|off| push(direction + off, bearing, cost(off))),
+            (None, None) => {
+                (0..24).for_each(|i| push(TAU * f64::from(i) / 24.0, bearing, cost(0.0)))
+            }
+            (None, Some((_, twist))) => {
+                let cost = cost(twist - bearing);
+                (0..24).for_each(|i| push(TAU * f64::from(i) / 24.0, bearing, cost));
+            }
+        }
+    }
+    directions
+}
+
 /// Placements of the chair, best first, the object `distance` metres from the arm's
-/// base where that can be; not yet checked for room, reach or a path.
+/// base where that can be; not yet checked for room, reach or a path. With habits, only
+/// those that suit them.
 #[must_use]
 pub fn placements(
     scene: &SceneModel,
     chair: &Pose2,
     candidates: &[GraspCandidate],
+    habits: Option<&Habits>,
     distance: f64,
 ) -> Vec<BasePlacement> {
+    let wanted = habits.map(|habits| (habits.bearing(scene.person.is_some()), habits.twist));
     let arm = scene.chair_from_base.translation;
     let [nearest, furthest] = scene.arm_range;
     let mut placements = Vec::new();
     for (index, candidate) in candidates.iter().enumerate() {
+        let (grasp, distance) = match habits {
+            Some(habits) => (candidate.wish, habits.distance),
+            None => (candidate.cost, distance),
+        };
+        if grasp.is_infinite() {
+            continue;
+        }
         // Where the chair stood when it was shown comes first.
         if let Some(shown) = candidate.shown {
             let turned = wrap(shown.chair.heading - chair.heading).abs();
@@ -74,43 +141,34 @@ pub fn placements(
             false => furthest,
         };
         let steps = ((furthest - nearest) / STEP).round() as usize;
-        let headings: Vec<(f64, f64)> = match candidate.heading() {
-            Some(direction) => (-6..=6)
-                .map(|i| f64::from(i) * 0.1)
-                .map(|off| (wrap(direction + off), off))
-                .collect(),
-            None => (0..24).map(|i| (TAU * f64::from(i) / 24.0, 0.0)).collect(),
-        };
         // The steeper the hand, the nearer the chair.
         let level = (candidate.grasp.rotation * Vector3::z()).xy().norm();
         let liked = distance - NEARER * (1.0 - level);
-        for (heading, off) in headings {
+        for direction in directions(candidate, wanted) {
+            let Direction {
+                heading, bearing, ..
+            } = direction;
             let (sin, cos) = exact::sin_cos(heading);
-            for side in -4..=4 {
-                let bearing = f64::from(side) * 0.1;
-                for i in 0..=steps {
-                    let far = nearest + STEP * i as f64;
-                    // The object in the chair's frame.
-                    let ahead = arm.x + far * exact::cos(bearing);
-                    let left = arm.y + far * exact::sin(bearing);
-                    let pose = Pose2 {
-                        x: point.x - ahead * cos + left * sin,
-                        y: point.y - ahead * sin - left * cos,
-                        heading,
-                    };
-                    let cost = candidate.cost
-                        + ((far - liked) / 0.06).powi(2)
-                        + (off / 0.2).powi(2)
-                        + ((bearing - off) / 0.2).powi(2)
-                        + 0.5 * (bearing / 0.2).powi(2)
-                        + 0.5 * pose.distance(chair)
-                        + 0.3 * wrap(heading - chair.heading).abs();
-                    placements.push(BasePlacement {
-                        chair: pose,
-                        candidate: index,
-                        cost,
-                    });
-                }
+            for i in 0..=steps {
+                let far = nearest + STEP * i as f64;
+                // The object in the chair's frame.
+                let ahead = arm.x + far * exact::cos(bearing);
+                let left = arm.y + far * exact::sin(bearing);
+                let pose = Pose2 {
+                    x: point.x - ahead * cos + left * sin,
+                    y: point.y - ahead * sin - left * cos,
+                    heading,
+                };
+                let cost = grasp
+                    + direction.cost
+                    + ((far - liked) / 0.06).powi(2)
+                    + 0.5 * pose.distance(chair)
+                    + 0.3 * wrap(heading - chair.heading).abs();
+                placements.push(BasePlacement {
+                    chair: pose,
+                    candidate: index,
+                    cost,
+                });
             }
         }
     }

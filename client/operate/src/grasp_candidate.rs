@@ -9,6 +9,7 @@ use wheelarm_route::footprint_check::Pose2;
 
 use super::clearance::Surroundings;
 use super::goal::Goal;
+use super::habits::Habits;
 use super::hand::Hand;
 use super::scene::{Grasp, SceneModel};
 
@@ -30,8 +31,11 @@ pub struct GraspCandidate {
     pub lean: f64,
     /// How much shallower than told the object is grasped, metres.
     pub backoff: f64,
-    /// What it has against it; 0 for a hand that comes as the grasp says.
+    /// What it has against it; 0 for a hand that comes as the grasp says, infinite for one
+    /// that only habits choose.
     pub cost: f64,
+    /// The same where the habits count; lower for a grasp that suits them.
+    pub wish: f64,
     /// The demonstration that it is of; `None` for one of the operator's own.
     pub shown: Option<Shown>,
 }
@@ -79,6 +83,12 @@ const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
 /// How far a hand that closes upright turns about the bar, radians.
 const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
+/// Height of a grasp over and under the told one that is wanted at most, metres.
+const HIGHER: f64 = 0.025;
+/// The pads of a higher or lower grasp keep this far from the object's ends, metres.
+const FROM_END: f64 = 0.02;
+/// Cost of a grasp at the told height where another one is wanted.
+const NOT_AS_WANTED: f64 = 0.6;
 /// A hand from above starts nearer to the thing by this factor: there is
 /// little room below the shoulder.
 const TOP_STANDOFF: f64 = 0.55;
@@ -91,12 +101,13 @@ const HANDLE: f64 = 0.02;
 
 /// Every candidate for the goal's object as it lies now that keeps `margin`
 /// metres from everything else. The pregrasp is `standoff` metres before the
-/// grasp.
+/// grasp. Candidates that suit the habits cost less.
 #[must_use]
 pub fn candidates(
     scene: &SceneModel,
     goal: &Goal,
     poses: &[Isometry3<f64>],
+    habits: Option<&Habits>,
     standoff: f64,
     margin: f64,
 ) -> Vec<GraspCandidate> {
@@ -117,16 +128,27 @@ pub fn candidates(
             for half in [0.0, PI] {
                 let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
                 let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
-                for lean in leans(&house_from_grasp, grasp.from_above) {
-                    candidates.extend(deepest(
-                        scene,
-                        grasp,
-                        &house_from_grasp,
-                        *lean,
-                        &around,
-                        standoff,
-                        margin,
-                    ));
+                let leans = leans(&house_from_grasp, grasp.from_above);
+                let wanted = habits.map_or(0.0, |habits| wanted_lean(leans, habits.lean));
+                let heights = match goal.slide() {
+                    Some(_) => vec![(0.0, 0.0)],
+                    None => heights(scene, grasp, house_from_item, &house_from_grasp, habits),
+                };
+                for (height, cost) in heights {
+                    let at = Translation3::new(0.0, 0.0, height) * house_from_grasp;
+                    for lean in leans {
+                        let found = deepest(scene, grasp, &at, *lean, &around, standoff, margin);
+                        candidates.extend(found.map(|mut candidate| {
+                            let backoff = candidate.cost;
+                            // Another height than the told one is for the habits alone.
+                            candidate.cost = match height == 0.0 {
+                                true => backoff + (lean / 0.4).powi(2),
+                                false => f64::INFINITY,
+                            };
+                            candidate.wish = backoff + cost + ((lean - wanted) / 0.4).powi(2);
+                            candidate
+                        }));
+                    }
                 }
             }
         }
@@ -152,6 +174,44 @@ fn leans(house_from_grasp: &Isometry3<f64>, from_above: bool) -> &'static [f64] 
         // Not with the camera below the hand.
         &[]
     }
+}
+
+/// The lean that a habit wants among those that are possible, radians.
+fn wanted_lean(leans: &[f64], share: f64) -> f64 {
+    // Not the steepest ones: they are for places that are hard to reach.
+    let usual = &leans[..leans.len().min(3)];
+    let least = usual.iter().copied().fold(0.0, f64::min);
+    let most = usual.iter().copied().fold(0.0, f64::max);
+    least + share * (most - least)
+}
+
+/// How much higher than told an upright object is grasped by a level hand, metres, with the
+/// cost: as the habit wants, then as told.
+fn heights(
+    scene: &SceneModel,
+    grasp: &Grasp,
+    house_from_item: &Isometry3<f64>,
+    house_from_grasp: &Isometry3<f64>,
+    habits: Option<&Habits>,
+) -> Vec<(f64, f64)> {
+    let told = vec![(0.0, 0.0)];
+    let forward = house_from_grasp.rotation * Vector3::z();
+    let closing = house_from_grasp.rotation * Vector3::x();
+    let level = forward.z.abs() < 0.3 && closing.z.abs() < 0.3;
+    let Some(habits) = habits.filter(|_| level && grasp.force.is_none()) else {
+        return told;
+    };
+    let corners = scene.items[grasp.item].boxes.iter();
+    let corners = corners.flat_map(|obb| obb.corners());
+    let offs = corners.map(|corner| (house_from_item * corner).z - house_from_grasp.translation.z);
+    let [low, high] = offs.fold([0.0_f64; 2], |[low, high], z| [low.min(z), high.max(z)]);
+    let least = (low + FROM_END).clamp(-HIGHER, 0.0);
+    let most = (high - FROM_END).clamp(0.0, HIGHER);
+    let wanted = match habits.height < 0.0 {
+        true => -habits.height * least,
+        false => habits.height * most,
+    };
+    vec![(wanted, 0.0), (0.0, NOT_AS_WANTED)]
 }
 
 /// The candidate that leans by `lean` and is as deep as possible.
@@ -189,7 +249,8 @@ fn deepest(
                 force: grasp.force,
                 lean,
                 backoff: *backoff,
-                cost: (lean / 0.4).powi(2) + backoff / 0.02 * 0.3,
+                cost: backoff / 0.02 * 0.3,
+                wish: 0.0,
                 shown: None,
             })
         })

@@ -21,6 +21,7 @@ use super::demonstration::Demonstrations;
 use super::forced::ForcedError;
 use super::goal::Goal;
 use super::observation::Observation;
+use super::pace::Pace;
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 pub use super::skill::Act;
@@ -39,7 +40,7 @@ pub enum Outcome {
 }
 
 /// The whole work takes no longer than this, seconds of simulation time.
-const LONGEST: f64 = 150.0;
+const LONGEST: f64 = 300.0;
 /// Skills that may end at one tick.
 const ENDINGS: usize = 4;
 
@@ -76,6 +77,8 @@ pub struct Operator {
     longest: f64,
     /// The hand is not brought home first, as long as that works.
     on_the_spot: bool,
+    /// The human-like pace.
+    pace: Option<Pace>,
     /// Time as the skills see it, and when it was last moved on, seconds.
     own_time: Option<(f64, f64)>,
 }
@@ -114,6 +117,7 @@ impl Operator {
             scene,
             goal,
             extent: Extent::Task,
+            pace: profile.pace.map(Pace::new),
             profile,
             shown: Demonstrations::default(),
             at: 0,
@@ -149,6 +153,10 @@ impl Operator {
     /// way; of none it knows its own ways.
     #[must_use]
     pub fn shown(mut self, shown: Demonstrations) -> Self {
+        // What was shown stands in the place of habits.
+        if !shown.list.is_empty() {
+            self.profile.habits = None;
+        }
         self.shown = shown;
         self
     }
@@ -192,14 +200,14 @@ impl Operator {
     }
 
     /// Decides what to do at one control tick; the outcome comes once, with
-    /// the last action. In stop and go the skills see a time of their own, which
-    /// rests in a pause, and the chair goes as much slower as that time does.
+    /// the last action. At the human-like pace the skills see a time of their own, which
+    /// rests in a pause, and the chair goes as much slower or faster as that time does.
     pub fn step(
         &mut self,
         seen: &Observation,
         arm: &mut dyn ArmReachability,
     ) -> (Act, Option<Outcome>) {
-        let Some(pace) = self.profile.pace else {
+        let Some(pace) = &mut self.pace else {
             return self.decide(seen, arm);
         };
         let (mut own, last) = self.own_time.unwrap_or((seen.time, seen.time));
@@ -364,6 +372,7 @@ impl Operator {
                 pose: Some(geometry::pose(&pose)),
             })
         });
+        let width = self.memory.candidate.map_or(0.0, |taken| taken.width);
         let target = pose.or(act.joints.map(|joints| {
             arm_command::Target::Joints(v1::JointTarget {
                 positions: joints.to_vec(),
@@ -382,7 +391,7 @@ impl Operator {
                     self.memory
                         .candidate
                         .and_then(|candidate| candidate.force)
-                        .unwrap_or(self.profile.force),
+                        .unwrap_or(self.profile.force_at(width / self.scene.hand.stroke)),
                 ),
             }),
             phase: act.phase.into(),

@@ -11,8 +11,9 @@ use super::grasp_candidate::GraspCandidate;
 use super::hand;
 use super::observation::Observation;
 use super::operator::{Act, Extent, Operator, Outcome};
-use super::profile::OperatorProfile;
+use super::profile::{OperatorProfile, PLAIN};
 use super::scene::{Grasp, Item, SceneModel};
+use wheelarm_proto::exact;
 use wheelarm_route::footprint_check::{Outline, Pose2};
 use wheelarm_route::obb::Obb;
 
@@ -306,7 +307,7 @@ fn the_bottle_is_taken_wherever_the_task_may_put_it() {
     ] {
         let (outcome, time, notes) = KinematicWorld::new(bottle, yaw, soup, 0).run(seed);
         assert_eq!(outcome, Outcome::Success, "seed {seed}: {notes:?}");
-        assert!(time < 60.0, "seed {seed} took {time:.1} s");
+        assert!(time < 150.0, "seed {seed} took {time:.1} s");
     }
 }
 
@@ -433,6 +434,7 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
             lean: 0.0,
             backoff: 0.0,
             cost: 0.0,
+            wish: 0.0,
             shown: None,
         };
         let point = candidate.point(&scene.hand);
@@ -441,7 +443,7 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
             y: 3.4,
             heading: 0.0,
         };
-        let placements = base_placement::placements(&scene, &chair, &[candidate], 0.74);
+        let placements = base_placement::placements(&scene, &chair, &[candidate], None, 0.74);
         let far = placements.iter().map(|placement| {
             let base = standing(&placement.chair) * scene.chair_from_base;
             (Point3::from(base.translation.vector) - point).xy().norm()
@@ -502,4 +504,70 @@ fn what_was_shown_about_one_bottle_is_done_about_another() {
         let off = first.inv_mul(&second).translation.vector.norm();
         assert!(off < 0.004 + 4.0 * noise, "{off}");
     }
+}
+
+/// Step names up to the grasp, the hand in `base_link` there, and the commanded force.
+fn to_the_grasp(seed: u64) -> (Vec<&'static str>, Isometry3<f64>, f64) {
+    let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+    let mut operator = world.operator(seed);
+    let mut names = Vec::new();
+    loop {
+        let (act, outcome) = operator.step(&world.observe(), &mut world.arm);
+        assert_eq!(outcome, None, "seed {seed}: {:?}", operator.notes());
+        if names.last() != Some(&act.name) {
+            names.push(act.name);
+        }
+        if act.name == "closing" {
+            let gripper = operator.command(&act).gripper;
+            let force = gripper.and_then(|gripper| gripper.max_force);
+            return (names, world.base_from_tool, force.unwrap());
+        }
+        world.apply(&act);
+        assert!(world.time < 150.0, "seed {seed}: {:?}", operator.notes());
+    }
+}
+
+#[test]
+fn operators_of_different_seeds_do_the_same_work_in_different_ways() {
+    let episodes: Vec<_> = (1..=32).map(to_the_grasp).collect();
+    let spread = |value: fn(&Isometry3<f64>, f64) -> f64| {
+        let values: Vec<f64> = episodes
+            .iter()
+            .map(|(_, at, force)| value(at, *force))
+            .collect();
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares = values.iter().map(|value| (value - mean).powi(2));
+        (squares.sum::<f64>() / count).sqrt()
+    };
+    // The arm is mounted backwards.
+    let bearing = spread(|at, _| {
+        let point = at * Point3::new(0.0, 0.0, 0.13);
+        exact::atan2(-point.y, -point.x).to_degrees()
+    });
+    assert!(bearing > 12.0, "bearing {bearing:.1} degrees");
+    let height = spread(|at, _| (at * Point3::new(0.0, 0.0, 0.13)).z);
+    assert!(height > 0.004, "height {height:.4} m");
+    let lean = spread(|at, _| exact::asin((at.rotation * Vector3::z()).z).to_degrees());
+    assert!(lean > 4.0, "lean {lean:.1} degrees");
+    let force = spread(|_, force| force);
+    assert!(force > 6.0, "force {force:.1} N");
+    let mut sequences: Vec<_> = episodes.iter().map(|(names, ..)| names.clone()).collect();
+    sequences.sort();
+    let often = sequences.chunk_by(|a, b| a == b);
+    let often = often
+        .filter(|same| same.len() * 10 >= episodes.len())
+        .count();
+    assert!(often >= 4, "{sequences:?}");
+}
+
+#[test]
+fn operator_of_a_seed_repeats_itself_and_the_plain_one_has_no_habits() {
+    assert_eq!(to_the_grasp(7), to_the_grasp(7));
+    let plain = OperatorProfile::new(PLAIN);
+    assert_eq!((plain.habits, plain.force), (None, 40.0));
+    let (names, at, force) = to_the_grasp(PLAIN);
+    assert!(!names.contains(&"driving and preparing") && force == 40.0);
+    let point = at * Point3::new(0.0, 0.0, 0.13);
+    assert!(exact::atan2(-point.y, -point.x).abs() < 0.1, "{point}");
 }

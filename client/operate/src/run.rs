@@ -190,8 +190,9 @@ pub fn run(
     let goal = Goal::read(&reply, &scene)?;
     let roles = Roles::find(&reply.robot.unwrap_or_default())?;
     let style = Style::from_name(scenario.style()).unwrap_or_default();
-    let profile = OperatorProfile::new(options.profile_seed.unwrap_or(scenario.seed()));
-    let operator = Operator::new(scene, goal, profile.in_style(style));
+    let seed = options.profile_seed.unwrap_or(scenario.seed());
+    let profile = OperatorProfile::new(seed).in_style(style, seed);
+    let operator = Operator::new(scene, goal, profile);
     let mut operator = operator
         .map_err(OperateError::Scene)?
         .shown(options.shown.clone());

@@ -179,10 +179,10 @@ fn by_phase(phases: &[(u64, String)]) -> Cause {
         "retracting",
     ];
     match names.find(|name| !aside.contains(name)).unwrap_or("") {
-        "stowing" | "planning" | "driving" | "stopping" => Cause::NoWay,
-        "reaching" | "approaching" => Cause::NoReach,
+        "stowing" | "planning" | "driving" | "driving and preparing" | "stopping" => Cause::NoWay,
+        "reaching" | "correcting" | "reaching in" | "approaching" => Cause::NoReach,
         "closing" => Cause::NoGrip,
-        "lifting" | "carrying" => Cause::Slipped,
+        "lifting" | "carrying" | "carrying and backing off" => Cause::Slipped,
         "placing" | "letting go" => Cause::NotPut,
         "pulling" | "pushing" => Cause::NotMoved,
         "holding" => Cause::NotHeld,

@@ -69,6 +69,7 @@ pub fn candidates(
                     lean: 0.0,
                     backoff: 0.0,
                     cost,
+                    wish: cost,
                     shown: Some(Shown {
                         index,
                         turn: *turn,
@@ -164,6 +165,7 @@ pub fn puttings(
             lean: 0.0,
             backoff: 0.0,
             cost: f64::from(u8::from(index != taken.index)),
+            wish: 0.0,
             shown: Some(Shown { index, ..*taken }),
         })
     };

@@ -39,6 +39,8 @@ impl Operator {
             return None;
         }
         self.memory.held = None;
+        // Another attempt is made without habits.
+        self.profile.habits = None;
         match std::mem::take(&mut self.forcing) {
             // Meant so: it does not count.
             true => self.memory.notes.push(why.to_owned()),
@@ -83,6 +85,7 @@ impl Operator {
             self.correct(goal);
             return None;
         }
+        self.profile.habits = None;
         self.stops += 1;
         if self.stops >= STOPS {
             return Some(Outcome::Failure(format!(

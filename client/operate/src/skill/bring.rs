@@ -33,6 +33,8 @@ const CLEAR: f64 = 0.01;
 /// Speed to the lips and after them, and down to the lap, m/s: below what the guard
 /// allows at the face.
 const LIPS_SPEED: f64 = 0.025;
+/// The slowest operator goes at this share of it.
+const SLOWEST: f64 = 0.5;
 /// Speed at which an object is laid into the lap, m/s: the arm behind it presses with its
 /// momentum within a tick.
 const LAY_SPEED: f64 = 0.006;
@@ -235,7 +237,7 @@ impl Skill for Bring {
                 let wanted = plan.last(start, *end);
                 let tool = base * now.seen.base_from_tool;
                 let waited = time - *since;
-                let mut speed = LIPS_SPEED;
+                let mut speed = LIPS_SPEED * now.profile.tempo.max(SLOWEST);
                 if matches!(plan.to, To::Lap(_)) {
                     let over = plan.at(start, *end, plan.near());
                     if aim.translation.z < over.translation.z + LIPS_SPEED / 60.0 {

@@ -8,6 +8,7 @@ use super::play::{Play, Played};
 use super::{Act, Now, Skill, Step};
 use crate::clearance::held_balls;
 use crate::goal::Goal;
+use crate::tool_path::Shape;
 
 /// Heights to raise by under a board, metres; the operator profile's comes first.
 const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];
@@ -73,7 +74,7 @@ impl Skill for Lift {
                 .into_iter()
                 .map(|pose| (pose, now.profile.carry_speed))
                 .collect();
-            self.motion = Some(Motion::new(now, &stops));
+            self.motion = Some(carried(now, &stops));
         }
         let act = Act::named(Phase::Retracting, "lifting");
         match self.motion.as_ref().map(|motion| motion.step(now)) {
@@ -86,6 +87,36 @@ impl Skill for Lift {
             Some(Progress::Arrived) | None => Step::Done,
         }
     }
+}
+
+/// The movement of what is held through `stops` in `house`, in the profile's shape where hand
+/// and object then touch nothing and the arm reaches it.
+#[must_use]
+pub fn carried(now: &mut Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Motion {
+    let item = now.goal.item();
+    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let balls = held_balls(&now.scene.items[item].boxes, &held);
+    let taken = now.memory.candidate;
+    let width = taken.map_or(0.0, |candidate| candidate.width);
+    // What is soft hangs from the fingers and swings.
+    let soft = taken.is_some_and(|candidate| candidate.force.is_some());
+    let shape = match now.profile.habits {
+        Some(_) if !soft => now.profile.shape,
+        _ => Shape::default(),
+    };
+    Motion::curved(now, stops, &shape, |now, poses| {
+        // What it stands on is left straight enough within the first part.
+        let start = poses[0].translation.vector;
+        let left = |pose: &&Isometry3<f64>| (pose.translation.vector - start).norm() < OFF;
+        let poses = &poses[poses.iter().take_while(left).count()..];
+        let around = now.scene.around(poses, now.poses, Some(item));
+        poses.len() > 1
+            && around.hand_is_free(&now.scene.hand, width, poses, ROOM)
+            && poses
+                .windows(2)
+                .all(|leg| around.is_free(&balls, &leg[0], &leg[1], ROOM))
+            && now.reaches(poses)
+    })
 }
 
 /// Paths that raise what is held at `at` by `height` that an arm with its base at

@@ -11,6 +11,7 @@ pub mod motion;
 pub mod navigate;
 pub mod place;
 pub mod play;
+pub mod prepare;
 pub mod pull;
 pub mod reach;
 pub mod release;
@@ -110,6 +111,8 @@ pub struct Memory {
     pub home: Option<Isometry3<f64>>,
     /// The grasp candidate that was chosen.
     pub candidate: Option<GraspCandidate>,
+    /// The grasp for which the chair was placed, as the end effector in the thing's frame.
+    pub planned: Option<Isometry3<f64>>,
     /// Grasp candidates that did not work, as the end effector in the thing's frame.
     pub refused: Vec<Isometry3<f64>>,
     /// Stops of the chair from which it did not work.
@@ -165,7 +168,9 @@ impl Now<'_> {
         match self.shown.list.is_empty() {
             true => {
                 let standoff = self.profile.grasp.standoff;
-                grasp_candidate::candidates(self.scene, self.goal, self.poses, standoff, margin)
+                let habits = self.profile.habits.as_ref();
+                let (scene, goal) = (self.scene, self.goal);
+                grasp_candidate::candidates(scene, goal, self.poses, habits, standoff, margin)
             }
             false => adapt::candidates(self.scene, self.goal, self.poses, self.shown, margin),
         }

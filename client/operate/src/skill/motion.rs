@@ -3,7 +3,8 @@
 use nalgebra::Isometry3;
 
 use super::Now;
-use crate::tool_path::{ToolPath, distance};
+use crate::habits::shapes;
+use crate::tool_path::{Shape, ToolPath, distance};
 
 /// The hand counts as arrived within this, metres and radians.
 const ARRIVED: [f64; 2] = [0.006, 0.03];
@@ -33,12 +34,32 @@ impl Motion {
     /// with the peak speed of the leg to it, m/s.
     #[must_use]
     pub fn new(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Self {
-        Self::arched(now, stops, 0.0)
+        Self::shaped(now, stops, &Shape::default())
     }
 
-    /// The same, each leg arched upwards by the share `arch` of its length.
+    /// The same in the first of the profile's shapes whose poses in `house` are all
+    /// `allowed`; straight when there is none.
     #[must_use]
-    pub fn arched(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)], arch: f64) -> Self {
+    pub fn curved(
+        now: &mut Now<'_>,
+        stops: &[(Isometry3<f64>, f64)],
+        shape: &Shape,
+        mut allowed: impl FnMut(&mut Now<'_>, &[Isometry3<f64>]) -> bool,
+    ) -> Self {
+        for shape in shapes(shape) {
+            let motion = Self::shaped(now, stops, &shape);
+            let house_from_base = now.scene.house_from_base(now.seen);
+            let poses = motion.path.poses().into_iter();
+            let poses: Vec<_> = poses.map(|pose| house_from_base * pose).collect();
+            if shape != Shape::default() && allowed(now, &poses) {
+                return motion;
+            }
+        }
+        Self::new(now, stops)
+    }
+
+    /// In a shape.
+    fn shaped(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)], shape: &Shape) -> Self {
         let base_from_house = now.scene.house_from_base(now.seen).inverse();
         let stops: Vec<_> = stops
             .iter()
@@ -49,9 +70,15 @@ impl Motion {
             .base_from_desired
             .unwrap_or(now.seen.base_from_tool);
         Self {
-            path: ToolPath::arched(start, &stops, arch),
+            path: ToolPath::shaped(start, &stops, shape),
             begun: now.seen.time,
         }
+    }
+
+    /// Whether the last of its legs has begun.
+    #[must_use]
+    pub fn is_on_last_leg(&self, now: &Now<'_>) -> bool {
+        now.seen.time - self.begun >= self.path.last_leg()
     }
 
     /// Moves on.

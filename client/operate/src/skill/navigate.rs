@@ -6,12 +6,14 @@ use std::collections::BTreeSet;
 use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
 
+use super::prepare::Prepare;
 use super::{Act, Now, Skill, Step};
 use crate::base_placement::{self, BasePlacement, PLACEMENT_MARGIN};
 use crate::demonstration::adapt;
 use crate::drive::Drive;
 use crate::goal::Goal;
 use crate::grasp_candidate::{GraspCandidate, MARGINS};
+use crate::habits::Habits;
 use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_route::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
 
@@ -19,6 +21,8 @@ use super::{bring, lift, place};
 
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
+/// The same of those that suit the habits: each costs time, and there are others.
+const WANTED: usize = 30;
 /// Placements without a path after which a level is abandoned.
 const PATHLESS: usize = 12;
 /// Levels of content with a placement: all in one go, or only what comes first.
@@ -42,8 +46,14 @@ pub enum Purpose {
 #[derive(Clone, Debug)]
 enum State {
     Plan,
-    Drive { drive: Drive, begun: f64 },
-    Rest { since: f64 },
+    Drive {
+        drive: Drive,
+        begun: f64,
+        prepare: Option<Prepare>,
+    },
+    Rest {
+        since: f64,
+    },
 }
 
 /// See the module.
@@ -65,7 +75,7 @@ impl Navigate {
 
     fn plan(&mut self, now: &mut Now<'_>) -> Step {
         match find(now, self.purpose) {
-            Ok(drive) => {
+            Ok((drive, candidate)) => {
                 let stop = drive.goal();
                 now.note(format!(
                     "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s",
@@ -74,9 +84,18 @@ impl Navigate {
                     stop.heading.to_degrees(),
                     drive.duration()
                 ));
+                let prepare = match self.purpose {
+                    Purpose::Put => None,
+                    Purpose::Take => {
+                        now.memory.planned = Some(now.thing().inv_mul(&candidate.grasp));
+                        let at = base_placement::standing(&stop);
+                        Prepare::plan(now, &at, &candidate, drive.duration())
+                    }
+                };
                 self.state = State::Drive {
                     drive,
                     begun: now.seen.time,
+                    prepare,
                 };
                 Step::Going(Act::named(Phase::Navigating, "planning"))
             }
@@ -90,7 +109,11 @@ impl Skill for Navigate {
         let still = Some([0.0, 0.0]);
         match &self.state {
             State::Plan => self.plan(now),
-            State::Drive { drive, begun } => {
+            State::Drive {
+                drive,
+                begun,
+                prepare,
+            } => {
                 let time = now.seen.time - begun;
                 let mut act = Act::named(Phase::Navigating, "driving");
                 if time > drive.duration() + 0.3 {
@@ -100,6 +123,10 @@ impl Skill for Navigate {
                     };
                 } else {
                     act.base = Some(drive.command(time, &now.seen.chair()));
+                    act.tool = prepare.as_ref().and_then(|prepare| prepare.target(time));
+                    if act.tool.is_some() {
+                        act.name = "driving and preparing";
+                    }
                 }
                 Step::Going(act)
             }
@@ -236,8 +263,8 @@ struct Tally {
     pathless: usize,
 }
 
-/// The best base placement and the drive to it.
-fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
+/// The drive to the best base placement, and the candidate that it is for.
+fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), String> {
     let chair = now.seen.chair();
     let footprint = now.scene.footprint_check(now.poses);
     let mut tally = Tally::default();
@@ -246,18 +273,32 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<Drive, String> {
         let candidates = candidates(now, purpose, margin);
         tally.candidates = tally.candidates.max(candidates.len());
         let distance = now.profile.grasp.distance;
-        let mut placements = base_placement::placements(now.scene, &chair, &candidates, distance);
-        placements.retain(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN));
-        placements.truncate(20 * PLACES);
+        let habits = now.profile.habits.filter(|_| purpose == Purpose::Take);
+        let place = |habits: Option<&Habits>| {
+            let mut placements =
+                base_placement::placements(now.scene, &chair, &candidates, habits, distance);
+            placements.retain(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN));
+            placements.truncate(20 * PLACES);
+            placements
+        };
+        // As the habits want, on the other side, then anywhere.
+        let wanted = habits.into_iter();
+        let wanted = wanted.flat_map(|habits| [habits, habits.mirrored()]);
+        let wanted = wanted.map(|habits| (place(Some(&habits)), WANTED));
+        let placements: Vec<_> = wanted.chain([(place(None), PLACES)]).collect();
         let choice = Choice {
             purpose,
             candidates,
-            placements,
         };
         // Placements from which everything can be done come first.
         for level in 0..LEVELS {
-            if let Some(drive) = choice.drive(level, now, &footprint, &mut tally, &mut unreached) {
-                return Ok(drive);
+            for (placements, most) in &placements {
+                let (tally, unreached) = (&mut tally, &mut unreached);
+                let looks = (&placements[..], *most);
+                let drive = choice.drive(looks, level, now, &footprint, tally, unreached);
+                if let Some(found) = drive {
+                    return Ok(found);
+                }
             }
         }
     }
@@ -283,26 +324,25 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
 struct Choice {
     purpose: Purpose,
     candidates: Vec<GraspCandidate>,
-    /// The best first.
-    placements: Vec<BasePlacement>,
 }
 
 impl Choice {
-    /// The drive to the best placement from which all of a level of content can
+    /// The drive to the best of `placements` from which all of a level of content can
     /// be reached.
     fn drive(
         &self,
+        (placements, most): (&[BasePlacement], usize),
         level: usize,
         now: &mut Now<'_>,
         footprint: &FootprintCheck,
         tally: &mut Tally,
         unreached: &mut Unreached,
-    ) -> Option<Drive> {
+    ) -> Option<(Drive, GraspCandidate)> {
         let chair = now.seen.chair();
         let mut looked = 0;
         let mut refused: Vec<(Pose2, usize)> = Vec::new();
-        for placement in &self.placements {
-            if looked == PLACES {
+        for placement in placements {
+            if looked == most {
                 break;
             }
             // Neighbours of a placement that did not do rarely do better.
@@ -342,7 +382,7 @@ impl Choice {
                 }
                 continue;
             };
-            return Some(Drive::new(chair, &path, &now.profile.drive));
+            return Some((Drive::new(chair, &path, &now.profile.drive), *candidate));
         }
         None
     }

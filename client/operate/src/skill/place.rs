@@ -6,7 +6,7 @@ use wheelarm_proto::v1::Phase;
 
 use super::motion::{Motion, Progress};
 use super::play::{Play, Played};
-use super::{Act, Now, Skill, Step};
+use super::{Act, Now, Skill, Step, lift};
 use crate::clearance::held_balls;
 use crate::demonstration::adapt;
 use crate::grasp_candidate::GraspCandidate;
@@ -84,7 +84,7 @@ impl Place {
             .into_iter()
             .map(|pose| (pose, now.profile.carry_speed))
             .collect();
-        self.state = State::Over(Motion::new(now, &stops), candidate);
+        self.state = State::Over(lift::carried(now, &stops), candidate);
         Step::Going(Act::named(Phase::Retracting, "carrying"))
     }
 }
@@ -202,6 +202,7 @@ pub fn taken(now: &Now<'_>, tool_from_item: &Isometry3<f64>) -> GraspCandidate {
         lean: 0.0,
         backoff: 0.0,
         cost: 0.0,
+        wish: 0.0,
         shown: None,
     })
 }
@@ -267,6 +268,7 @@ fn own(
                 lean: 0.0,
                 backoff: 0.0,
                 cost: (turn / 0.7).powi(2),
+                wish: 0.0,
                 shown: None,
             }
         })

@@ -11,7 +11,8 @@ use super::{Act, Now, Skill, Step, bring, lift};
 use crate::demonstration::adapt;
 use crate::goal::Goal;
 use crate::grasp_candidate::{self, GraspCandidate, MARGINS};
-use crate::tool_path::distance;
+use crate::habits::ApproachHabit;
+use crate::tool_path::{Shape, distance};
 use wheelarm_route::footprint_check::wrap;
 
 /// Heights of a path over the things that are tried, metres.
@@ -28,10 +29,19 @@ const BESIDE: [f64; 2] = [0.015, 0.09];
 const LOOKS: usize = 60;
 /// How far before the grasp a hand is brought that is corrected on the spot, metres.
 const SHORT_STANDOFF: f64 = 0.03;
+/// A hand that is further from the pregrasp than this has misjudged it, metres.
+const CORRECTED: f64 = 0.008;
 /// Such a hand is this close to the pregrasp at most, metres and radians.
 const ON_THE_SPOT: [f64; 2] = [0.25, 0.9];
+/// Room that a curved path keeps, metres.
+const CURVE_MARGIN: f64 = 0.004;
 /// How far it is drawn back first, metres: as little as will do.
 const BACK: [f64; 6] = [0.0, 0.02, 0.04, 0.06, 0.09, 0.12];
+/// Part of the way from the pregrasp to the grasp on which the fingers are around the thing.
+const AROUND: f64 = 0.7;
+/// A candidate for which the chair was not placed is worse by this for each of these
+/// metres and radians in which it differs.
+const UNPLANNED: [f64; 2] = [0.03, 0.3];
 /// Longest time until chair and fingers are ready for it, seconds.
 const LONGEST_READY: f64 = 3.0;
 
@@ -41,6 +51,10 @@ enum State {
     Ready(Option<f64>),
     Aim,
     ToPregrasp(Motion),
+    /// To the pregrasp, after it was misjudged.
+    Correct(Motion),
+    /// Past the pregrasp without a stop, to the grasp.
+    Blend(Motion),
     Approach(Motion),
     /// As it was shown.
     Shown(Play),
@@ -143,11 +157,10 @@ impl Reach {
                 *last *= by;
             }
         }
-        let stops: Vec<_> = stops
-            .into_iter()
-            .map(|pose| (pose, now.profile.free_speed))
-            .collect();
-        self.state = State::ToPregrasp(Motion::arched(now, &stops, now.profile.arch));
+        self.state = match self.before {
+            true => approach_stopping(now, &candidate, &stops),
+            false => approach(now, &candidate, &stops),
+        };
         now.memory.candidate = Some(candidate);
         if let Some((one, _)) = now.taken_as() {
             let note = format!("comes as in {}", one.source);
@@ -231,6 +244,9 @@ impl Skill for Reach {
             State::Ready(since) => return self.ready(*since, now),
             State::Aim => return self.aim(now),
             State::ToPregrasp(motion) => (motion, "reaching"),
+            State::Correct(motion) => (motion, "correcting"),
+            State::Blend(motion) if motion.is_on_last_leg(now) => (motion, "reaching in"),
+            State::Blend(motion) => (motion, "reaching"),
             State::Approach(motion) => (motion, "approaching"),
             State::Shown(_) => return self.play(now),
         };
@@ -248,11 +264,18 @@ impl Skill for Reach {
                 Step::Missed(format!("{name}: {why}"))
             }
             Progress::Arrived => match (&self.state, now.memory.candidate) {
+                (State::ToPregrasp(_), Some(candidate))
+                    if distance(&candidate.pregrasp, &now.house_from_desired()) > CORRECTED =>
+                {
+                    let stop = (candidate.pregrasp, now.profile.approach_speed);
+                    self.state = State::Correct(Motion::new(now, &[stop]));
+                    Step::Going(Act::named(Phase::Reaching, "correcting"))
+                }
                 (State::ToPregrasp(_), Some(_)) if !self.before && now.taken_as().is_some() => {
                     self.begin_to_play(now);
                     Step::Going(Act::named(Phase::Reaching, "approaching"))
                 }
-                (State::ToPregrasp(_), Some(candidate)) if !self.before => {
+                (State::ToPregrasp(_) | State::Correct(_), Some(candidate)) if !self.before => {
                     let stop = (candidate.grasp, now.profile.approach_speed);
                     self.state = State::Approach(Motion::new(now, &[stop]));
                     Step::Going(Act::named(Phase::Reaching, "approaching"))
@@ -264,6 +287,87 @@ impl Skill for Reach {
             },
         }
     }
+}
+
+/// The movement to a candidate through `stops` as the habits have it: the last stop is its
+/// pregrasp.
+fn approach(now: &mut Now<'_>, candidate: &GraspCandidate, stops: &[Isometry3<f64>]) -> State {
+    let habits = now.profile.habits;
+    match habits.map(|habits| habits.approach) {
+        Some(ApproachHabit::Blend) if candidate.shown.is_none() => {
+            let mut timed = timed(now, stops);
+            timed.push((candidate.grasp, now.profile.approach_speed));
+            let shape = Shape {
+                straight_end: true,
+                ..now.profile.shape
+            };
+            let mut blends = false;
+            let motion = Motion::curved(now, &timed, &shape, |now, poses| {
+                blends = is_clear(now, candidate, poses);
+                blends
+            });
+            match blends {
+                true => State::Blend(motion),
+                false => approach_stopping(now, candidate, stops),
+            }
+        }
+        Some(ApproachHabit::Correct(off)) => {
+            let [x, y, z] = off;
+            let misjudged = candidate.pregrasp * Translation3::new(x, y, z);
+            let mut short = stops.to_vec();
+            if let Some(last) = short.last_mut() {
+                *last = misjudged;
+            }
+            let start = now.scene.house_from_tool(now.seen);
+            let line = [&[start], &short[..], &[candidate.pregrasp]].concat();
+            match is_clear(now, candidate, &line) {
+                true => approach_stopping(now, candidate, &short),
+                false => approach_stopping(now, candidate, stops),
+            }
+        }
+        _ => approach_stopping(now, candidate, stops),
+    }
+}
+
+/// The movement through `stops`, in the profile's shape, to a stop.
+fn approach_stopping(
+    now: &mut Now<'_>,
+    candidate: &GraspCandidate,
+    stops: &[Isometry3<f64>],
+) -> State {
+    let timed = timed(now, stops);
+    let shape = now.profile.shape;
+    State::ToPregrasp(Motion::curved(now, &timed, &shape, |now, poses| {
+        is_clear(now, candidate, poses)
+    }))
+}
+
+fn timed(now: &Now<'_>, stops: &[Isometry3<f64>]) -> Vec<(Isometry3<f64>, f64)> {
+    let speed = now.profile.free_speed;
+    stops.iter().map(|pose| (*pose, speed)).collect()
+}
+
+/// Whether the hand can pass `poses` on the way to a candidate, and what comes after it: it
+/// touches nothing, and the arm reaches all of them. Around the grasp the fingers may be
+/// around the thing.
+fn is_clear(now: &mut Now<'_>, candidate: &GraspCandidate, poses: &[Isometry3<f64>]) -> bool {
+    let near = AROUND * distance(&candidate.pregrasp, &candidate.grasp);
+    let far = poses
+        .iter()
+        .take_while(|pose| distance(pose, &candidate.grasp) > near);
+    let (outer, inner) = poses.split_at(far.count());
+    let free = |poses: &[Isometry3<f64>], except: Option<usize>| {
+        let around = now.scene.around(poses, now.poses, except);
+        poses.is_empty()
+            || around.hand_is_free(&now.scene.hand, candidate.opening, poses, CURVE_MARGIN)
+    };
+    let item = now.goal.item();
+    if !free(outer, None) || !free(inner, Some(item)) {
+        return false;
+    }
+    let then = then_from_pregrasp(now, candidate);
+    then.iter()
+        .any(|then| now.reaches(&[poses, &then[..]].concat()))
 }
 
 /// A shift in the hand's frame with which the fingers close on nothing: to one side
@@ -328,6 +432,15 @@ fn choose_for(
                 .map_or(0.3, |h| wrap(h - chair.heading).abs());
             candidate.cost + (off / 0.3).powi(2)
         };
+        let planned = now.memory.planned.filter(|_| now.profile.habits.is_some());
+        let rank = |candidate: &GraspCandidate| match planned {
+            Some(planned) => {
+                let at = thing.inv_mul(&candidate.grasp);
+                let turn = planned.rotation.angle_to(&at.rotation);
+                distance(&planned, &at) / UNPLANNED[0] + turn / UNPLANNED[1]
+            }
+            None => rank(candidate),
+        };
         candidates.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         for candidate in candidates.into_iter().take(LOOKS) {
             if will_do(now, &candidate)
@@ -351,7 +464,8 @@ fn choose_on_the_spot(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry
     };
     for margin in MARGINS {
         let standoff = SHORT_STANDOFF;
-        let found = grasp_candidate::candidates(now.scene, now.goal, now.poses, standoff, margin);
+        let found =
+            grasp_candidate::candidates(now.scene, now.goal, now.poses, None, standoff, margin);
         let mut near: Vec<_> = found
             .into_iter()
             .filter_map(|candidate| Some((off(&candidate)? + 0.05 * candidate.cost, candidate)))

@@ -16,14 +16,14 @@ const PEAK: f64 = 1.875;
 impl Plan<'_> {
     /// Seconds of the way round.
     pub fn seconds(&self, way: &Way) -> f64 {
-        PEAK * self.lengths(way).iter().sum::<f64>() / ROUND_SPEED
+        PEAK * self.lengths(way).iter().sum::<f64>() / (ROUND_SPEED * self.tempo)
     }
 
     /// The end effector `time` seconds after the start of the way round.
     pub fn along(&self, way: &Way, time: f64) -> Isometry3<f64> {
         let lengths = self.lengths(way);
         let whole: f64 = lengths.iter().sum();
-        let t = (time * ROUND_SPEED / (PEAK * whole).max(1e-9)).clamp(0.0, 1.0);
+        let t = (time * ROUND_SPEED * self.tempo / (PEAK * whole).max(1e-9)).clamp(0.0, 1.0);
         let mut left = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t) * whole;
         for (pair, length) in way.corners.windows(2).zip(&lengths) {
             if left <= *length {

@@ -68,6 +68,8 @@ pub struct Plan<'a> {
     /// Half of its width across that on the floor plan, metres.
     wide: f64,
     tool_length: f64,
+    /// Speeds on the way round, as a share of the plain operator's.
+    pub(super) tempo: f64,
 }
 
 impl<'a> Plan<'a> {
@@ -98,6 +100,7 @@ impl<'a> Plan<'a> {
             long: start.rotation.inverse() * long,
             wide,
             tool_length: now.scene.tool_length,
+            tempo: now.profile.tempo,
         })
     }
 
