@@ -1,6 +1,7 @@
 //! What belongs to an area of the home and how it is drawn: plain data, checked
 //! against its scene by who loads it. Nothing here knows of tasks.
 
+use super::rest::RestShares;
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Scene};
 
@@ -20,6 +21,11 @@ pub struct AreaSpec {
     /// What may stand there: at least one, the first takes the share that the
     /// others leave.
     pub variants: Vec<Variant>,
+    /// How often it is sampled where a task asks for something elsewhere, 0 to 1, among
+    /// the areas on the same furniture.
+    pub elsewhere: f64,
+    /// The other areas of the scene, without surroundings of their own.
+    pub surroundings: Vec<AreaSpec>,
 }
 
 /// One set of things that may stand in an area.
@@ -86,6 +92,8 @@ pub struct PlaceSpec {
     pub friction: Option<Range>,
     /// How often it is there at all, 0 to 1.
     pub chance: f64,
+    /// How often it rests otherwise than upright.
+    pub rest: RestShares,
 }
 
 impl PlaceSpec {
@@ -110,6 +118,23 @@ pub struct SlideSpec {
 }
 
 impl AreaSpec {
+    /// The furniture that carries its objects; empty for an area of furniture that slides.
+    #[must_use]
+    pub fn carrier(&self) -> &str {
+        let places = self.variants.first().and_then(|v| v.places.first());
+        places.map_or("", |place| &place.on)
+    }
+
+    /// Whether an object is missing from some scenes of the area or its surroundings.
+    #[must_use]
+    pub fn may_miss(&self, object: &str) -> bool {
+        let areas = [self].into_iter().chain(&self.surroundings);
+        let variants = areas.flat_map(|area| &area.variants);
+        let places: Vec<_> = variants.filter_map(|v| v.place(object)).collect();
+        let own = self.variants.iter().all(|v| v.offers(object));
+        !places.is_empty() && !own
+    }
+
     /// The variant of this name.
     #[must_use]
     pub fn variant(&self, name: &str) -> Option<&Variant> {

@@ -10,6 +10,7 @@
 
 mod area;
 mod area_load;
+mod arrangement;
 #[cfg(test)]
 mod care_tests;
 mod condition;
@@ -28,6 +29,7 @@ mod query;
 mod random;
 #[cfg(test)]
 mod reach_tests;
+mod rest;
 mod scene_draw;
 mod sentence;
 mod spec;

@@ -11,7 +11,7 @@ mod grasps;
 mod labels;
 mod questions;
 mod shapes;
-mod sight;
+pub(crate) mod sight;
 mod state;
 mod subtasks;
 mod table;
