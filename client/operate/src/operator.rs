@@ -174,8 +174,7 @@ impl Operator {
         self
     }
 
-    /// That turns on the spot until the camera of the chair faces the target, before it
-    /// drives.
+    /// That turns on the spot until the robot faces the target, before it drives.
     #[must_use]
     pub fn looking_around(mut self) -> Self {
         self.looks_around = true;

@@ -90,7 +90,7 @@ pub struct Scenario {
     pub rejected_starts: u32,
     /// Where the robot starts when it is drawn.
     pub starts: Starts,
-    /// A drawn start has the target in the field of view of the chair's camera.
+    /// A drawn start has the target in the field of view of a camera of the robot.
     pub start_in_view: bool,
     /// The scripted operator looks around before it drives.
     pub look_around: bool,

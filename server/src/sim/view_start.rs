@@ -1,19 +1,18 @@
-//! Starts from which the chair's camera has the target in view.
+//! Starts from which a camera of the robot has the target in view.
 
 use nalgebra::{Isometry3, Point3, Translation3};
 use wheelarm_route::obb::Obb;
 
 use super::scenario::Scenario;
 use crate::geometry::bounds;
-use crate::robot::RobotModel;
+use crate::robot::{CameraMount, RobotModel};
 use crate::scene::Scene;
 use crate::tasks::{Floor, TaskSpec, Variant};
 
-/// Camera that has to see the target.
-const CAMERA: &str = "wheelchair";
-/// The target is this much nearer to the middle of the image than to its edge: share of
-/// half the image.
-const INSIDE: f64 = 0.9;
+/// Cameras of which one has to see the target.
+const CAMERAS: [&str; 2] = ["gen3", "wheelchair"];
+/// The target's middle is at least this far from the edge of the image: share of its size.
+const EDGE: f64 = 0.05;
 /// Furthest distance at which an object is more than a few pixels, metres.
 const FURTHEST: f64 = 3.5;
 /// Samples of the line of sight.
@@ -36,20 +35,26 @@ pub(super) fn choose(
     }
 }
 
-/// The chair's camera and what could hide the target.
-struct View {
-    chair_from_optical: Isometry3<f64>,
-    /// Half of the image over the focal length, horizontal and vertical.
-    half: [f64; 2],
+/// The cameras and what could hide the target.
+struct View<'a> {
+    /// chair_from_optical of each camera.
+    eyes: Vec<(Isometry3<f64>, &'a CameraMount)>,
     target: Point3<f64>,
     furniture: Vec<Obb>,
 }
 
-impl View {
-    fn new(scenario: &Scenario, model: &RobotModel, scene: &Scene) -> Option<Self> {
-        let mount = model.settings.cameras.iter().find(|c| c.name == CAMERA)?;
-        let link = model.link(&mount.link)?;
-        let poses = model.link_poses(&vec![0.0; model.joints.len()]);
+impl<'a> View<'a> {
+    fn new(scenario: &Scenario, model: &'a RobotModel, scene: &Scene) -> Option<Self> {
+        let mut positions = vec![0.0; model.joints.len()];
+        let arm = scenario.arm.unwrap_or(model.settings.home);
+        for (&joint, position) in model.roles.arm.iter().zip(arm) {
+            positions[joint] = position;
+        }
+        let poses = model.link_poses(&positions);
+        let cameras = model.settings.cameras.iter();
+        let eyes = cameras.filter(|c| CAMERAS.contains(&c.name.as_str()));
+        let eyes =
+            eyes.filter_map(|mount| Some((poses[model.link(&mount.link)?] * mount.pose, mount)));
         let target = target(scenario, scene)?;
         let boxes = scene.furniture.iter().flat_map(|body| {
             body.collision.iter().filter_map(|part| {
@@ -62,23 +67,31 @@ impl View {
             })
         });
         Some(Self {
-            chair_from_optical: poses[link] * mount.pose,
-            half: std::array::from_fn(|i| f64::from(mount.size[i]) / 2.0 / mount.focal[i]),
+            eyes: eyes.collect(),
             furniture: boxes.filter(|obb| obb.distance(&target) > 0.0).collect(),
             target,
         })
     }
 
-    /// Whether a chair at this pose has the target in its camera's field of view.
+    /// Whether a robot at this pose has the target in the field of view of a camera.
     fn sees(&self, start: &Isometry3<f64>) -> bool {
-        let eye = start * self.chair_from_optical;
-        let seen = eye.inverse_transform_point(&self.target);
-        let inside = |along: f64, half: f64| (along / seen.z).abs() < half * INSIDE;
-        let in_image = seen.z > 0.0 && inside(seen.x, self.half[0]) && inside(seen.y, self.half[1]);
-        if !in_image || seen.coords.norm() > FURTHEST {
-            return false;
-        }
-        let from = Point3::from(eye.translation.vector);
+        self.eyes.iter().any(|(eye, mount)| {
+            let eye = start * eye;
+            let seen = eye.inverse_transform_point(&self.target);
+            let in_image = |axis: usize| {
+                let at = mount.principal[axis] + mount.focal[axis] * seen[axis] / seen.z;
+                (EDGE..=1.0 - EDGE).contains(&(at / f64::from(mount.size[axis])))
+            };
+            seen.z > 0.0
+                && seen.coords.norm() < FURTHEST
+                && in_image(0)
+                && in_image(1)
+                && self.is_clear(&Point3::from(eye.translation.vector))
+        })
+    }
+
+    /// Whether no furniture is between an eye and the target.
+    fn is_clear(&self, from: &Point3<f64>) -> bool {
         let clear = |i: u32| {
             let at = from + (self.target - from) * (f64::from(i) / f64::from(SAMPLES));
             self.furniture.iter().all(|obb| obb.distance(&at) > 0.0)

@@ -19,7 +19,11 @@ impl Visibility {
     /// Of the episode that begins with `preamble`.
     pub(super) fn new(preamble: &Preamble) -> Self {
         let started = preamble.started.clone().unwrap_or_default();
-        let target = started.scenario.unwrap_or_default().target.unwrap_or_default();
+        let target = started
+            .scenario
+            .unwrap_or_default()
+            .target
+            .unwrap_or_default();
         let snapshot = preamble.snapshot.iter();
         let mut instances = snapshot.flat_map(|state| &state.instances);
         let found = instances.find(|instance| !target.is_empty() && instance.name == target);
