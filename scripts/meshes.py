@@ -27,7 +27,7 @@ class Mesh:
             self.faces += [(a, b, c), (a, c, d)]
 
     def write(self, name):
-        lines = ["# Written by scripts/meshes.py for WheelArm. Apache-2.0. Metres, z up."]
+        lines = ["# Written by scripts/meshes.py for WheelArm; license: Apache-2.0. Metres, z up."]
         lines += [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in self.vertices]
         lines += ["f {} {} {}".format(*face) for face in self.faces if len(set(face)) == 3]
         (OUT / name).write_text("\n".join(lines) + "\n")

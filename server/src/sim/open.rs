@@ -118,8 +118,8 @@ pub(super) fn draw_open_values(
             let elsewhere = given.is_some_and(|(_, p)| drawn.is_none_or(|d| d.pose != p.pose));
             // A scenario with objects lists every optional one, and one with an object
             // that may be missing lists every such object.
-            let is_open = !object.optional && !(lists_missing && may_miss(&object.name));
-            let drawn = drawn.filter(|_| tells_none || is_open);
+            let is_listed = object.optional || lists_missing && may_miss(&object.name);
+            let drawn = drawn.filter(|_| tells_none || !is_listed);
             let placement = given.map(|(_, p)| *p).or(drawn)?;
             Some(((object.name.clone(), placement), elsewhere))
         })

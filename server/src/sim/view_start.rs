@@ -9,8 +9,6 @@ use crate::robot::{CameraMount, RobotModel};
 use crate::scene::Scene;
 use crate::tasks::{Floor, TaskSpec, Variant};
 
-/// Cameras of which one has to see the target.
-const CAMERAS: [&str; 2] = ["gen3", "wheelchair"];
 /// The target's middle is at least this far from the edge of the image: share of its size.
 const EDGE: f64 = 0.05;
 /// Furthest distance at which an object is more than a few pixels, metres.
@@ -52,7 +50,7 @@ impl<'a> View<'a> {
         }
         let poses = model.link_poses(&positions);
         let cameras = model.settings.cameras.iter();
-        let eyes = cameras.filter(|c| CAMERAS.contains(&c.name.as_str()));
+        let eyes = cameras.filter(|camera| !camera.on_request);
         let eyes =
             eyes.filter_map(|mount| Some((poses[model.link(&mount.link)?] * mount.pose, mount)));
         let target = target(scenario, scene)?;

@@ -1,7 +1,6 @@
 //! What belongs to an area of the home and how it is drawn: plain data, checked
 //! against its scene by who loads it. Nothing here knows of tasks.
 
-use super::rest::RestShares;
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Scene};
 
@@ -101,6 +100,27 @@ impl PlaceSpec {
     #[must_use]
     pub fn is_certain(&self) -> bool {
         self.chance >= 1.0
+    }
+}
+
+/// Shares of scenes in which an object rests otherwise than upright in its range.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RestShares {
+    /// On its side.
+    pub lies: f64,
+    /// On top of other clutter.
+    pub stacks: f64,
+    /// Against other clutter.
+    pub leans: f64,
+    /// Behind an object that a task can ask for, as seen from the approach edge.
+    pub hides: f64,
+}
+
+impl RestShares {
+    /// Sum of the shares.
+    #[must_use]
+    pub fn sum(&self) -> f64 {
+        self.lies + self.stacks + self.leans + self.hides
     }
 }
 

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
+use super::area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
 use super::known::{known_joint, known_object};
-use super::rest::{RestShares, lying};
+use super::rest::lying;
 use super::scene_draw::draw_scene;
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Place, Scene, SceneError, names, parse, provenance};

@@ -106,7 +106,7 @@ impl<'a> Arrangement<'a> {
         order.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
         let mut least = f64::INFINITY;
         for (placed, item) in order.iter().enumerate() {
-            let rest = item.place.rest.sample(random);
+            let rest = Rest::sample(&item.place.rest, random);
             let mut best = (None, f64::NEG_INFINITY);
             for _ in 0..TRIES {
                 let (pose, holder) = self

@@ -39,7 +39,7 @@ mod template;
 #[cfg(test)]
 mod tests;
 
-pub use area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
+pub use area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
 pub use draw::{Draw, draw, variant_of};
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
 pub use failure::Failure;

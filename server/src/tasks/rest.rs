@@ -8,23 +8,10 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use wheelarm_proto::exact;
 
-use super::area::Range;
+use super::area::{Range, RestShares};
 use super::random::{fraction, index, number};
 use crate::geometry::Shape;
 use crate::scene::{Body, Bounds};
-
-/// Shares of scenes in which an object rests otherwise than upright in its range.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RestShares {
-    /// On its side.
-    pub lies: f64,
-    /// On top of other clutter.
-    pub stacks: f64,
-    /// Against other clutter.
-    pub leans: f64,
-    /// Behind an object that a task can ask for, as seen from the approach edge.
-    pub hides: f64,
-}
 
 /// How one object rests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,26 +23,22 @@ pub(super) enum Rest {
     Hidden,
 }
 
-impl RestShares {
-    /// Sum of the shares.
-    pub(super) fn sum(&self) -> f64 {
-        self.lies + self.stacks + self.leans + self.hides
-    }
-
-    pub(super) fn sample(&self, random: &mut ChaCha8Rng) -> Rest {
+impl Rest {
+    /// By the shares of an object.
+    pub(super) fn sample(shares: &RestShares, random: &mut ChaCha8Rng) -> Self {
         let mut left = fraction(random);
         for (share, rest) in [
-            (self.lies, Rest::Lying),
-            (self.stacks, Rest::Stacked),
-            (self.leans, Rest::Leaning),
-            (self.hides, Rest::Hidden),
+            (shares.lies, Self::Lying),
+            (shares.stacks, Self::Stacked),
+            (shares.leans, Self::Leaning),
+            (shares.hides, Self::Hidden),
         ] {
             left -= share;
             if left < 0.0 {
                 return rest;
             }
         }
-        Rest::Upright
+        Self::Upright
     }
 }
 

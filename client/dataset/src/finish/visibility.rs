@@ -3,8 +3,8 @@
 use hdf5::{File, Group};
 use ndarray::s;
 
-use crate::annotate::sight::VISIBLE_PIXELS;
 use crate::hdf::Attributes;
+use crate::ids::VISIBLE_PIXELS;
 use crate::log::Preamble;
 
 /// Pixels of the target in the first image of each camera.
