@@ -39,6 +39,20 @@ pub struct Variation {
     pub style: Style,
     /// Time limits follow from the way and the style; as the tasks say otherwise.
     pub time_limits: bool,
+    /// Share of episodes whose start has the target in view, 0 to 1.
+    pub start_in_view: f64,
+    /// Share of episodes in which the operator looks around before it drives, 0 to 1.
+    pub look_around: f64,
+}
+
+/// Multipliers that spread the numbers of episodes over 0 to 1, one for each share (both
+/// are irrational: Roberts 2018, the plastic number's low-discrepancy sequence).
+const SPREAD: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
+
+/// Whether an episode belongs to a share: evenly among neighbouring seeds.
+fn belongs(seed: EpisodeSeed, share: f64, spread: f64) -> bool {
+    let number = seed.scene.wrapping_add(u64::from(seed.sentence)) % (1 << 32);
+    (number as f64 * spread + 0.5).fract() < share
 }
 
 impl Variation {
@@ -54,6 +68,10 @@ impl Variation {
         if self.style != Style::default() {
             scenario.style = Some(self.style.name().to_owned());
         }
+        let [view, around] = SPREAD;
+        let in_share = |share: f64, spread| (share > 0.0).then(|| belongs(seed, share, spread));
+        scenario.start_in_view = in_share(self.start_in_view, view);
+        scenario.look_around = in_share(self.look_around, around);
         scenario.time_limit_seconds = self.time_limits.then_some(0.0);
         scenario.look = self.look.map(|look| look.of(seed.own()));
         scenario.person.clone_from(&self.person);
@@ -108,6 +126,14 @@ impl Variation {
         }
         if self.time_limits {
             words.push_str(" time_limits");
+        }
+        for (name, share) in [
+            ("start_in_view", self.start_in_view),
+            ("look_around", self.look_around),
+        ] {
+            if share > 0.0 {
+                words.push_str(&format!(" {name}={share}"));
+            }
         }
         if let Some(look) = &self.look {
             words.push_str(&format!(" look={look}"));
@@ -204,6 +230,31 @@ mod tests {
             " starts=anywhere bear_share=0.5 robots=3 language=7/train/0/0.5/0 look=*:light=3 sensors=imu=2"
         );
         assert_eq!(Variation::default().words(0), "");
+    }
+
+    #[test]
+    fn shares_of_starts_in_view_and_of_looking_around_are_those_of_the_plan() {
+        let variation = Variation {
+            start_in_view: 0.3,
+            look_around: 0.2,
+            ..Variation::default()
+        };
+        let mut counts = [0, 0, 0];
+        for seed in 70_000..70_200 {
+            let mut scenario = v1::Scenario::default();
+            variation.apply(seed, &mut scenario);
+            let found = [scenario.start_in_view(), scenario.look_around()];
+            counts[0] += u32::from(found[0]);
+            counts[1] += u32::from(found[1]);
+            counts[2] += u32::from(found[0] && found[1]);
+        }
+        assert!((58..=62).contains(&counts[0]), "{counts:?}");
+        assert!((38..=42).contains(&counts[1]), "{counts:?}");
+        assert!((6..=18).contains(&counts[2]), "{counts:?}");
+        assert_eq!(variation.words(0), " start_in_view=0.3 look_around=0.2");
+        let mut scenario = v1::Scenario::default();
+        Variation::default().apply(1, &mut scenario);
+        assert_eq!((scenario.start_in_view, scenario.look_around), (None, None));
     }
 
     #[test]

@@ -2,6 +2,10 @@
 
 use wheelarm_proto::v1;
 
+/// Least number of pixels of an instance that count as visible: fewer are no more
+/// than a speck at any resolution that is recorded.
+pub const VISIBLE_PIXELS: usize = 16;
+
 /// Bytes of one id of a picture.
 #[must_use]
 pub fn bytes(frame: &v1::CameraFrame) -> usize {

@@ -79,6 +79,8 @@ pub struct Operator {
     on_the_spot: bool,
     /// The human-like pace.
     pace: Option<Pace>,
+    /// The chair turns towards the target before it drives.
+    looks_around: bool,
     /// Time as the skills see it, and when it was last moved on, seconds.
     own_time: Option<(f64, f64)>,
 }
@@ -137,6 +139,7 @@ impl Operator {
             about_to: None,
             longest: LONGEST,
             on_the_spot: false,
+            looks_around: false,
             own_time: None,
         })
     }
@@ -176,6 +179,13 @@ impl Operator {
     #[must_use]
     pub fn on_the_spot(mut self) -> Self {
         self.on_the_spot = true;
+        self
+    }
+
+    /// That turns on the spot until the robot faces the target, before it drives.
+    #[must_use]
+    pub fn looking_around(mut self) -> Self {
+        self.looks_around = true;
         self
     }
 

@@ -199,6 +199,9 @@ pub fn run(
     if options.on_the_spot {
         operator = operator.on_the_spot();
     }
+    if scenario.look_around() {
+        operator = operator.looking_around();
+    }
     let operator = operator.troubled(Trouble {
         hindered: scenario
             .disturbances

@@ -151,6 +151,16 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
             None => "as described".to_owned(),
         }),
     );
+    let seen = drawn.iter().map(|d| match d.done.target_in_first_images {
+        Some(true) => "shown".to_owned(),
+        Some(false) => "not shown".to_owned(),
+        None => "unknown".to_owned(),
+    });
+    text += &histogram("Target in the first images", seen);
+    text += &histogram(
+        "Phase that looks around",
+        scenarios().map(|s| if s.look_around() { "yes" } else { "no" }.to_owned()),
+    );
     text += &histogram("Hindered by", scenarios().map(hindrance));
     let seated = |of: fn(&v1::PersonDrawn) -> &String| {
         scenarios().map(

@@ -432,6 +432,7 @@ mod tests {
             counts: BTreeMap::new(),
             missed: 0,
             finished_unix_millis: 0,
+            target_in_first_images: None,
             origin: Default::default(),
             scenario: serde_json::Value::Null,
         }

@@ -61,6 +61,9 @@ pub struct Done {
     pub missed: u64,
     /// When it was finished, Unix milliseconds.
     pub finished_unix_millis: u64,
+    /// Whether the first image of a camera shows the target; absent where unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_in_first_images: Option<bool>,
     /// Server version and graphics adapter.
     pub origin: [String; 2],
     /// The scenario with the drawn values.

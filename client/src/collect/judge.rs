@@ -86,6 +86,7 @@ pub fn judge(
         finished_unix_millis: SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_millis() as u64),
+        target_in_first_images: summary.target_in_first_images,
         origin: [summary.origin[0].clone(), summary.origin[1].clone()],
         scenario,
         wall_seconds,
@@ -152,6 +153,14 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
         (
             "calibration_seed",
             recorded.calibration_seed == asked.calibration_seed,
+        ),
+        (
+            "start_in_view",
+            asked.start_in_view.is_none() || recorded.start_in_view == asked.start_in_view,
+        ),
+        (
+            "look_around",
+            asked.look_around.is_none() || recorded.look_around == asked.look_around,
         ),
         (
             "style",

@@ -36,6 +36,22 @@ fn letter(c: char) -> &'static [Stroke] {
             &[(0.9, 1.5), (0.0, 1.5), (0.0, 0.0), (0.9, 0.0)],
             &[(0.0, 0.78), (0.7, 0.78)],
         ],
+        'F' => &[
+            &[(0.9, 1.5), (0.0, 1.5), (0.0, 0.0)],
+            &[(0.0, 0.78), (0.7, 0.78)],
+        ],
+        'G' => &[&[
+            (0.95, 1.25),
+            (0.7, 1.5),
+            (0.3, 1.5),
+            (0.0, 1.2),
+            (0.0, 0.3),
+            (0.3, 0.0),
+            (0.7, 0.0),
+            (0.95, 0.3),
+            (0.95, 0.7),
+            (0.55, 0.7),
+        ]],
         'K' => &[
             &[(0.0, 0.0), (0.0, 1.5)],
             &[(0.9, 1.5), (0.05, 0.7)],
@@ -387,4 +403,79 @@ pub(super) fn coke(u: f32, v: f32) -> [f32; 3] {
         ),
     );
     blend(c, [0.80, 0.81, 0.83], 1.0 - band(v, 0.025, 0.975))
+}
+
+/// A word in one colour over another.
+fn written(c: [f32; 3], ink: [f32; 3], text: &str, (u, v): (f32, f32), place: Place) -> [f32; 3] {
+    let weight = place.height * 0.08;
+    blend(c, ink, word(text, u, v, place, weight))
+}
+
+/// Yellow carton with a white field, a blue word and a cube.
+pub(super) fn sugar(u: f32, v: f32) -> [f32; 3] {
+    let yellow = [0.93, 0.76, 0.15];
+    let white = [0.97, 0.96, 0.92];
+    let blue = [0.12, 0.24, 0.55];
+    let mut c = scale(yellow, mix(0.92, 1.03, v));
+    c = blend(c, white, band(v, 0.53, 0.86) * band(u, 0.05, 0.95));
+    c = blend(c, blue, band(v, 0.515, 0.53).max(band(v, 0.86, 0.875)));
+    let place = Place {
+        cx: 0.5,
+        cy: 0.70,
+        width: 0.80,
+        height: 0.20,
+    };
+    c = written(c, blue, "SUGAR", (u, v), place);
+    let cube = band(u, 0.36, 0.64) * band(v, 0.22, 0.40);
+    c = blend(c, white, cube);
+    let grain = 0.9 + 0.15 * fractal(u, v, 60, 60, 2, 331);
+    c = blend(c, scale(white, grain), cube);
+    c = blend(c, blue, 0.8 * small_print(u, v, 0.12, 0.88, 0.07, 0.17));
+    blend(c, blue, band(v, 0.02, 0.045))
+}
+
+/// Cream paper with a red seal, for a bottle.
+pub(super) fn bottle(u: f32, v: f32) -> [f32; 3] {
+    let cream = [0.94, 0.91, 0.83];
+    let ink = [0.28, 0.08, 0.12];
+    let mut c = scale(cream, 0.96 + 0.06 * fractal(u, v, 30, 30, 3, 341));
+    c = blend(c, ink, band(v, 0.90, 0.925).max(band(v, 0.075, 0.10)));
+    let place = Place {
+        cx: 0.5,
+        cy: 0.68,
+        width: 0.72,
+        height: 0.22,
+    };
+    c = written(c, ink, "CLARET", (u, v), place);
+    let seal = ellipse(u, v, 0.5, 0.36, 0.10, 0.10);
+    c = blend(c, [0.62, 0.12, 0.14], seal);
+    c = blend(c, cream, 0.6 * ellipse(u, v, 0.5, 0.36, 0.06, 0.06));
+    blend(c, ink, 0.8 * small_print(u, v, 0.25, 0.75, 0.14, 0.23))
+}
+
+/// Blue tin with a white band, the word and two beans.
+pub(super) fn coffee(u: f32, v: f32) -> [f32; 3] {
+    let blue = [0.13, 0.25, 0.50];
+    let white = [0.95, 0.94, 0.90];
+    let brown = [0.30, 0.17, 0.09];
+    let mut c = scale(blue, mix(0.88, 1.08, v));
+    c = blend(c, white, band(v, 0.40, 0.74));
+    c = blend(
+        c,
+        [0.80, 0.62, 0.22],
+        band(v, 0.385, 0.40).max(band(v, 0.74, 0.755)),
+    );
+    let place = Place {
+        cx: 0.5,
+        cy: 0.57,
+        width: 0.80,
+        height: 0.20,
+    };
+    c = written(c, brown, "COFFEE", (u, v), place);
+    for x in [0.42, 0.58] {
+        c = blend(c, brown, ellipse(u, v, x, 0.24, 0.055, 0.08));
+        let groove = band(u, x - 0.006, x + 0.006) * band(v, 0.17, 0.31);
+        c = blend(c, scale(brown, 0.5), groove);
+    }
+    blend(c, white, 0.7 * small_print(u, v, 0.15, 0.85, 0.05, 0.12))
 }

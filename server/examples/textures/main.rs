@@ -18,7 +18,7 @@ use wheelarm_server::geometry::texture::SIZE;
 type Pattern = fn(f32, f32) -> [f32; 3];
 
 /// Every picture by the name of its file.
-const PATTERNS: [(&str, Pattern); 16] = [
+const PATTERNS: [(&str, Pattern); 19] = [
     ("planks", surfaces::planks),
     ("tiles", surfaces::tiles),
     ("plaster", surfaces::plaster),
@@ -35,6 +35,9 @@ const PATTERNS: [(&str, Pattern); 16] = [
     ("label_crackers", labels::crackers),
     ("label_meat", labels::meat),
     ("label_coke", labels::coke),
+    ("label_sugar", labels::sugar),
+    ("label_bottle", labels::bottle),
+    ("label_coffee", labels::coffee),
 ];
 
 fn main() -> anyhow::Result<()> {

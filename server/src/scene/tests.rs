@@ -205,6 +205,10 @@ impl Copy {
                 std::fs::copy(assets().join(&path), root.join(&path)).unwrap();
             }
         }
+        for mesh in std::fs::read_dir(assets().join("meshes")).unwrap() {
+            let mesh = mesh.unwrap();
+            std::fs::copy(mesh.path(), root.join("meshes").join(mesh.file_name())).unwrap();
+        }
         std::fs::create_dir_all(root.join("textures")).unwrap();
         for name in texture::names(&assets()) {
             let path = format!("textures/{name}.png");
@@ -235,12 +239,13 @@ impl Drop for Copy {
 #[test]
 fn broken_files_are_refused_with_file_key_values_and_cure() {
     const OBJECT: &str = "objects/mustard.toml";
+    const CAN: &str = "objects/meat_can.toml";
     const SCENE: &str = "scenes/home.toml";
     const MATERIALS: &str = "materials/home.toml";
     // File, what is replaced, by what, and what the message must contain.
     let cases: [(&str, &str, &str, &[&str]); 18] = [
         (
-            OBJECT,
+            CAN,
             "{ rounded_box",
             "{ mesh = \"meshes/cup.glb\" }, { rounded_box",
             &["expected a table, for example mesh = { path ="],
@@ -270,14 +275,14 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
             &["friction", "invalid type"],
         ),
         (
-            OBJECT,
-            "size = [0.096,",
-            "size = [96.0,",
-            &["parts[0].rounded_box.size", "96 m", "metres"],
+            CAN,
+            "size = [0.1016,",
+            "size = [101.6,",
+            &["parts[0].rounded_box.size", "101.6 m", "metres"],
         ),
         (
-            OBJECT,
-            "radius = 0.018",
+            CAN,
+            "radius = 0.014",
             "radius = 0.040",
             &["radius is 0.04 m", "half of the shortest"],
         ),
@@ -288,7 +293,7 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
             &["material is \"ketchup\"", "one of", "oak", "add"],
         ),
         (
-            OBJECT,
+            CAN,
             "rounded_box =",
             "pyramid =",
             &["unknown field `pyramid`", "rounded_box"],
@@ -318,7 +323,7 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
             &["grasps[0].width is 0.5 m", "no gripper opens"],
         ),
         (
-            OBJECT,
+            CAN,
             "{ rounded_box",
             "{ mesh = { path = \"meshes/no.obj\" }, rounded_box",
             &["meshes/no.obj", "put it at"],

@@ -16,11 +16,14 @@ mod expected;
 mod guard;
 mod open;
 mod person_guard;
+#[cfg(test)]
+mod rest_tests;
 mod scenario;
 mod shown;
 mod state;
 #[cfg(test)]
 pub(crate) mod tests;
+mod view_start;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -176,7 +179,7 @@ impl Simulation {
                 arm_balls.is_clear(person, &model, arm)
             }),
         };
-        let floor = match scenario.starts {
+        let mut floor = match scenario.starts {
             Starts::Near => None,
             Starts::Anywhere => Some(open_floor(&scene)),
         };
@@ -185,7 +188,12 @@ impl Simulation {
             .zip(variant.as_ref())
             .map(|(task, variant)| (task, variant, floor.as_ref()));
         let is_told = !scenario.instruction.is_empty();
+        let wants_view = scenario.start_in_view && scenario.start.is_none();
         let placed = draw_open_values(&mut scenario, &mut scene, drawn)?;
+        if let (true, Some(about)) = (wants_view, task.as_ref().zip(variant.as_ref())) {
+            let floor = floor.get_or_insert_with(|| open_floor(&scene));
+            view_start::choose(&mut scenario, about, floor, (&model, &scene));
+        }
         if let (Some(task), false) = (&task, is_told) {
             say(assets, &mut scenario, &scene, task)?;
         }

@@ -106,6 +106,8 @@ pub(super) fn draw_open_values(
             });
         }
     }
+    let may_miss = |name: &str| task.is_some_and(|(task, ..)| task.area.may_miss(name));
+    let lists_missing = given.iter().any(|(name, _)| may_miss(name));
     let placed: Vec<bool>;
     (scenario.objects, placed) = scene
         .objects
@@ -114,8 +116,10 @@ pub(super) fn draw_open_values(
         .filter_map(|(object, drawn)| {
             let given = given.iter().find(|(name, _)| *name == object.name);
             let elsewhere = given.is_some_and(|(_, p)| drawn.is_none_or(|d| d.pose != p.pose));
-            // Of what may be missing, a scenario that tells objects tells all.
-            let drawn = drawn.filter(|_| tells_none || !object.optional);
+            // A scenario with objects lists every optional one, and one with an object
+            // that may be missing lists every such object.
+            let is_listed = object.optional || lists_missing && may_miss(&object.name);
+            let drawn = drawn.filter(|_| tells_none || !is_listed);
             let placement = given.map(|(_, p)| *p).or(drawn)?;
             Some(((object.name.clone(), placement), elsewhere))
         })
@@ -258,6 +262,7 @@ fn undisturbed(scene: &Scene) -> Draw {
             clearance: 0.0,
             has_start: true,
             rejected_starts: 0,
+            surroundings: Vec::new(),
         },
         target: String::new(),
         instruction: String::new(),

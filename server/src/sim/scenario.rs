@@ -90,6 +90,10 @@ pub struct Scenario {
     pub rejected_starts: u32,
     /// Where the robot starts when it is drawn.
     pub starts: Starts,
+    /// A drawn start has the target in the field of view of a camera of the robot.
+    pub start_in_view: bool,
+    /// The scripted operator looks around before it drives.
+    pub look_around: bool,
     /// Positions of the arm's joints at the start, rad; `None`: drawn.
     pub arm: Option<[f64; ARM_JOINTS]>,
     /// Angle of the gripper's knuckle at the start, rad; `None`: drawn.
@@ -166,6 +170,8 @@ impl Default for Scenario {
             start: None,
             rejected_starts: 0,
             starts: Starts::Near,
+            start_in_view: false,
+            look_around: false,
             arm: None,
             knuckle: None,
             instruction: String::new(),

@@ -20,6 +20,11 @@ pub struct AreaSpec {
     /// What may stand there: at least one, the first takes the share that the
     /// others leave.
     pub variants: Vec<Variant>,
+    /// How often it is sampled where a task asks for something elsewhere, 0 to 1, among
+    /// the areas on the same furniture.
+    pub elsewhere: f64,
+    /// The other areas of the scene, without surroundings of their own.
+    pub surroundings: Vec<AreaSpec>,
 }
 
 /// One set of things that may stand in an area.
@@ -86,6 +91,8 @@ pub struct PlaceSpec {
     pub friction: Option<Range>,
     /// How often it is there at all, 0 to 1.
     pub chance: f64,
+    /// How often it rests otherwise than upright.
+    pub rest: RestShares,
 }
 
 impl PlaceSpec {
@@ -93,6 +100,27 @@ impl PlaceSpec {
     #[must_use]
     pub fn is_certain(&self) -> bool {
         self.chance >= 1.0
+    }
+}
+
+/// Shares of scenes in which an object rests otherwise than upright in its range.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RestShares {
+    /// On its side.
+    pub lies: f64,
+    /// On top of other clutter.
+    pub stacks: f64,
+    /// Against other clutter.
+    pub leans: f64,
+    /// Behind an object that a task can ask for, as seen from the approach edge.
+    pub hides: f64,
+}
+
+impl RestShares {
+    /// Sum of the shares.
+    #[must_use]
+    pub fn sum(&self) -> f64 {
+        self.lies + self.stacks + self.leans + self.hides
     }
 }
 
@@ -110,6 +138,23 @@ pub struct SlideSpec {
 }
 
 impl AreaSpec {
+    /// The furniture that carries its objects; empty for an area of furniture that slides.
+    #[must_use]
+    pub fn carrier(&self) -> &str {
+        let places = self.variants.first().and_then(|v| v.places.first());
+        places.map_or("", |place| &place.on)
+    }
+
+    /// Whether an object is missing from some scenes of the area or its surroundings.
+    #[must_use]
+    pub fn may_miss(&self, object: &str) -> bool {
+        let areas = [self].into_iter().chain(&self.surroundings);
+        let variants = areas.flat_map(|area| &area.variants);
+        let places: Vec<_> = variants.filter_map(|v| v.place(object)).collect();
+        let own = self.variants.iter().all(|v| v.offers(object));
+        !places.is_empty() && !own
+    }
+
     /// The variant of this name.
     #[must_use]
     pub fn variant(&self, name: &str) -> Option<&Variant> {

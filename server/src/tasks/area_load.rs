@@ -6,11 +6,12 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
+use super::area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
 use super::known::{known_joint, known_object};
+use super::rest::lying;
 use super::scene_draw::draw_scene;
 use crate::robot::CorridorSettings;
-use crate::scene::{Place, Scene, SceneError, names, parse, provenance};
+use crate::scene::{Body, Place, Scene, SceneError, names, parse, provenance};
 
 /// Seeds that are drawn when an area is read, to see that there is room.
 const SEEDS: u64 = 4;
@@ -30,6 +31,9 @@ struct AreaFile {
     slide: Vec<SlideEntry>,
     #[serde(default)]
     variant: Vec<VariantEntry>,
+    /// How often it is sampled where a task asks for something elsewhere, 0 to 1.
+    #[serde(default)]
+    elsewhere: f64,
 }
 
 /// Where the chair starts: ranges, least and greatest value.
@@ -58,6 +62,18 @@ struct PlaceEntry {
     friction: Option<[f64; 2]>,
     /// How often it is there at all, 0 to 1.
     chance: Option<f64>,
+    /// How often it lies on its side, 0 to 1.
+    #[serde(default)]
+    lies: f64,
+    /// How often it is on top of other clutter.
+    #[serde(default)]
+    stacks: f64,
+    /// How often it leans against other clutter.
+    #[serde(default)]
+    leans: f64,
+    /// How often it is behind an object that a task can ask for.
+    #[serde(default)]
+    hides: f64,
 }
 
 /// How furniture slides: ranges.
@@ -104,6 +120,25 @@ impl AreaSpec {
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
+        let mut spec = Self::alone(assets, name, scene, hand)?;
+        let place = Place::file(&format!("areas/{name}.toml"));
+        for other in names(assets, "areas")? {
+            if other != name && read(assets, &other)?.scene == scene.name {
+                let other = Self::alone(assets, &other, scene, hand)?;
+                spec.surroundings.push(other);
+            }
+        }
+        spec.check_room(&place, scene)?;
+        Ok(spec)
+    }
+
+    /// Without its surroundings, and without a check of the room.
+    fn alone(
+        assets: &Path,
+        name: &str,
+        scene: &Scene,
+        hand: &CorridorSettings,
+    ) -> Result<Self, SceneError> {
         let file = read(assets, name)?;
         let place = Place::file(&format!("areas/{name}.toml"));
         if file.scene != scene.name {
@@ -134,7 +169,7 @@ impl AreaSpec {
         let share = place.key("variant.share");
         let why = "shares of the variants leave the rest to the area without them";
         variants[0].share = 1.0 - share.within(others, 0.0, 1.0, "", why)?;
-        let spec = Self {
+        Ok(Self {
             name: name.to_owned(),
             scene: file.scene,
             hand: *hand,
@@ -149,9 +184,15 @@ impl AreaSpec {
                 .map(|entry| read_slide(&place.entry("slide", &entry.joint), scene, entry))
                 .collect::<Result<_, _>>()?,
             variants,
-        };
-        spec.check_room(&place, scene)?;
-        Ok(spec)
+            elsewhere: place.key("elsewhere").within(
+                file.elsewhere,
+                0.0,
+                1.0,
+                "",
+                "a share of the scenes of tasks elsewhere",
+            )?,
+            surroundings: Vec::new(),
+        })
     }
 
     /// Refuses ranges in which the objects, or the hand to them, find no room.
@@ -254,8 +295,41 @@ fn read_variant(
     })
 }
 
+/// Shares of an object's poses beside upright. What a task can ask for lies only where a
+/// grasp reaches it from above, and never stacks, leans or hides.
+fn read_rest(place: &Place, body: &Body, entry: &PlaceEntry) -> Result<RestShares, SceneError> {
+    let share = |key, value| {
+        let why = "0.2 is every fifth scene";
+        place.key(key).within(value, 0.0, 1.0, "", why)
+    };
+    let rest = RestShares {
+        lies: share("lies", entry.lies)?,
+        stacks: share("stacks", entry.stacks)?,
+        leans: share("leans", entry.leans)?,
+        hides: share("hides", entry.hides)?,
+    };
+    share("lies", rest.sum())?;
+    let is_certain = entry.chance.is_none_or(|chance| chance >= 1.0);
+    if is_certain && rest.sum() > rest.lies {
+        return Err(place.wrong(
+            "an object of every scene that stacks, leans or hides",
+            "clutter for that, with a chance below 1",
+            "leave out stacks, leans and hides, or give a chance",
+        ));
+    }
+    if rest.lies > 0.0 && lying(body, is_certain).is_empty() {
+        return Err(place.key("lies").wrong(
+            format!("{}", rest.lies),
+            "0: no grasp reaches the object from above when it lies",
+            "leave it out, or give the object a grasp for it",
+        ));
+    }
+    Ok(rest)
+}
+
 fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceSpec, SceneError> {
     known_object(place, scene, &entry.object)?;
+    let object = scene.object_named(&entry.object).unwrap_or_default();
     let surface = scene.surface(place, &entry.on, entry.surface.as_deref())?;
     let half = surface.width / 2.0;
     let (inwards, along) = (place.key("inwards"), place.key("along"));
@@ -281,6 +355,7 @@ fn read_place(place: &Place, scene: &Scene, entry: &PlaceEntry) -> Result<PlaceS
             "",
             "1 is always, 0.5 every other time",
         )?,
+        rest: read_rest(place, &scene.objects[object], entry)?,
     })
 }
 

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 use wheelarm_proto::exact;
+use wheelarm_proto::settings::Starts;
 use wheelarm_route::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
 use wheelarm_route::hybrid_a_star::{self, PathPreferences};
 use wheelarm_route::obb::Obb;
@@ -20,12 +21,16 @@ use crate::scene::{Body, Scene};
 const ROOM: f64 = 0.10;
 /// Places that are looked at.
 const TRIES: usize = 400;
+/// Rounds of as many places for a start that sees the target.
+const SEEN_TRIES: u64 = 8;
 /// Poses that the search for a way looks at from one place: enough for the far
 /// end of the home, and little where there is no way.
 const NODES: usize = 6_000;
 /// Distances of the chair's frame from the edge of a surface, or from furniture
 /// that slides, at which it would stop there, metres.
 const STOPS: [f64; 4] = [0.95, 1.15, 1.35, 1.6];
+/// Furniture that slides is in the chair's way out to this position, metres.
+const AJAR: f64 = 0.12;
 /// Samples of the arm's way home from a posture.
 const WAY_HOME: u32 = 20;
 /// How the chair would drive: as the scripted operator, with no haste.
@@ -118,6 +123,18 @@ impl Floor {
         scene: &Scene,
         seed: u64,
     ) -> Option<Start> {
+        self.start_where(area, variant, scene, seed, &|_| true)
+    }
+
+    /// As `start`, of the poses that `accepts` holds for.
+    fn start_where(
+        &self,
+        area: &AreaSpec,
+        variant: &Variant,
+        scene: &Scene,
+        seed: u64,
+        accepts: &dyn Fn(&Isometry3<f64>) -> bool,
+    ) -> Option<Start> {
         let goal = self.stop(area, variant, scene)?;
         let mut random = stream(&area.name, seed, "posture");
         let mut rejected = 0;
@@ -134,6 +151,13 @@ impl Floor {
                 y: number(&mut random, range(y0, y1)),
                 heading: number(&mut random, range(-PI, PI)),
             };
+            let pose = Isometry3::new(
+                Vector3::new(place.x, place.y, 0.0),
+                Vector3::z() * place.heading,
+            );
+            if !accepts(&pose) {
+                continue;
+            }
             let free = self.check.is_free(&place, ROOM) && self.is_inside(scene, &place);
             let way = || {
                 let check = &self.check;
@@ -146,16 +170,47 @@ impl Floor {
                 rejected += 1;
             }
             if free && way() {
-                let pose = Isometry3::new(
-                    Vector3::new(place.x, place.y, 0.0),
-                    Vector3::z() * place.heading,
-                );
                 return Some(Start {
                     pose,
                     arm: Some(arm),
                     knuckle: Some(knuckle),
                     rejected,
                 });
+            }
+        }
+        None
+    }
+
+    /// A start that `sees` the target: anywhere, or near by at a heading of its own.
+    /// `None` where none was found.
+    pub(crate) fn start_in_view(
+        &self,
+        area: &AreaSpec,
+        variant: &Variant,
+        scene: &Scene,
+        (seed, starts): (u64, Starts),
+        sees: &dyn Fn(&Isometry3<f64>) -> bool,
+    ) -> Option<Isometry3<f64>> {
+        if starts == Starts::Anywhere {
+            // Few places see it: more of the same stream.
+            let tries = (0..SEEN_TRIES).map(|more| seed ^ (more << 48));
+            let mut found = tries.map(|seed| self.start_where(area, variant, scene, seed, sees));
+            return found.find_map(|start| Some(start?.pose));
+        }
+        let mut random = stream(&area.name, seed, "view");
+        let near = &area.start;
+        for _ in 0..TRIES {
+            let place = Pose2 {
+                x: number(&mut random, near.x),
+                y: number(&mut random, near.y),
+                heading: number(&mut random, Range { min: -PI, max: PI }),
+            };
+            let pose = Isometry3::new(
+                Vector3::new(place.x, place.y, 0.0),
+                Vector3::z() * place.heading,
+            );
+            if sees(&pose) && self.check.is_free(&place, ROOM) {
+                return Some(pose);
             }
         }
         None
@@ -257,8 +312,14 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
         .map(|o| (o.top, Outline { sides: o.footprint }))
         .collect();
     let mut check = FootprintCheck::of(occupied(&outlines, limbs));
-    for obb in scene.furniture.iter().flat_map(boxes) {
-        check.put(obb.rectangle(), obb.heights());
+    for (index, body) in scene.furniture.iter().enumerate() {
+        let mut out = body.clone();
+        if let Some(joint) = scene.joint_of(index) {
+            out.pose.translation.vector += joint.axis.scale(AJAR);
+        }
+        for obb in boxes(body).chain(boxes(&out)) {
+            check.put(obb.rectangle(), obb.heights());
+        }
     }
     check
 }

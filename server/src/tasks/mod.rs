@@ -10,6 +10,7 @@
 
 mod area;
 mod area_load;
+mod arrangement;
 #[cfg(test)]
 mod care_tests;
 mod condition;
@@ -28,6 +29,7 @@ mod query;
 mod random;
 #[cfg(test)]
 mod reach_tests;
+mod rest;
 mod scene_draw;
 mod sentence;
 mod spec;
@@ -37,7 +39,7 @@ mod template;
 #[cfg(test)]
 mod tests;
 
-pub use area::{AreaSpec, PlaceSpec, Range, SlideSpec, StartSpec, Variant};
+pub use area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
 pub use draw::{Draw, draw, variant_of};
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
 pub use failure::Failure;

@@ -1,9 +1,10 @@
 //! Room between things that stand on surfaces: outlines on the floor plan, their
 //! distances, and what a thing keeps clear of.
 
-use nalgebra::{Isometry3, Point2, UnitComplex, Vector2, Vector3};
+use nalgebra::{Isometry3, Point2, UnitComplex, UnitQuaternion, Vector2, Vector3};
 use wheelarm_proto::exact;
 
+use super::rest::heading;
 use crate::geometry::Part;
 use crate::scene::{Body, Bounds, Placement, Scene, Surface};
 
@@ -140,8 +141,13 @@ impl<'a> Clearance<'a> {
         }
     }
 
-    /// An object where it is placed: things stand upright.
+    /// An object where it is placed. Of what is not upright, the outline is the rectangle
+    /// around it along its level axis.
     pub(super) fn standing(&self, object: usize, placement: &Placement) -> Standing {
+        let up = placement.pose.rotation * Vector3::z();
+        if up.z < 0.9999 {
+            return self.turned(object, &placement.pose);
+        }
         let (outline, top) = &self.outlines[object];
         Standing {
             outline: outline.at(&placement.pose),
@@ -149,11 +155,30 @@ impl<'a> Clearance<'a> {
         }
     }
 
+    fn turned(&self, object: usize, pose: &Isometry3<f64>) -> Standing {
+        let body = &self.scene.objects[object];
+        let level = Isometry3::from_parts(
+            pose.translation,
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading(pose)),
+        );
+        let bounds = body.collision_bounds(&level.inv_mul(pose));
+        let bounds = bounds.unwrap_or(Bounds {
+            min: [0.0; 3].into(),
+            max: [0.0; 3].into(),
+        });
+        Standing {
+            outline: Outline::filling(&bounds).at(&level),
+            top: pose.translation.z + bounds.max.z,
+        }
+    }
+
     /// The least distance that `object` on its surface leaves to the edges, the
-    /// furniture and the other objects, metres; below zero something overlaps.
+    /// furniture and the other objects except its `holder`, metres; negative where
+    /// something overlaps.
     pub(super) fn of(
         &self,
         object: usize,
+        holder: Option<usize>,
         surface: &Surface,
         placements: &[Option<Placement>],
     ) -> f64 {
@@ -162,7 +187,8 @@ impl<'a> Clearance<'a> {
         };
         let outline = self.standing(object, placement).outline;
         let mut least = f64::INFINITY;
-        let others = placements.iter().enumerate().filter(|(i, _)| *i != object);
+        let others = placements.iter().enumerate();
+        let others = others.filter(|(i, _)| *i != object && Some(*i) != holder);
         for (i, other) in others {
             if let Some(other) = other {
                 let other = self.standing(i, other).outline;

@@ -1,27 +1,21 @@
-//! One scene of an area from a seed, whatever is asked for in it: what stands
-//! where, how heavy and rough, how drawers slide, where the chair starts.
+//! One scene of the home from a seed: poses, masses and friction of all objects, how
+//! drawers slide, where the chair starts.
 //!
-//! Nothing here knows of tasks: whoever asks for something in the area finds the
-//! same scene. It counts only when everything that may be asked for can be taken
-//! and every region is free; one acceptance for all.
+//! Nothing here knows of tasks: every task of the area has the same scene. The other
+//! areas of the home are sampled too, each from a stream of its own, so that no view of
+//! them tells the area of the task. A scene counts only when every object that a task
+//! can ask for can be taken and every region is free.
 
 use nalgebra::{Isometry3, Vector3};
-use rand_chacha::ChaCha8Rng;
 
-use super::area::{AreaSpec, PlaceSpec, Variant};
+use super::area::{AreaSpec, Variant};
+use super::arrangement::Arrangement;
 use super::floor::{Floor, Start};
-use super::placement_clearance::{Clearance, Standing};
-use super::random::{fraction, number, shuffle, stream};
-use super::takeable;
-use crate::robot::CorridorSettings;
-use crate::scene::{Body, Placement, Resistance, Scene, Surface};
+use super::random::{fraction, number, stream};
+use crate::scene::{Body, Placement, Resistance, Scene};
 
 /// Scenes that are begun before the best one is taken.
 const ATTEMPTS: usize = 400;
-/// Places that are tried for one object before the scene is begun anew.
-const TRIES: usize = 30;
-/// Room around a region, metres.
-const REGION_GAP: f64 = 0.01;
 
 /// What stands in an area, the same for all its tasks.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +40,8 @@ pub struct SceneDraw {
     pub has_start: bool,
     /// Start poses that were rejected because of the person (count).
     pub rejected_starts: u32,
+    /// Names of the other areas that were sampled.
+    pub surroundings: Vec<String>,
 }
 
 /// The variant of an area that a seed takes out of those that offer what is
@@ -111,191 +107,113 @@ pub fn draw_scene(
             rejected: 0,
         },
     };
-    let mut sliding = random("slides");
+    let around = surroundings(area, seed);
     let mut slides: Vec<_> = scene.joints.iter().map(|joint| joint.resistance).collect();
     let mut positions = vec![0.0; slides.len()];
-    for slide in &area.slides {
-        let drawn = Resistance {
-            friction: number(&mut sliding, slide.friction),
-            damping: number(&mut sliding, slide.damping),
-        };
-        let position = number(&mut sliding, slide.position);
-        if let Some(joint) = scene.joint_named(&slide.joint) {
-            slides[joint] = drawn;
-            positions[joint] = position;
+    for area in [area]
+        .into_iter()
+        .chain(around.iter().map(|(area, _)| *area))
+    {
+        let mut sliding = stream(&area.name, seed, "slides");
+        for slide in &area.slides {
+            let resistance = Resistance {
+                friction: number(&mut sliding, slide.friction),
+                damping: number(&mut sliding, slide.damping),
+            };
+            let position = number(&mut sliding, slide.position);
+            if let Some(joint) = scene.joint_named(&slide.joint) {
+                slides[joint] = resistance;
+                positions[joint] = position;
+            }
         }
     }
-    let mut standing = random("places");
-    let table = Table::new(&area.hand, variant, scene);
-    let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
-    let mut attempts = 0;
-    while attempts < ATTEMPTS {
-        attempts += 1;
-        let (placements, clearance) = table.attempt(&mut standing);
-        if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
-            best = Some((placements, clearance));
-        }
-        if clearance >= 0.0 {
-            break;
-        }
+    let mut placed = Placed::new(area, scene);
+    placed.add(area, variant, scene, seed);
+    for (area, variant) in &around {
+        placed.add(area, variant, scene, seed);
     }
-    let (placements, clearance) = best.unwrap_or_default();
     SceneDraw {
-        placements,
+        placements: placed.placements,
         slides,
         positions,
         start: start.pose,
         arm: start.arm,
         knuckle: start.knuckle,
-        attempts,
-        clearance,
+        attempts: placed.attempts,
+        clearance: placed.clearance,
         has_start,
         rejected_starts: start.rejected,
+        surroundings: around.iter().map(|(area, _)| area.name.clone()).collect(),
     }
 }
 
-/// One thing that is placed.
-struct Thing<'a> {
-    place: &'a PlaceSpec,
-    object: usize,
-    surface: &'a Surface,
-    /// Radius within which it collides, metres.
-    radius: f64,
-}
-
-impl Thing<'_> {
-    /// The greater, the earlier it is placed.
-    fn rank(&self) -> f64 {
-        self.radius + if self.place.is_certain() { 1e3 } else { 0.0 }
+/// The other areas that are sampled: of those on one piece of furniture one, by their
+/// shares, and of its variants one that needs no optional furniture, which belongs to the
+/// task's area alone.
+fn surroundings(area: &AreaSpec, seed: u64) -> Vec<(&AreaSpec, &Variant)> {
+    let mut groups: Vec<(&str, Vec<&AreaSpec>)> = Vec::new();
+    for other in &area.surroundings {
+        match groups.iter_mut().find(|(on, _)| *on == other.carrier()) {
+            Some((_, group)) => group.push(other),
+            None => groups.push((other.carrier(), vec![other])),
+        }
     }
+    let groups = groups.into_iter().filter(|(on, _)| *on != area.carrier());
+    let chosen = groups.filter_map(|(on, group)| {
+        let mut left = fraction(&mut stream("home", seed, on));
+        let chosen = group.into_iter().find(|other| {
+            left -= other.elsewhere;
+            left < 0.0
+        })?;
+        let variants = chosen.variants.iter().filter(|v| v.furniture.is_empty());
+        let variants: Vec<&Variant> = variants.collect();
+        Some((chosen, variant(chosen, &variants, seed, None)?))
+    });
+    chosen.collect()
 }
 
-/// What is placed, and what it is held against.
-struct Table<'a> {
-    scene: &'a Scene,
-    hand: &'a CorridorSettings,
-    clearance: Clearance<'a>,
-    things: Vec<Thing<'a>>,
-    regions: Vec<&'a Surface>,
-    /// What is not drawn: at its place in the scene.
-    fixed: Vec<Option<Placement>>,
+/// The objects that have been placed, area by area.
+struct Placed {
+    placements: Vec<Option<Placement>>,
+    attempts: usize,
+    clearance: f64,
 }
 
-impl<'a> Table<'a> {
-    fn new(hand: &'a CorridorSettings, variant: &'a Variant, scene: &'a Scene) -> Self {
-        let fixed = |body: &Body| {
-            let drawn = variant.place(&body.name).is_some();
-            (!drawn && !body.optional).then(|| Placement::of(body))
+impl Placed {
+    /// Objects that no area of the home names are at their place in the scene.
+    fn new(area: &AreaSpec, scene: &Scene) -> Self {
+        let areas = || [area].into_iter().chain(&area.surroundings);
+        let is_named = |body: &Body| {
+            let mut variants = areas().flat_map(|area| &area.variants);
+            variants.any(|variant| variant.place(&body.name).is_some())
         };
-        // Names were checked when the area was read.
-        let things = variant.places.iter().filter_map(|place| {
-            let object = scene.object_named(&place.object)?;
-            Some(Thing {
-                place,
-                object,
-                radius: scene.objects[object].footprint_radius(),
-                surface: scene.surface_named(&place.on, place.surface.as_deref())?,
-            })
-        });
-        let regions = variant.regions.iter();
+        let fixed = |body: &Body| (!body.optional && !is_named(body)).then(|| Placement::of(body));
         Self {
-            scene,
-            hand,
-            clearance: Clearance::new(scene),
-            things: things.collect(),
-            regions: regions
-                .filter_map(|name| scene.surface_named(name, None))
-                .collect(),
-            fixed: scene.objects.iter().map(fixed).collect(),
+            placements: scene.objects.iter().map(fixed).collect(),
+            attempts: 0,
+            clearance: f64::INFINITY,
         }
     }
 
-    /// Places everything once, in any order, and says how much room is left.
-    fn attempt(&self, random: &mut ChaCha8Rng) -> (Vec<Option<Placement>>, f64) {
-        let mut placements = self.fixed.clone();
-        let mut order: Vec<&Thing<'_>> = Vec::new();
-        for thing in &self.things {
-            if fraction(random) < thing.place.chance {
-                order.push(thing);
+    /// Places the objects of one more area, beginning again until there is room.
+    fn add(&mut self, area: &AreaSpec, variant: &Variant, scene: &Scene, seed: u64) {
+        let mut random = stream(&area.name, seed, "places");
+        let taken: Vec<bool> = self.placements.iter().map(Option::is_some).collect();
+        let arrangement = Arrangement::new(&area.hand, variant, scene, &taken);
+        let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
+        for _ in 0..ATTEMPTS {
+            self.attempts += 1;
+            let (placements, clearance) = arrangement.attempt(&mut random, &self.placements);
+            if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
+                best = Some((placements, clearance));
             }
-        }
-        shuffle(random, &mut order);
-        // Large things first, as who packs does; what may be missing fills the rest.
-        order.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
-        let mut least = f64::INFINITY;
-        for (placed, thing) in order.iter().enumerate() {
-            let mut best = (None, f64::NEG_INFINITY);
-            for _ in 0..TRIES {
-                let placement = standing(random, thing, &self.scene.objects[thing.object]);
-                placements[thing.object] = Some(placement);
-                let clearance = self.room(thing, &order[..=placed], &placements);
-                if clearance > best.1 {
-                    best = (Some(placement), clearance);
-                }
-                if clearance >= 0.0 {
-                    break;
-                }
-            }
-            placements[thing.object] = best.0;
-            least = least.min(best.1);
-            if least < 0.0 {
+            if clearance >= 0.0 {
                 break;
             }
         }
-        (placements, least)
-    }
-
-    /// How much room there is with `thing` where it is placed: to the others, on
-    /// the regions, and for the hand to everything that may be asked for.
-    fn room(
-        &self,
-        thing: &Thing<'_>,
-        placed: &[&Thing<'_>],
-        placements: &[Option<Placement>],
-    ) -> f64 {
-        let mut least = self.clearance.of(thing.object, thing.surface, placements);
-        if least < 0.0 {
-            return least;
+        if let Some((placements, clearance)) = best {
+            self.placements = placements;
+            self.clearance = self.clearance.min(clearance);
         }
-        let stands = |object: usize| {
-            let placement = placements[object].as_ref()?;
-            Some(self.clearance.standing(object, placement))
-        };
-        let own: Vec<Standing> = stands(thing.object).into_iter().collect();
-        for region in &self.regions {
-            least = least.min(takeable::region_room(region, REGION_GAP, &own));
-        }
-        for target in placed.iter().filter(|target| target.place.is_certain()) {
-            if least < 0.0 {
-                return least;
-            }
-            let others = placed.iter().filter(|other| other.object != target.object);
-            let others: Vec<Standing> = others.filter_map(|other| stands(other.object)).collect();
-            if let Some(placement) = &placements[target.object] {
-                let body = &self.scene.objects[target.object];
-                let room =
-                    takeable::room(self.hand, body, &placement.pose, target.surface, &others);
-                least = least.min(room);
-            }
-        }
-        least
-    }
-}
-
-fn standing(random: &mut ChaCha8Rng, thing: &Thing<'_>, body: &Body) -> Placement {
-    let place = thing.place;
-    let (inwards, along, yaw) = (
-        number(random, place.inwards),
-        number(random, place.along),
-        number(random, place.yaw),
-    );
-    let usual = Placement::of(body);
-    let lift = Isometry3::translation(0.0, 0.0, body.standing_height());
-    Placement {
-        pose: thing.surface.standing(inwards, along, yaw) * lift,
-        mass: place.mass.map_or(usual.mass, |range| number(random, range)),
-        friction: place
-            .friction
-            .map_or(usual.friction, |range| number(random, range)),
     }
 }

@@ -9,11 +9,13 @@ use super::area::AreaSpec;
 use super::draw::Draw;
 use crate::scene::{Placement, Scene};
 
-/// Columns of the table of an area, comma separated: metres, radians, kg, N and
-/// N·s/m. An object that is not there is all zero.
+/// Columns of the table, comma separated: metres, radians, kg, N and N·s/m; `up` is the
+/// cosine between the object's upright axis and the vertical, `home` the areas that were
+/// sampled. All values of an absent object are zero. The areas of one home have the same
+/// columns.
 #[must_use]
 pub fn columns(area: &AreaSpec) -> String {
-    let mut text = "task,target,variant,seed,start_x,start_y,start_yaw,knuckle".to_owned();
+    let mut text = "task,target,variant,home,seed,start_x,start_y,start_yaw,knuckle".to_owned();
     let mut add = |name: &str| {
         let _ = write!(text, ",{name}");
     };
@@ -21,13 +23,13 @@ pub fn columns(area: &AreaSpec) -> String {
         add(&format!("arm_{joint}"));
     }
     for object in objects(area) {
-        for what in ["there", "x", "y", "yaw", "mass", "friction"] {
+        for what in ["there", "x", "y", "z", "yaw", "up", "mass", "friction"] {
             add(&format!("{object}_{what}"));
         }
     }
-    for slide in &area.slides {
+    for joint in slides(area) {
         for what in ["friction", "damping", "position"] {
-            add(&format!("{}_{what}", slide.joint));
+            add(&format!("{joint}_{what}"));
         }
     }
     text
@@ -43,7 +45,11 @@ pub fn row(
     seed: u64,
     draw: &Draw,
 ) -> String {
-    let mut text = format!("{task},{},{variant},{seed}", draw.target);
+    let mut home: Vec<&str> = draw.scene.surroundings.iter().map(String::as_str).collect();
+    home.push(&area.name);
+    home.sort_unstable();
+    let home = home.join("+");
+    let mut text = format!("{task},{},{variant},{home},{seed}", draw.target);
     let mut add = |value: f64| {
         let _ = write!(text, ",{value:.4}");
     };
@@ -58,22 +64,23 @@ pub fn row(
     for object in objects(area) {
         let placement = scene.object_named(object).and_then(|i| drawn.placements[i]);
         let numbers = placement.map_or(
-            [0.0; 6],
+            [0.0; 8],
             |Placement {
                  pose,
                  mass,
                  friction,
              }| {
                 let [x, y, yaw] = place(&pose);
-                [1.0, x, y, yaw, mass, friction]
+                let up = (pose.rotation * Vector3::z()).z;
+                [1.0, x, y, pose.translation.z, yaw, up, mass, friction]
             },
         );
         for value in numbers {
             add(value);
         }
     }
-    for slide in &area.slides {
-        if let Some(joint) = scene.joint_named(&slide.joint) {
+    for joint in slides(area) {
+        if let Some(joint) = scene.joint_named(joint) {
             let resistance = drawn.slides[joint];
             add(resistance.friction);
             add(resistance.damping);
@@ -83,9 +90,23 @@ pub fn row(
     text
 }
 
-/// Every object that any variant of an area places.
+/// An area and its surroundings.
+fn areas(area: &AreaSpec) -> impl Iterator<Item = &AreaSpec> {
+    [area].into_iter().chain(&area.surroundings)
+}
+
+/// Every joint that any area of the home slides.
+fn slides(area: &AreaSpec) -> Vec<&str> {
+    let slides = areas(area).flat_map(|area| &area.slides);
+    let mut names: Vec<&str> = slides.map(|slide| slide.joint.as_str()).collect();
+    names.sort_unstable();
+    names
+}
+
+/// Every object that any area of the home places.
 fn objects(area: &AreaSpec) -> Vec<&str> {
-    let places = area.variants.iter().flat_map(|variant| &variant.places);
+    let variants = areas(area).flat_map(|area| &area.variants);
+    let places = variants.flat_map(|variant| &variant.places);
     let mut names: Vec<&str> = places.map(|place| place.object.as_str()).collect();
     names.sort_unstable();
     names.dedup();

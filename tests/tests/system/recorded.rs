@@ -220,8 +220,9 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
             .all(|(a, b)| a.to_bits() == b.to_bits());
         assert!(equal, "{stream}/{column} is another");
     }
-    // And so are the images, but for what the renderer may have learned since: smoothed
-    // ambient light alone changes a wall that fills the image by 7 levels.
+    // And so are the images, but for what the renderer may have learned since and how the
+    // assets look: smoothed ambient light alone changes a wall that fills the image by 7
+    // levels, other meshes and prints on the table one at the grasp by 4 more.
     for name in ["gen3", "wheelchair"] {
         let [was, is] = [&old, &new].map(|e| e.camera(name).expect("a camera"));
         assert_eq!(was.stamps(), is.stamps());
@@ -235,7 +236,7 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
                 .sum();
             let apart = apart / was.len() as f64;
             assert!(
-                apart < 10.0,
+                apart < 14.0,
                 "{name} {index}: levels differ by {apart:.1} on average"
             );
         }

@@ -24,7 +24,7 @@ pub use grasps::ChosenGrasp;
 pub use labels::Annotations;
 pub use questions::{KINDS, Question};
 pub use shapes::middle;
-pub use sight::{Sight, VISIBLE_PIXELS};
+pub use sight::Sight;
 pub use state::State;
 pub use subtasks::Subtask;
 pub use table::{write_questions, write_subtasks};

@@ -1,10 +1,7 @@
 //! Which cameras show an object, a drawer or a finger tip at a time, by instance id.
 
+use crate::ids::VISIBLE_PIXELS;
 use crate::read::{Episode, ReadError};
-
-/// Least number of pixels of an instance that count as visible: fewer are no more
-/// than a speck at any resolution that is recorded.
-pub const VISIBLE_PIXELS: usize = 16;
 
 /// Cameras with whether each shows each instance.
 type Shown = Vec<(String, Vec<bool>)>;

@@ -10,11 +10,11 @@ use super::contacts::Interval;
 use super::labels::Annotations;
 use super::questions::{KINDS, Question};
 use super::shapes;
-use super::sight::VISIBLE_PIXELS;
 use super::state::{HELD, OPEN, State};
 use super::subtasks::Subtask;
 use super::trace::STEPS;
 use crate::hdf::{Attributes, texts};
+use crate::ids::VISIBLE_PIXELS;
 
 /// Layout of the group.
 const VERSION: u64 = 2;

@@ -5,6 +5,7 @@ mod error;
 mod events;
 mod root;
 mod streams;
+mod visibility;
 
 pub use error::FinishError;
 
@@ -26,6 +27,7 @@ use crate::read::{Episode, first_robot};
 use crate::writer::file_path;
 
 use events::{Phases, Row};
+use visibility::Visibility;
 
 /// Pause between two syncs of a file in the making, so that the last one finds
 /// little to do.
@@ -268,6 +270,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
         false => Some(group.create_group("sensor")?),
     };
     let depth = scan.preamble.depth();
+    let mut visibility = Visibility::new(&scan.preamble);
     let mut counts = BTreeMap::new();
     let mut rows = begun(&started);
     let mut buffer = Vec::new();
@@ -291,6 +294,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
             read_ahead(scan, &samples, |payloads| {
                 streams::camera(&stream, camera, depth, payloads, &samples)
             })?;
+            visibility.add(&stream)?;
             stream
         } else if let Some((sensor, sensors)) = id.sensor_name().zip(sensors.as_ref()) {
             let stream = sensors.create_group(sensor)?;
@@ -314,6 +318,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
             root::account(&stream, account)?;
         }
     }
+    visibility.finish(&file)?;
     rows.extend(ended(scan));
     let events = events::write(&file, rows)?;
     if let Some(a) = account

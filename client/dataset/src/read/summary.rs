@@ -31,6 +31,9 @@ pub struct Summary {
     pub anomaly_kinds: Vec<String>,
     /// Conditions with their state and measured value at the end.
     pub conditions: Vec<(String, bool, f64)>,
+    /// Whether the first image of a camera shows the target of the task; `None` in
+    /// recordings without instance IDs or a target, and in older ones.
+    pub target_in_first_images: Option<bool>,
     /// Its states were shown from another recording, not computed.
     pub as_recorded: bool,
     /// Everything that was published is there.
@@ -129,6 +132,7 @@ impl Episode {
             anomaly_kinds: texts(at, "anomaly_kinds").unwrap_or_default(),
             conditions,
             complete: number(at, "complete").map_err(|e| self.hdf5("complete", e))?,
+            target_in_first_images: number(at, "target_in_first_images").ok(),
             as_recorded: number(at, "as_recorded").unwrap_or_default(),
             problems: texts(at, "problems").map_err(|e| self.hdf5("problems", e))?,
             streams,

@@ -5,6 +5,7 @@ use nalgebra::Point3;
 use super::Operator;
 use super::plan::{Stage, plan};
 use crate::observation::Observation;
+use crate::skill::look_around::LookAround;
 use crate::skill::reach::Reach;
 use crate::skill::stow::Stow;
 
@@ -43,6 +44,8 @@ impl Operator {
             if is_home {
                 self.memory.home = Some(seen.base_from_tool);
             }
+        } else if self.looks_around {
+            self.detour = Some(Box::new(LookAround::default()));
         } else if !is_home {
             self.detour = Some(Box::new(Stow::default()));
         }

@@ -7,6 +7,7 @@ pub mod carry;
 pub mod fumble;
 pub mod grasp;
 pub mod lift;
+pub mod look_around;
 pub mod motion;
 pub mod navigate;
 pub mod place;

@@ -2359,6 +2359,15 @@ class Scenario(_Message):
     """Start poses that the server drew before `start` and rejected because chair or arm would have
     met the person (count).
     """
+    start_in_view: bool
+    """Where the server draws the start: a start from which the wrist camera or the chair's camera
+    has the target in its field of view and nothing but objects between. Absent takes the one in
+    force, at start-up false (no unit). Optional.
+    """
+    look_around: bool
+    """The scripted operator looks around before it drives. Absent takes the one in force, at
+    start-up false (no unit). Optional.
+    """
     def __init__(
         self,
         *,
@@ -2392,6 +2401,8 @@ class Scenario(_Message):
         sensors: _Iterable[SensorSetting | _Mapping[str, _Any]] | None = ...,
         time_limit_seconds: float | None = ...,
         rejected_starts: int | None = ...,
+        start_in_view: bool | None = ...,
+        look_around: bool | None = ...,
     ) -> None: ...
 
 class TaskGoal(_Message):

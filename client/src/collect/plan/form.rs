@@ -76,6 +76,10 @@ pub(super) struct PlanFile {
     pub(super) style: Style,
     #[serde(default)]
     pub(super) time_limits: bool,
+    #[serde(default = "none")]
+    pub(super) start_in_view: Spanned<f64>,
+    #[serde(default = "none")]
+    pub(super) look_around: Spanned<f64>,
     #[serde(default, deserialize_with = "read_person")]
     pub(super) person: Option<v1::Person>,
     #[serde(default, deserialize_with = "read_sensors")]
@@ -132,6 +136,9 @@ fn wheelarm() -> String {
 }
 fn five() -> Spanned<u32> {
     Spanned::new(0..0, 5)
+}
+fn none() -> Spanned<f64> {
+    Spanned::new(0..0, 0.0)
 }
 fn sixty() -> Spanned<f64> {
     Spanned::new(0..0, 60.0)

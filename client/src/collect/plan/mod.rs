@@ -117,6 +117,14 @@ impl Plan {
                 format!("bear_share is {}; it is a share, 0 to 1", share.get_ref())
             })?;
         }
+        for (key, share) in [
+            ("start_in_view", &file.start_in_view),
+            ("look_around", &file.look_around),
+        ] {
+            check.that((0.0..=1.0).contains(share.get_ref()), share, || {
+                format!("{key} is {}; it is a share, 0 to 1", share.get_ref())
+            })?;
+        }
         check.rate("state_rate", &file.state_rate, 60.0)?;
         check.rate("imu_rate", &file.imu_rate, 240.0)?;
         check.rate("sample_rate", &file.sample_rate, 240.0)?;
@@ -141,6 +149,8 @@ impl Plan {
                 person: file.person,
                 style: file.style,
                 time_limits: file.time_limits,
+                start_in_view: file.start_in_view.into_inner(),
+                look_around: file.look_around.into_inner(),
                 sensors: file.sensors,
             },
             state_rate: file.state_rate.into_inner(),

@@ -74,6 +74,8 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
             .collect(),
         start: s.start.as_ref().map(pose),
         rejected_starts: s.rejected_starts,
+        start_in_view: Some(s.start_in_view),
+        look_around: Some(s.look_around),
         instruction: Some(s.instruction.clone()),
         language: s.language.as_ref().map(language::told),
         target: Some(s.target.clone()),
@@ -327,6 +329,8 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             ..person
         });
     }
+    s.start_in_view = asked.start_in_view.unwrap_or(s.start_in_view);
+    s.look_around = asked.look_around.unwrap_or(s.look_around);
     if let Some(style) = &asked.style {
         s.style = Style::from_name(style).map_err(|_| Invalid::Word {
             what: "style",

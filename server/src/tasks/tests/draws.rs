@@ -1,10 +1,11 @@
 //! Draws over many seeds.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Vector2, Vector3};
 use wheelarm_proto::exact;
 
 use super::super::*;
 use super::{hand, task};
+use crate::geometry::{Part, Shape};
 use crate::robot::RobotModel;
 use crate::scene::tests::{assets, home};
 use crate::scene::{Body, Bounds, Scene};
@@ -53,9 +54,12 @@ fn scenes_of_every_area_count_lie_inside_their_ranges_and_are_apart() {
                 };
                 let surface = scene.surface_named(&place.on, None).unwrap();
                 let on = surface.edge.inverse() * placement.pose;
-                assert!(place.inwards.contains(on.translation.x), "{at}");
-                assert!(place.along.contains(on.translation.y), "{at}");
-                assert!(place.yaw.contains(on.rotation.euler_angles().2), "{at}");
+                let rests = place.rest.sum() > 0.0;
+                if !rests {
+                    assert!(place.inwards.contains(on.translation.x), "{at}");
+                    assert!(place.along.contains(on.translation.y), "{at}");
+                    assert!(place.yaw.contains(on.rotation.euler_angles().2), "{at}");
+                }
                 assert!(place.mass.is_none_or(|m| m.contains(placement.mass)));
                 let friction = placement.friction;
                 assert!(place.friction.is_none_or(|f| f.contains(friction)));
@@ -69,17 +73,19 @@ fn scenes_of_every_area_count_lie_inside_their_ranges_and_are_apart() {
                 assert!(slide.friction.contains(drawn.slides[joint].friction));
                 assert!(slide.damping.contains(drawn.slides[joint].damping));
                 assert!(slide.position.contains(drawn.positions[joint]), "{at}");
-                positions.push(drawn.positions[joint]);
             }
+            assert!(
+                drawn.positions.iter().all(|position| *position > 0.04),
+                "{at}"
+            );
+            positions.extend(&drawn.positions);
             assert_apart(&scene, &drawn, &at);
         }
         for (name, places) in seen {
             let spread = Bounds::of_points(places.into_iter().map(Into::into)).unwrap();
-            let wide = area.name != "shelf";
-            let enough = spread.size().x > 0.03 && (!wide || spread.size().y > 0.2);
+            let enough = spread.size().x > 0.03 && spread.size().y > 0.2;
             assert!(enough, "{name}: {spread:?}");
         }
-        assert_eq!(positions.is_empty(), area.slides.is_empty());
         positions.sort_by(f64::total_cmp);
         if let [least, .., greatest] = positions[..] {
             assert!(greatest - least > 0.04, "{least} to {greatest} m");
@@ -164,50 +170,116 @@ fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
     assert!(pairs > 600, "{pairs}");
 }
 
-/// A nearest centroid on all that a scene draws, trained on half of the seeds,
-/// guesses the task of the others no better than by chance. `make test-data`
-/// holds more seeds against better classifiers.
+/// A nearest centroid on all that a scene samples, trained on half of the seeds,
+/// guesses the task of the others no better than by chance, over the areas of a home too:
+/// other tables and drawers tell nothing. `make test-data` has more seeds and better
+/// classifiers.
 #[test]
 fn what_a_scene_draws_does_not_tell_the_task() {
     const SEEDS: u64 = 40;
+    const WHOLE_HOME: [&str; 4] = ["coffee_table", "kitchen_table", "shelf", "workstation"];
     let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
-    for area in ["coffee_table", "kitchen_table"] {
-        let of_area = tasks.iter().filter(|t| t.area.name == area);
-        let of_area: Vec<_> = of_area.filter(|t| t.variants().count() > 0).collect();
-        let of_area: Vec<_> = of_area
-            .into_iter()
+    for areas in [&["coffee_table"][..], &["kitchen_table"], &WHOLE_HOME] {
+        let of_areas = tasks
+            .iter()
+            .filter(|t| areas.contains(&t.area.name.as_str()));
+        let of_areas: Vec<_> = of_areas
             .filter(|t| t.variants().any(|v| v.name.is_empty()))
             .collect();
         let mut samples: Vec<(usize, Vec<f64>)> = Vec::new();
-        for (label, task) in of_area.iter().enumerate() {
+        for (label, task) in of_areas.iter().enumerate() {
             let variant = &task.area.variants[0];
             let mut scene = home();
             scene.keep_optional(&variant.furniture);
-            for i in 0..SEEDS {
-                // No two tasks share a seed.
-                let drawn = draw(task, variant, &scene, 1000 * label as u64 + i, None).scene;
-                let mut row: Vec<f64> = drawn.start.translation.vector.iter().copied().collect();
-                for placement in &drawn.placements {
-                    let placed = placement.map_or([0.0; 5], |p| {
-                        let at = p.pose.translation;
-                        let yaw = p.pose.rotation.euler_angles().2;
-                        [at.x, at.y, yaw, p.mass, p.friction]
-                    });
-                    row.extend(placed);
-                }
-                samples.push((label, row));
-            }
+            // No two tasks share a seed.
+            let seeds = 1000 * label as u64..;
+            let drawn = seeds.map(|seed| draw(task, variant, &scene, seed, None).scene);
+            let of_home = drawn.filter(|drawn| {
+                let mut names = drawn.surroundings.iter().map(String::as_str);
+                names.all(|name| WHOLE_HOME.contains(&name))
+            });
+            samples.extend(of_home.take(SEEDS as usize).map(|d| (label, numbers(&d))));
         }
-        let right = nearest_centroid(&samples, of_area.len());
-        let chance = 1.0 / of_area.len() as f64;
+        let right = nearest_centroid(&samples, of_areas.len());
+        let chance = 1.0 / of_areas.len() as f64;
         // Four standard errors of a share of this many guesses.
         let count = samples.len() as f64 / 2.0;
         let most = chance + 4.0 * (chance * (1.0 - chance) / count).sqrt();
         assert!(
             right <= most,
-            "{area}: {right:.3} right, chance {chance:.3}"
+            "{areas:?}: {right:.3} right, chance {chance:.3}"
         );
     }
+}
+
+/// All that a scene samples.
+fn numbers(drawn: &SceneDraw) -> Vec<f64> {
+    let mut row: Vec<f64> = drawn.start.translation.vector.iter().copied().collect();
+    for placement in &drawn.placements {
+        let placed = placement.map_or([0.0; 7], |p| {
+            let at = p.pose.translation;
+            let yaw = p.pose.rotation.euler_angles().2;
+            let up = (p.pose.rotation * Vector3::z()).z;
+            [at.x, at.y, at.z, yaw, up, p.mass, p.friction]
+        });
+        row.extend(placed);
+    }
+    row.extend(&drawn.positions);
+    row.extend(drawn.slides.iter().flat_map(|s| [s.friction, s.damping]));
+    row
+}
+
+/// The same seed gives other areas the same scene, whichever task asks.
+#[test]
+fn surroundings_are_the_same_for_the_tasks_of_every_area() {
+    let scene = home();
+    let [mut mustard, mut coke] = ["pick_mustard", "select_coke"].map(task);
+    mustard.area.variants.truncate(1);
+    coke.area.variants.truncate(1);
+    let mut same = 0;
+    for seed in 0..30 {
+        let [first, second] = [&mustard, &coke]
+            .map(|task| draw_scene(&task.area, &task.area.variants[0], &scene, seed, None));
+        let at_home = |drawn: &SceneDraw| {
+            drawn
+                .surroundings
+                .iter()
+                .all(|name| name != "lounge" && name != "kitchen_meal")
+        };
+        if at_home(&first) && at_home(&second) {
+            assert_eq!(first.placements, second.placements, "seed {seed}");
+            assert_eq!(first.positions, second.positions, "seed {seed}");
+            same += 1;
+        }
+    }
+    assert!(same > 10, "{same}");
+}
+
+/// Clutter lies, leans, is stacked and stands behind others, each in a share of scenes.
+#[test]
+fn clutter_lies_leans_is_stacked_and_hides() {
+    let (spec, scene) = (task("pick_mustard"), home());
+    let [mut lying, mut leaning, mut stacked] = [0; 3];
+    for seed in 0..100 {
+        let drawn = draw_scene(&spec.area, &spec.area.variants[0], &scene, seed, None);
+        let placed = scene.objects.iter().zip(&drawn.placements);
+        let placed: Vec<_> = placed
+            .filter_map(|(b, p)| Some((b, p.as_ref()?.pose)))
+            .collect();
+        let up = |pose: &Isometry3<f64>| (pose.rotation * Vector3::z()).z;
+        lying += usize::from(placed.iter().any(|(_, pose)| up(pose) < 0.1));
+        leaning += usize::from(placed.iter().any(|(_, p)| (0.1..0.999).contains(&up(p))));
+        stacked += usize::from(placed.iter().any(|(body, pose)| {
+            let bounds = body.collision_bounds(pose).unwrap();
+            body.name.starts_with("sugar") && bounds.min.z > 0.85
+        }));
+    }
+    assert!((40..85).contains(&lying), "{lying} of 100 with what lies");
+    assert!(
+        (8..40).contains(&leaning),
+        "{leaning} of 100 with what leans"
+    );
+    assert!((4..30).contains(&stacked), "{stacked} of 100 with a stack");
 }
 
 /// The share of the odd samples that are nearest to the middle of the even ones
@@ -310,14 +382,25 @@ fn assert_apart(scene: &Scene, drawn: &SceneDraw, at: &str) {
         let between = (b_pose.translation.vector - a_pose.translation.vector).xy();
         let line = Isometry3::rotation(Vector3::z() * exact::atan2(between.y, between.x));
         // What is round is apart along the line between the middles.
-        let round = |body: &Body| body.grasps.iter().any(|grasp| grasp.symmetric);
+        let is_round = |part: &Part| {
+            matches!(
+                part.shape,
+                Shape::Cylinder { .. } | Shape::Frustum { .. } | Shape::Cup { .. }
+            )
+        };
+        let round = |body: &Body| body.collision.iter().all(is_round);
         let along = !(round(a) && round(b)) || seen_from(line);
         along && seen_from(a_pose) && seen_from(b_pose)
     };
     for (i, own) in bodies.iter().enumerate() {
         for other in &bodies[i + 1..] {
             let names = (&own.0.name, &other.0.name);
-            assert!(!overlap(*own, *other), "{at}: {names:?} overlap");
+            // Bounds of what leans say nothing; that it rests is a law of the simulation.
+            let leans = |(_, pose): &(&Body, Isometry3<f64>)| {
+                (0.1..0.999).contains(&(pose.rotation * Vector3::z()).z.abs())
+            };
+            let apart = leans(own) || leans(other) || !overlap(*own, *other);
+            assert!(apart, "{at}: {names:?} overlap");
         }
         let bounds = own.0.collision_bounds(&own.1).unwrap();
         let mut gap = f64::INFINITY;
@@ -336,6 +419,13 @@ fn assert_apart(scene: &Scene, drawn: &SceneDraw, at: &str) {
                 if column.overlaps(&other, 1e-6) {
                     gap = gap.min((bounds.min.z - other.max.z).abs());
                 }
+            }
+        }
+        for (other, pose) in bodies.iter().filter(|(other, _)| other.name != own.0.name) {
+            let other = other.collision_bounds(pose).unwrap();
+            let over = own.1.translation.vector.xy() - Vector2::new(other.min.x, other.min.y);
+            if over.min() > -0.1 && other.max.z > 0.81 {
+                gap = gap.min((bounds.min.z - other.max.z).abs());
             }
         }
         assert!(gap <= 0.0005, "{at}: {} hangs {gap} m high", own.0.name);

@@ -1,0 +1,119 @@
+//! Starts from which a camera of the robot has the target in view.
+
+use nalgebra::{Isometry3, Point3, Translation3};
+use wheelarm_route::obb::Obb;
+
+use super::scenario::Scenario;
+use crate::geometry::bounds;
+use crate::robot::{CameraMount, RobotModel};
+use crate::scene::Scene;
+use crate::tasks::{Floor, TaskSpec, Variant};
+
+/// The target's middle is at least this far from the edge of the image: share of its size.
+const EDGE: f64 = 0.05;
+/// Furthest distance at which an object is more than a few pixels, metres.
+const FURTHEST: f64 = 3.5;
+/// Samples of the line of sight.
+const SAMPLES: u32 = 60;
+
+/// Replaces a drawn start by one that sees the target, where there is one.
+pub(super) fn choose(
+    scenario: &mut Scenario,
+    (task, variant): (&TaskSpec, &Variant),
+    floor: &Floor,
+    (model, scene): (&RobotModel, &Scene),
+) {
+    let Some(view) = View::new(scenario, model, scene) else {
+        return;
+    };
+    let sees = |start: &Isometry3<f64>| view.sees(start);
+    let draw = (scenario.seed, scenario.starts);
+    if let Some(start) = floor.start_in_view(&task.area, variant, scene, draw, &sees) {
+        scenario.start = Some(start);
+    }
+}
+
+/// The cameras and what could hide the target.
+struct View<'a> {
+    /// chair_from_optical of each camera.
+    eyes: Vec<(Isometry3<f64>, &'a CameraMount)>,
+    target: Point3<f64>,
+    furniture: Vec<Obb>,
+}
+
+impl<'a> View<'a> {
+    fn new(scenario: &Scenario, model: &'a RobotModel, scene: &Scene) -> Option<Self> {
+        let mut positions = vec![0.0; model.joints.len()];
+        let arm = scenario.arm.unwrap_or(model.settings.home);
+        for (&joint, position) in model.roles.arm.iter().zip(arm) {
+            positions[joint] = position;
+        }
+        let poses = model.link_poses(&positions);
+        let cameras = model.settings.cameras.iter();
+        let eyes = cameras.filter(|camera| !camera.on_request);
+        let eyes =
+            eyes.filter_map(|mount| Some((poses[model.link(&mount.link)?] * mount.pose, mount)));
+        let target = target(scenario, scene)?;
+        let boxes = scene.furniture.iter().flat_map(|body| {
+            body.collision.iter().filter_map(|part| {
+                let (centre, half) = bounds(&part.shape)?;
+                Some(Obb {
+                    pose: body.pose * part.pose * Translation3::from(centre),
+                    half,
+                    round: false,
+                })
+            })
+        });
+        Some(Self {
+            eyes: eyes.collect(),
+            furniture: boxes.filter(|obb| obb.distance(&target) > 0.0).collect(),
+            target,
+        })
+    }
+
+    /// Whether a robot at this pose has the target in the field of view of a camera.
+    fn sees(&self, start: &Isometry3<f64>) -> bool {
+        self.eyes.iter().any(|(eye, mount)| {
+            let eye = start * eye;
+            let seen = eye.inverse_transform_point(&self.target);
+            let in_image = |axis: usize| {
+                let at = mount.principal[axis] + mount.focal[axis] * seen[axis] / seen.z;
+                (EDGE..=1.0 - EDGE).contains(&(at / f64::from(mount.size[axis])))
+            };
+            seen.z > 0.0
+                && seen.coords.norm() < FURTHEST
+                && in_image(0)
+                && in_image(1)
+                && self.is_clear(&Point3::from(eye.translation.vector))
+        })
+    }
+
+    /// Whether no furniture is between an eye and the target.
+    fn is_clear(&self, from: &Point3<f64>) -> bool {
+        let clear = |i: u32| {
+            let at = from + (self.target - from) * (f64::from(i) / f64::from(SAMPLES));
+            self.furniture.iter().all(|obb| obb.distance(&at) > 0.0)
+        };
+        (1..SAMPLES).all(clear)
+    }
+}
+
+/// The middle of the target in `house`.
+fn target(scenario: &Scenario, scene: &Scene) -> Option<Point3<f64>> {
+    let placed = scenario
+        .objects
+        .iter()
+        .find(|(name, _)| *name == scenario.target);
+    if let Some((name, placement)) = placed {
+        let body = &scene.objects[scene.object_named(name)?];
+        let bounds = body.collision_bounds(&placement.pose)?;
+        return Some(bounds.min + bounds.size() / 2.0);
+    }
+    let body = scene.furniture_named(&scenario.target)?;
+    let joint = scene.joint_of(body)?;
+    let body = &scene.furniture[body];
+    let handle = body.grasps.first().map_or(Point3::origin(), |grasp| {
+        Point3::from(grasp.pose.translation.vector)
+    });
+    Some(body.pose * handle + joint.axis.scale(joint.start))
+}
