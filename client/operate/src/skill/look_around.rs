@@ -65,8 +65,8 @@ impl LookAround {
         let bearing = exact::atan2(target.y - chair.y, target.x - chair.x);
         let bearing = wrap(bearing - chair.heading);
         let footprint = now.scene.footprint_check(now.poses);
-        // Half of the profiles arch the hand's paths by more than this.
-        let wrong_side = now.profile.arch > 0.025;
+        // Half of the profiles retract further than this, m.
+        let wrong_side = now.profile.retract > 0.105;
         match turns(&footprint, &chair, bearing, wrong_side) {
             Some(turns) => {
                 now.note(format!("looks around, {:.0}°", bearing.to_degrees()));
