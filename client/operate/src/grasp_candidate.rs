@@ -114,6 +114,8 @@ pub fn candidates(
     let Some(house_from_item) = poses.get(goal.item()) else {
         return Vec::new();
     };
+    // A leaning hand presses into the lap: what is laid there is taken the plain way.
+    let habits = habits.filter(|_| !matches!(goal, Goal::Give { .. }));
     let mut candidates = Vec::new();
     for grasp in scene.grasps.iter().filter(|g| g.item == goal.item()) {
         let point = house_from_item * grasp.item_from_grasp * Point3::origin();
