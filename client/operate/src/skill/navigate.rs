@@ -34,6 +34,10 @@ const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the operator profile's.
 const ARCS: [f64; 2] = [1.0, 0.75];
 
+/// Nodes of a rough search that tells whether there is any path: where there is none, each
+/// full search would look at all of its nodes.
+const ROUGH: usize = 12_000;
+
 /// What the chair is to stop for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
@@ -399,11 +403,15 @@ fn drive_path(
     let mut best: Option<DrivePath> = None;
     for length in STRAIGHTS {
         let before = goal.rolled(-length, 0.0);
-        for tightness in ARCS {
-            let preferences = PathPreferences {
-                radius: now.profile.path.radius * tightness,
-                ..now.profile.path
-            };
+        let all = ARCS.map(|tightness| PathPreferences {
+            radius: now.profile.path.radius * tightness,
+            ..now.profile.path
+        });
+        let [_, tight] = &all;
+        if !hybrid_a_star::has_path(footprint, start, before, tight, ROUGH) {
+            continue;
+        }
+        for preferences in all {
             let Some(mut path) = hybrid_a_star::search(footprint, start, before, &preferences)
             else {
                 continue;
