@@ -131,7 +131,9 @@ pub fn candidates(
                 let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
                 let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
                 let leans = leans(&house_from_grasp, grasp.from_above);
-                let wanted = habits.map_or(0.0, |habits| wanted_lean(leans, habits.lean));
+                // What is soft slips out of a leaning hand.
+                let leaning = habits.filter(|_| grasp.force.is_none());
+                let wanted = leaning.map_or(0.0, |habits| wanted_lean(leans, habits.lean));
                 let heights = match goal.slide() {
                     Some(_) => vec![(0.0, 0.0)],
                     None => heights(scene, grasp, house_from_item, &house_from_grasp, habits),

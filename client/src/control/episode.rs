@@ -64,7 +64,7 @@ pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<ExitCode
                 secret: link.secret(),
             })?;
             print!("{}", stopped_text(&stopped));
-            Ok(match stopped.unconfirmed.is_empty() {
+            Ok(match stopped.unconfirmed_recorders.is_empty() {
                 true => ExitCode::SUCCESS,
                 false => ExitCode::from(3),
             })

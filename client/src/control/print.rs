@@ -172,7 +172,7 @@ pub(super) fn stopped_text(stopped: &v1::EpisodeStopped) -> String {
         if stopped.discard { ", discarded" } else { "" },
         stopped.wall_seconds
     );
-    for recorder in &stopped.unconfirmed {
+    for recorder in &stopped.unconfirmed_recorders {
         let _ = writeln!(
             text,
             "  NOT CONFIRMED by recorder {recorder}: its file may be missing or incomplete"

@@ -90,8 +90,11 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
     start(&server, "cut", "1");
     std::thread::sleep(Duration::from_secs(2));
     doomed.kill();
-    // The server goes on without it.
-    command(&server, &["episode", "stop"]);
+    // The server goes on without it, and says that it has not confirmed the end.
+    let stopped = server.client(&["episode", "stop"]).expect("a client");
+    let text = printed(&stopped);
+    assert_eq!(stopped.status.code(), Some(3), "{text}");
+    assert!(text.contains("NOT CONFIRMED by recorder doomed"), "{text}");
     let logs = Recorder::logs(folder.path());
     let [log] = &logs[..] else {
         panic!("expected one log, found {logs:?}")

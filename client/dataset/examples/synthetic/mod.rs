@@ -532,7 +532,7 @@ pub fn stopped(tick: u64, counts: &[(String, u64, u64)]) -> v1::EpisodeStopped {
         cause: v1::EndCause::Asked.into(),
         anomalies: Vec::new(),
         anomaly_kinds: Vec::new(),
-        unconfirmed: Vec::new(),
+        unconfirmed_recorders: Vec::new(),
         wall_seconds: 12.5,
     }
 }

@@ -72,9 +72,10 @@ impl Skill for Carry {
                 base,
                 ..Act::named(Phase::Retracting, name)
             }),
+            // The chair alone.
             Some(_) if backs => Step::Going(Act {
                 base,
-                ..Act::named(Phase::Retracting, name)
+                ..Act::named(Phase::Navigating, "backing off")
             }),
             Some(Progress::Late(why)) => {
                 now.note(format!("carrying: {why}"));

@@ -3029,7 +3029,7 @@ class EpisodeStopped(_Message):
     """What was odd in it, in words, oldest first, each once (no unit)."""
     anomaly_kinds: _Scalars[AnomalyKind]
     """Codes of `anomalies`, as many and in the same order (no unit)."""
-    unconfirmed: _Scalars[str]
+    unconfirmed_recorders: _Scalars[str]
     """In the answer to the query: recorders that took part and have not confirmed that they have
     the whole episode (no unit). Their files may be missing or incomplete.
     """
@@ -3044,7 +3044,7 @@ class EpisodeStopped(_Message):
         cause: EndCause | str | int | None = ...,
         anomalies: _Iterable[str] | None = ...,
         anomaly_kinds: _Iterable[AnomalyKind | str | int] | None = ...,
-        unconfirmed: _Iterable[str] | None = ...,
+        unconfirmed_recorders: _Iterable[str] | None = ...,
     ) -> None: ...
 
 class RecorderStatus(_Message):

@@ -102,6 +102,7 @@ impl Draws {
 pub fn scene(home: &Home, seed: u64) -> Scene {
     let mut scene = home.scene(&|_| true);
     let mut draws = Draws::of(seed);
+    let mut all: Vec<Place> = Vec::new();
     for name in names("areas") {
         let file: AreaFile = toml::from_str(&text(&format!("areas/{name}"))).expect("an area");
         let mut places = file.place;
@@ -114,11 +115,19 @@ pub fn scene(home: &Home, seed: u64) -> Scene {
                 continue;
             }
             // What two areas have stands in one of them.
-            if scene.things.iter().any(|thing| thing.name == place.object) {
-                continue;
+            if all.iter().all(|known| known.object != place.object) {
+                all.push(place);
             }
-            stand(&mut scene, home, &place, &mut draws);
         }
+    }
+    // What has the least room first.
+    let room = |place: &Place| {
+        let [inwards, along] = [place.inwards, place.along].map(|[low, high]| high - low);
+        inwards * along
+    };
+    all.sort_by(|a, b| room(a).total_cmp(&room(b)));
+    for place in &all {
+        stand(&mut scene, home, place, &mut draws);
     }
     scene
 }

@@ -85,7 +85,7 @@ impl Engine {
             let header = answer.stopped.header.as_ref();
             let episode = header.map_or(0, |header| header.episode);
             if !answer.stopped.discard {
-                answer.stopped.unconfirmed = self.shared.recorders.lock().unconfirmed(
+                answer.stopped.unconfirmed_recorders = self.shared.recorders.lock().unconfirmed(
                     self.shared.outbox.run_id(),
                     episode,
                     &answer.participants,
@@ -321,7 +321,7 @@ impl Engine {
                 .iter()
                 .map(|(kind, _)| (*kind).into())
                 .collect(),
-            unconfirmed: Vec::new(),
+            unconfirmed_recorders: Vec::new(),
         };
         // Whoever hears of the end may ask for it at once.
         self.ended.push_back(stopped.clone());
