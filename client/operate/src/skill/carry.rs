@@ -72,10 +72,9 @@ impl Skill for Carry {
                 base,
                 ..Act::named(Phase::Retracting, name)
             }),
-            // The chair alone.
             Some(_) if backs => Step::Going(Act {
                 base,
-                ..Act::named(Phase::Navigating, "backing off")
+                ..Act::named(Phase::Retracting, name)
             }),
             Some(Progress::Late(why)) => {
                 now.note(format!("carrying: {why}"));
