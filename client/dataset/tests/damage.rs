@@ -125,14 +125,14 @@ fn read_all(path: &Path) -> Option<bool> {
     Some(complete)
 }
 
-/// Names the file that [`reads_the_file_that_it_is_told`] reads.
-const TOLD: &str = "WHEELARM_DAMAGED";
+/// Names the file that [`read_the_damaged_file`] reads.
+const DAMAGED_FILE: &str = "WHEELARM_DAMAGED";
 
 /// Reads one file in a process of its own.
 #[test]
-#[ignore = "a program that the test below runs"]
-fn reads_the_file_that_it_is_told() {
-    let path = std::env::var_os(TOLD).expect("the name of a file");
+#[ignore = "runs only as the child process of the test below"]
+fn read_the_damaged_file() {
+    let path = std::env::var_os(DAMAGED_FILE).expect("the name of a file");
     read_all(Path::new(&path));
 }
 
@@ -160,8 +160,8 @@ fn a_file_cut_or_changed_anywhere_is_read_or_refused() {
         // A changed picture or number cannot be told from another one, unless
         // it was compressed; that it is read without harm is all that is asked.
         let read = Command::new(std::env::current_exe().unwrap())
-            .args(["--ignored", "--exact", "reads_the_file_that_it_is_told"])
-            .env(TOLD, &bad)
+            .args(["--ignored", "--exact", "read_the_damaged_file"])
+            .env(DAMAGED_FILE, &bad)
             .output()
             .unwrap();
         let said = String::from_utf8_lossy(&read.stderr).into_owned();

@@ -394,10 +394,10 @@ impl Work {
 
     fn perform(&mut self, effects: Vec<Effect>) {
         let driving = self.model.control.page();
-        self.driving.send_if_modified(|told| {
-            let changed = told.as_deref() != driving;
+        self.driving.send_if_modified(|known| {
+            let changed = known.as_deref() != driving;
             if changed {
-                *told = driving.map(str::to_owned);
+                *known = driving.map(str::to_owned);
             }
             changed
         });

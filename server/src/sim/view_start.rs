@@ -1,13 +1,12 @@
 //! Starts from which a camera of the robot has the target in view.
 
-use nalgebra::{Isometry3, Point3, Translation3};
+use nalgebra::{Isometry3, Point3};
 use wheelarm_route::obb::Obb;
 
 use super::scenario::Scenario;
-use crate::geometry::bounds;
 use crate::robot::{CameraMount, RobotModel};
 use crate::scene::Scene;
-use crate::tasks::{Floor, TaskSpec, Variant};
+use crate::tasks::{Floor, TaskSpec, Variant, collision_boxes};
 
 /// The target's middle is at least this far from the edge of the image: share of its size.
 const EDGE: f64 = 0.05;
@@ -54,16 +53,7 @@ impl<'a> View<'a> {
         let eyes =
             eyes.filter_map(|mount| Some((poses[model.link(&mount.link)?] * mount.pose, mount)));
         let target = target(scenario, scene)?;
-        let boxes = scene.furniture.iter().flat_map(|body| {
-            body.collision.iter().filter_map(|part| {
-                let (centre, half) = bounds(&part.shape)?;
-                Some(Obb {
-                    pose: body.pose * part.pose * Translation3::from(centre),
-                    half,
-                    round: false,
-                })
-            })
-        });
+        let boxes = scene.furniture.iter().flat_map(collision_boxes);
         Some(Self {
             eyes: eyes.collect(),
             furniture: boxes.filter(|obb| obb.distance(&target) > 0.0).collect(),

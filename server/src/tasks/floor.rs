@@ -317,7 +317,7 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
         if let Some(joint) = scene.joint_of(index) {
             out.pose.translation.vector += joint.axis.scale(AJAR);
         }
-        for obb in boxes(body).chain(boxes(&out)) {
+        for obb in collision_boxes(body).chain(collision_boxes(&out)) {
             check.put(obb.rectangle(), obb.heights());
         }
     }
@@ -325,7 +325,7 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
 }
 
 /// Boxes around the parts of furniture that collide, in `house`.
-fn boxes(body: &Body) -> impl Iterator<Item = Obb> + '_ {
+pub fn collision_boxes(body: &Body) -> impl Iterator<Item = Obb> + '_ {
     body.collision.iter().filter_map(|part| {
         let (centre, half) = bounds(&part.shape)?;
         Some(Obb {

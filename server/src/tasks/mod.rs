@@ -43,7 +43,7 @@ pub use area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Var
 pub use draw::{Draw, draw, variant_of};
 pub use evaluate::{Condition, Evaluation, Evaluator, EvaluatorState, HARD};
 pub use failure::Failure;
-pub use floor::Floor;
+pub use floor::{Floor, collision_boxes};
 pub use goal::Goal;
 pub use load::list;
 pub use scene_draw::{SceneDraw, draw_scene};
