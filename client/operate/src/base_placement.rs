@@ -38,14 +38,15 @@ const STEP: f64 = 0.025;
 const NEARER: f64 = 0.14;
 /// What stands lower than this is taken near by, for the arm reaches down to it from
 /// its shoulder, metres over the floor.
-const LOW: f64 = 0.35;
+pub const LOW: f64 = 0.35;
 /// No further from the arm's base than this then, metres.
 const LOW_FURTHEST: f64 = 0.66;
-/// Poses of the hand's path are looked at every so many metres.
-const SAMPLE: f64 = 0.10;
-/// Greatest change of a joint between two of them, radians: more means that
-/// the arm would have to fold over.
-const JOINT_CHANGE: f64 = 1.0;
+/// Spacing of the poses of the hand's path that are checked, metres, and greatest change of a
+/// joint between two of them, radians: more means that the arm would have to fold over.
+const USUAL: [f64; 2] = [0.10, 1.0];
+/// The same for a path on which the hand must stay level: near a singularity the joints are
+/// too slow to keep it so.
+pub const GENTLE: [f64; 2] = [0.04, 0.25];
 
 /// A direction of the chair that is looked at for a candidate.
 struct Direction {
@@ -183,18 +184,29 @@ pub fn reaches(
     poses: &[Isometry3<f64>],
     reach: &mut dyn ArmReachability,
 ) -> bool {
+    reaches_within(base_from_tool, poses, USUAL, reach)
+}
+
+/// The same with no joint changing by more than the second of `steps`, radians, in poses that
+/// are the first, metres, from each other.
+pub fn reaches_within(
+    base_from_tool: &Isometry3<f64>,
+    poses: &[Isometry3<f64>],
+    [spacing, change]: [f64; 2],
+    reach: &mut dyn ArmReachability,
+) -> bool {
     let mut start = *base_from_tool;
     let mut line = vec![start];
     for pose in poses {
         let length = (pose.translation.vector - start.translation.vector)
             .norm()
             .max(0.3 * start.rotation.angle_to(&pose.rotation));
-        let samples = (length / SAMPLE).ceil().max(1.0) as usize;
+        let samples = (length / spacing).ceil().max(1.0) as usize;
         let share = |sample| sample as f64 / samples as f64;
         line.extend((1..=samples).map(|sample| start.lerp_slerp(pose, share(sample))));
         start = *pose;
     }
-    reach.follows(&line, JOINT_CHANGE)
+    reach.follows(&line, change)
 }
 
 /// Whether the arm of a chair at `house_from_chair` with the end effector at

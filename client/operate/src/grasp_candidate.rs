@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 use wheelarm_route::footprint_check::Pose2;
 
+use super::base_placement::LOW;
 use super::clearance::Surroundings;
 use super::goal::Goal;
 use super::habits::Habits;
@@ -133,7 +134,8 @@ pub fn candidates(
                 let leans = leans(&house_from_grasp, grasp.from_above);
                 // What is soft slips out of a leaning hand.
                 let leaning = habits.filter(|_| grasp.force.is_none());
-                let wanted = leaning.map_or(0.0, |habits| wanted_lean(leans, habits.lean));
+                let is_low = house_from_grasp.translation.z < LOW;
+                let wanted = leaning.map_or(0.0, |habits| wanted_lean(leans, is_low, habits.lean));
                 let heights = match goal.slide() {
                     Some(_) => vec![(0.0, 0.0)],
                     None => heights(scene, grasp, house_from_item, &house_from_grasp, habits),
@@ -181,9 +183,13 @@ fn leans(house_from_grasp: &Isometry3<f64>, from_above: bool) -> &'static [f64] 
 }
 
 /// The lean that a habit wants among those that are possible, radians.
-fn wanted_lean(leans: &[f64], share: f64) -> f64 {
-    // Not the steepest ones: they are for places that are hard to reach.
-    let usual = &leans[..leans.len().min(3)];
+fn wanted_lean(leans: &[f64], is_low: bool, share: f64) -> f64 {
+    // The steepest ones are for places that are hard to reach, and the arm reaches a low
+    // object with no others.
+    let usual = match is_low && leans == LEVEL_LEAN {
+        true => &leans[2..],
+        false => &leans[..leans.len().min(3)],
+    };
     let least = usual.iter().copied().fold(0.0, f64::min);
     let most = usual.iter().copied().fold(0.0, f64::max);
     least + share * (most - least)

@@ -45,19 +45,19 @@ pub struct Habits {
 /// whether the chair backs off with the object. Shares are such that a task without backing
 /// off still has five sequences above 10 %.
 const SEQUENCES: [(f64, bool, ApproachHabit, bool); 6] = [
-    (0.16, false, ApproachHabit::Stop, false),
-    (0.14, false, ApproachHabit::Correct([0.0; 3]), true),
-    (0.20, true, ApproachHabit::Stop, true),
-    (0.22, true, ApproachHabit::Correct([0.0; 3]), false),
-    (0.14, true, ApproachHabit::Blend, false),
-    (0.14, true, ApproachHabit::Blend, true),
+    (0.18, false, ApproachHabit::Stop, false),
+    (0.18, false, ApproachHabit::Correct([0.0; 3]), true),
+    (0.16, true, ApproachHabit::Stop, true),
+    (0.18, true, ApproachHabit::Correct([0.0; 3]), true),
+    (0.15, true, ApproachHabit::Blend, false),
+    (0.15, true, ApproachHabit::Blend, true),
 ];
 /// Places through which a hand that gets ready goes at most.
 pub const STOPS: usize = 5;
 /// Greatest wanted bearing, radians.
 const BEARING: f64 = 0.75;
-/// The same to the side on which a person sits.
-const BEARING_TO_PERSON: f64 = 0.30;
+/// Limits beside a seated person: to the person, and away, radians.
+const BESIDE_PERSON: [f64; 2] = [-0.30, 0.85];
 
 impl Habits {
     /// Samples the habits of one episode.
@@ -74,7 +74,7 @@ impl Habits {
             }
         }
         let (_, prepares, approach, backs_off) = chosen;
-        let begin = sample(0.0, 0.2);
+        let begin = sample(0.02, 0.12);
         let ready = [(); STOPS].map(|()| {
             [
                 sample(-0.12, -0.01),
@@ -112,16 +112,26 @@ impl Habits {
         }
     }
 
+    /// The same with half of the bearing and twist.
+    #[must_use]
+    pub fn milder(&self) -> Self {
+        Self {
+            bearing: 0.5 * self.bearing,
+            twist: 0.5 * self.twist,
+            ..*self
+        }
+    }
+
     /// The wanted bearing; the arm keeps away from the side of a seated person.
     #[must_use]
     pub fn bearing(&self, person_sits: bool) -> f64 {
-        let least = match person_sits {
-            true => -BEARING_TO_PERSON,
-            false => -BEARING,
+        let [least, most] = match person_sits {
+            true => BESIDE_PERSON,
+            false => [-BEARING, BEARING],
         };
         // Evenly over what is left.
         let share = (self.bearing + BEARING) / (2.0 * BEARING);
-        least + share * (BEARING - least)
+        least + share * (most - least)
     }
 }
 

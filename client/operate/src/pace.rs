@@ -8,11 +8,11 @@ use rand_chacha::ChaCha8Rng;
 use wheelarm_proto::exact;
 
 /// Median length of a submovement, seconds, spread of its logarithm, and limits.
-const LENGTH: LogNormal = LogNormal(0.85, 0.55, [0.35, 3.5]);
+const LENGTH: LogNormal = LogNormal(0.6, 0.6, [0.25, 3.0]);
 /// Greatest rate within a submovement, as a share of the profile's speeds.
 const HEIGHT: LogNormal = LogNormal(0.95, 0.45, [0.4, 1.5]);
 /// Pause after a submovement, seconds.
-const PAUSE: LogNormal = LogNormal(0.55, 0.9, [0.1, 6.0]);
+const PAUSE: LogNormal = LogNormal(0.40, 0.9, [0.1, 6.0]);
 /// Share of submovements that begin before the one before has ended.
 const JOINED: f64 = 0.5;
 /// They begin before its end by this share of its length.

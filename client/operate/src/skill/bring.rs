@@ -16,6 +16,7 @@ use wheelarm_proto::v1::Phase;
 
 pub use self::plan::Way;
 use self::plan::{End, Plan, To};
+use super::back_off::{BACKING_OFF, BackOff};
 use super::{Act, Now, Skill, Step, lift};
 use crate::clearance::{Surroundings, held_balls};
 use crate::goal::Goal;
@@ -33,6 +34,8 @@ const CLEAR: f64 = 0.01;
 /// Speed to the lips and after them, and down to the lap, m/s: below what the guard
 /// allows at the face.
 const LIPS_SPEED: f64 = 0.025;
+/// This near to the lips it is the whole speed, metres.
+const FOLLOWS: f64 = 0.015;
 /// The slowest operator goes at this share of it.
 const SLOWEST: f64 = 0.5;
 /// Speed at which an object is laid into the lap, m/s: the arm behind it presses with its
@@ -46,6 +49,8 @@ const REST: f64 = 0.3;
 const LATE: f64 = 4.0;
 /// Longest time at the mouth without success, seconds.
 const WAIT: f64 = 25.0;
+/// The chair backs off within this share of the way round.
+const ROUND_SHARE: f64 = 0.8;
 /// Success is watched for this long, seconds.
 const WATCH: f64 = 1.0;
 /// The hand counts as come round within this, metres.
@@ -112,6 +117,7 @@ enum State {
     Round {
         way: Way,
         begun: f64,
+        back_off: Option<BackOff>,
     },
     Last {
         since: f64,
@@ -155,9 +161,11 @@ impl Bring {
             aim_of(now.goal),
             way.end.turn.to_degrees()
         ));
+        let back_off = back_off(now, &way);
         self.state = State::Round {
             way,
             begun: now.seen.time,
+            back_off,
         };
         Step::Going(Act::named(Phase::Retracting, "carrying"))
     }
@@ -189,7 +197,11 @@ impl Skill for Bring {
         let still = Some([0.0, 0.0]);
         match &mut self.state {
             State::Choose => Step::Going(Act::named(Phase::Retracting, "carrying")),
-            State::Round { way, begun } => {
+            State::Round {
+                way,
+                begun,
+                back_off,
+            } => {
                 let seconds = plan.seconds(way);
                 let since = time - *begun;
                 let target = plan.along(way, since + 1.0 / 60.0);
@@ -214,10 +226,15 @@ impl Skill for Bring {
                     };
                     return Step::Going(Act::named(Phase::Retracting, "bringing"));
                 }
+                let backs = back_off.filter(|back_off| !back_off.is_over(time));
+                let name = match backs {
+                    Some(_) => BACKING_OFF,
+                    None => "carrying",
+                };
                 Step::Going(Act {
                     tool: Some(base.inverse() * target),
-                    base: still,
-                    ..Act::named(Phase::Retracting, "carrying")
+                    base: backs.map_or(still, |back_off| Some(back_off.command(time))),
+                    ..Act::named(Phase::Retracting, name)
                 })
             }
             State::Last {
@@ -237,7 +254,11 @@ impl Skill for Bring {
                 let wanted = plan.last(start, *end);
                 let tool = base * now.seen.base_from_tool;
                 let waited = time - *since;
-                let mut speed = LIPS_SPEED * now.profile.tempo.max(SLOWEST);
+                // At the lips a slow operator too follows the head.
+                let mut speed = match distance(aim, &wanted) < FOLLOWS {
+                    true => LIPS_SPEED,
+                    false => LIPS_SPEED * now.profile.tempo.max(SLOWEST),
+                };
                 if matches!(plan.to, To::Lap(_)) {
                     let over = plan.at(start, *end, plan.near());
                     if aim.translation.z < over.translation.z + LIPS_SPEED / 60.0 {
@@ -273,6 +294,17 @@ impl Skill for Bring {
     }
 }
 
+/// How the chair backs off while the hand goes round on `way`.
+fn back_off(now: &Now<'_>, way: &Way) -> Option<BackOff> {
+    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let plan = Plan::of(now, &held, &way.start, mouth(now))?;
+    let chair = now.seen.house_from_chair;
+    let poses = plan.poses(way).into_iter();
+    let poses: Vec<_> = [way.start].into_iter().chain(poses).collect();
+    let poses: Vec<_> = poses.iter().map(|pose| chair * pose).collect();
+    BackOff::plan(now, &poses, ROUND_SHARE * plan.seconds(way))
+}
+
 /// Where a goal's thing is brought, in words.
 fn aim_of(goal: &Goal) -> &'static str {
     match goal {
@@ -303,6 +335,7 @@ fn choose(now: &mut Now<'_>) -> Result<Way, String> {
         .ok_or(NOBODY)?
         .ways(&start);
     let [mut person, mut things, mut reach] = [0; 3];
+    let mut quick = None;
     for room in ROOMS {
         for way in &ways {
             let plan = Plan::of(now, &held, &start, mouth(now)).ok_or(NOBODY)?;
@@ -315,16 +348,20 @@ fn choose(now: &mut Now<'_>) -> Result<Way, String> {
             let around = now.scene.around(&stops, now.poses, Some(item));
             if !is_free(&around, now, &stops, &balls, width) {
                 things += 1;
-            } else if now.reaches(&poses) {
+            } else if now.reaches_gently(&poses) {
                 return Ok(way.clone());
+            } else if quick.is_none() && now.reaches(&poses) {
+                quick = Some(way.clone());
             } else {
                 reach += 1;
             }
         }
     }
-    Err(format!(
-        "{person} touch the person, {things} something else, {reach} are out of the arm's reach"
-    ))
+    quick.ok_or_else(|| {
+        format!(
+            "{person} touch the person, {things} something else, {reach} are out of the arm's reach"
+        )
+    })
 }
 
 /// Whether hand and thing keep clear of furniture and other things between `stops`.

@@ -19,6 +19,8 @@ const ROOM: f64 = 0.004;
 /// Distances to draw out from under a board, metres.
 const OUT: [f64; 5] = [0.26, 0.22, 0.18, 0.14, 0.10];
 
+/// A soft object bows out by this share of what a rigid one does.
+const SOFT_BOW: f64 = 0.65;
 /// The thing is raised straight by this before it goes back as well, metres.
 const FIRST: f64 = 0.05;
 /// How far it may go back towards the arm while it is raised, metres.
@@ -98,11 +100,18 @@ pub fn carried(now: &mut Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Motion {
     let balls = held_balls(&now.scene.items[item].boxes, &held);
     let taken = now.memory.candidate;
     let width = taken.map_or(0.0, |candidate| candidate.width);
-    // What is soft hangs from the fingers and swings.
+    // What is soft hangs from the fingers and swings: it bows less, without overlap.
     let soft = taken.is_some_and(|candidate| candidate.force.is_some());
     let shape = match now.profile.habits {
-        Some(_) if !soft => now.profile.shape,
-        _ => Shape::default(),
+        Some(_) if soft => Shape {
+            bow: [
+                SOFT_BOW * now.profile.shape.bow[0],
+                now.profile.shape.bow[1],
+            ],
+            ..Shape::default()
+        },
+        Some(_) => now.profile.shape,
+        None => Shape::default(),
     };
     Motion::curved(now, stops, &shape, |now, poses| {
         // What it stands on is left straight enough within the first part.

@@ -2,6 +2,7 @@
 //! what to do, and ends done, missed or unable. It knows nothing of tasks and
 //! of the skills before or after it, beside what is in the hand.
 
+pub mod back_off;
 pub mod bring;
 pub mod carry;
 pub mod fumble;
@@ -203,6 +204,15 @@ impl Now<'_> {
             .unwrap_or(self.seen.base_from_tool);
         let chair = self.seen.house_from_chair;
         base_placement::reaches_from(self.scene, &chair, &tool, poses, self.reach)
+    }
+
+    /// The same along a path on which no joint has to be quick.
+    pub fn reaches_gently(&mut self, poses: &[Isometry3<f64>]) -> bool {
+        let base_from_house = self.scene.house_from_base(self.seen).inverse();
+        let poses: Vec<_> = poses.iter().map(|pose| base_from_house * pose).collect();
+        let tool = self.seen.base_from_desired;
+        let tool = tool.unwrap_or(self.seen.base_from_tool);
+        base_placement::reaches_within(&tool, &poses, base_placement::GENTLE, self.reach)
     }
 
     /// Gives up this stop of the chair: it is not taken again.

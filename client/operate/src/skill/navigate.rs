@@ -22,9 +22,12 @@ use super::{bring, lift, place};
 /// Placements that are checked for reach and path per stop.
 const PLACES: usize = 120;
 /// The same of those that suit the habits: each costs time, and there are others.
-const WANTED: usize = 30;
-/// Placements without a path after which a level is abandoned.
+const WANTED: usize = 60;
+/// Placements without a path after which a list of placements is abandoned: each takes a rough
+/// search.
 const PATHLESS: usize = 12;
+/// A placement this near to one without a path has none either, metres and radians.
+const NEIGHBOUR: [f64; 2] = [0.045, 0.15];
 /// Levels of content with a placement: all in one go, or only what comes first.
 const LEVELS: usize = 2;
 /// A placement that did not work is not taken again within this, metres and radians.
@@ -271,8 +274,10 @@ struct Tally {
 fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), String> {
     let chair = now.seen.chair();
     let footprint = now.scene.footprint_check(now.poses);
+    let opened = opened(now);
     let mut tally = Tally::default();
     let mut unreached = Unreached::default();
+    let mut pathless = Vec::new();
     for margin in MARGINS {
         let candidates = candidates(now, purpose, margin);
         tally.candidates = tally.candidates.max(candidates.len());
@@ -282,11 +287,15 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
             let mut placements =
                 base_placement::placements(now.scene, &chair, &candidates, habits, distance);
             placements.retain(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN));
+            if let Some(opened) = &opened {
+                placements.retain(|placement| opened.is_free(&placement.chair, 0.0));
+            }
             placements.truncate(20 * PLACES);
             placements
         };
-        // As the habits want, on the other side, then anywhere.
+        // As the habits want, on the other side, the same half as far, then anywhere.
         let wanted = habits.into_iter();
+        let wanted = wanted.flat_map(|habits| [habits, habits.milder()]);
         let wanted = wanted.flat_map(|habits| [habits, habits.mirrored()]);
         let wanted = wanted.map(|habits| (place(Some(&habits)), WANTED));
         let placements: Vec<_> = wanted.chain([(place(None), PLACES)]).collect();
@@ -297,9 +306,13 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
         // Placements from which everything can be done come first.
         for level in 0..LEVELS {
             for (placements, most) in &placements {
-                let (tally, unreached) = (&mut tally, &mut unreached);
-                let looks = (&placements[..], *most);
-                let drive = choice.drive(looks, level, now, &footprint, tally, unreached);
+                let mut search = Search {
+                    footprint: &footprint,
+                    tally: &mut tally,
+                    unreached: &mut unreached,
+                    pathless: &mut pathless,
+                };
+                let drive = choice.drive((&placements[..], *most), level, now, &mut search);
                 if let Some(found) = drive {
                     return Ok(found);
                 }
@@ -313,6 +326,18 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
     ))
 }
 
+/// What the chair must not touch once the goal's slide is open; `None` for other goals.
+fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
+    let Goal::Open { slide, .. } = now.goal else {
+        return None;
+    };
+    let (_, aim) = now.goal.slide()?;
+    let slide = now.scene.slides.get(*slide)?;
+    let mut poses = now.poses.to_vec();
+    poses[slide.item] = Translation3::from(slide.axis.scale(aim)) * slide.rest;
+    Some(now.scene.footprint_check(&poses))
+}
+
 /// Candidates to take the thing, or to put down what is in the hand.
 fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidate> {
     match purpose {
@@ -322,6 +347,20 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
             place::candidates(now, &held, &place::taken(now, &held))
         }
     }
+}
+
+/// What one search for a base placement knows already.
+struct Search<'a> {
+    footprint: &'a FootprintCheck,
+    tally: &'a mut Tally,
+    unreached: &'a mut Unreached,
+    /// Placements without a path of the chair.
+    pathless: &'a mut Vec<Pose2>,
+}
+
+/// Whether two placements are so near that one does as well as the other.
+fn are_neighbours(a: &Pose2, b: &Pose2) -> bool {
+    a.distance(b) < NEIGHBOUR[0] && a.to(b)[2].abs() < NEIGHBOUR[1]
 }
 
 /// Where the chair may stop, and for what.
@@ -338,52 +377,49 @@ impl Choice {
         (placements, most): (&[BasePlacement], usize),
         level: usize,
         now: &mut Now<'_>,
-        footprint: &FootprintCheck,
-        tally: &mut Tally,
-        unreached: &mut Unreached,
+        search: &mut Search<'_>,
     ) -> Option<(Drive, GraspCandidate)> {
         let chair = now.seen.chair();
-        let mut looked = 0;
+        let (mut looked, mut without_path) = (0, 0);
         let mut refused: Vec<(Pose2, usize)> = Vec::new();
         for placement in placements {
-            if looked == most {
+            if looked == most || without_path > PATHLESS {
                 break;
             }
             // Neighbours of a placement that did not do rarely do better.
             let is_near = |(pose, candidate): &(Pose2, usize)| {
-                *candidate == placement.candidate
-                    && pose.distance(&placement.chair) < 0.045
-                    && pose.to(&placement.chair)[2].abs() < 0.15
+                *candidate == placement.candidate && are_neighbours(pose, &placement.chair)
             };
             let was_left = now.memory.left.iter().any(|pose| {
                 pose.distance(&placement.chair) < LEFT[0]
                     && pose.to(&placement.chair)[2].abs() < LEFT[1]
             });
-            if was_left || refused.iter().any(is_near) {
+            if was_left
+                || refused.iter().any(is_near)
+                || (search.pathless.iter()).any(|pose| are_neighbours(pose, &placement.chair))
+            {
                 continue;
             }
             let at = base_placement::standing(&placement.chair);
             let base = at * now.scene.chair_from_base;
             looked += 1;
-            tally.tried += 1;
+            search.tally.tried += 1;
             let candidate = &self.candidates[placement.candidate];
             let wanted = wanted(now, candidate, self.purpose, &base);
             let key = key(&base, candidate);
-            if unreached.contains(&key)
+            if search.unreached.contains(&key)
                 || !wanted.is_reached(level, now, &at, || {
-                    unreached.insert(key);
+                    search.unreached.insert(key);
                 })
             {
-                tally.unreached += 1;
+                search.tally.unreached += 1;
                 refused.push((placement.chair, placement.candidate));
                 continue;
             }
-            let Some(path) = drive_path(footprint, chair, placement.chair, now) else {
-                tally.pathless += 1;
-                refused.push((placement.chair, placement.candidate));
-                if tally.pathless > PATHLESS {
-                    break;
-                }
+            let Some(path) = drive_path(search.footprint, chair, placement.chair, now) else {
+                search.tally.pathless += 1;
+                search.pathless.push(placement.chair);
+                without_path += 1;
                 continue;
             };
             return Some((Drive::new(chair, &path, &now.profile.drive), *candidate));

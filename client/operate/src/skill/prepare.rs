@@ -73,11 +73,17 @@ impl Prepare {
         let begin = begin * seconds;
         let seconds = LONG * (seconds - begin);
         let legs = ((seconds / LEG) as usize).clamp(1, STOPS);
-        for share in SHARES {
-            for legs in [legs, 1] {
-                let stops: Vec<_> = (STOPS - legs..STOPS).map(|stop| at(stop, share)).collect();
+        // Where the pregrasp is not reached from there, the hand comes back.
+        for comes_back in [false, true] {
+            for (share, legs) in SHARES.iter().flat_map(|share| [(share, legs), (share, 1)]) {
+                let stops = (STOPS - legs..STOPS).map(|stop| at(stop, *share));
+                let stops: Vec<_> = stops.chain(comes_back.then_some(start)).collect();
                 let path = timed(now, start, &stops, seconds);
-                let reached = [&path.poses()[..], &[pregrasp, grasp]].concat();
+                let then: &[_] = match comes_back {
+                    true => &[],
+                    false => &[pregrasp, grasp],
+                };
+                let reached = [&path.poses()[..], then].concat();
                 if path.poses().iter().all(|pose| stays_inside(now, pose))
                     && base_placement::reaches(&start, &reached, now.reach)
                 {

@@ -73,9 +73,13 @@ impl Skill for Pull {
                 let axis = now.scene.slides[slide].axis;
                 let way = if left > 0.0 { way } else { 0.0 };
                 let pulled = |share: f64| Translation3::from(axis.scale(way * share)) * start;
-                let share = SHARES
-                    .into_iter()
-                    .find(|share| now.reaches(&[pulled(*share)]));
+                // A handle slips out of a hand that is late.
+                let whole =
+                    (SHARES.into_iter()).find(|share| now.reaches_gently(&[pulled(*share)]));
+                let share = whole.or_else(|| {
+                    let mut shares = SHARES.into_iter();
+                    shares.find(|share| now.reaches(&[pulled(*share)]))
+                });
                 self.state = match share {
                     Some(share) => {
                         let stop = (pulled(share), 0.7 * now.profile.carry_speed);

@@ -311,19 +311,21 @@ fn approach(now: &mut Now<'_>, candidate: &GraspCandidate, stops: &[Isometry3<f6
                 false => approach_stopping(now, candidate, stops),
             }
         }
-        Some(ApproachHabit::Correct(off)) => {
-            let [x, y, z] = off;
-            let misjudged = candidate.pregrasp * Translation3::new(x, y, z);
-            let mut short = stops.to_vec();
-            if let Some(last) = short.last_mut() {
-                *last = misjudged;
-            }
+        Some(ApproachHabit::Correct([x, y, z])) => {
             let start = now.scene.house_from_tool(now.seen);
-            let line = [&[start], &short[..], &[candidate.pregrasp]].concat();
-            match is_clear(now, candidate, &line) {
-                true => approach_stopping(now, candidate, &short),
-                false => approach_stopping(now, candidate, stops),
+            // Less far beside it where there is no room.
+            for share in [1.0, 0.5, 0.0] {
+                let misjudged = candidate.pregrasp * Translation3::new(share * x, share * y, z);
+                let mut short = stops.to_vec();
+                if let Some(last) = short.last_mut() {
+                    *last = misjudged;
+                }
+                let line = [&[start], &short[..], &[candidate.pregrasp]].concat();
+                if is_clear(now, candidate, &line) {
+                    return approach_stopping(now, candidate, &short);
+                }
             }
+            approach_stopping(now, candidate, stops)
         }
         _ => approach_stopping(now, candidate, stops),
     }
@@ -351,6 +353,11 @@ fn timed(now: &Now<'_>, stops: &[Isometry3<f64>]) -> Vec<(Isometry3<f64>, f64)> 
 /// touches nothing, and the arm reaches all of them. Around the grasp the fingers may be
 /// around the thing.
 fn is_clear(now: &mut Now<'_>, candidate: &GraspCandidate, poses: &[Isometry3<f64>]) -> bool {
+    // A soft object gives way.
+    let margin = match candidate.force {
+        Some(_) => MARGINS[MARGINS.len() - 1],
+        None => CURVE_MARGIN,
+    };
     let near = AROUND * distance(&candidate.pregrasp, &candidate.grasp);
     let far = poses
         .iter()
@@ -358,8 +365,7 @@ fn is_clear(now: &mut Now<'_>, candidate: &GraspCandidate, poses: &[Isometry3<f6
     let (outer, inner) = poses.split_at(far.count());
     let free = |poses: &[Isometry3<f64>], except: Option<usize>| {
         let around = now.scene.around(poses, now.poses, except);
-        poses.is_empty()
-            || around.hand_is_free(&now.scene.hand, candidate.opening, poses, CURVE_MARGIN)
+        poses.is_empty() || around.hand_is_free(&now.scene.hand, candidate.opening, poses, margin)
     };
     let item = now.goal.item();
     if !free(outer, None) || !free(inner, Some(item)) {

@@ -23,6 +23,9 @@ pub const AWAY: f64 = 0.11;
 /// metres.
 const LAP_ROOM: f64 = 0.003;
 
+/// The slowest operator goes round at this share of the plain one's speed.
+const SLOWEST: f64 = 0.4;
+
 /// A way of the end effector to the mouth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
@@ -100,7 +103,7 @@ impl<'a> Plan<'a> {
             long: start.rotation.inverse() * long,
             wide,
             tool_length: now.scene.tool_length,
-            tempo: now.profile.tempo,
+            tempo: now.profile.tempo.max(SLOWEST),
         })
     }
 
