@@ -139,7 +139,7 @@ people:
 	scripts/setup.sh python numpy pillow:PIL
 	"$(WHEELARM_PYTHON)" scripts/people/make_people.py $(if $(WHEEL),"$(WHEEL)")
 	"$(WHEELARM_PYTHON)" tests/python/check_people.py
-	"$(WHEELARM_PYTHON)" scripts/people/look_at_people.py guide client/guide/images/people.png
+	"$(WHEELARM_PYTHON)" scripts/people/look_at_people.py guide docs/images/people.png
 
 test-people:
 	scripts/setup.sh python numpy

@@ -74,7 +74,7 @@ stage() {
     (cd proto && git ls-files -z -- '*.proto' | tar -c --null -T -) | tar -x -C "$stage/share/wheelarm/proto"
     install -m 755 client/cluster/slurm.sbatch "$stage/share/wheelarm/cluster/"
     install -m 644 client/cluster/kubernetes.yaml "$stage/share/wheelarm/cluster/"
-    install -m 644 LICENSE CHANGELOG.md client/guide/install.md "$stage/share/doc/wheelarm/"
+    install -m 644 LICENSE CHANGELOG.md docs/start/install.md "$stage/share/doc/wheelarm/"
     "$venv/bin/python" scripts/dist/third_party.py --target "$target" --out "$stage/share/doc/wheelarm/THIRD_PARTY.txt"
     "$stage/bin/wheelarm" man "$stage/share/man/man1"
     "$stage/bin/wheelarm-server" --man >"$stage/share/man/man1/wheelarm-server.1"

@@ -46,7 +46,7 @@ cd "$package"
 "$whole" -m pytest -q tests/test_contract.py tests/test_recorded.py
 "$whole" -m pytest -q -m slow
 echo "== the guide's Python"
-"$whole" "$root/tests/python/guide_blocks.py" "$root/client/guide/python.md" python | "$whole" -
+"$whole" "$root/tests/python/guide_blocks.py" "$root/docs/integrate-and-operate/python.md" python | "$whole" -
 echo "== the notebook"
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT

@@ -46,8 +46,8 @@ cd "$folder"
 wheelarm demo --seeds 0..2 --width 320 --height 180 --no-sheet --out data/session >/dev/null
 for chapter in lerobot robomimic; do
     echo "== $chapter"
-    "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" sh | sh -e
-    "$python" "$root/tests/python/guide_blocks.py" "$root/client/guide/$chapter.md" python >"read_$chapter.py"
+    "$python" "$root/tests/python/guide_blocks.py" "$root/docs/train-and-evaluate/$chapter.md" sh | sh -e
+    "$python" "$root/tests/python/guide_blocks.py" "$root/docs/train-and-evaluate/$chapter.md" python >"read_$chapter.py"
     "$python" "read_$chapter.py"
 done
 echo "== what LeRobot gives to a policy"

@@ -1,7 +1,7 @@
 //! The gripper takes the bear from the coffee table by its waist, lifts it,
 //! carries it through two turns with a waving arm, puts it back and lets go.
 //! Prints what that costs and what is felt; with --out also draws it. The
-//! pictures and figures of client/guide/deformable.md come from here.
+//! pictures and figures of docs/drive-and-record/deformable.md come from here.
 //!
 //! `plush_bench [--assets DIR] [--out DIR] [--grip N] [--knuckle RAD]`
 

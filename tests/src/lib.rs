@@ -1,5 +1,5 @@
-//! Shared pieces of the system tests: servers, recorders and operators that end
-//! with the test, and a link that can be slow, frozen or cut.
+//! Shared parts of the system tests: servers, recorders and operators that end with the test,
+//! and a link that can be slow, frozen or cut.
 
 pub mod adversary;
 pub mod decoders;

@@ -1,10 +1,15 @@
-//! Episode files of WheelArm: the write-ahead log that a recorder appends to,
-//! the HDF5 file that is made of it, reading, checking and showing such files,
-//! and turning them into what other people's readers load.
+//! Episode files of WheelArm: the write-ahead log of a recorder, the HDF5 file made from it,
+//! reading, checking and plotting such files, and exports for other readers.
 //!
-//! No transport in here: a recorder hands over messages as bytes. A file is
-//! either complete and says so, or says what it lacks; an existing file is
-//! never overwritten, but for [`convert::change`]. All calls into HDF5 take one lock, inside `hdf5`.
+//! The crate has no transport: a recorder passes messages as bytes. A file states whether it
+//! is complete. An existing file is never overwritten, except by [`convert::change`]. All
+//! calls into HDF5 share one lock, inside `hdf5`.
+//!
+//! `columns` is the one table between file and message, in both directions: exports and
+//! replay use it. `read` is the only module that opens a recording, because a hostile file
+//! can name other files or absurd sizes. `align` and `label` are pure. A row of state and
+//! action is made in `wheelarm-policy` only. A result gets its final name by a rename after
+//! it is complete (`publish`).
 
 #![warn(missing_docs)]
 

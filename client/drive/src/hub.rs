@@ -1,9 +1,9 @@
-//! The gateway at work: one thread takes what comes from the server and from the
-//! pages, and carries out what the model decides.
+//! The thread of the gateway: receives events of the server and of the pages, and executes
+//! the decisions of the model.
 //!
-//! Events wait in three lanes, each in order: stops first, then pages, then the
-//! server. However much the server sends, a stop waits for one event at most. The
-//! server's lane is bounded; behind it [`Line`] drops the oldest.
+//! Events wait in three lanes, each in order: stops first, then pages, then the server.
+//! However much the server sends, a stop waits for one event at most. The server's lane is
+//! bounded; behind it [`Line`] drops the oldest.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};

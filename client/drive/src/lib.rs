@@ -1,14 +1,15 @@
-//! Driving from anywhere: `wheelarm drive`, a gateway between browsers and one
-//! server, with one origin and one port.
+//! Driving from a browser: `wheelarm drive`, a gateway between browsers and one server, with
+//! one origin and one port.
 //!
-//! [`model`] decides and is pure: intents of pages become commands, and every rule of
-//! safety stands there and in [`motion`]. [`hub`] is the one thread that carries out
-//! what it decides, [`site`] answers HTTP, `socket` serves the WebSockets,
-//! [`skills`] takes what somebody pointed at. [`watch`], [`arm`], [`errand`] and
-//! [`send`] are shared with the terminal (`wheelarm teleop`).
+//! [`model`] decides and is pure: intents of pages become commands. It and [`motion`] hold
+//! every safety rule. [`hub`] is the one thread that executes its decisions, [`site`]
+//! answers HTTP, `socket` serves the WebSockets, [`skills`] runs the scripted operator for
+//! an object that the person selected. [`watch`], [`arm`], [`errand`] and [`send`] are shared
+//! with the terminal (`wheelarm teleop`).
 //!
-//! A browser never speaks to the server, and nothing that it sends moves anything
-//! without the model.
+//! A browser never reaches the server, and no message moves the robot without the model. An
+//! intent carries a number, its press (epoch) and the tick of the displayed image, so that
+//! the gate measures the same loop. A press that ended never moves the robot again.
 
 #![warn(missing_docs)]
 

@@ -1,14 +1,14 @@
-//! What a person does with a page becomes commands, and nothing else moves. Pure:
-//! intents, what is known of the robot, and time go in, commands come out.
+//! Intents of a page become commands. Pure: intents, the known state of the robot, and time
+//! in; commands out.
 //!
-//! The rules: every intent is taken once, in order. The chair goes no faster than
-//! the age of the picture allows; pictures that are too old allow steps, and then
-//! only a stop. Whatever ends a motion (a stop, silence, a refusal, a contact, a
-//! frozen picture, the loss of control) ends its epoch: the same press never moves
-//! anything again. Times are seconds of the caller's clock.
+//! The rules: every intent counts once, in order. The age of the displayed image limits the
+//! speed of the chair; older images allow steps, then only a stop. Every event that ends a
+//! motion (a stop, silence, a rejection, a contact, a frozen image, lost control) ends its
+//! epoch: the same press never moves the robot again. Times are seconds of the caller's
+//! clock.
 //!
-//! They stand here; what they let through becomes a command in `press`, by what
-//! `chair`, `hand` and `fingers` may do.
+//! `press` turns accepted intents into commands, within the limits of `chair`, `hand` and
+//! `fingers`.
 
 mod chair;
 mod chair_step;

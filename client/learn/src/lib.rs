@@ -1,8 +1,13 @@
 //! Networks that learn from recordings: trained, served and measured on the CPU.
 //!
 //! The only package that names burn. Rows of state and action are made elsewhere
-//! (`wheelarm-policy`, `wheelarm dataset export --format tensors`); large networks
-//! are trained by the PyTorch programs in `python/`, whose files are read here.
+//! (`wheelarm-policy`, `wheelarm dataset export --format tensors`). The PyTorch programs in
+//! `python/` train large networks; this crate reads their files.
+//!
+//! A policy is one safetensors file with LeRobot's names and a model card in its metadata.
+//! `python/network.py` and `src/network` are the same network: `tests/reference.rs` compares
+//! Rust with stored answers of PyTorch. Training derives every random choice from the seed
+//! and the number of the step, so an interrupted run ends with the same bits.
 
 #![warn(missing_docs)]
 

@@ -1,13 +1,13 @@
-//! The connection to a server: one zenoh session, typed queries and topics,
-//! control and commands, decoded pictures and previews.
+//! The client SDK: one Zenoh session, typed queries and topics, control and commands,
+//! decoded images and previews.
 //!
-//! [`Link::open`] connects, [`Link::ask`] asks a query, [`Link::samples`] and
-//! [`Link::streams`] subscribe to topics, [`Link::camera`] to pictures, and
-//! [`Link::turns`] answers control ticks, in lock-step too.
+//! [`Link::open`] connects, [`Link::ask`] sends a query, [`Link::samples`] and
+//! [`Link::streams`] subscribe to topics, [`Link::camera`] to images, and [`Link::turns`]
+//! answers control ticks, in lock-step too.
 //!
-//! Only what the server's own session says is taken ([`Server`]).
-//! Nothing here knows what is simulated. No zenoh callback works: samples go
-//! undecoded into one queue, in the order in which they arrived.
+//! Samples and replies of every session except the server's are dropped ([`Server`]): the
+//! server's liveliness token carries its session ID. The crate knows no scenario. A Zenoh
+//! callback only moves a sample into one queue, in arrival order.
 
 #![warn(missing_docs)]
 

@@ -1,9 +1,8 @@
-//! What a policy sees and answers, once for exports, training and control: a row
-//! of state and a row of action at every picture.
+//! Rows of state and action at every image, for exports, training and control alike.
 //!
-//! Pure: recorded values in, rows out; a row in, one command for all control
-//! ticks until the next picture out. Between the two the server interpolates
-//! (`Command.over_ticks`), the player never does. No network, no file.
+//! Pure: recorded values in, rows out; a row in, one command for all control ticks until the
+//! next image out. The server interpolates between two rows (`Command.over_ticks`), the
+//! player never does. The crate has no network and no files.
 
 #![warn(missing_docs)]
 

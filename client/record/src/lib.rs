@@ -1,11 +1,14 @@
-//! The recorder: subscribes to everything an episode publishes and writes one
-//! file per episode.
+//! The recorder: subscribes to every stream of an episode and writes one file per episode.
 //!
-//! [`Recorder`] decides and writes, without a network; `network` moves
-//! messages between it and Zenoh through a queue bounded in bytes. No zenoh
-//! callback works: it moves the sample into that queue. The file of an episode
-//! is made on a thread of its own, while the next episode is recorded. Nothing
-//! is printed here: what happens is told as [`Output`].
+//! [`Recorder`] decides and writes, without a network. `network` moves messages between it
+//! and Zenoh through a queue bounded in bytes; a Zenoh callback only moves a sample into
+//! that queue. A separate thread makes the file while the next episode is recorded. The
+//! crate prints nothing: it reports events as [`Output`].
+//!
+//! A start or stop message is only a hint: the recorder confirms it with the query `episode`.
+//! A file is complete only when it matches the manifest, including the digest of each stream.
+//! The recorder requests lost images itself (`gaps`), because the transport gives up on
+//! samples that are lost during recovery (docs/decisions/0006).
 
 #![warn(missing_docs)]
 

@@ -1,9 +1,9 @@
-//! Deflate and byte shuffle as HDF5's built-in filters expect them, and back; depth as
-//! recordings keep it.
+//! Deflate and byte shuffle of HDF5's built-in filters, in both directions; depth in the
+//! forms of a recording.
 //!
-//! At [`LEVEL`] chunks are deflated by ISA-L's igzip on processors for which it
-//! has assembly, otherwise by libdeflate. Both write plain deflate: every reader
-//! takes either, and no file says which it was.
+//! At [`LEVEL`] ISA-L's igzip deflates chunks on CPUs for which it has assembly, otherwise
+//! libdeflate. Both write plain deflate, so every reader accepts either and no file names
+//! the library (docs/decisions/0013).
 
 #![warn(missing_docs)]
 

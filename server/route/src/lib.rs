@@ -1,9 +1,8 @@
-//! Where a chair fits on the floor and how it drives there: the footprint against
-//! oriented boxes, hybrid A* between two poses.
+//! Base placements and paths of the chair: the footprint against oriented boxes, hybrid A*
+//! between two poses.
 //!
-//! Pure: no clock, no random numbers, no messages, nothing of the server or of a
-//! client. A draw of the server and the scripted operator ask the same question
-//! and get the same answer.
+//! Pure: no clock, no random numbers, no messages. The server's sampling of starts and the
+//! scripted operator use the same search and get the same result.
 
 pub mod footprint_check;
 pub mod hybrid_a_star;

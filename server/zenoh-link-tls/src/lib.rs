@@ -1,13 +1,13 @@
-//! Zenoh's links over TLS, which take the place of the crate of this name.
+//! Zenoh's links over TLS, in place of the crate of this name.
 //!
-//! Zenoh reads a connection in one task and writes it in another. A TLS connection is
-//! one state machine, so that both must not touch it at the same moment. Zenoh 1.10.2's
-//! own crate lets them, and connections break and programs end by it
-//! (eclipse-zenoh/zenoh#2557, open). Here a lock is between them: [`LinkUnicastTls`].
+//! Zenoh reads a connection in one task and writes it in another. A TLS connection is one
+//! state machine that two tasks must not touch at the same time. Zenoh 1.10.2's own crate
+//! allows it, so connections break and programs end (eclipse-zenoh/zenoh#2557, open). This
+//! crate has a lock between them: [`LinkUnicastTls`] (docs/decisions/0001).
 //!
-//! `[patch.crates-io]` of the workspace names this crate. It offers what Zenoh asks of
-//! that crate and what WheelArm uses: both sides show certificates of one authority that
-//! is named, out of files. Settings that it does not offer are refused by name.
+//! `[patch.crates-io]` of the workspace names this crate. It offers the interface that Zenoh
+//! needs and the features that WheelArm uses: both sides show certificates of one authority,
+//! from files. Settings that it does not support are rejected by name.
 #![forbid(unsafe_code)]
 
 use std::str::FromStr;

@@ -12,18 +12,17 @@ use wheelarm_proto::{TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program, root, wait_until};
 
 const CHAPTERS: [&str; 6] = [
-    "process.md",
-    "look.md",
-    "lerobot.md",
-    "robomimic.md",
-    "language.md",
-    "rosbag2.md",
+    "train-and-evaluate/process.md",
+    "start/view-episodes.md",
+    "train-and-evaluate/lerobot.md",
+    "train-and-evaluate/robomimic.md",
+    "drive-and-record/language.md",
+    "integrate-and-operate/rosbag2.md",
 ];
 
 /// Blocks of one language in a chapter.
 fn blocks(chapter: &str, language: &str) -> Vec<String> {
-    let text =
-        std::fs::read_to_string(root().join("client/guide").join(chapter)).expect("a chapter");
+    let text = std::fs::read_to_string(root().join("docs").join(chapter)).expect("a chapter");
     text.split("```")
         .skip(1)
         .step_by(2)
@@ -132,7 +131,7 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
     bag(folder, &all[0]);
     moving_pictures(folder, &all[0]);
     if let Some(python) = python("h5py, numpy") {
-        for block in blocks("process.md", "python") {
+        for block in blocks("train-and-evaluate/process.md", "python") {
             let output = Command::new(&python)
                 .args(["-c", &block])
                 .current_dir(folder)
@@ -169,7 +168,7 @@ fn bag(folder: &Path, recording: &Path) {
     let recording = recording.to_string_lossy();
     let arguments = ["rosbags", "data/bags", &*recording];
     runs(folder, &python, "check_rosbag2.py", &arguments);
-    for block in blocks("rosbag2.md", "python") {
+    for block in blocks("integrate-and-operate/rosbag2.md", "python") {
         let output = Command::new(&python)
             .args(["-c", &block])
             .current_dir(folder)

@@ -22,7 +22,7 @@ fn example(name: &str, server: &Server, more: &[&str]) -> Output {
 
 #[test]
 fn the_guide_shows_the_examples_as_they_are_run() {
-    let chapter = root().join("client/guide/client.md");
+    let chapter = root().join("docs/integrate-and-operate/client.md");
     let chapter = std::fs::read_to_string(chapter).expect("a chapter");
     let mut blocks = chapter.split("```rust\n").skip(1);
     for name in EXAMPLES {

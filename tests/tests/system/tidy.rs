@@ -1,8 +1,11 @@
-//! Rules that the compiler cannot see: who may name what (`walls`, `circles`), and
-//! which words stand where (`words`: a unit on every message field, no path of one
-//! machine). Here is only how sources are read.
+//! Rules that the compiler cannot see: dependencies (`walls`, `circles`), units and paths
+//! (`words`), banned words (`banned`), links and sizes of documents (`documents`). This
+//! file only reads sources.
 
+mod banned;
 mod circles;
+mod documents;
+mod source;
 mod walls;
 mod words;
 

@@ -16,7 +16,7 @@
 //!
 //! The paper ends navigating when the chair's speed falls to zero; the scripted
 //! operator publishes reaching about a second later, when the arm moves, and
-//! the rule follows that. `client/guide/process.md` says on which episodes the
+//! the rule follows that. `docs/train-and-evaluate/process.md` says on which episodes the
 //! rule was chosen and how it did on episodes that were recorded afterwards.
 
 mod agreement;
