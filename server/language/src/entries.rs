@@ -1,4 +1,4 @@
-//! How the files of a grammar look; nothing checked but the keys.
+//! Layout of the files of a grammar; only the keys are checked here.
 
 use serde::Deserialize;
 use toml::Spanned;

@@ -1,9 +1,9 @@
-//! Where a chair fits on the floor and how it drives there: the footprint against
-//! oriented boxes, hybrid A* between two poses.
+//! Collision-free poses of a chair on the floor, and paths between them: the footprint
+//! against oriented boxes, and hybrid A*.
 //!
-//! Pure: no clock, no random numbers, no messages, nothing of the server or of a
-//! client. A draw of the server and the scripted operator ask the same question
-//! and get the same answer.
+//! Pure: no clock, no random numbers, no messages, independent of server and clients.
+//! Sampling in the server and the scripted operator use the same functions and get the
+//! same result.
 
 pub mod footprint_check;
 pub mod hybrid_a_star;

@@ -1,10 +1,10 @@
-//! Refuses names that a scene has not, and says which it has.
+//! Rejects names that do not exist in a scene, with the available ones.
 
 use super::condition::Name;
 use super::context::TARGET;
 use crate::scene::{FurnitureJoint, Place, Scene, SceneError};
 
-/// A name that a condition or a goal gives; the target's stands for any.
+/// Checks a name in a condition or a goal; the target's placeholder is always valid.
 pub(super) fn known(place: &Place, scene: &Scene, name: Name<'_>) -> Result<(), SceneError> {
     match name {
         Name::Object(TARGET) | Name::Joint(TARGET) => Ok(()),

@@ -1,5 +1,5 @@
-//! Room between things that stand on surfaces: outlines on the floor plan, their
-//! distances, and what a thing keeps clear of.
+//! Clearance between objects on surfaces: outlines on the floor plan and their
+//! distances.
 
 use nalgebra::{Isometry3, Point2, UnitComplex, UnitQuaternion, Vector2, Vector3};
 use wheelarm_proto::exact;
@@ -8,10 +8,10 @@ use super::rest::heading;
 use crate::geometry::Part;
 use crate::scene::{Body, Bounds, Placement, Scene, Surface};
 
-/// Least distance between two objects, metres.
+/// Smallest distance between two objects, metres.
 const GAP: f64 = 0.02;
 
-/// The outline of a thing on the floor plan: a rectangle grown by a radius.
+/// The outline of an object on the floor plan: a rectangle extended by a radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outline {
     /// Middle of the rectangle, metres.
@@ -20,12 +20,12 @@ pub(super) struct Outline {
     pub turn: UnitComplex<f64>,
     /// Half extents, metres.
     pub half: Vector2<f64>,
-    /// What it is grown by, metres.
+    /// Extension, metres.
     pub radius: f64,
 }
 
 impl Outline {
-    /// Of an object in its own frame; what is round stays round.
+    /// Outline of an object in its own frame; a round object stays round.
     fn of(body: &Body) -> Self {
         let bounds = body.collision_bounds(&Isometry3::identity());
         let bounds = bounds.unwrap_or(Bounds {
@@ -44,7 +44,7 @@ impl Outline {
         }
     }
 
-    /// Of something that fills bounds in `house`.
+    /// Outline of bounds in `house`.
     fn filling(bounds: &Bounds) -> Self {
         Self {
             centre: (bounds.min + bounds.size() / 2.0).xy(),
@@ -54,7 +54,7 @@ impl Outline {
         }
     }
 
-    /// The same at a pose.
+    /// The outline at a pose.
     fn at(&self, pose: &Isometry3<f64>) -> Self {
         let forward = pose.rotation * Vector3::x();
         let turn = UnitComplex::new(exact::atan2(forward.y, forward.x));
@@ -71,8 +71,8 @@ impl Outline {
         local.x.abs() * self.half.x + local.y.abs() * self.half.y
     }
 
-    /// Distance to another outline, metres, never more than the true one; below
-    /// zero when they overlap.
+    /// Distance to another outline, metres, never more than the true one; negative when
+    /// they overlap.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         let between = other.centre - self.centre;
         let apart = |axis: Vector2<f64>| {
@@ -90,7 +90,7 @@ impl Outline {
     }
 }
 
-/// What stands somewhere: its outline and how high it reaches.
+/// Outline and height of a placed object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Standing {
     pub outline: Outline,
@@ -98,17 +98,17 @@ pub(super) struct Standing {
     pub top: f64,
 }
 
-/// What the objects of a scene must keep clear of.
+/// The objects and furniture of a scene that must keep clear of each other.
 pub(super) struct Clearance<'a> {
     scene: &'a Scene,
-    /// Of the objects in their own frames, with their heights.
+    /// Outlines of the objects in their own frames, with their heights.
     outlines: Vec<(Outline, f64)>,
     /// Parts of the furniture.
     furniture: Vec<(Bounds, Outline)>,
 }
 
 impl<'a> Clearance<'a> {
-    /// Of a scene with the optional furniture that is there, and no other.
+    /// For a scene with its present optional furniture.
     pub(super) fn new(scene: &'a Scene) -> Self {
         let part_bounds = |body: &Body, part: &Part| {
             let mut piece = body.clone();
@@ -141,8 +141,8 @@ impl<'a> Clearance<'a> {
         }
     }
 
-    /// An object where it is placed. Of what is not upright, the outline is the rectangle
-    /// around it along its level axis.
+    /// The outline of a placed object. For an object that is not upright it is the
+    /// rectangle around it along its level axis.
     pub(super) fn standing(&self, object: usize, placement: &Placement) -> Standing {
         let up = placement.pose.rotation * Vector3::z();
         if up.z < 0.9999 {
@@ -172,9 +172,8 @@ impl<'a> Clearance<'a> {
         }
     }
 
-    /// The least distance that `object` on its surface leaves to the edges, the
-    /// furniture and the other objects except its `holder`, metres; negative where
-    /// something overlaps.
+    /// The smallest distance of `object` on its surface to the edges, the furniture and
+    /// the other objects except its `holder`, metres; negative for an overlap.
     pub(super) fn of(
         &self,
         object: usize,

@@ -1,4 +1,4 @@
-//! What a renderer needs before anything is uploaded.
+//! Preparation of a renderer on the CPU.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use super::scene::{Binding, RenderScene};
 use super::spec::CameraSpec;
 use super::tier::Tier;
 
-/// That they can be, on what the scene has.
+/// Checks that the cameras fit the scene.
 pub(super) fn check_cameras(
     scene: &RenderScene,
     cameras: &[CameraSpec],
@@ -31,14 +31,14 @@ pub(super) fn check_cameras(
         {
             return Err(RenderError::BadCamera {
                 camera: camera.name.clone(),
-                reason: format!("it sits on body {i}, there are {count}"),
+                reason: format!("it is on body {i}, there are {count}"),
             });
         }
     }
     Ok(())
 }
 
-/// What a renderer is made of before anything is uploaded.
+/// Data of a renderer before the upload.
 pub(super) struct Prepared {
     pub(super) opened: Opened,
     pub(super) pipelines: Arc<Pipelines>,
@@ -47,7 +47,7 @@ pub(super) struct Prepared {
     pub(super) buffers: Buffers,
 }
 
-/// Works out what needs no adapter while the driver starts and compiles.
+/// Computes everything that needs no adapter, while the driver starts and compiles.
 pub(super) fn prepare(
     scene: &RenderScene,
     tier: Tier,

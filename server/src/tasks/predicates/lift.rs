@@ -1,4 +1,4 @@
-//! What is up in the gripper, or has been.
+//! Predicates about lifting in the gripper.
 
 use serde::Deserialize;
 
@@ -58,8 +58,8 @@ impl Predicate for LiftedAndHeld {
     }
 }
 
-/// The object has once been lifted by `height` while both pads pressed it with
-/// at least `pad_force`. Value: the greatest rise so held, metres.
+/// The object has once been lifted by `height` while both pads pressed it with at least
+/// `pad_force`. Value: the largest rise while pressed, metres.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct LiftedBefore {

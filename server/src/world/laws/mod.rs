@@ -1,4 +1,4 @@
-//! Laws of mechanics that the world keeps, on small scenes made in code.
+//! Tests of laws of mechanics, on small synthetic scenes.
 
 mod friction;
 mod grip;
@@ -114,7 +114,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
     (scene, placements)
 }
 
-/// The robot at home on an empty floor, at a place as far out as in the home.
+/// The robot at home on an empty floor, as far from the origin as in the home.
 fn robot_alone() -> (World, Targets, Isometry3<f64>) {
     let model = model();
     let (scene, placements) = scene(vec![floor()], Vec::new());

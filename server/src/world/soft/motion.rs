@@ -1,11 +1,10 @@
 //! Motion of an elastic body: one implicit step a tick, contacts included.
 //!
-//! The velocities after the tick solve `(M + h (h + d) K) v = M v0 + h (f + p)`
-//! with the stiffness K of the corotated cells and the pressure p of the
-//! contacts at the end of the tick, by conjugate gradients. Which contacts
-//! press and how much of their bristles holds is found by repeating the
-//! solution: freely at first, then only by giving way, until every contact does
-//! what it may.
+//! The velocities after the tick solve `(M + h (h + d) K) v = M v0 + h (f + p)` with
+//! the stiffness K of the corotated cells and the pressure p of the contacts at the end
+//! of the tick, by conjugate gradients. Which contacts press and how much their
+//! bristles hold is found by repeated solutions: at first in both directions, then only
+//! by releasing, until every contact obeys its laws.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -15,12 +14,12 @@ use super::elastic::Elastic;
 use super::rotation::Rotation;
 use super::solver::{Scratch, Tick};
 
-/// Solutions in which contacts may close and hold more again.
+/// Solutions in which contacts may still close and hold more.
 const FREE: usize = 3;
-/// Most solutions of a tick.
+/// Largest number of solutions of a tick.
 const ROUNDS: usize = 16;
 
-/// Everything that a tick changes.
+/// State of an elastic body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Nodes in `house`, metres.
@@ -29,7 +28,7 @@ pub struct State {
     pub velocity: Vec<Vector3<f64>>,
     /// Rotation of every cell.
     pub(super) rotations: Vec<Rotation>,
-    /// Rotation of the whole.
+    /// Rotation of the whole body.
     pub(super) whole: Rotation,
 }
 
@@ -77,19 +76,19 @@ impl State {
     }
 }
 
-/// What a tick did.
+/// Result of a tick.
 pub(super) struct Done {
     /// Force at every contact.
     pub forces: Vec<ContactForce>,
     /// Elastic energy at the start, J.
     pub elastic: f64,
-    /// Greatest change of a solid's speed, m/s.
+    /// Largest change of a solid's speed, m/s.
     pub kick: f64,
     /// Share of the contacts' stiffness, 0 to 1.
     pub share: f64,
 }
 
-/// What acts on a body during a tick.
+/// Loads on a body during a tick.
 pub(super) struct Acting<'a, L, S> {
     /// Points of the skin near solids, and those solids.
     pub candidates: &'a [ContactCandidate],
@@ -98,8 +97,8 @@ pub(super) struct Acting<'a, L, S> {
     pub load: L,
     /// Nodes that keep their velocity.
     pub held: &'a [usize],
-    /// Is told the elastic energy and the energy that the contacts would begin
-    /// with, J, and answers with a share of their stiffness.
+    /// Receives the elastic energy and the initial energy of the contacts, J, and
+    /// returns a share of their stiffness.
     pub soften: S,
 }
 
@@ -119,7 +118,7 @@ pub(super) fn step(
         soften,
     } = acting;
     scratch.prepare(body);
-    // An implicit step damps as much as a damping time of its own length.
+    // An implicit step damps like a damping time equal to its length.
     let stiff = h * (h + (body.damping - h).max(0.0));
     let elastic = body.assemble(
         [&state.position, &state.velocity],
@@ -174,7 +173,7 @@ pub(super) fn step(
     }
 }
 
-/// Forces of the contacts of a body that does not move.
+/// Contact forces of a body at rest.
 pub(super) fn standing(
     body: &Elastic,
     state: &State,
