@@ -123,7 +123,7 @@ impl LookText {
 
     /// The same with another strength of the axis named `axis`.
     #[must_use]
-    pub fn with(mut self, axis: &str, strength: u32) -> Self {
+    pub fn with_axis(mut self, axis: &str, strength: u32) -> Self {
         let found = AXES.iter().find(|known| known.name == axis);
         debug_assert!(found.is_some(), "{axis} is an axis");
         if let Some(found) = found {

@@ -16,8 +16,8 @@ pub fn end_with_output() {
     std::panic::set_hook(Box::new(move |panic| {
         let words = panic.payload().downcast_ref::<String>();
         match words.and_then(|words| lost(words)) {
-            Some(Lost::Reader) => exit(READER_GONE),
-            Some(Lost::Written(why)) => {
+            Some(PrintFailure::Reader) => exit(READER_GONE),
+            Some(PrintFailure::Written(why)) => {
                 let _ = writeln!(
                     std::io::stderr(),
                     "error: cannot write to standard output: {why}"
@@ -30,20 +30,20 @@ pub fn end_with_output() {
 }
 
 #[derive(Debug, PartialEq)]
-enum Lost<'a> {
+enum PrintFailure<'a> {
     Reader,
     Written(&'a str),
 }
 
 /// Parses the panic message of `print!`.
-fn lost(panic: &str) -> Option<Lost<'_>> {
+fn lost(panic: &str) -> Option<PrintFailure<'_>> {
     let (_, why) = panic
         .strip_prefix("failed printing to std")?
         .split_once(": ")?;
     // EPIPE on every platform.
     match why.contains("(os error 32)") {
-        true => Some(Lost::Reader),
-        false => Some(Lost::Written(why)),
+        true => Some(PrintFailure::Reader),
+        false => Some(PrintFailure::Written(why)),
     }
 }
 
@@ -54,10 +54,10 @@ mod tests {
     #[test]
     fn output_errors_are_distinguished_from_other_panics() {
         let broken = "failed printing to stdout: Broken pipe (os error 32)";
-        assert_eq!(lost(broken), Some(Lost::Reader));
+        assert_eq!(lost(broken), Some(PrintFailure::Reader));
         let full = "failed printing to stdout: No space left on device (os error 28)";
         let why = "No space left on device (os error 28)";
-        assert_eq!(lost(full), Some(Lost::Written(why)));
+        assert_eq!(lost(full), Some(PrintFailure::Written(why)));
         assert_eq!(lost("index out of bounds"), None);
     }
 }

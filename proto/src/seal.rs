@@ -29,7 +29,7 @@ pub fn append(command: &mut Vec<u8>, secret: &str) {
 
 /// Whether an encoded command ends with the seal for `secret`.
 #[must_use]
-pub fn holds(command: &[u8], secret: &str) -> bool {
+pub fn is_sealed(command: &[u8], secret: &str) -> bool {
     let Some(at) = command.len().checked_sub(START.len() + LENGTH) else {
         return false;
     };
@@ -52,10 +52,10 @@ mod tests {
             ..v1::Command::default()
         };
         let mut bytes = command.encode_to_vec();
-        assert!(!holds(&bytes, "secret"), "no seal");
+        assert!(!is_sealed(&bytes, "secret"), "no seal");
         append(&mut bytes, "secret");
-        assert!(holds(&bytes, "secret"));
-        assert!(!holds(&bytes, "other"));
+        assert!(is_sealed(&bytes, "secret"));
+        assert!(!is_sealed(&bytes, "other"));
         let read = v1::Command::decode(bytes.as_slice()).unwrap();
         assert_eq!(read.seal, bytes[bytes.len() - LENGTH..]);
         // A decoded command is encoded identically.
@@ -64,13 +64,13 @@ mod tests {
             let mut damaged = bytes.clone();
             damaged[at] ^= 1;
             assert!(
-                !holds(&damaged, "secret"),
+                !is_sealed(&damaged, "secret"),
                 "a change of byte {at} was not detected"
             );
         }
         bytes.push(0);
-        assert!(!holds(&bytes, "secret"), "a byte was appended");
-        assert!(!holds(&[], "secret"));
+        assert!(!is_sealed(&bytes, "secret"), "a byte was appended");
+        assert!(!is_sealed(&[], "secret"));
     }
 
     #[test]

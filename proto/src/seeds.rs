@@ -87,7 +87,7 @@ impl Purpose {
             return Ok(Self::Free);
         };
         let purpose = Self::of_seed(seeds.start);
-        let edge = seeds.start + purpose.left(seeds.start);
+        let edge = seeds.start + purpose.seeds_left(seeds.start);
         if last < edge {
             return Ok(purpose);
         }
@@ -99,7 +99,7 @@ impl Purpose {
     }
 
     /// Seeds from `seed` to the end of its row of the table.
-    fn left(self, seed: u64) -> u64 {
+    fn seeds_left(self, seed: u64) -> u64 {
         let first = seed % ATTEMPT_STRIDE;
         let mut edges = TABLE.iter().flat_map(|(range, _)| [range.start, range.end]);
         edges.find(|edge| *edge > first).unwrap_or(ATTEMPT_STRIDE) - first

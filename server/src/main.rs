@@ -481,7 +481,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         scenario.cameras.clear();
     }
     let pacing = scenario.pacing;
-    let graphics = Graphics::on(args.adapter.as_deref());
+    let graphics = Graphics::for_adapter(args.adapter.as_deref());
     let draws = !scenario.cameras.is_empty();
     let _opening = draws.then(|| OpenAhead::begin(&graphics));
     let sim = Simulation::new(&assets, scenario)?;

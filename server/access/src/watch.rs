@@ -18,7 +18,7 @@ const SETTLE: Duration = Duration::from_millis(30);
 const MOST_LOOKS: usize = 10;
 
 /// Called with the users after each change, by the thread that found it.
-type Changed = Box<dyn Fn(&Users) + Send + Sync>;
+type OnChange = Box<dyn Fn(&Users) + Send + Sync>;
 
 struct State {
     /// Content of the file at the last reading.
@@ -37,7 +37,7 @@ struct Shared {
     looking: Mutex<()>,
     state: Mutex<State>,
     end: Condvar,
-    changed: Changed,
+    changed: OnChange,
 }
 
 /// The present users; followed until this is dropped.

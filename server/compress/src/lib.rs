@@ -51,10 +51,10 @@ impl Deflate {
             LEVEL => Igzip::if_supported(),
             _ => None,
         };
-        Self::with(igzip.map_or_else(|| Coder::libdeflate(level), Coder::Igzip))
+        Self::with_coder(igzip.map_or_else(|| Coder::libdeflate(level), Coder::Igzip))
     }
 
-    fn with(coder: Coder) -> Self {
+    fn with_coder(coder: Coder) -> Self {
         Self {
             coder,
             shuffled: Vec::new(),
@@ -220,7 +220,7 @@ mod tests {
     fn each() -> Vec<Deflate> {
         let coders = Igzip::if_supported().map(Coder::Igzip);
         let coders = coders.into_iter().chain([Coder::libdeflate(LEVEL)]);
-        coders.map(Deflate::with).collect()
+        coders.map(Deflate::with_coder).collect()
     }
 
     /// Numbers without a pattern.

@@ -16,7 +16,7 @@ use crate::wording::{At, ObjectWords, RequestWords, spoken};
 use crate::{Grammar, Meaning, Options, Role, Scene, Split, Verb, generate};
 
 /// A generated request and its meaning.
-struct Worded<'a> {
+struct GeneratedRequest<'a> {
     text: &'a str,
     verb: Verb,
     kind: &'a str,
@@ -74,7 +74,7 @@ const REMOVING: [&str; 13] = [
 ];
 
 /// The rule that a sentence breaks; `None` when it keeps all.
-fn broken_rule(worded: &Worded<'_>) -> Option<&'static str> {
+fn broken_rule(worded: &GeneratedRequest<'_>) -> Option<&'static str> {
     let text = worded.text;
     // "The right place for the crackers is": the place is the subject.
     let spoken = match text.strip_prefix("the right place for ") {
@@ -297,7 +297,7 @@ fn every_phrase_of_every_object_at_every_place_keeps_the_rules() {
                         continue;
                     };
                     count += 1;
-                    let worded = Worded {
+                    let worded = GeneratedRequest {
                         text: &text,
                         verb: Verb::Give,
                         kind: &entity.kind,
@@ -384,7 +384,7 @@ fn requests(grammar: &Grammar, scene: &Scene, meaning: Meaning, nouns: &[usize])
                     continue;
                 };
                 count += 1;
-                let worded = Worded {
+                let worded = GeneratedRequest {
                     text: &text,
                     verb: meaning.verb,
                     kind: &entity.kind,
@@ -405,7 +405,7 @@ fn requests(grammar: &Grammar, scene: &Scene, meaning: Meaning, nouns: &[usize])
 /// The rules detect the faults found in an audit of an earlier grammar.
 #[test]
 fn sentences_of_the_audit_break_the_rules() {
-    let table = |text, verb, kind, noun| Worded {
+    let table = |text, verb, kind, noun| GeneratedRequest {
         text,
         verb,
         kind,
@@ -418,11 +418,11 @@ fn sentences_of_the_audit_break_the_rules() {
     };
     let bin = Some(("table_bin", "bin"));
     let cases = [
-        Worded {
+        GeneratedRequest {
             goal: bin,
             ..table("put the can on the bin", Verb::Put, "meat_can", "can")
         },
-        Worded {
+        GeneratedRequest {
             goal: bin,
             ..table("place the can onto the bin", Verb::Put, "meat_can", "can")
         },
@@ -433,11 +433,11 @@ fn sentences_of_the_audit_break_the_rules() {
             "crackers",
             "crackers",
         ),
-        Worded {
+        GeneratedRequest {
             colour: Some("scarlet"),
             ..table("lift the scarlet soup", Verb::Lift, "tomato_soup", "soup")
         },
-        Worded {
+        GeneratedRequest {
             colour: Some("red"),
             ..table("lift the red soup", Verb::Lift, "tomato_soup", "soup")
         },

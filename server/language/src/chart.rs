@@ -36,7 +36,7 @@ pub(crate) struct Chart<'a> {
 }
 
 impl<'a> Chart<'a> {
-    pub fn of(grammar: &Grammar, words: &'a [String]) -> Self {
+    pub fn new(grammar: &Grammar, words: &'a [String]) -> Self {
         let count = words.len();
         let starts_with = |at: usize, part: &[String]| words[at..].starts_with(part);
         let each = |f: &dyn Fn(usize) -> Vec<(usize, usize)>| (0..count).map(f).collect::<Vec<_>>();

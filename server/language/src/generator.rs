@@ -116,7 +116,7 @@ pub fn generate(
 }
 
 /// A request with politeness.
-struct Polite {
+struct PoliteRequest {
     text: String,
     is_question: bool,
     /// It must begin a sentence.
@@ -125,7 +125,7 @@ struct Polite {
     is_behind: bool,
 }
 
-impl Polite {
+impl PoliteRequest {
     fn none(text: String) -> Self {
         Self {
             text,
@@ -164,10 +164,10 @@ impl<'a> Speaker<'a> {
             object,
             goal,
             place,
-            at: self.at(&template.pattern, random)?,
+            at: self.choose_place(&template.pattern, random)?,
         };
         let text = words.text(self.grammar, self.scene, self.wish)?;
-        let mut polite = Polite::none(text);
+        let mut polite = PoliteRequest::none(text);
         if random.happens(self.options.politeness) {
             polite = self.politely(polite.text, &words, random)?;
         }
@@ -192,15 +192,15 @@ impl<'a> Speaker<'a> {
         text: String,
         words: &RequestWords<'_>,
         random: &mut Random,
-    ) -> Option<Polite> {
+    ) -> Option<PoliteRequest> {
         let template = words.template;
         match template.form {
-            Form::Statement => return Some(Polite::none(text)),
+            Form::Statement => return Some(PoliteRequest::none(text)),
             Form::Wish => {
                 let text = format!("{text}, please");
-                return Some(Polite {
+                return Some(PoliteRequest {
                     is_behind: true,
-                    ..Polite::none(text)
+                    ..PoliteRequest::none(text)
                 });
             }
             Form::Request => {}
@@ -216,7 +216,7 @@ impl<'a> Speaker<'a> {
             let spoken: Vec<_> = spoken.collect();
             let before = random.one(&spoken)?;
             let comma = if before.has_comma { "," } else { "" };
-            return Some(Polite {
+            return Some(PoliteRequest {
                 text: format!("{}{comma} {text}", before.text),
                 is_question: before.is_question,
                 opens: before.opens,
@@ -241,13 +241,13 @@ impl<'a> Speaker<'a> {
             let (words, _) = random.one(&self.grammar.thanks)?;
             format!("{text}, {words}")
         };
-        Some(Polite {
+        Some(PoliteRequest {
             is_behind: true,
-            ..Polite::none(text)
+            ..PoliteRequest::none(text)
         })
     }
 
-    fn with_reason(&self, polite: &Polite, random: &mut Random) -> Option<String> {
+    fn with_reason(&self, polite: &PoliteRequest, random: &mut Random) -> Option<String> {
         let kind = &self.scene.entities[self.wish.target].kind;
         let all = self.grammar.reasons.iter();
         let able: Vec<_> = all
@@ -327,7 +327,7 @@ impl<'a> Speaker<'a> {
 
     /// The place for a pattern, with its preposition; `None` when the pattern needs one
     /// and none exists.
-    fn at(&self, pattern: &Pattern, random: &mut Random) -> Option<Option<At<'a>>> {
+    fn choose_place(&self, pattern: &Pattern, random: &mut Random) -> Option<Option<At<'a>>> {
         let Some(slot) = Slot::PLACES.into_iter().find(|slot| pattern.has(*slot)) else {
             return Some(None);
         };
@@ -349,7 +349,7 @@ impl<'a> Speaker<'a> {
         let phrase = self.phrase(says_place, random)?;
         let target = self.wish.target;
         let name = self.named(target, self.options.split, random)?;
-        let at = self.at(&phrase.pattern, random)?;
+        let at = self.choose_place(&phrase.pattern, random)?;
         let mut words = ObjectWords {
             phrase,
             name,

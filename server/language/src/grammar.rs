@@ -244,7 +244,7 @@ pub(crate) struct Posture {
 /// Kind of a goal.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Holds {
+pub(crate) enum GoalForm {
     Surface,
     Container,
 }
@@ -253,7 +253,7 @@ pub(crate) enum Holds {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct GoalKind {
     pub goals: Vec<String>,
-    pub holds: Holds,
+    pub holds: GoalForm,
     pub at: String,
     pub to: String,
 }
@@ -303,7 +303,7 @@ pub(crate) struct Template {
     /// Kinds for which it is used; empty: all.
     pub kinds: Vec<String>,
     /// Goals for which it is used; `None`: all.
-    pub holds: Option<Holds>,
+    pub holds: Option<GoalForm>,
     /// Its verb removes the object, so that "from the table" may follow.
     pub removes: bool,
     pub of: Use,
@@ -319,7 +319,7 @@ pub(crate) struct Reason {
 
 /// Politeness before a request.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Before {
+pub(crate) struct Preamble {
     pub text: String,
     pub words: Vec<String>,
     pub is_question: bool,
@@ -350,7 +350,7 @@ pub struct Grammar {
     pub(crate) phrases: Vec<Phrase>,
     pub(crate) reasons: Vec<Reason>,
     /// Politeness: text and words.
-    pub(crate) before: Vec<Before>,
+    pub(crate) before: Vec<Preamble>,
     pub(crate) after: Vec<(String, Vec<String>)>,
     /// Words after a request that are only understood.
     pub(crate) understood_after: Vec<Vec<String>>,

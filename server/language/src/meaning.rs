@@ -2,7 +2,7 @@
 
 use crate::grammar::{Grammar, Means, Names, Noun, Verb};
 use crate::scene::{Entity, Role, Scene};
-use crate::space::{at_place, is, might, nth_of};
+use crate::space::{at_place, is_on_side, might, nth_of};
 
 /// Meaning of a sentence: indices of entities of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -89,7 +89,7 @@ pub(crate) fn denotes(
                 };
                 set.iter().copied().filter(any).collect()
             };
-            match holds(&|a, b| is(a, b, side)).is_empty() {
+            match holds(&|a, b| is_on_side(a, b, side)).is_empty() {
                 true => Vec::new(),
                 false => holds(&|a, b| might(a, b, side)),
             }

@@ -81,7 +81,7 @@ impl<'a> Parser<'a> {
 
     /// Whether templates derive the sentence; adds their meanings.
     fn templates(&self, words: &[String], out: &mut BTreeSet<Meaning>) -> bool {
-        let chart = Chart::of(self.grammar, words);
+        let chart = Chart::new(self.grammar, words);
         let mut is_understood = false;
         for (from, to) in self.requests(words) {
             for template in &self.grammar.templates {
@@ -190,7 +190,7 @@ impl<'a> Parser<'a> {
 
     /// Searches for a verb and for the longest phrases when no template matches.
     fn search(&self, words: &[String], out: &mut BTreeSet<Meaning>) -> bool {
-        let chart = Chart::of(self.grammar, words);
+        let chart = Chart::new(self.grammar, words);
         let mut verbs: Vec<(usize, Verb)> = Vec::new();
         for (at, word) in words.iter().enumerate() {
             let known = self

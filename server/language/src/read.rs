@@ -9,8 +9,8 @@ use toml::Spanned;
 
 use crate::entries::{NounsFile, PhrasesFile, PlacesFile, PolitenessFile, ReasonsFile, VerbFile};
 use crate::grammar::{
-    Before, Colour, FILES, Form, Frame, GoalKind, Grammar, GrammarError, Means, NTH, Names, Noun,
-    Pattern, Phrase, Piece, PlaceName, Posture, Reason, Slot, Template, Use, Verb,
+    Colour, FILES, Form, Frame, GoalKind, Grammar, GrammarError, Means, NTH, Names, Noun, Pattern,
+    Phrase, Piece, PlaceName, Posture, Preamble, Reason, Slot, Template, Use, Verb,
 };
 use crate::space::{Order, Side};
 use crate::words::words;
@@ -485,7 +485,7 @@ impl Grammar {
             for text in &entry.texts {
                 let words = file.plain(text)?;
                 self.know(&words);
-                self.before.push(Before {
+                self.before.push(Preamble {
                     text: text.get_ref().clone(),
                     words,
                     is_question: entry.question,
@@ -498,7 +498,7 @@ impl Grammar {
         for text in &read.understood_before {
             let words = file.plain(text)?;
             self.know(&words);
-            self.before.push(Before {
+            self.before.push(Preamble {
                 text: text.get_ref().clone(),
                 words,
                 is_question: false,

@@ -59,7 +59,7 @@ fn along(a: &Entity, b: &Entity, side: Side) -> Option<(f64, f64)> {
 
 /// Whether `a` is to that side of `b`.
 #[must_use]
-pub fn is(a: &Entity, b: &Entity, side: Side) -> bool {
+pub fn is_on_side(a: &Entity, b: &Entity, side: Side) -> bool {
     along(a, b, side).is_some_and(|(by, beside)| match side {
         Side::Left | Side::Right => by >= STEP && by >= beside,
         Side::Front | Side::Behind => by >= STEP && by > beside,

@@ -3,7 +3,7 @@
 //! `agreement_tests` tries every choice.
 
 use crate::grammar::{
-    Grammar, Holds, Means, NTH, Noun, Number, Pattern, Phrase, Piece, Slot, Template, Verb,
+    GoalForm, Grammar, Means, NTH, Noun, Number, Pattern, Phrase, Piece, Slot, Template, Verb,
 };
 use crate::meaning::{Meaning, Named};
 use crate::scene::Scene;
@@ -66,7 +66,7 @@ impl RequestWords<'_> {
             }
             // The container is thrown away: its contents are gone.
             let noun = self.object.map(|object| &grammar.nouns[object.name.noun]);
-            if kind.holds == Holds::Container && noun.is_some_and(|noun| noun.is_contents) {
+            if kind.holds == GoalForm::Container && noun.is_some_and(|noun| noun.is_contents) {
                 return None;
             }
             let the = format!("the {}", grammar.nouns[self.goal?].text);

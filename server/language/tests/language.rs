@@ -5,7 +5,7 @@ mod made_up;
 
 use std::collections::BTreeSet;
 
-use made_up::{Draws, grammar, home, scene};
+use made_up::{TestRandom, grammar, home, scene};
 use wheelarm_language::{
     Answer, Grammar, Meaning, Options, Parser, Split, Verb, generate, normalised,
 };
@@ -303,7 +303,7 @@ fn errors_in_a_file_include_line_key_value_and_allowed_values() {
 
 #[test]
 fn random_numbers_differ_and_stay_in_range() {
-    let mut draws = Draws::from_seed(1);
+    let mut draws = TestRandom::from_seed(1);
     let first: Vec<f64> = (0..3).map(|_| draws.fraction()).collect();
     assert!(first.iter().all(|f| (0.0..1.0).contains(f)) && first[0] != first[1]);
 }

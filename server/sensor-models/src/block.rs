@@ -52,7 +52,7 @@ struct Steps {
 }
 
 impl Steps {
-    fn of(step: f64) -> Self {
+    fn from_step(step: f64) -> Self {
         let each = |of: &dyn Fn(f64) -> f64| {
             std::array::from_fn(|v| std::array::from_fn(|u| of(factor(v, u)) as f32))
         };
@@ -207,7 +207,7 @@ impl Coder {
         if width == 0 {
             return 0.0;
         }
-        let steps = Steps::of(self.step);
+        let steps = Steps::from_step(self.step);
         let (pixels, _) = rgb.as_chunks_mut::<3>();
         let count = (width * height).min(pixels.len());
         let mut taken = 0.0_f64;

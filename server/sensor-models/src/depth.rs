@@ -245,12 +245,12 @@ impl DepthModel {
         for ((pixel, d), noise) in pixels.iter_mut().zip(disparity).zip(noise) {
             let noisy = (d + self.noise * noise).max(0.0);
             let whole = (noisy * over + WHOLE) - WHOLE;
-            let told = if step > 0.0 { step * whole } else { noisy };
-            let z = span / told;
-            let is_told = (*d > 0.0) & (z >= least) & (z <= most);
+            let rounded = if step > 0.0 { step * whole } else { noisy };
+            let z = span / rounded;
+            let is_valid = (*d > 0.0) & (z >= least) & (z <= most);
             // Finite or not, the conversion saturates at 16 bits.
             let millimetres = (z.min(65.535) * 1000.0 + WHOLE).to_bits();
-            *pixel = (if is_told { millimetres as u16 } else { 0 }).to_le_bytes();
+            *pixel = (if is_valid { millimetres as u16 } else { 0 }).to_le_bytes();
         }
     }
 }

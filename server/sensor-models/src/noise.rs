@@ -76,7 +76,7 @@ impl NormalTable {
     /// The variate indexed by the lowest 12 bits.
     #[inline]
     #[must_use]
-    pub fn at(&self, bits: u64) -> f32 {
+    pub fn variate(&self, bits: u64) -> f32 {
         self.0[(bits & (ENTRIES as u64 - 1)) as usize]
     }
 }
@@ -101,7 +101,7 @@ impl NormalTape {
     pub fn new(seed: u64, most: usize) -> Self {
         let table = NormalTable::new();
         let mut random = Random::new(seed, [u64::MAX, TAPE as u64]);
-        let mut tape: Vec<f32> = (0..TAPE).map(|_| table.at(random.bits())).collect();
+        let mut tape: Vec<f32> = (0..TAPE).map(|_| table.variate(random.bits())).collect();
         for i in 0..most {
             tape.push(tape[i]);
         }
@@ -136,7 +136,7 @@ mod tests {
         let table = NormalTable::new();
         let mut random = Random::new(1, [2, 3]);
         let all: Vec<f64> = (0..200_000)
-            .map(|_| f64::from(table.at(random.bits())))
+            .map(|_| f64::from(table.variate(random.bits())))
             .collect();
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let moment = |k: i32| all.iter().map(|x| x.powi(k)).sum::<f64>() / all.len() as f64;

@@ -39,7 +39,7 @@ impl Irradiance {
 
     /// Light on a surface with the normal `n`.
     #[must_use]
-    pub fn at(&self, n: &Vector3<f32>) -> [f32; 3] {
+    pub fn evaluate(&self, n: &Vector3<f32>) -> [f32; 3] {
         let n = Vector4::new(n.x, n.y, n.z, 1.0);
         std::array::from_fn(|k| (n.transpose() * self.0[k] * n)[0])
     }

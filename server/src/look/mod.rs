@@ -38,7 +38,7 @@ pub struct Lamp {
 
 /// A sampled look.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct SampledLook {
     look: Look,
     file: LookFile,
     /// Direct light and sky light, including exposure.
@@ -59,7 +59,7 @@ pub struct Drawn {
     pub decoration: Vec<Decoration>,
 }
 
-impl Drawn {
+impl SampledLook {
     /// Samples a look of a scene from `looks/SCENE.toml`.
     ///
     /// # Errors
@@ -112,7 +112,7 @@ impl Drawn {
 
     /// The material of robot and objects: unchanged.
     #[must_use]
-    pub fn kept(&self, material: &Material) -> Material {
+    pub fn unchanged(&self, material: &Material) -> Material {
         Material {
             emission: material.emission * self.gain,
             ..material.clone()

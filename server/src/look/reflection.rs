@@ -131,7 +131,7 @@ fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
     }
     let hit = centre + d * way;
     let inwards: Vector3<f32> = Vector3::ith(side, if d[side] > 0.0 { -1.0 } else { 1.0 });
-    let reaches = light.irradiance.at(&inwards);
+    let reaches = light.irradiance.evaluate(&inwards);
     if side == 2 {
         if d.z > 0.0 {
             let lamp = light.lamps.iter().flatten().next();

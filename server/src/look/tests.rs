@@ -22,9 +22,9 @@ fn look(seed: u64, strength: u8) -> Look {
     }
 }
 
-fn drawn(look: Look) -> Drawn {
+fn drawn(look: Look) -> SampledLook {
     let scene = Scene::load(&assets(), "home").unwrap();
-    Drawn::new(look, &scene, &assets()).unwrap()
+    SampledLook::new(look, &scene, &assets()).unwrap()
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn axes_that_are_off_change_nothing() {
         (Vector3::z(), home.lighting.sky),
         (-Vector3::z(), home.lighting.ground),
     ] {
-        let found = plain.at(&n);
+        let found = plain.evaluate(&n);
         assert!(
             (0..3).all(|k| (found[k] - light[k]).abs() < 1e-6),
             "{found:?}"
@@ -100,7 +100,7 @@ fn no_look_clips_a_white_wall_or_leaves_it_black() {
             for k in 0..3 {
                 for sign in [1.0, -1.0] {
                     let n: Vector3<f32> = Vector3::ith(k, sign);
-                    let around = irradiance.at(&n);
+                    let around = irradiance.evaluate(&n);
                     let sun = Vector3::from(light.lighting.sun_direction).dot(&n).max(0.0);
                     for c in 0..3 {
                         let shade = displayed(0.85 * 0.7 * around[c]);

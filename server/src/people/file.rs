@@ -141,7 +141,7 @@ impl PostureList {
 /// `looks.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Looks {
+pub(super) struct LooksFile {
     #[serde(rename = "origin")]
     _origin: String,
     #[serde(rename = "license")]

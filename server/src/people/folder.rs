@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use super::setting::DrawnPerson;
+use super::setting::SampledPerson;
 use crate::scene::{Place, SceneError, parse};
 
 /// Folder of all people, below the assets.
@@ -36,7 +36,11 @@ pub(super) fn bodies(assets: &Path) -> Result<Vec<String>, SceneError> {
 }
 
 /// A name that must be an available one.
-pub(super) fn known<'a>(what: &str, name: &'a str, names: &[&str]) -> Result<&'a str, SceneError> {
+pub(super) fn find_known<'a>(
+    what: &str,
+    name: &'a str,
+    names: &[&str],
+) -> Result<&'a str, SceneError> {
     match names.contains(&name) {
         true => Ok(name),
         false => Err(Place::file("scenario").key(what).wrong(
@@ -49,7 +53,7 @@ pub(super) fn known<'a>(what: &str, name: &'a str, names: &[&str]) -> Result<&'a
 
 /// Text files of a person, below the assets folder, sorted.
 #[must_use]
-pub fn files(of: &DrawnPerson) -> Vec<String> {
+pub fn files(of: &SampledPerson) -> Vec<String> {
     vec![
         format!("{FOLDER}/{}/person.toml", of.body),
         format!("{FOLDER}/{}/postures.toml", of.body),

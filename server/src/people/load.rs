@@ -4,12 +4,12 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
-use super::file::{Looks, PersonFile, PostureTable, PosturesFile};
+use super::file::{LooksFile, PersonFile, PostureTable, PosturesFile};
 use super::folder::{FOLDER, read};
-use super::mesh::{Raw, SkinnedMesh};
+use super::mesh::{MeshFile, SkinnedMesh};
 use super::motion::HeadLimits;
 use super::part::{BodyPart, CAPSULES};
-use super::setting::DrawnPerson;
+use super::setting::SampledPerson;
 use super::skeleton::Skeleton;
 use super::{Capsule, Landmark, Lap, Person};
 use crate::geometry::{Material, Texture};
@@ -23,7 +23,7 @@ impl Person {
     ///
     /// # Errors
     /// [`SceneError`] that names the file, the key and the fix.
-    pub fn load(assets: &Path, drawn: DrawnPerson) -> Result<Self, SceneError> {
+    pub fn load(assets: &Path, drawn: SampledPerson) -> Result<Self, SceneError> {
         let path = format!("{FOLDER}/{}/person.toml", drawn.body);
         let place = Place::file(&path);
         let person: PersonFile = read(assets, &path)?;
@@ -40,7 +40,7 @@ impl Person {
                 "this body does not have this posture: name another",
             )
         })?;
-        let looks: Looks = read(assets, &format!("{FOLDER}/looks.toml"))?;
+        let looks: LooksFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
         let file = format!("{FOLDER}/{}/{}", drawn.body, person.mesh);
         let broken = |words: String| {
             Place::file(&file).wrong(
@@ -49,7 +49,7 @@ impl Person {
                 "make it again: make people",
             )
         };
-        let raw = Raw::read(&assets.join(&file)).map_err(broken)?;
+        let raw = MeshFile::read(&assets.join(&file)).map_err(broken)?;
         if raw.joints != person.joints {
             return Err(broken("other joints than person.toml".to_owned()));
         }
@@ -133,7 +133,7 @@ impl Person {
 }
 
 fn skeleton(
-    raw: &Raw,
+    raw: &MeshFile,
     person: &PersonFile,
     posture: &PostureTable,
     place: &Place,
@@ -197,7 +197,7 @@ fn capsules(
 }
 
 /// A material of the mesh with the sampled appearance.
-fn material(looks: &Looks, drawn: &DrawnPerson, name: &str) -> Option<Material> {
+fn material(looks: &LooksFile, drawn: &SampledPerson, name: &str) -> Option<Material> {
     let table = looks.material.get(name)?;
     let skin = looks.skin.iter().find(|s| s.name == drawn.skin)?;
     let hair = looks.hair.iter().find(|h| h.name == drawn.hair)?;

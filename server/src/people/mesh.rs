@@ -33,7 +33,7 @@ pub struct Surface {
 }
 
 /// Contents of a mesh file.
-pub(super) struct Raw {
+pub(super) struct MeshFile {
     pub points: Vec<Point3<f64>>,
     pub normals: Vec<Vector3<f64>>,
     pub weights: Vec<[(usize, f64); 4]>,
@@ -51,7 +51,7 @@ fn ours(v: [f32; 3]) -> Vector3<f64> {
     Vector3::new(v[2], v[0], v[1]).cast()
 }
 
-impl Raw {
+impl MeshFile {
     /// Reads a binary glTF with one skinned mesh.
     ///
     /// # Errors
@@ -154,7 +154,7 @@ impl SkinnedMesh {
     /// The mesh with the materials that `material` returns by name; the face is in
     /// front of `face_from`, in the frame of the joint `head`.
     pub(super) fn new(
-        raw: Raw,
+        raw: MeshFile,
         head: usize,
         face_from: f64,
         material: impl Fn(&str) -> Option<Material>,

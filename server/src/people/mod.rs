@@ -22,14 +22,14 @@ pub use folder::files;
 pub use mesh::{SkinnedMesh, Surface};
 pub use motion::{HeadLimits, HeadPose, Motion};
 pub use part::{BodyPart, CAPSULES, PARTS, person_part};
-pub use setting::{DrawnPerson, PersonSetting};
+pub use setting::{PersonSetting, SampledPerson};
 pub use skeleton::Skeleton;
 
 /// A seated person.
 #[derive(Clone, Debug)]
 pub struct Person {
     /// Identity, posture and clothes.
-    pub drawn: DrawnPerson,
+    pub drawn: SampledPerson,
     /// Description of the body.
     pub words: String,
     /// Sole to crown, metres.
@@ -114,7 +114,7 @@ impl Person {
     /// mouth, z up.
     #[must_use]
     pub fn mouth(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
-        self.mouth.on(&self.skeleton, head)
+        self.mouth.frame(&self.skeleton, head)
     }
 
     /// The mouth with the joints that move it, without the rest of the body.
@@ -129,7 +129,7 @@ impl Person {
 
 impl Landmark {
     /// Frame of the landmark, rotated like its joint, for a pose of the head.
-    fn on(&self, skeleton: &Skeleton, head: &HeadPose) -> nalgebra::Isometry3<f64> {
+    fn frame(&self, skeleton: &Skeleton, head: &HeadPose) -> nalgebra::Isometry3<f64> {
         skeleton.joint(self.joint, head) * nalgebra::Translation3::from(self.at.coords)
     }
 }
@@ -137,8 +137,8 @@ impl Landmark {
 impl Mouth {
     /// Frame of the mouth for a pose of the head, see [`Person::mouth`].
     #[must_use]
-    pub fn with(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
-        self.at.on(&self.skeleton, head)
+    pub fn frame(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
+        self.at.frame(&self.skeleton, head)
     }
 }
 

@@ -72,7 +72,7 @@ fn smooth(part: f64) -> f64 {
 impl Motion {
     /// Orientation of head and jaw at a physics tick; straight and shut at tick 0.
     #[must_use]
-    pub fn at(&self, tick: u64) -> HeadPose {
+    pub fn head_pose(&self, tick: u64) -> HeadPose {
         let l = &self.limits;
         let pitch = self.turn(2, tick) * USED[1];
         HeadPose {

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::file::{Looks, PersonFile, PostureList};
-use super::folder::{FOLDER, bodies, known, read};
+use super::file::{LooksFile, PersonFile, PostureList};
+use super::folder::{FOLDER, bodies, find_known, read};
 use super::random;
-use super::setting::{DrawnPerson, PersonSetting};
+use super::setting::{PersonSetting, SampledPerson};
 use crate::scene::SceneError;
 
 /// Random streams.
@@ -20,16 +20,16 @@ impl PersonSetting {
     ///
     /// # Errors
     /// When a name is not in `assets/people`; the error lists the available ones.
-    pub fn sample(&self, assets: &Path, scenario_seed: u64) -> Result<DrawnPerson, SceneError> {
+    pub fn sample(&self, assets: &Path, scenario_seed: u64) -> Result<SampledPerson, SceneError> {
         let seed = self.seed.unwrap_or(scenario_seed);
         let all = bodies(assets)?;
-        let looks: Looks = read(assets, &format!("{FOLDER}/looks.toml"))?;
+        let looks: LooksFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
         let postures: PostureList = read(assets, &format!("{FOLDER}/postures.toml"))?;
         let given = self.drawn.clone().unwrap_or_default();
         let pick = |what, given: &str, requested: &str, names: &[&str], row| {
             let name = if given.is_empty() { requested } else { given };
             if !name.is_empty() {
-                return known(what, name, names).map(str::to_owned);
+                return find_known(what, name, names).map(str::to_owned);
             }
             let chosen = names.get(random::index(seed, row, names.len()));
             Ok(chosen.copied().unwrap_or_default().to_owned())
@@ -66,10 +66,10 @@ impl PersonSetting {
                 .to_owned(),
             false => {
                 let names: Vec<&str> = postures.names().collect();
-                known("person.posture", name, &names)?.to_owned()
+                find_known("person.posture", name, &names)?.to_owned()
             }
         };
-        Ok(DrawnPerson {
+        Ok(SampledPerson {
             body,
             posture,
             skin,

@@ -23,7 +23,7 @@ pub struct PersonSetting {
     /// (`sim/person_guard`). On by default.
     pub guard: bool,
     /// Sampled values.
-    pub drawn: Option<DrawnPerson>,
+    pub drawn: Option<SampledPerson>,
 }
 
 impl Default for PersonSetting {
@@ -45,7 +45,7 @@ impl Default for PersonSetting {
 
 /// A sampled person.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct DrawnPerson {
+pub struct SampledPerson {
     /// Folder below `assets/people`.
     pub body: String,
     /// Posture.

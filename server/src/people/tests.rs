@@ -13,9 +13,10 @@ pub(crate) fn assets() -> PathBuf {
 fn the_seed_samples_every_body_and_given_names_are_used() {
     let any = PersonSetting::default();
     let drawn = (0..300).map(|seed| any.sample(&assets(), seed).expect("a person"));
-    let drawn: Vec<DrawnPerson> = drawn.collect();
+    let drawn: Vec<SampledPerson> = drawn.collect();
     assert_eq!(drawn[7], any.sample(&assets(), 7).unwrap());
-    let all = |of: fn(&DrawnPerson) -> &String| drawn.iter().map(of).collect::<BTreeSet<_>>().len();
+    let all =
+        |of: fn(&SampledPerson) -> &String| drawn.iter().map(of).collect::<BTreeSet<_>>().len();
     assert_eq!((all(|d| &d.body), all(|d| &d.posture)), (14, 13));
     assert_eq!((all(|d| &d.skin), all(|d| &d.clothes)), (8, 10));
     let lap = drawn.iter().filter(|d| d.posture == "hands_in_lap").count();
@@ -113,8 +114,8 @@ fn the_head_starts_straight_moves_smoothly_in_range_and_the_mouth_opens() {
         mouth_open: false,
         limits,
     };
-    assert_eq!(motion.at(0), HeadPose::default());
-    let all: Vec<HeadPose> = (0..240 * 60).map(|tick| motion.at(tick)).collect();
+    assert_eq!(motion.head_pose(0), HeadPose::default());
+    let all: Vec<HeadPose> = (0..240 * 60).map(|tick| motion.head_pose(tick)).collect();
     let most = |of: fn(&HeadPose) -> f64| all.iter().map(of).map(f64::abs).fold(0.0, f64::max);
     assert!(most(|h| h.yaw) > 0.2 && most(|h| h.yaw) < 0.9);
     assert!(most(|h| h.pitch) > 0.05 && most(|h| h.pitch) < 0.4);
@@ -130,19 +131,19 @@ fn the_head_starts_straight_moves_smoothly_in_range_and_the_mouth_opens() {
         mouth_open: true,
         ..motion
     };
-    let open = waits.at(1000);
+    let open = waits.head_pose(1000);
     assert!((open.jaw - 0.28).abs() < 1e-9 && open.yaw == 0.0);
-    assert_eq!(waits.at(3000), open);
-    assert_eq!(motion.at(777), motion.at(777));
+    assert_eq!(waits.head_pose(3000), open);
+    assert_eq!(motion.head_pose(777), motion.head_pose(777));
     let other = Motion { seed: 6, ..motion };
-    assert_ne!(motion.at(777), other.at(777));
+    assert_ne!(motion.head_pose(777), other.head_pose(777));
 }
 
 /// Lighter skin is overexposed in the sun.
 #[test]
 fn no_skin_is_lighter_than_measured() {
     let path = format!("{}/looks.toml", folder::FOLDER);
-    let looks: file::Looks = folder::read(&assets(), &path).unwrap();
+    let looks: file::LooksFile = folder::read(&assets(), &path).unwrap();
     assert!(looks.skin.len() >= 8);
     for skin in &looks.skin {
         let channel = |k: usize| {

@@ -197,7 +197,7 @@ pub struct Placement {
 impl Placement {
     /// The body at its pose in the scene, with the mass and friction of its file.
     #[must_use]
-    pub fn of(body: &Body) -> Self {
+    pub fn from_body(body: &Body) -> Self {
         Self {
             pose: body.pose,
             mass: body.mass.map_or(0.0, |mass| mass.mass),

@@ -201,9 +201,9 @@ impl Reader<'_> {
 type MeshShape = (Shape, Vec<Point3<f64>>);
 
 /// A shape, if the entry has one of this kind.
-type Found = Result<Option<Shape>, SceneError>;
+type OptionalShape = Result<Option<Shape>, SceneError>;
 
-fn cuboid(place: &Place, entry: &PartEntry) -> Found {
+fn cuboid(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(size) = entry.cuboid else {
         return Ok(None);
     };
@@ -211,7 +211,7 @@ fn cuboid(place: &Place, entry: &PartEntry) -> Found {
     Ok(Some(Shape::Cuboid { half }))
 }
 
-fn rounded_box(place: &Place, entry: &PartEntry) -> Found {
+fn rounded_box(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(rounded) = &entry.rounded_box else {
         return Ok(None);
     };
@@ -228,7 +228,7 @@ fn rounded_box(place: &Place, entry: &PartEntry) -> Found {
     Ok(Some(Shape::RoundedCuboid { half, radius }))
 }
 
-fn cylinder(place: &Place, entry: &PartEntry) -> Found {
+fn cylinder(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(round) = &entry.cylinder else {
         return Ok(None);
     };
@@ -239,7 +239,7 @@ fn cylinder(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn capsule(place: &Place, entry: &PartEntry) -> Found {
+fn capsule(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(round) = &entry.capsule else {
         return Ok(None);
     };
@@ -258,7 +258,7 @@ fn capsule(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn sphere(place: &Place, entry: &PartEntry) -> Found {
+fn sphere(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(sphere) = &entry.sphere else {
         return Ok(None);
     };
@@ -266,7 +266,7 @@ fn sphere(place: &Place, entry: &PartEntry) -> Found {
     Ok(Some(Shape::Sphere { radius }))
 }
 
-fn frustum(place: &Place, entry: &PartEntry) -> Found {
+fn frustum(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(frustum) = &entry.frustum else {
         return Ok(None);
     };
@@ -278,7 +278,7 @@ fn frustum(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn cup(place: &Place, entry: &PartEntry) -> Found {
+fn cup(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(cup) = &entry.cup else {
         return Ok(None);
     };
@@ -301,7 +301,7 @@ fn cup(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn lathe(place: &Place, entry: &PartEntry) -> Found {
+fn lathe(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(profile) = &entry.lathe else {
         return Ok(None);
     };

@@ -63,8 +63,8 @@ impl Stream {
     /// the meantime are skipped.
     fn answer(&self, query: &Query) {
         let begun = Instant::now();
-        let wanted = Wanted::from_query(query);
-        let numbers = wanted.of(&self.samples.lock());
+        let wanted = RequestedMessages::from_query(query);
+        let numbers = wanted.matching(&self.samples.lock());
         for number in numbers {
             if begun.elapsed() > PATIENCE {
                 return;
@@ -187,7 +187,7 @@ impl Cache {
 
 /// The requested messages.
 #[derive(Debug, Default, PartialEq)]
-struct Wanted {
+struct RequestedMessages {
     first: Option<u32>,
     last: Option<u32>,
     /// At most this many of the newest ones.
@@ -195,7 +195,7 @@ struct Wanted {
     time: Option<zenoh::query::TimeRange>,
 }
 
-impl Wanted {
+impl RequestedMessages {
     fn from_query(query: &Query) -> Self {
         let parameters = query.parameters();
         let (first, last) = parameters.get("_sn").map_or((None, None), numbers);
@@ -208,7 +208,7 @@ impl Wanted {
     }
 
     /// Sequence numbers of the requested messages among `samples`.
-    fn of(&self, samples: &Samples) -> Vec<u32> {
+    fn matching(&self, samples: &Samples) -> Vec<u32> {
         let is_wanted = |sample: &&Cached| {
             // Numbers wrap: a number less than half the range ahead is later.
             let follows = |later: u32, earlier: u32| later.wrapping_sub(earlier) <= u32::MAX / 2;
@@ -272,33 +272,33 @@ mod tests {
     fn numbers_may_wrap_and_the_newest_are_selected() {
         let four = samples(u32::MAX - 1, 4);
         let all = [u32::MAX - 1, u32::MAX, 0, 1];
-        assert_eq!(Wanted::default().of(&four), all);
+        assert_eq!(RequestedMessages::default().matching(&four), all);
         let found = all.map(|number| find(&four, number).map(|sample| sample.number));
         assert_eq!(found, all.map(Some));
         assert!([u32::MAX - 2, 2].iter().all(|n| find(&four, *n).is_none()));
-        let range = |first, last| Wanted {
+        let range = |first, last| RequestedMessages {
             first,
             last,
-            ..Wanted::default()
+            ..RequestedMessages::default()
         };
-        assert_eq!(range(Some(u32::MAX), None).of(&four), all[1..]);
-        assert_eq!(range(Some(u32::MAX), Some(0)).of(&four), all[1..3]);
-        assert_eq!(range(None, Some(u32::MAX)).of(&four), all[..2]);
-        assert!(range(Some(2), None).of(&four).is_empty());
-        let newest = Wanted {
+        assert_eq!(range(Some(u32::MAX), None).matching(&four), all[1..]);
+        assert_eq!(range(Some(u32::MAX), Some(0)).matching(&four), all[1..3]);
+        assert_eq!(range(None, Some(u32::MAX)).matching(&four), all[..2]);
+        assert!(range(Some(2), None).matching(&four).is_empty());
+        let newest = RequestedMessages {
             last: Some(0),
             most: Some(2),
-            ..Wanted::default()
+            ..RequestedMessages::default()
         };
-        assert_eq!(newest.of(&four), all[1..3]);
+        assert_eq!(newest.matching(&four), all[1..3]);
         let from = SystemTime::UNIX_EPOCH + Duration::from_secs(2);
-        let late = Wanted {
+        let late = RequestedMessages {
             time: Some(TimeRange {
                 start: TimeBound::Inclusive(TimeExpr::Fixed(from)),
                 end: TimeBound::Unbounded,
             }),
-            ..Wanted::default()
+            ..RequestedMessages::default()
         };
-        assert_eq!(late.of(&four), all[2..]);
+        assert_eq!(late.matching(&four), all[2..]);
     }
 }

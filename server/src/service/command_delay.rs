@@ -8,7 +8,7 @@ use wheelarm_proto::random::fnv1a;
 use wheelarm_sensors::delay::{Delay, DelayLine};
 use wheelarm_sensors::noise::Random;
 
-use super::command_gate::{REST, Stopped};
+use super::command_gate::{REST, StoppedGroups};
 use crate::robot::control::{ArmIntent, ControlInput};
 use crate::sensors::models::Device;
 
@@ -23,7 +23,7 @@ pub struct CommandDelay {
 impl CommandDelay {
     /// The command delay of the scenario's devices; `None` without one.
     #[must_use]
-    pub fn of(devices: &[Device]) -> Option<Self> {
+    pub fn from_devices(devices: &[Device]) -> Option<Self> {
         devices.iter().find_map(|device| {
             let delay = device.model.command?.times(device.strength);
             (delay.most > 0.0).then(|| Self {
@@ -41,7 +41,12 @@ impl CommandDelay {
 
     /// Returns the input that reaches the control at this tick, when the gate passes
     /// `input`. Groups in `stopped` are not delayed, all others are.
-    pub fn pass(&mut self, tick: u64, mut input: ControlInput, stopped: Stopped) -> ControlInput {
+    pub fn pass(
+        &mut self,
+        tick: u64,
+        mut input: ControlInput,
+        stopped: StoppedGroups,
+    ) -> ControlInput {
         let mut at_once = ControlInput::default();
         // A new command may have replaced the stop in this tick: it is delayed.
         if stopped.base {
@@ -91,17 +96,17 @@ mod tests {
     use crate::robot::control::{BaseIntent, GripperIntent};
     use wheelarm_sensors::Model;
 
-    const NONE: Stopped = Stopped {
+    const NONE: StoppedGroups = StoppedGroups {
         base: false,
         arm: false,
         control: false,
     };
-    const ARM: Stopped = Stopped {
+    const ARM: StoppedGroups = StoppedGroups {
         base: false,
         arm: true,
         control: false,
     };
-    const ALL: Stopped = Stopped {
+    const ALL: StoppedGroups = StoppedGroups {
         base: true,
         arm: true,
         control: true,
@@ -123,7 +128,7 @@ mod tests {
                 ..Model::default()
             },
         };
-        CommandDelay::of(&[device])
+        CommandDelay::from_devices(&[device])
     }
 
     fn input_with(value: f64) -> ControlInput {

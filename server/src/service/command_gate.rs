@@ -41,18 +41,18 @@ pub(super) const REST: BaseIntent = BaseIntent {
 
 /// Output of the gate for one control tick.
 #[derive(Debug, Default)]
-pub struct Taken {
+pub struct GateOutput {
     /// Input of the simulation.
     pub input: ControlInput,
     /// Accepted commands since the last tick, oldest first.
     pub commands: Vec<v1::Command>,
     /// Actuator groups that the gate stopped.
-    pub stopped: Stopped,
+    pub stopped: StoppedGroups,
 }
 
 /// Actuator groups that the gate stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stopped {
+pub struct StoppedGroups {
     /// The chair brakes.
     pub base: bool,
     /// The arm holds.
@@ -61,7 +61,7 @@ pub struct Stopped {
     pub control: bool,
 }
 
-impl Stopped {
+impl StoppedGroups {
     /// Whether any group is stopped.
     #[must_use]
     pub fn any(self) -> bool {
@@ -110,7 +110,7 @@ pub struct CommandGate {
     lease: Lease,
     rate: Bucket,
     /// Groups to stop at the next control tick.
-    brake: Stopped,
+    brake: StoppedGroups,
     pending: Vec<Accepted>,
     /// Lock-step: commands by the tick they answer.
     answers: BTreeMap<u64, Accepted>,
@@ -137,7 +137,7 @@ impl CommandGate {
             listening: Listening::default(),
             lease: Lease::default(),
             rate: Bucket::new(RATE.0, RATE.1),
-            brake: Stopped::default(),
+            brake: StoppedGroups::default(),
             pending: Vec::new(),
             answers: BTreeMap::new(),
             span: None,
@@ -181,7 +181,7 @@ impl CommandGate {
     /// As [`CommandGate::listen`] for another robot, which is at rest.
     pub fn renew(&mut self, listening: Listening, next_tick: u64) {
         self.listen(listening, next_tick);
-        self.brake = Stopped::default();
+        self.brake = StoppedGroups::default();
         self.closed.clear();
     }
 
@@ -237,7 +237,7 @@ impl CommandGate {
         self.base = Active::default();
         self.twist = Active::default();
         self.goal_stream.clear();
-        self.brake = Stopped {
+        self.brake = StoppedGroups {
             base: true,
             arm: true,
             control: true,
@@ -277,7 +277,7 @@ impl CommandGate {
 
     /// Returns the input to apply at `tick`. `now` is the age clock, `wall` the clock of
     /// [`CommandGate::accept`], both in seconds.
-    pub fn take(&mut self, tick: u64, now: f64, wall: f64) -> Taken {
+    pub fn take(&mut self, tick: u64, now: f64, wall: f64) -> GateOutput {
         let accepted: Vec<Accepted> = if self.listening.lock_step {
             self.answers.remove(&tick).into_iter().collect()
         } else {
@@ -346,18 +346,18 @@ impl CommandGate {
     }
 
     /// The input that stops the groups marked in `brake`, once.
-    fn take_stops(&mut self) -> Taken {
+    fn take_stops(&mut self) -> GateOutput {
         let brake = std::mem::take(&mut self.brake);
-        let mut taken = Taken {
+        let mut taken = GateOutput {
             stopped: brake,
-            ..Taken::default()
+            ..GateOutput::default()
         };
         taken.input.base = brake.base.then_some(REST);
         taken.input.arm = brake.arm.then_some(ArmIntent::Hold);
         taken
     }
 
-    fn apply_age(&mut self, taken: &mut Taken, arrived: &ArrivalTimes, now: f64) {
+    fn apply_age(&mut self, taken: &mut GateOutput, arrived: &ArrivalTimes, now: f64) {
         if let Some(base) = taken.input.base {
             let moves = base.linear != 0.0 || base.angular != 0.0;
             self.base.since = moves.then_some(arrived.base);

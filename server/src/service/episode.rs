@@ -44,7 +44,7 @@ pub struct Episode {
 
 /// A reply to `episode_stop` that waits for the recorders: a server killed right after
 /// its reply must not leave files without a manifest.
-pub(super) struct Unacknowledged {
+pub(super) struct PendingStopReply {
     pub(super) query: zenoh::query::Query,
     pub(super) stopped: v1::EpisodeStopped,
     pub(super) participants: Vec<String>,

@@ -111,7 +111,7 @@ impl Leases {
                 let change = v1::ControlChange::Returned;
                 self.shared.control(change, &life.name, words);
             }
-            return Ok(self.held(""));
+            return Ok(self.holder_reply(""));
         }
         let held = command_gate().lease().is_held_by(&life);
         if !held && !self.is_alive(&life) {
@@ -132,7 +132,7 @@ impl Leases {
         };
         let granted = command_gate().request_control(life.clone(), &query, Instant::now())?;
         let (change, words) = match granted {
-            Granted::Already => return Ok(self.held(&query.secret)),
+            Granted::Already => return Ok(self.holder_reply(&query.secret)),
             Granted::Free => (
                 v1::ControlChange::Given,
                 format!("{:?} is in control", life.name),
@@ -152,11 +152,11 @@ impl Leases {
             let holder = command_gate.lease().holder().filter(|h| h.life == life);
             holder.map(|h| h.secret.clone()).unwrap_or_default()
         };
-        Ok(self.held(&secret))
+        Ok(self.holder_reply(&secret))
     }
 
     /// The holder of control; `secret` is returned to a client that knows it.
-    fn held(&self, secret: &str) -> v1::LeaseReply {
+    fn holder_reply(&self, secret: &str) -> v1::LeaseReply {
         let command_gate = self.shared.command_gate.lock();
         let knows = command_gate.lease().knows(secret);
         v1::LeaseReply {
@@ -166,7 +166,7 @@ impl Leases {
             } else {
                 String::new()
             },
-            ..held(command_gate.lease())
+            ..lease_reply(command_gate.lease())
         }
     }
 
@@ -215,7 +215,7 @@ impl Leases {
 }
 
 /// The lease as a message, without header.
-pub fn held(lease: &super::command_gate::Lease) -> v1::LeaseReply {
+pub fn lease_reply(lease: &super::command_gate::Lease) -> v1::LeaseReply {
     let holder = lease.holder();
     v1::LeaseReply {
         holder: holder.map(|h| h.life.name.clone()).unwrap_or_default(),

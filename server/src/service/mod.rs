@@ -82,7 +82,7 @@ pub async fn run(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServiceError> {
     let keys = options.keys.clone();
-    if taken(&session, &keys)? {
+    if name_is_taken(&session, &keys)? {
         return Err(ServiceError::NameTaken(keys.sim().to_owned()));
     }
     let outbox = Outbox::new(session.clone(), keys.clone(), keys::run_id());
@@ -137,7 +137,9 @@ pub async fn run(
                 let Some(name) = name else { return };
                 match sample.kind() {
                     SampleKind::Put => shared.recorders.lock().token_appeared(&name),
-                    SampleKind::Delete => shared.recorders.lock().left(&name, Instant::now()),
+                    SampleKind::Delete => {
+                        shared.recorders.lock().disconnected(&name, Instant::now())
+                    }
                 }
                 shared.wakeup.raise();
             })
@@ -191,7 +193,7 @@ const LEASES: usize = 64;
 const LAST_ANSWERS: Duration = Duration::from_secs(2);
 
 /// Whether another server uses the name.
-fn taken(session: &Session, keys: &Keys) -> Result<bool, ServiceError> {
+fn name_is_taken(session: &Session, keys: &Keys) -> Result<bool, ServiceError> {
     let replies = session
         .liveliness()
         .get(keys.alive("*"))

@@ -97,7 +97,7 @@ enum Class {
 }
 
 impl Class {
-    fn of(topic: &TopicInfo) -> Self {
+    fn from_topic(topic: &TopicInfo) -> Self {
         match topic.record {
             Record::Columns | Record::Events => Self::State,
             Record::Pictures => Self::Camera,
@@ -276,7 +276,7 @@ impl Outbox {
         if let Some(stream) = streams.get(key) {
             return Ok(Arc::clone(stream));
         }
-        let class = Class::of(topic);
+        let class = Class::from_topic(topic);
         let (priority, express) = match class {
             Class::State => (Priority::InteractiveHigh, is_express(topic)),
             Class::Camera => (Priority::DataLow, false),

@@ -16,7 +16,7 @@ pub(super) struct Loaded {
 }
 
 /// Permission of a client to replace the simulation.
-pub(super) struct Right {
+pub(super) struct Permission {
     /// Replace it even while another client holds control.
     pub(super) force: bool,
     /// Secret of the lease, if the client holds control.
@@ -28,14 +28,14 @@ pub(super) enum PendingOperation {
     /// A scenario is loading; the current simulation continues.
     Load {
         query: Query,
-        right: Right,
+        right: Permission,
         loading: Receiver<Result<Loaded, Denied>>,
     },
     /// The loaded simulation replaces the current one after pending images are
     /// rendered.
     Place {
         query: Query,
-        right: Right,
+        right: Permission,
         loaded: Box<Loaded>,
     },
     /// A recorded state is played back when cameras and recorders are ready.

@@ -6,7 +6,7 @@ use wheelarm_proto::person::NO_PERSON;
 use wheelarm_proto::{MAX_CONTACTS, v1};
 
 use super::convert::body_name;
-use crate::people::{BodyPart, DrawnPerson, HeadPose, Person, PersonSetting};
+use crate::people::{BodyPart, HeadPose, Person, PersonSetting, SampledPerson};
 use crate::sim::Simulation;
 use crate::snapshot::Touch;
 
@@ -27,7 +27,7 @@ pub(super) fn to_proto(value: &PersonSetting) -> v1::Person {
     }
 }
 
-fn drawn(of: &DrawnPerson) -> v1::PersonDrawn {
+fn drawn(of: &SampledPerson) -> v1::PersonDrawn {
     v1::PersonDrawn {
         body: of.body.clone(),
         posture: of.posture.clone(),
@@ -84,7 +84,7 @@ pub(super) fn from_proto(message: &v1::Person) -> Result<Option<PersonSetting>, 
         mouth_open: message.mouth_open,
         // Recordings without this field are of versions without the guard.
         guard: message.guard || (!message.unguarded && message.drawn.is_none()),
-        drawn: message.drawn.as_ref().map(|drawn| DrawnPerson {
+        drawn: message.drawn.as_ref().map(|drawn| SampledPerson {
             body: drawn.body.clone(),
             posture: drawn.posture.clone(),
             skin: drawn.skin.clone(),

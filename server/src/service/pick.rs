@@ -22,7 +22,7 @@ const FAR: u16 = u16::MAX;
 const SNAP: f64 = 0.25;
 
 /// One stored image.
-struct Looked {
+struct StoredImage {
     tick: u64,
     width: usize,
     height: usize,
@@ -37,13 +37,13 @@ struct Looked {
 
 /// The newest images of all cameras.
 pub struct Picked {
-    cameras: Vec<(String, Mutex<VecDeque<Looked>>)>,
+    cameras: Vec<(String, Mutex<VecDeque<StoredImage>>)>,
 }
 
 impl Picked {
     /// Of these cameras, by their index.
     #[must_use]
-    pub fn of(names: &[String]) -> Self {
+    pub fn for_cameras(names: &[String]) -> Self {
         let cameras = names.iter().map(|name| (name.clone(), Mutex::default()));
         Self {
             cameras: cameras.collect(),
@@ -55,12 +55,12 @@ impl Picked {
         let Some((_, kept)) = self.cameras.get(frame.camera) else {
             return;
         };
-        let looked = Looked::of(frame, tick);
+        let image = StoredImage::from_frame(frame, tick);
         let mut kept = kept.lock();
         if kept.len() == KEPT {
             kept.pop_front();
         }
-        kept.push_back(looked);
+        kept.push_back(image);
     }
 
     /// The body at the pixel of `request`; `instances` is the legend of the IDs, and
@@ -68,7 +68,7 @@ impl Picked {
     ///
     /// # Errors
     /// [`Denied`] when the camera is unknown or the image is no longer stored.
-    pub fn at(
+    pub fn body_at(
         &self,
         request: &v1::PickRequest,
         instances: &[v1::Instance],
@@ -91,8 +91,8 @@ impl Picked {
             return Err(Denied::new(FailureCode::Invalid, words));
         };
         let kept = kept.lock();
-        let looked = kept.iter().rev().find(|looked| looked.tick == request.tick);
-        let Some(looked) = looked else {
+        let image = kept.iter().rev().find(|image| image.tick == request.tick);
+        let Some(image) = image else {
             let known = match (kept.front(), kept.back()) {
                 (Some(first), Some(last)) => format!("{} to {}", first.tick, last.tick),
                 _ => "none".to_owned(),
@@ -107,15 +107,15 @@ impl Picked {
             let instance = instances.iter().find(|i| i.id == u32::from(id));
             instance.is_some_and(|i| graspable.contains(&i.name))
         };
-        let Some((x, y)) = looked.nearest(u, v, snap, can_be_taken) else {
+        let Some((x, y)) = image.nearest(u, v, snap, can_be_taken) else {
             return Ok(v1::PickReply::default());
         };
-        Ok(looked.reply_at(x, y, instances, graspable))
+        Ok(image.reply_at(x, y, instances, graspable))
     }
 }
 
-impl Looked {
-    fn of(frame: &Frame, tick: u64) -> Self {
+impl StoredImage {
+    fn from_frame(frame: &Frame, tick: u64) -> Self {
         let lens = frame.intrinsics;
         let width = lens.width.min(WIDTH);
         let height = (u64::from(lens.height) * u64::from(width) / u64::from(lens.width.max(1)))
@@ -287,12 +287,12 @@ mod tests {
             v: 0.5,
             snap,
         };
-        picked.at(&request, &legend(), &["cup".to_owned()])
+        picked.body_at(&request, &legend(), &["cup".to_owned()])
     }
 
     #[test]
     fn a_click_refers_to_the_image_of_its_tick() {
-        let picked = Picked::of(&["eye".to_owned()]);
+        let picked = Picked::for_cameras(&["eye".to_owned()]);
         picked.keep(&frame(), 24);
         let mut later = frame();
         later.world_from_optical = Isometry3::translation(20.0, 0.0, 0.0);
@@ -316,7 +316,7 @@ mod tests {
 
     #[test]
     fn a_click_beside_an_object_snaps_only_within_the_ring() {
-        let picked = Picked::of(&["eye".to_owned()]);
+        let picked = Picked::for_cameras(&["eye".to_owned()]);
         picked.keep(&frame(), 24);
         // 40 pixels of 1280 beside its edge.
         let beside = 380.0 / 1280.0;
@@ -327,7 +327,7 @@ mod tests {
 
     #[test]
     fn a_dropped_image_is_refused_with_the_stored_ticks() {
-        let picked = Picked::of(&["eye".to_owned()]);
+        let picked = Picked::for_cameras(&["eye".to_owned()]);
         for tick in 1..=40 {
             picked.keep(&frame(), 24 * tick);
         }

@@ -155,12 +155,12 @@ impl Drop for Previews {
 
 /// When a level was last sent, and how often.
 #[derive(Clone, Copy, Default)]
-struct Sent {
+struct LevelStats {
     last: Option<Instant>,
     count: u64,
 }
 
-impl Sent {
+impl LevelStats {
     fn is_due(&self, level: PreviewLevel, now: Instant) -> bool {
         let (Some(last), Some(hz)) = (self.last, level.rate_hz()) else {
             return true;
@@ -172,10 +172,10 @@ impl Sent {
 /// The encoder: processes the newest image of each camera in turn.
 fn encode(shared: &Shared, outbox: &Outbox) {
     super::priority::step_back();
-    let mut sent: Vec<Vec<Sent>> = shared
+    let mut sent: Vec<Vec<LevelStats>> = shared
         .cameras
         .iter()
-        .map(|c| vec![Sent::default(); c.levels.len()])
+        .map(|c| vec![LevelStats::default(); c.levels.len()])
         .collect();
     loop {
         let images = {
@@ -372,7 +372,7 @@ mod tests {
             (PreviewLevel::Medium, 30, 10),
             (PreviewLevel::High, 30, 30),
         ] {
-            let (mut sent, mut count) = (Sent::default(), 0);
+            let (mut sent, mut count) = (LevelStats::default(), 0);
             for i in 0..10 * camera_hz {
                 let now = start + Duration::from_secs_f64(f64::from(i) / f64::from(camera_hz));
                 if sent.is_due(level, now) {

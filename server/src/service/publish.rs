@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use wheelarm_proto::{MAX_CONTACTS, exact, v1};
 
-use super::command_gate::Taken;
+use super::command_gate::GateOutput;
 use super::convert;
 use super::disturbance;
 use super::outbox::Outbox;
@@ -20,7 +20,7 @@ pub fn applied(
     outbox: &Outbox,
     episode: u64,
     tick: u64,
-    taken: &Taken,
+    taken: &GateOutput,
     targets: &Targets,
     control: &RobotControl,
 ) {
@@ -115,7 +115,7 @@ pub fn state(
     real_time_factor: f64,
 ) {
     let tick = sim.snapshot().tick;
-    let put = Put {
+    let put = StatePublisher {
         outbox,
         episode,
         tick,
@@ -178,13 +178,13 @@ fn planar_twist(linear: f64, angular: f64) -> v1::Twist {
     }
 }
 
-struct Put<'a> {
+struct StatePublisher<'a> {
     outbox: &'a Outbox,
     episode: u64,
     tick: u64,
 }
 
-impl Put<'_> {
+impl StatePublisher<'_> {
     fn joints(&self, sim: &Simulation) {
         let joints = sim.recorded_joints();
         let message = v1::JointState {

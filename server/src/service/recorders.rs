@@ -134,7 +134,7 @@ impl Recorders {
     }
 
     /// Handles the end of a recorder's connection: it has [`AWAY`] to return.
-    pub fn left(&mut self, name: &str, now: Instant) {
+    pub fn disconnected(&mut self, name: &str, now: Instant) {
         self.alive.remove(name);
         // A restarted recorder gets its name back at once.
         self.claims.remove(name);
@@ -410,7 +410,7 @@ mod tests {
         };
         assert_eq!(waits(&recorders, 12), None);
         assert_eq!(waits(&recorders, 13).as_deref(), Some("b"));
-        recorders.left("b", now);
+        recorders.disconnected("b", now);
         recorders.expire(now + AWAY);
         let still = waits(&recorders, 13);
         assert_eq!(still.as_deref(), Some("b"), "an absent recorder may return");
@@ -420,7 +420,7 @@ mod tests {
         recorders.update(status("b", 2, 7), later);
         recorders.expire(later);
         assert!(recorders.lost_of(&participants).is_empty());
-        recorders.left("b", now);
+        recorders.disconnected("b", now);
         recorders.expire(later);
         assert_eq!(recorders.lost_of(&participants), ["b"]);
         assert_eq!(waits(&recorders, 15), None);
@@ -516,7 +516,7 @@ mod tests {
         last.set_state(v1::RecorderState::Finished);
         recorders.update(last.clone(), now);
         let run = id(&last).0.to_owned();
-        recorders.left("disk", now);
+        recorders.disconnected("disk", now);
         assert_eq!(
             (recorders.present(now), recorders.all(&run, now)),
             (0, vec![last])
@@ -538,7 +538,7 @@ mod tests {
         recorders.token_appeared("disk");
         assert!(recorders.claim("disk", "b", now + 9 * CLAIM).is_err());
         // The name is free when its recorder left or never appeared.
-        recorders.left("disk", now);
+        recorders.disconnected("disk", now);
         assert_eq!(recorders.claim("disk", "b", now), Ok(()));
         assert!(recorders.claim("disk", "c", now + CLAIM / 2).is_err());
         assert_eq!(recorders.claim("disk", "c", now + CLAIM), Ok(()));
@@ -567,7 +567,7 @@ mod tests {
             "the token arrived late"
         );
         recorders.token_appeared("liar");
-        recorders.left("liar", Instant::now());
+        recorders.disconnected("liar", Instant::now());
         assert_eq!(recorders.failed("r", 1).len(), 1, "it had a token and left");
     }
 

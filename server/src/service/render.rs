@@ -25,7 +25,7 @@ use super::preview::Previews;
 use super::priority::step_back;
 use super::sensor_images::{DepthView, SensorImages};
 use super::wakeup::Wakeup;
-use crate::look::Drawn;
+use crate::look::SampledLook;
 use crate::people::Person;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
@@ -82,7 +82,7 @@ impl Setup {
     /// Renderer of the scenario's cameras, followed by the views of depth sensors.
     fn renderer(&self, views: &[DepthView]) -> Result<(Renderer, RenderScene), RenderError> {
         let look = self.scenario.look.filter(|look| !look.is_plain());
-        let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
+        let look = look.map(|look| SampledLook::new(look, &self.scene, &self.assets));
         let look = look.transpose()?;
         let scene = RenderScene::with_person(
             &self.model,
@@ -208,7 +208,7 @@ impl RenderThread {
             .map(|c| c.name.clone())
             .collect();
         let previews = Arc::new(Previews::start(&outbox, &names)?);
-        let picked = Arc::new(Picked::of(&names));
+        let picked = Arc::new(Picked::for_cameras(&names));
         let surfaces = match sim.devices().iter().any(|d| d.model.depth.is_some()) {
             true => surfaces(&setup)?,
             false => Vec::new(),
@@ -337,7 +337,11 @@ impl RenderThread {
         name.is_some_and(|name| {
             self.previews.is_watched(camera)
                 || watched(StreamId::camera(name))
-                || self.sensor_images.on(camera).iter().any(sensor_images)
+                || self
+                    .sensor_images
+                    .names_on(camera)
+                    .iter()
+                    .any(sensor_images)
         })
     }
 
@@ -432,7 +436,7 @@ fn surfaces(setup: &Setup) -> Result<Vec<Surface>, ServiceError> {
 }
 
 /// A batch that is being rendered.
-struct Flying {
+struct PendingBatch {
     snapshot: Arc<Snapshot>,
     episode: u64,
 }
@@ -444,9 +448,9 @@ fn draw<Views: Iterator<Item = usize>>(
     queue: &Receiver<Job>,
     wanted: impl Fn(usize) -> Option<Depth>,
     beside: impl Fn(usize) -> Views,
-    mut publish: impl FnMut(Vec<Frame>, Flying),
+    mut publish: impl FnMut(Vec<Frame>, PendingBatch),
 ) -> Result<(), RenderError> {
-    let mut flying: VecDeque<Flying> = VecDeque::new();
+    let mut flying: VecDeque<PendingBatch> = VecDeque::new();
     loop {
         let job = match flying.len() {
             0 => match queue.recv() {
@@ -469,7 +473,7 @@ fn draw<Views: Iterator<Item = usize>>(
                 let views = cameras.iter().flat_map(|&camera| beside(camera));
                 let all: Vec<usize> = cameras.iter().copied().chain(views).collect();
                 renderer.submit(&snapshot, &all)?;
-                flying.push_back(Flying { snapshot, episode });
+                flying.push_back(PendingBatch { snapshot, episode });
                 continue;
             }
             Some(Job::Drain(done)) => {

@@ -47,12 +47,12 @@ fn client(query: &Query) -> ClientId {
 }
 
 /// Computes a reply on the sending thread.
-type Make = Box<dyn FnOnce() -> Result<Bytes, Denied> + Send>;
+type ComputeReply = Box<dyn FnOnce() -> Result<Bytes, Denied> + Send>;
 
 enum Body {
     Made(Bytes),
     Refused(Denied),
-    Later(Make),
+    Later(ComputeReply),
     /// Closes the query without a reply, which takes as long as a reply.
     Silent,
 }

@@ -34,7 +34,7 @@ pub enum Lane {
 impl Lane {
     /// The lane of a query.
     #[must_use]
-    pub fn of(kind: Query) -> Self {
+    pub fn for_query(kind: Query) -> Self {
         match kind {
             Query::Shutdown => Self::Look,
             looks if looks.only_looks() => Self::Look,

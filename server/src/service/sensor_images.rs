@@ -50,15 +50,15 @@ enum Job {
 
 /// Episode and tick of the simulation.
 #[derive(Default)]
-struct Now {
+struct SimTick {
     episode: AtomicU64,
     tick: AtomicU64,
 }
 
 /// Handle of the threads; they end with it.
 pub struct SensorImages {
-    sensors: Vec<AtWork>,
-    now: Arc<Now>,
+    sensors: Vec<SensorWorker>,
+    now: Arc<SimTick>,
     making: Arc<AtomicUsize>,
     /// The sensors on each camera, by its index in the scenario.
     names: Vec<Vec<String>>,
@@ -113,7 +113,7 @@ struct Sensor {
 }
 
 /// One sensor's thread.
-struct AtWork {
+struct SensorWorker {
     view: usize,
     jobs: SyncSender<Job>,
     thread: JoinHandle<()>,
@@ -124,7 +124,7 @@ struct Worker {
     sensor: Sensor,
     surfaces: Vec<Surface>,
     outbox: Arc<Outbox>,
-    now: Arc<Now>,
+    now: Arc<SimTick>,
 }
 
 impl SensorImages {
@@ -165,7 +165,7 @@ impl SensorImages {
             is_depth: matches!(sensor.kind, Kind::Depth(_)),
         };
         let kinds = sensors.iter().map(kind).collect();
-        let now = Arc::new(Now::default());
+        let now = Arc::new(SimTick::default());
         let making = Arc::new(AtomicUsize::new(0));
         let mut at_work = Vec::new();
         for sensor in sensors {
@@ -185,7 +185,7 @@ impl SensorImages {
                     worker.run(&queue, &making, &wakeup);
                 });
             let failed = |e| ServiceError::Thread(format!("for sensors cannot start: {e}"));
-            at_work.push(AtWork {
+            at_work.push(SensorWorker {
                 view,
                 jobs,
                 thread: started.map_err(failed)?,
@@ -209,7 +209,7 @@ impl SensorImages {
 
     /// Names of the sensors on a camera.
     #[must_use]
-    pub fn on(&self, camera: usize) -> &[String] {
+    pub fn names_on(&self, camera: usize) -> &[String] {
         self.names.get(camera).map_or(&[], Vec::as_slice)
     }
 

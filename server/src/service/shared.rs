@@ -143,9 +143,9 @@ impl Shared {
                 mpsc::TrySendError::Full(query) | mpsc::TrySendError::Disconnected(query) => query,
             }),
             _ => {
-                let put = self
-                    .request_queue
-                    .put(Lane::of(kind), bytes, Request { kind, query });
+                let put =
+                    self.request_queue
+                        .put(Lane::for_query(kind), bytes, Request { kind, query });
                 put.err().map(|request| request.query)
             }
         };

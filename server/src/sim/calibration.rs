@@ -17,7 +17,7 @@ use crate::robot::{CameraMount, RobotModel};
 pub(super) fn sample(scenario: &mut Scenario, model: &RobotModel) -> Result<(), ScenarioError> {
     for camera in &mut scenario.cameras {
         if let Some(place) = &camera.place {
-            known(model, &camera.name, place)?;
+            check_place(model, &camera.name, place)?;
         }
         let mounts = &model.settings.cameras;
         let Some(index) = mounts.iter().position(|m| m.name == camera.name) else {
@@ -63,7 +63,7 @@ fn described(mount: &CameraMount) -> Lens {
     }
 }
 
-fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), ScenarioError> {
+fn check_place(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), ScenarioError> {
     let frames = &model.roles.frames;
     if place.frame == HOUSE || frames.iter().any(|frame| frame.name == place.frame) {
         return Ok(());

@@ -65,7 +65,7 @@ pub struct Disturbances {
 
 /// Target of a push.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pushed {
+pub enum PushTarget {
     /// The chair.
     Chair,
     /// The arm's hand.
@@ -81,8 +81,8 @@ pub struct Disturbance {
     pub joints: [[f64; ARM_JOINTS]; 2],
     /// Factors on the speeds of the left and the right wheel.
     pub wheels: [f64; 2],
-    /// Pushed body and force in `house`, N.
-    pub push: Option<(Pushed, Vector3<f64>)>,
+    /// Target and force of the push in `house`, N.
+    pub push: Option<(PushTarget, Vector3<f64>)>,
     /// Factor on the gripper's force.
     pub grip: f64,
 }
@@ -101,8 +101,13 @@ impl Disturbances {
     /// scenario of `scenario_seed` with the pushable object `target` (index, kg), if it
     /// has one.
     #[must_use]
-    pub fn at(&self, scenario_seed: u64, tick: u64, target: Option<(usize, f64)>) -> Disturbance {
-        let draw = Draw(self.seed.unwrap_or(scenario_seed));
+    pub fn disturbance(
+        &self,
+        scenario_seed: u64,
+        tick: u64,
+        target: Option<(usize, f64)>,
+    ) -> Disturbance {
+        let draw = CounterRandom(self.seed.unwrap_or(scenario_seed));
         let now = tick / TICKS_PER_CONTROL;
         let of = |table: [f64; 4], strength: u32| table[strength.min(MAX_STRENGTH) as usize];
         let arm = of(ARM_NOISE, self.noise);
@@ -117,12 +122,12 @@ impl Disturbances {
             let (sin, cos) = exact::sin_cos(angle);
             let third = (3.0 * draw.uniform(Row::Push, 3, window)) as u64;
             let (on, force) = match (third, target) {
-                (0, _) => (Pushed::Chair, of(CHAIR_PUSH, self.pushes)),
+                (0, _) => (PushTarget::Chair, of(CHAIR_PUSH, self.pushes)),
                 (1, Some((index, mass))) => (
-                    Pushed::Object(index),
+                    PushTarget::Object(index),
                     of(TARGET_PUSH, self.pushes) * mass * GRAVITY,
                 ),
-                _ => (Pushed::Hand, of(HAND_PUSH, self.pushes)),
+                _ => (PushTarget::Hand, of(HAND_PUSH, self.pushes)),
             };
             (on, Vector3::new(cos, sin, 0.0) * force)
         });
@@ -157,9 +162,9 @@ impl Disturbance {
 
 /// Counter-based random numbers: each is a hash of seed, row, column and place.
 #[derive(Clone, Copy)]
-struct Draw(u64);
+struct CounterRandom(u64);
 
-impl Draw {
+impl CounterRandom {
     /// Uniform in 0 to 1, both excluded.
     fn uniform(self, row: Row, column: u64, place: u64) -> f64 {
         let bits = mix(mix(mix(mix(self.0) ^ row as u64) ^ column) ^ place);
@@ -205,26 +210,28 @@ mod tests {
     #[test]
     fn samples_of_a_tick_are_deterministic_and_continuous() {
         let target = Some((1, 0.5));
-        let all: Vec<_> = (0..600).map(|k| ALL.at(7, 4 * k, target)).collect();
+        let all: Vec<_> = (0..600)
+            .map(|k| ALL.disturbance(7, 4 * k, target))
+            .collect();
         for (k, drawn) in all.iter().enumerate().rev() {
-            assert_eq!(*drawn, ALL.at(7, 4 * k as u64, target));
+            assert_eq!(*drawn, ALL.disturbance(7, 4 * k as u64, target));
         }
         for pair in all.windows(2) {
             assert_eq!(pair[0].joints[1], pair[1].joints[0]);
         }
-        assert_ne!(all[5], ALL.at(8, 20, target));
+        assert_ne!(all[5], ALL.disturbance(8, 20, target));
         let own = Disturbances {
             seed: Some(7),
             ..ALL
         };
-        assert_eq!(all[5], own.at(8, 20, target));
+        assert_eq!(all[5], own.disturbance(8, 20, target));
     }
 
     #[test]
     fn noise_pushes_and_slips_match_the_tables() {
         let ticks = 120_000;
         let all: Vec<_> = (0..ticks)
-            .map(|k| ALL.at(3, 4 * k, Some((0, 1.0))))
+            .map(|k| ALL.disturbance(3, 4 * k, Some((0, 1.0))))
             .collect();
         let mean_square = |of: &dyn Fn(&Disturbance) -> f64| {
             all.iter().map(|d| of(d) * of(d)).sum::<f64>() / ticks as f64
@@ -246,7 +253,7 @@ mod tests {
             (slipped / wanted - 1.0).abs() < 0.15,
             "{slipped} of {wanted}"
         );
-        for on in [Pushed::Chair, Pushed::Hand, Pushed::Object(0)] {
+        for on in [PushTarget::Chair, PushTarget::Hand, PushTarget::Object(0)] {
             assert!(
                 all.iter()
                     .any(|d| d.push.is_some_and(|(body, _)| body == on))
@@ -254,9 +261,9 @@ mod tests {
         }
         for (on, force) in all.iter().filter_map(|d| d.push) {
             let wanted = match on {
-                Pushed::Chair => CHAIR_PUSH[2],
-                Pushed::Hand => HAND_PUSH[2],
-                Pushed::Object(_) => TARGET_PUSH[2] * GRAVITY,
+                PushTarget::Chair => CHAIR_PUSH[2],
+                PushTarget::Hand => HAND_PUSH[2],
+                PushTarget::Object(_) => TARGET_PUSH[2] * GRAVITY,
             };
             assert!((force.norm() - wanted).abs() < 1e-9, "{on:?}: {force}");
             assert_eq!(force.z, 0.0);
@@ -267,7 +274,7 @@ mod tests {
             slips: 0,
             ..ALL
         };
-        let calm = calm.at(3, 4, None);
+        let calm = calm.disturbance(3, 4, None);
         assert_eq!(
             (calm.joints, calm.wheels, calm.push, calm.grip),
             ([[0.0; 6]; 2], [1.0; 2], None, 1.0)

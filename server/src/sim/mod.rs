@@ -30,10 +30,10 @@ use std::sync::Arc;
 
 use wheelarm_proto::PHYSICS_HZ;
 
-pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
+pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, PushTarget};
 pub use error::{SimError, StateError};
 pub use guard::{anomaly_words, fault_words};
-pub use playback::{Recorded, RecordedSkin, Unfit};
+pub use playback::{IncompatibleState, RecordedSkin, RecordedState};
 pub use scenario::{
     ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, Requested,
     SOFT_MASS, Scenario, ScenarioError, Schedules, SensorSetting, Starts,
@@ -203,7 +203,7 @@ impl Simulation {
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
         let gripper = GripperMap::new(&model);
-        let control = RobotControl::at(&model, &arm, knuckle);
+        let control = RobotControl::at_rest(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
         if let Some((person, motion)) = &seated_person {
@@ -366,16 +366,16 @@ impl Simulation {
         let target = self.scene.object_named(&self.scenario.target);
         let target = target.filter(|&i| self.scene.objects[i].soft.is_none());
         let target = target.map(|i| (i, self.scenario.objects[i].1.mass));
-        Some(disturbances.at(self.scenario.seed, self.world.tick(), target))
+        Some(disturbances.disturbance(self.scenario.seed, self.world.tick(), target))
     }
 
     /// The body that a push acts on.
     #[must_use]
-    pub fn body_of(&self, pushed: Pushed) -> BodyRef {
+    pub fn body_of(&self, pushed: PushTarget) -> BodyRef {
         match pushed {
-            Pushed::Chair => BodyRef::Link(0),
-            Pushed::Hand => BodyRef::Link(self.model.roles.end_effector),
-            Pushed::Object(index) => BodyRef::Object(index),
+            PushTarget::Chair => BodyRef::Link(0),
+            PushTarget::Hand => BodyRef::Link(self.model.roles.end_effector),
+            PushTarget::Object(index) => BodyRef::Object(index),
         }
     }
 

@@ -96,7 +96,7 @@ const RETREAT: f64 = 0.03;
 
 /// An object that the arm touches, treated as fixed to the link.
 #[derive(Clone, Copy, Debug)]
-struct Carried {
+struct HeldObject {
     object: usize,
     link: usize,
 }
@@ -141,8 +141,8 @@ impl Simulation {
     }
 
     /// Objects that links of the arm touch.
-    fn carried(&self) -> Vec<Carried> {
-        let mut carried: Vec<Carried> = Vec::new();
+    fn carried(&self) -> Vec<HeldObject> {
+        let mut carried: Vec<HeldObject> = Vec::new();
         for contact in &self.snapshot.contacts {
             let (BodyRef::Link(link), BodyRef::Object(object)) = (contact.first, contact.second)
             else {
@@ -156,14 +156,14 @@ impl Simulation {
                     c.link = link;
                 }
                 Some(_) => {}
-                None => carried.push(Carried { object, link }),
+                None => carried.push(HeldObject { object, link }),
             }
         }
         carried
     }
 
     /// The arm link that moves a body or carries it.
-    fn carrier(&self, body: BodyRef, carried: &[Carried]) -> Option<usize> {
+    fn carrier(&self, body: BodyRef, carried: &[HeldObject]) -> Option<usize> {
         match body {
             BodyRef::Link(link) => Some(link),
             BodyRef::Object(object) => {
@@ -198,7 +198,7 @@ impl Simulation {
 
     /// Bounds of a body at a gap: its nearest point, and corners that a rotation may
     /// bring closer.
-    fn bound_gap(&self, gap: &Gap, carried: &[Carried], bounds: &mut Vec<ArmBound>) {
+    fn bound_gap(&self, gap: &Gap, carried: &[HeldObject], bounds: &mut Vec<ArmBound>) {
         let (Some(link), Some(part)) = (self.carrier(gap.first, carried), self.part(gap.second))
         else {
             return;
@@ -254,7 +254,7 @@ impl Simulation {
     /// Bounds of arm links that touch each other or an object that another link
     /// carries: a body that presses the person cannot back off against a link that
     /// holds it there.
-    fn bound_own(&self, carried: &[Carried], bounds: &mut Vec<ArmBound>) {
+    fn bound_own(&self, carried: &[HeldObject], bounds: &mut Vec<ArmBound>) {
         for contact in &self.snapshot.contacts {
             let other = self.carrier(contact.second, carried);
             let (BodyRef::Link(one), Some(other)) = (contact.first, other) else {
@@ -298,7 +298,7 @@ impl Simulation {
         &self,
         input: &ControlInput,
         gaps: &[Gap],
-        carried: &[Carried],
+        carried: &[HeldObject],
     ) -> Option<FingerBound> {
         let is_finger = |link: usize| self.carriers.fingers[link];
         let near = gaps.iter().filter(|gap| {

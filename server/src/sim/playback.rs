@@ -10,7 +10,7 @@ use crate::snapshot::{BodyState, JointState, PersonState, Snapshot};
 
 /// One recorded state.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
+pub struct RecordedState {
     /// Physics tick, 240 per second.
     pub tick: u64,
     /// The recorded joints, in the order of [`Simulation::recorded_joints`].
@@ -42,7 +42,7 @@ pub struct RecordedSkin {
     "the recorded state has {found} {what}, the scenario in force {expected}; reset to the \
      recording's scenario first"
 )]
-pub struct Unfit {
+pub struct IncompatibleState {
     /// What differs in number.
     pub what: &'static str,
     /// Number in the recording.
@@ -51,10 +51,10 @@ pub struct Unfit {
     pub expected: usize,
 }
 
-fn same(what: &'static str, found: usize, expected: usize) -> Result<(), Unfit> {
+fn same(what: &'static str, found: usize, expected: usize) -> Result<(), IncompatibleState> {
     match found == expected {
         true => Ok(()),
-        false => Err(Unfit {
+        false => Err(IncompatibleState {
             what,
             found,
             expected,
@@ -67,8 +67,8 @@ impl Simulation {
     /// nothing is evaluated, hashed or saved.
     ///
     /// # Errors
-    /// [`Unfit`]; the previous state stays.
-    pub fn show(&mut self, recorded: &Recorded) -> Result<Step, Unfit> {
+    /// [`IncompatibleState`]; the previous state stays.
+    pub fn show(&mut self, recorded: &RecordedState) -> Result<Step, IncompatibleState> {
         let snapshot = self.snapshot_of(recorded)?;
         self.snapshot = Arc::new(snapshot);
         self.shown = true;
@@ -84,7 +84,7 @@ impl Simulation {
         self.shown
     }
 
-    fn snapshot_of(&self, recorded: &Recorded) -> Result<Snapshot, Unfit> {
+    fn snapshot_of(&self, recorded: &RecordedState) -> Result<Snapshot, IncompatibleState> {
         let now = &self.snapshot;
         let recorded_joints = self.model.roles.joints.len();
         same("joints", recorded.joints.len(), recorded_joints)?;
@@ -124,7 +124,7 @@ impl Simulation {
             sliding: sliding.collect(),
             contacts: Vec::new(),
             person: self.motion.map(|motion| PersonState {
-                head: motion.at(recorded.tick),
+                head: motion.head_pose(recorded.tick),
                 ..PersonState::default()
             }),
             anomalies: Vec::new(),
@@ -159,9 +159,9 @@ mod tests {
     use crate::robot::control::{BaseIntent, ControlInput};
     use crate::sim::tests::{scenario, simulation};
 
-    fn recorded(sim: &Simulation) -> Recorded {
+    fn recorded(sim: &Simulation) -> RecordedState {
         let snapshot = sim.snapshot();
-        Recorded {
+        RecordedState {
             tick: snapshot.tick,
             joints: sim.recorded_joints().to_vec(),
             root: snapshot.links[0],

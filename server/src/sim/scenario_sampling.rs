@@ -249,7 +249,7 @@ pub(super) fn seated(
 
 /// All objects at their places in the scene, without optional ones.
 fn undisturbed(scene: &Scene) -> TaskSample {
-    let placement = |object: &Body| (!object.optional).then(|| Placement::of(object));
+    let placement = |object: &Body| (!object.optional).then(|| Placement::from_body(object));
     TaskSample {
         scene: SceneSample {
             placements: scene.objects.iter().map(placement).collect(),

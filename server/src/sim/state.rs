@@ -33,7 +33,7 @@ struct Stored {
 }
 
 /// How a world loads a state: validated, or unchecked.
-type Put = fn(&mut World, &[u8]) -> Result<(), WorldError>;
+type LoadState = fn(&mut World, &[u8]) -> Result<(), WorldError>;
 
 /// Control ticks of the trial run of a stored state.
 const TRIAL: usize = 8;
@@ -133,7 +133,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn take(&mut self, content: &[u8], put: Put) -> Result<(), StateError> {
+    fn take(&mut self, content: &[u8], put: LoadState) -> Result<(), StateError> {
         let damaged = |e: postcard::Error| StateError::Format(e.to_string());
         let (found, _) = postcard::take_from_bytes::<u32>(content).map_err(damaged)?;
         if found != PHYSICS_VERSION {

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
-use super::known::{known_joint, known_object};
+use super::name_check::{known_joint, known_object};
 use super::rest::lying;
 use super::scene_sampling::sample_scene;
 use crate::robot::CorridorSettings;

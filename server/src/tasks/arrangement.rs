@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::area::{PlaceSpec, Range, Variant};
 use super::grasp_clearance;
-use super::placement_clearance::{Clearance, Standing};
+use super::placement_clearance::{Clearance, PlacedOutline};
 use super::random::{fraction, index, number, shuffle};
 use super::rest::{self, Rest, Support, grounded, lying};
 use crate::robot::CorridorSettings;
@@ -153,13 +153,13 @@ impl<'a> Arrangement<'a> {
                 let supports = supports.filter_map(|on| {
                     let pose = placements[on.object]?.pose;
                     let body = &self.scene.objects[on.object];
-                    let support = Support::of(body, &pose)?;
+                    let support = Support::top_of(body, &pose)?;
                     // Not on top of a stack.
                     let grounded = support.top.translation.z - support.height
                         < on.surface.edge.translation.z + 1e-3;
                     let fits = match rest {
                         Rest::Stacked => Support::carries(body, &pose),
-                        _ => support.holds(),
+                        _ => support.can_support(),
                     };
                     (grounded && fits).then_some((on.object, support))
                 });
@@ -206,7 +206,7 @@ impl<'a> Arrangement<'a> {
     }
 
     fn weighed(&self, random: &mut ChaCha8Rng, item: &Item<'_>, pose: Isometry3<f64>) -> Placement {
-        let usual = Placement::of(&self.scene.objects[item.object]);
+        let usual = Placement::from_body(&self.scene.objects[item.object]);
         let mut or = |range: Option<Range>, usual| range.map_or(usual, |r| number(random, r));
         Placement {
             pose,
@@ -226,7 +226,7 @@ impl<'a> Arrangement<'a> {
     ) -> f64 {
         let mut least = self
             .clearance
-            .of(item.object, holder, item.surface, placements);
+            .distance(item.object, holder, item.surface, placements);
         if least < 0.0 {
             return least;
         }
@@ -234,7 +234,7 @@ impl<'a> Arrangement<'a> {
             let placement = placements[object].as_ref()?;
             Some(self.clearance.standing(object, placement))
         };
-        let own: Vec<Standing> = standing(item.object).into_iter().collect();
+        let own: Vec<PlacedOutline> = standing(item.object).into_iter().collect();
         for region in &self.regions {
             least = least.min(grasp_clearance::region_room(region, REGION_GAP, &own));
         }
@@ -243,7 +243,8 @@ impl<'a> Arrangement<'a> {
                 return least;
             }
             let others = placed.iter().filter(|other| other.object != target.object);
-            let others: Vec<Standing> = others.filter_map(|other| standing(other.object)).collect();
+            let others: Vec<PlacedOutline> =
+                others.filter_map(|other| standing(other.object)).collect();
             if let Some(placement) = &placements[target.object] {
                 let body = &self.scene.objects[target.object];
                 let room = grasp_clearance::room(

@@ -19,7 +19,7 @@ fn seated(name: &str, target: &str) -> (Stage, Person) {
         .sample(&assets(), 1)
         .and_then(|drawn| Person::load(&assets(), drawn))
         .unwrap_or_else(|error| panic!("{error}"));
-    let mut stage = Stage::of(name, target);
+    let mut stage = Stage::for_task(name, target);
     let (task, model) = (task(name), &stage.model);
     stage.evaluator = Evaluator::new(&task, &stage.scene, model, target, Some(&person))
         .unwrap_or_else(|error| panic!("{error}"));
@@ -136,7 +136,7 @@ fn a_lost_condition_fails_the_task_in_the_same_tick() {
 
 /// The remote control, lifted and then `forward` metres in front of the middle of the
 /// lap, `above` metres over it.
-fn given(forward: f64, above: f64) -> Stage {
+fn handed_over(forward: f64, above: f64) -> Stage {
     let (mut stage, person) = seated("serve_remote", "remote_control");
     stage.run(0.1);
     stage.grip();
@@ -150,7 +150,7 @@ fn given(forward: f64, above: f64) -> Stage {
 
 #[test]
 fn an_object_is_given_when_it_is_released_in_the_lap() {
-    let mut held = given(0.0, 0.01);
+    let mut held = handed_over(0.0, 0.01);
     let judged = held.run(2.0);
     assert!(!judged.done && condition(&judged, "in_lap").holds);
     assert!(!condition(&judged, "released").holds);
@@ -158,7 +158,7 @@ fn an_object_is_given_when_it_is_released_in_the_lap() {
     assert!(held.run(0.6).success);
 
     for (forward, above) in [(0.4, 0.01), (0.0, 0.15), (0.0, -0.15)] {
-        let mut beside = given(forward, above);
+        let mut beside = handed_over(forward, above);
         beside.snapshot.contacts.clear();
         let judged = beside.run(2.0);
         let in_lap = condition(&judged, "in_lap");

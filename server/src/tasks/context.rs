@@ -120,7 +120,7 @@ impl Context {
         let tip = state.pose * self.bodies.get(object)?.tip?;
         let head = &snapshot.person.as_ref()?.head;
         let chair = snapshot.links.first()?.pose;
-        let lips = chair * self.mouth.as_ref()?.with(head);
+        let lips = chair * self.mouth.as_ref()?.frame(head);
         Some((tip.coords - lips.translation.vector).norm())
     }
 
@@ -180,7 +180,7 @@ impl Context {
     }
 
     /// Whether both pads press the object with at least `force` N.
-    pub(super) fn held(&self, object: usize, force: f64, snapshot: &Snapshot) -> bool {
+    pub(super) fn is_held(&self, object: usize, force: f64, snapshot: &Snapshot) -> bool {
         self.pads.iter().all(|&pad| {
             let (pad, object) = (BodyRef::Link(pad), BodyRef::Object(object));
             snapshot

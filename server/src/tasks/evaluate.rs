@@ -292,7 +292,7 @@ impl Evaluator {
             return Some(Failure::Lost);
         };
         let rise = self.context.rise(target, snapshot);
-        let held = self.context.held(target, f64::MIN_POSITIVE, snapshot);
+        let held = self.context.is_held(target, f64::MIN_POSITIVE, snapshot);
         let FailureSpec {
             drop, tilt, reach, ..
         } = self.failure;

@@ -7,7 +7,7 @@
 use nalgebra::{Isometry3, Point2, Rotation2, UnitComplex, Vector2, Vector3};
 use wheelarm_proto::exact;
 
-use super::placement_clearance::{Outline, Standing};
+use super::placement_clearance::{Outline, PlacedOutline};
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Grasp, Surface};
 
@@ -32,7 +32,7 @@ pub(super) fn room(
     body: &Body,
     pose: &Isometry3<f64>,
     surface: &Surface,
-    others: &[Standing],
+    others: &[PlacedOutline],
 ) -> f64 {
     if body.grasps.is_empty() {
         return f64::INFINITY;
@@ -155,7 +155,7 @@ fn way(
 }
 
 /// The clearance around a region, metres: no object may be within `gap` of it.
-pub(super) fn region_room(surface: &Surface, gap: f64, others: &[Standing]) -> f64 {
+pub(super) fn region_room(surface: &Surface, gap: f64, others: &[PlacedOutline]) -> f64 {
     let centre = surface.centre();
     let inwards = centre.rotation * Vector3::x();
     let outline = Outline {

@@ -10,7 +10,7 @@ use super::condition::{Name, Threshold};
 use super::context::TARGET;
 use super::file::TaskFile;
 use super::goal::Goal;
-use super::known::known;
+use super::name_check::check_name;
 use super::spec::{FailureSpec, TaskSpec, WaitSpec};
 use super::template::{FailureEntry, PersonEntry, Template, Verb};
 use crate::robot::CorridorSettings;
@@ -198,7 +198,7 @@ impl TaskSpec {
             let predicate = condition.predicate.as_dyn();
             let place = place.key("thresholds").key(predicate.word());
             for name in predicate.names() {
-                known(&place, scene, name)?;
+                check_name(&place, scene, name)?;
             }
             for Threshold {
                 key,

@@ -26,7 +26,7 @@ pub(super) struct Outline {
 
 impl Outline {
     /// Outline of an object in its own frame; a round object stays round.
-    fn of(body: &Body) -> Self {
+    fn from_body(body: &Body) -> Self {
         let bounds = body.collision_bounds(&Isometry3::identity());
         let bounds = bounds.unwrap_or(Bounds {
             min: [0.0; 3].into(),
@@ -55,7 +55,7 @@ impl Outline {
     }
 
     /// The outline at a pose.
-    fn at(&self, pose: &Isometry3<f64>) -> Self {
+    fn posed(&self, pose: &Isometry3<f64>) -> Self {
         let forward = pose.rotation * Vector3::x();
         let turn = UnitComplex::new(exact::atan2(forward.y, forward.x));
         Self {
@@ -92,7 +92,7 @@ impl Outline {
 
 /// Outline and height of a placed object.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Standing {
+pub(super) struct PlacedOutline {
     pub outline: Outline,
     /// Highest point in `house`, metres.
     pub top: f64,
@@ -136,26 +136,28 @@ impl<'a> Clearance<'a> {
         let objects = scene.objects.iter();
         Self {
             scene,
-            outlines: objects.map(|body| (Outline::of(body), top(body))).collect(),
+            outlines: objects
+                .map(|body| (Outline::from_body(body), top(body)))
+                .collect(),
             furniture,
         }
     }
 
     /// The outline of a placed object. For an object that is not upright it is the
     /// rectangle around it along its level axis.
-    pub(super) fn standing(&self, object: usize, placement: &Placement) -> Standing {
+    pub(super) fn standing(&self, object: usize, placement: &Placement) -> PlacedOutline {
         let up = placement.pose.rotation * Vector3::z();
         if up.z < 0.9999 {
             return self.turned(object, &placement.pose);
         }
         let (outline, top) = &self.outlines[object];
-        Standing {
-            outline: outline.at(&placement.pose),
+        PlacedOutline {
+            outline: outline.posed(&placement.pose),
             top: placement.pose.translation.z + top,
         }
     }
 
-    fn turned(&self, object: usize, pose: &Isometry3<f64>) -> Standing {
+    fn turned(&self, object: usize, pose: &Isometry3<f64>) -> PlacedOutline {
         let body = &self.scene.objects[object];
         let level = Isometry3::from_parts(
             pose.translation,
@@ -166,15 +168,15 @@ impl<'a> Clearance<'a> {
             min: [0.0; 3].into(),
             max: [0.0; 3].into(),
         });
-        Standing {
-            outline: Outline::filling(&bounds).at(&level),
+        PlacedOutline {
+            outline: Outline::filling(&bounds).posed(&level),
             top: pose.translation.z + bounds.max.z,
         }
     }
 
     /// The smallest distance of `object` on its surface to the edges, the furniture and
     /// the other objects except its `holder`, metres; negative for an overlap.
-    pub(super) fn of(
+    pub(super) fn distance(
         &self,
         object: usize,
         holder: Option<usize>,

@@ -70,7 +70,7 @@ const GAP: f64 = 2e-4;
 impl Support {
     /// The top of `body` at `pose`, if it is one flat shape: a box on any of its sides
     /// or an upright cylinder.
-    pub(super) fn of(body: &Body, pose: &Isometry3<f64>) -> Option<Self> {
+    pub(super) fn top_of(body: &Body, pose: &Isometry3<f64>) -> Option<Self> {
         let [part] = &body.collision[..] else {
             return None;
         };
@@ -111,7 +111,7 @@ impl Support {
     }
 
     /// Whether another object can lean against it.
-    pub(super) fn holds(&self) -> bool {
+    pub(super) fn can_support(&self) -> bool {
         self.reach > 0.0
     }
 }

@@ -186,7 +186,8 @@ impl Placed {
             let mut variants = areas().flat_map(|area| &area.variants);
             variants.any(|variant| variant.place(&body.name).is_some())
         };
-        let fixed = |body: &Body| (!body.optional && !is_named(body)).then(|| Placement::of(body));
+        let fixed =
+            |body: &Body| (!body.optional && !is_named(body)).then(|| Placement::from_body(body));
         Self {
             placements: scene.objects.iter().map(fixed).collect(),
             attempts: 0,

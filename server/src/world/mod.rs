@@ -53,7 +53,7 @@ use scene_bodies::SceneBodies;
 use seat::Seated;
 use signals::Signals;
 use soft::SoftObject;
-pub use soft::Worst as WorstOfSoft;
+pub use soft::WorstValues as WorstOfSoft;
 use tree::Place;
 use wheels::Wheels;
 

@@ -84,7 +84,7 @@ impl Seated {
             .mass
             .plus(&own.transformed_by(&body_from_chair));
         physics.bodies[body].set_additional_mass_properties(mass_properties(&mass), true);
-        let head = motion.at(0);
+        let head = motion.head_pose(0);
         let (mut colliders, mut moving) = (Vec::new(), Vec::new());
         for (index, capsule) in person.capsules.iter().enumerate() {
             let [a, b] = &capsule.ends;
@@ -132,7 +132,7 @@ impl Seated {
             self.state.forces = [0.0; PARTS.len()];
             self.state.robot_force = 0.0;
             self.state.touches.clear();
-            self.move_head(physics, self.motion.at(tick + TICKS_PER_CONTROL));
+            self.move_head(physics, self.motion.head_pose(tick + TICKS_PER_CONTROL));
         }
         self.damp(physics, FLESH);
     }
@@ -249,7 +249,7 @@ impl Seated {
         physics: &'a PhysicsWorld,
         tick: u64,
     ) -> Vec<(usize, &'a Collider, Pose)> {
-        let head = self.motion.at(tick);
+        let head = self.motion.head_pose(tick);
         let body = physics.bodies[self.body].position();
         let mut capsules = Vec::with_capacity(self.colliders.len());
         for handle in &self.colliders {
@@ -285,7 +285,9 @@ impl Seated {
         self.state = PersonState {
             // The colliders are part of the engine's state; the motion provides the
             // rest.
-            head: self.motion.at(tick.next_multiple_of(TICKS_PER_CONTROL)),
+            head: self
+                .motion
+                .head_pose(tick.next_multiple_of(TICKS_PER_CONTROL)),
             ..state
         };
     }

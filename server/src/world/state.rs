@@ -15,7 +15,7 @@ use crate::snapshot::PersonState;
 
 /// State that a tick changes, for writing.
 #[derive(Serialize)]
-struct Written<'a> {
+struct EncodedState<'a> {
     /// First, so that it can be decoded in any version.
     physics_version: u32,
     fingerprint: u64,
@@ -26,13 +26,13 @@ struct Written<'a> {
     wheel_rates: [f64; 2],
     signals: &'a Signals,
     bristles: Bristles,
-    soft: Vec<soft::Saved>,
+    soft: Vec<soft::SavedState>,
     physics: &'a PhysicsWorld,
 }
 
 /// State that a tick changes, for reading.
 #[derive(Deserialize)]
-pub(super) struct Read {
+pub(super) struct DecodedState {
     /// Checked before the rest is decoded.
     _physics_version: u32,
     pub(super) fingerprint: u64,
@@ -43,7 +43,7 @@ pub(super) struct Read {
     pub(super) wheel_rates: [f64; 2],
     pub(super) signals: Signals,
     pub(super) bristles: Bristles,
-    pub(super) soft: Vec<soft::Saved>,
+    pub(super) soft: Vec<soft::SavedState>,
     pub(super) physics: PhysicsWorld,
     /// Follows the rest if a person sits in the chair.
     #[serde(skip)]
@@ -55,7 +55,7 @@ impl World {
     /// from it with identical bits.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
-        let written = Written {
+        let written = EncodedState {
             physics_version: PHYSICS_VERSION,
             fingerprint: self.fingerprint,
             tick: self.tick,
@@ -81,7 +81,7 @@ impl World {
     /// The state of deformables in [`World::save`], for tests that damage it.
     #[cfg(test)]
     pub(crate) fn saved_soft(&self) -> Vec<u8> {
-        let soft: Vec<soft::Saved> = self.soft.iter().map(SoftObject::save).collect();
+        let soft: Vec<soft::SavedState> = self.soft.iter().map(SoftObject::save).collect();
         postcard::to_stdvec(&soft).expect("plain data")
     }
 
@@ -110,12 +110,12 @@ impl World {
         Ok(())
     }
 
-    fn read(&self, bytes: &[u8]) -> Result<Read, WorldError> {
+    fn read(&self, bytes: &[u8]) -> Result<DecodedState, WorldError> {
         let (found, _) = postcard::take_from_bytes::<u32>(bytes)?;
         if found != PHYSICS_VERSION {
             return Err(WorldError::OtherPhysics { found });
         }
-        let (mut read, mut rest) = postcard::take_from_bytes::<Read>(bytes)?;
+        let (mut read, mut rest) = postcard::take_from_bytes::<DecodedState>(bytes)?;
         if self.seated.is_some() && read.fingerprint == self.fingerprint {
             let (person, after) = postcard::take_from_bytes::<PersonState>(rest)?;
             (read.person, rest) = (Some(person), after);
@@ -143,7 +143,7 @@ impl World {
         Ok(read)
     }
 
-    fn take(&mut self, read: Read) {
+    fn take(&mut self, read: DecodedState) {
         for (soft, saved) in self.soft.iter_mut().zip(read.soft) {
             soft.restore(saved);
         }

@@ -6,7 +6,7 @@ use rapier3d::dynamics::{GenericJoint, JointMotor};
 use rapier3d::prelude::{Collider, ColliderSet, JointAxesMask, PhysicsWorld, RigidBody};
 
 use super::health::{STORED_ANGLE, STORED_SPEED, stored_problem, within};
-use super::state::Read;
+use super::state::DecodedState;
 use super::{WILD, World};
 use crate::snapshot::BodyRef;
 
@@ -22,7 +22,7 @@ impl World {
     ///
     /// # Errors
     /// With a description of the problem.
-    pub(super) fn examine(&self, read: &Read) -> Result<(), String> {
+    pub(super) fn examine(&self, read: &DecodedState) -> Result<(), String> {
         let t = &read.targets;
         let targets = t.arm_position.iter().chain(&t.arm_velocity);
         let targets = targets.chain(&t.wheel_velocity).chain([
@@ -94,7 +94,7 @@ impl World {
         self.examine_robot(read)?;
         let pairs = read.narrow_phase.contact_pairs();
         let mut ends = pairs.flat_map(|pair| [pair.collider1, pair.collider2]);
-        if ends.any(|collider| !known(&own.colliders, collider)) {
+        if ends.any(|collider| !collider_exists(&own.colliders, collider)) {
             return Err("a contact refers to an unknown shape".to_owned());
         }
         Ok(())
@@ -217,6 +217,6 @@ fn undriven(joint: &GenericJoint) -> GenericJoint {
     }
 }
 
-fn known(colliders: &ColliderSet, handle: rapier3d::geometry::ColliderHandle) -> bool {
+fn collider_exists(colliders: &ColliderSet, handle: rapier3d::geometry::ColliderHandle) -> bool {
     colliders.get(handle).is_some()
 }

@@ -95,7 +95,7 @@ fn work(args: Args) -> anyhow::Result<()> {
     let room = Arc::new(Room {
         session: service::session::within()?,
         assets,
-        graphics: Graphics::on(args.adapter.as_deref()),
+        graphics: Graphics::for_adapter(args.adapter.as_deref()),
         runtime: runtime.handle().clone(),
     });
     let voice = Voice::default();

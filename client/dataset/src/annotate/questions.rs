@@ -263,7 +263,7 @@ fn side(
     let mut names: Vec<&str> = beside
         .filter(|&&other| {
             let other = scene.named(&state.objects[other]);
-            other.is_some_and(|i| space::is(&scene.entities[i], thing, side))
+            other.is_some_and(|i| space::is_on_side(&scene.entities[i], thing, side))
         })
         .map(|&other| state.objects[other].as_str())
         .collect();

@@ -83,9 +83,9 @@ struct Place {
 }
 
 /// Random numbers between 0 and 1 from a seed.
-pub struct Draws(SplitMix64);
+pub struct TestRandom(SplitMix64);
 
-impl Draws {
+impl TestRandom {
     pub fn from_seed(seed: u64) -> Self {
         Self(SplitMix64(seed.wrapping_mul(SPLITMIX64_STEP)))
     }
@@ -98,7 +98,7 @@ impl Draws {
 /// A scene with the objects of all areas, including the bear's.
 pub fn scene(home: &Home, seed: u64) -> Scene {
     let mut scene = home.scene(&|_| true);
-    let mut draws = Draws::from_seed(seed);
+    let mut draws = TestRandom::from_seed(seed);
     let mut all: Vec<Place> = Vec::new();
     for name in names("areas") {
         let file: AreaFile = toml::from_str(&text(&format!("areas/{name}"))).expect("an area");
@@ -129,7 +129,7 @@ pub fn scene(home: &Home, seed: u64) -> Scene {
     scene
 }
 
-fn stand(scene: &mut Scene, home: &Home, place: &Place, draws: &mut Draws) {
+fn stand(scene: &mut Scene, home: &Home, place: &Place, draws: &mut TestRandom) {
     let area = scene
         .areas
         .iter()
@@ -279,7 +279,7 @@ impl Task {
         let mut scene = home.scene(&|name| self.goal.as_deref() == Some(name));
         let bear = self.object.name.as_deref() == Some("teddy_bear");
         let own: Vec<Place> = places(&self.area, bear);
-        let mut draws = Draws::from_seed(seed);
+        let mut draws = TestRandom::from_seed(seed);
         let others = ["coffee_table", "kitchen_table", "shelf"];
         let others = others
             .iter()
@@ -306,7 +306,7 @@ impl Task {
             is_named || is_of
         };
         let all: Vec<usize> = (0..scene.entities.len()).filter(fits).collect();
-        let chosen = (Draws::from_seed(seed ^ 0x7a5c).fraction() * all.len() as f64) as usize;
+        let chosen = (TestRandom::from_seed(seed ^ 0x7a5c).fraction() * all.len() as f64) as usize;
         Meaning {
             verb: self.verb,
             target: all[chosen.min(all.len() - 1)],

@@ -74,7 +74,7 @@ const STREAM_CHANGE: f64 = 0.1;
 
 impl Motion {
     /// Joints interpolate to a goal.
-    fn to(goal: [f64; 6]) -> Motion {
+    fn toward(goal: [f64; 6]) -> Motion {
         Motion::Joints {
             goal,
             from: goal,
@@ -96,7 +96,7 @@ impl Motion {
                 from: self.aim(),
                 left: TICKS as u32,
             },
-            _ => Motion::to(goal),
+            _ => Motion::toward(goal),
         }
     }
 

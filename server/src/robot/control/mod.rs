@@ -53,13 +53,13 @@ impl RobotControl {
     /// At rest in the home position, the gripper open.
     #[must_use]
     pub fn new(model: &RobotModel) -> RobotControl {
-        RobotControl::at(model, &model.settings.home, 0.0)
+        RobotControl::at_rest(model, &model.settings.home, 0.0)
     }
 
     /// At rest at given positions of the arm, from base to hand, and of the gripper's
     /// knuckle, rad.
     #[must_use]
-    pub fn at(model: &RobotModel, joints: &[f64; 6], knuckle: f64) -> RobotControl {
+    pub fn at_rest(model: &RobotModel, joints: &[f64; 6], knuckle: f64) -> RobotControl {
         let arm = ArmControl::new(model);
         let state = ControlState {
             arm: arm.at_rest(joints),

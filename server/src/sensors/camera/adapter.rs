@@ -59,7 +59,7 @@ impl fmt::Display for AdapterInfo {
 }
 
 impl AdapterInfo {
-    fn of(index: usize, adapter: &wgpu::Adapter) -> Self {
+    fn from_adapter(index: usize, adapter: &wgpu::Adapter) -> Self {
         let info = adapter.get_info();
         Self {
             index,
@@ -89,7 +89,7 @@ fn enumerate() -> Vec<(AdapterInfo, wgpu::Adapter)> {
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN))
         .into_iter()
         .enumerate()
-        .map(|(index, adapter)| (AdapterInfo::of(index, &adapter), adapter))
+        .map(|(index, adapter)| (AdapterInfo::from_adapter(index, &adapter), adapter))
         .collect()
 }
 

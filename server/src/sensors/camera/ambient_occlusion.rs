@@ -224,22 +224,22 @@ const LONGEST: f64 = 0.4;
 /// share corners, and full and coarse detail of a board are the same triangles.
 pub(super) struct AmbientOcclusion<'a> {
     around: &'a Surroundings,
-    known: Known,
+    known: AmbientCache,
 }
 
 /// Ambient light by the bits of position and normal, and whether the surface is wide.
-pub(super) type Known = BTreeMap<([u64; 6], bool), f64>;
+pub(super) type AmbientCache = BTreeMap<([u64; 6], bool), f64>;
 
 /// The ambient light of a home, by body, so that bodies can be computed in parallel.
 pub(super) struct HomeLight<'a> {
     around: &'a Surroundings,
-    known: Vec<Known>,
+    known: Vec<AmbientCache>,
 }
 
 /// Values of the home that was rendered last: the next scene is usually another sample
 /// of the same home.
 #[derive(Default)]
-pub(super) struct LastHome(Mutex<Option<(Home, Vec<Known>)>>);
+pub(super) struct LastHome(Mutex<Option<(Home, Vec<AmbientCache>)>>);
 
 /// Occupied cells, which identify a home.
 #[derive(PartialEq)]
@@ -251,7 +251,7 @@ struct Home {
 
 impl LastHome {
     /// Takes the stored values of a home.
-    pub(super) fn of<'a>(&self, around: &'a Surroundings) -> HomeLight<'a> {
+    pub(super) fn take<'a>(&self, around: &'a Surroundings) -> HomeLight<'a> {
         let known = self.0.lock().take();
         let same = |home: &Home| {
             (home.low, home.count) == (around.low, around.count) && home.filled == around.filled
@@ -286,14 +286,14 @@ impl<'a> HomeLight<'a> {
             known: self
                 .known
                 .get_mut(fixed)
-                .map_or_else(Known::new, std::mem::take),
+                .map_or_else(AmbientCache::new, std::mem::take),
         }
     }
 
     /// Puts the values of a body back.
-    pub(super) fn put_back(&mut self, fixed: usize, known: Known) {
+    pub(super) fn put_back(&mut self, fixed: usize, known: AmbientCache) {
         if self.known.len() <= fixed {
-            self.known.resize_with(fixed + 1, Known::new);
+            self.known.resize_with(fixed + 1, AmbientCache::new);
         }
         self.known[fixed] = known;
     }
@@ -320,7 +320,7 @@ impl AmbientOcclusion<'_> {
     }
 
     /// All values.
-    pub(super) fn into_known(self) -> Known {
+    pub(super) fn into_known(self) -> AmbientCache {
         self.known
     }
 
@@ -383,7 +383,7 @@ mod tests {
         let last = LastHome::default();
         let at = (Point3::new(0.3, 0.0, 0.0), Vector3::z());
         let light = |around: &Surroundings| {
-            let mut home = last.of(around);
+            let mut home = last.take(around);
             let mut body = home.of_body(3);
             let before = body.known.len();
             let light = body.of_surface(&at.0, &at.1, false);
@@ -434,7 +434,7 @@ mod tests {
             corner(1.5, 1.5),
             corner(-1.5, 1.5),
         ];
-        let mut ambient_occlusion = LastHome::default().of(&around).of_body(0);
+        let mut ambient_occlusion = LastHome::default().take(&around).of_body(0);
         let mut pieces = ambient_occlusion.cut([a, b, c], true);
         pieces.extend(ambient_occlusion.cut([a, c, d], true));
         assert!(pieces.len() > 20);

@@ -6,7 +6,7 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ambient_occlusion::{AmbientOcclusion, Corner, HomeLight, Known};
+use super::ambient_occlusion::{AmbientCache, AmbientOcclusion, Corner, HomeLight};
 use super::culling_clusters::{Cluster, Division, bounds, clusters};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
@@ -343,7 +343,7 @@ impl Share<'_> {
         self.smooths_light && (0..3).any(|k| side(k) > WIDE)
     }
 
-    fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, Known) {
+    fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, AmbientCache) {
         let mut part = Part::default();
         for (finish, chosen) in &self.finished {
             self.append_finish(&mut part, *finish, chosen, &mut ambient_occlusion);

@@ -177,8 +177,8 @@ mod tests {
     fn buffers(scene: &RenderScene) -> Buffers {
         let surroundings = Surroundings::new(scene);
         let graphics = Graphics::default();
-        let mut light = graphics.last_home().of(&surroundings);
-        Buffers::new(scene, &mut light, Tier::of(Quality::Standard, scene))
+        let mut light = graphics.last_home().take(&surroundings);
+        Buffers::new(scene, &mut light, Tier::for_scene(Quality::Standard, scene))
     }
 
     /// Number of clusters of a batch that are culled although one of their vertices is

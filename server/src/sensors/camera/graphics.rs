@@ -25,23 +25,23 @@ pub struct Graphics {
     packing: Option<Packing>,
     /// For [`Renderer::spent`](super::Renderer::spent).
     timed: bool,
-    kept: Arc<Mutex<Kept>>,
+    kept: Arc<Mutex<CachedParts>>,
     last_home: Arc<LastHome>,
 }
 
 #[derive(Default)]
-struct Kept {
-    opened: Option<Opened>,
+struct CachedParts {
+    opened: Option<OpenDevice>,
     pipelines: Vec<(Tier, Arc<Pipelines>)>,
     packer: Option<Arc<Packer>>,
 }
 
 /// Parts of an opened device.
-type Parts = (Opened, Arc<Pipelines>, Option<Arc<Packer>>);
+type Parts = (OpenDevice, Arc<Pipelines>, Option<Arc<Packer>>);
 
 /// A device and the slot for its errors.
 #[derive(Clone)]
-pub(super) struct Opened {
+pub(super) struct OpenDevice {
     pub(super) info: AdapterInfo,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
@@ -62,7 +62,7 @@ impl Graphics {
     /// The adapter that `wanted` names: its index in the list, its PCI ID, or a part of
     /// its name; without it the best one.
     #[must_use]
-    pub fn on(wanted: Option<&str>) -> Self {
+    pub fn for_adapter(wanted: Option<&str>) -> Self {
         Self {
             wanted: wanted.map(str::to_owned),
             ..Self::default()
@@ -107,7 +107,7 @@ impl Graphics {
 
     /// A separate device for a test.
     #[cfg(test)]
-    pub(super) fn device(&self) -> Result<Opened, RenderError> {
+    pub(super) fn device(&self) -> Result<OpenDevice, RenderError> {
         self.open_device()
     }
 
@@ -119,9 +119,9 @@ impl Graphics {
     /// The device, the pipelines of a tier, and the packer if the adapter packs.
     pub(super) fn open(&self, tier: Tier) -> Result<Parts, RenderError> {
         let mut kept = self.kept.lock();
-        let broken = |opened: &Opened| opened.broken.load(Ordering::Acquire);
+        let broken = |opened: &OpenDevice| opened.broken.load(Ordering::Acquire);
         if kept.opened.as_ref().is_some_and(broken) {
-            *kept = Kept::default();
+            *kept = CachedParts::default();
         }
         let opened = match &kept.opened {
             Some(opened) => opened.clone(),
@@ -144,12 +144,12 @@ impl Graphics {
         Ok((opened, pipelines, packer))
     }
 
-    fn open_device(&self) -> Result<Opened, RenderError> {
+    fn open_device(&self) -> Result<OpenDevice, RenderError> {
         open(self.wanted.as_deref(), self.timed)
     }
 }
 
-fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
+fn open(adapter: Option<&str>, timed: bool) -> Result<OpenDevice, RenderError> {
     // Held until the device is open.
     let lock = DriverLock::acquire();
     let (info, chosen) = adapter::choose(adapter)?;
@@ -181,7 +181,7 @@ fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
             slot.get_or_insert(error.to_string());
         }
     }));
-    Ok(Opened {
+    Ok(OpenDevice {
         info,
         device,
         queue,

@@ -80,7 +80,7 @@ impl Packer {
         target: &Target,
         background: wgpu::Color,
     ) -> Option<CameraPacker> {
-        let planes = Planes::of(target);
+        let planes = Planes::from_target(target);
         let [near, far] = target.spec.range.map(|metres| metres as f32);
         let most = device.limits().max_storage_buffer_binding_size;
         if planes.bytes() > most || !near.is_normal() {
@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn resources_that_the_adapter_rejects_are_not_created() {
-        let graphics = crate::sensors::camera::Graphics::on(None);
+        let graphics = crate::sensors::camera::Graphics::for_adapter(None);
         let opened = match graphics.device() {
             Ok(opened) => opened,
             Err(reason @ RenderError::NoDriver) => {

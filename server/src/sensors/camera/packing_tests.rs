@@ -13,7 +13,7 @@ pub(super) fn both(
     quality: Quality,
 ) -> Option<[Renderer; 2]> {
     let made = [Packing::Adapter, Packing::Processor].map(|packing| {
-        let graphics = Graphics::on(None).packing(packing);
+        let graphics = Graphics::for_adapter(None).packing(packing);
         match Renderer::over(&graphics, scene, cameras, quality) {
             Ok(renderer) => Some(renderer),
             Err(reason @ RenderError::NoDriver) => {

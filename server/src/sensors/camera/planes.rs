@@ -12,7 +12,7 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    pub(super) fn of(target: &Target) -> Self {
+    pub(super) fn from_target(target: &Target) -> Self {
         let lens = &target.spec.intrinsics;
         Self {
             width: lens.width,

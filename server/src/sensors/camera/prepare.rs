@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::RenderError;
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
-use super::graphics::{Graphics, Opened};
+use super::graphics::{Graphics, OpenDevice};
 use super::packing::Packer;
 use super::parallel;
 use super::pipelines::Pipelines;
@@ -39,8 +39,8 @@ pub(super) fn check_cameras(
 }
 
 /// Data of a renderer before the upload.
-pub(super) struct Prepared {
-    pub(super) opened: Opened,
+pub(super) struct PreparedScene {
+    pub(super) opened: OpenDevice,
     pub(super) pipelines: Arc<Pipelines>,
     pub(super) packer: Option<Arc<Packer>>,
     pub(super) surroundings: Surroundings,
@@ -52,11 +52,11 @@ pub(super) fn prepare(
     scene: &RenderScene,
     tier: Tier,
     graphics: &Graphics,
-) -> Result<Prepared, RenderError> {
+) -> Result<PreparedScene, RenderError> {
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
             let surroundings = Surroundings::new(scene);
-            let mut light = graphics.last_home().of(&surroundings);
+            let mut light = graphics.last_home().take(&surroundings);
             let buffers = Buffers::new(scene, &mut light, tier);
             graphics.last_home().keep(light);
             (surroundings, buffers)
@@ -64,7 +64,7 @@ pub(super) fn prepare(
         let opened = graphics.open(tier);
         let (surroundings, buffers) = parallel::joined(arranging);
         let (opened, pipelines, packer) = opened?;
-        Ok(Prepared {
+        Ok(PreparedScene {
             opened,
             pipelines,
             packer,

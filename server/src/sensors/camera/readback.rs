@@ -62,7 +62,11 @@ impl ReadBack {
         let packed = packer.and_then(for_camera);
         let way = match packed {
             Some(packed) => Way::Packed(Box::new(packed)),
-            None => Way::Unpacked(Layout::of(target), target.spec.range, Mutex::default()),
+            None => Way::Unpacked(
+                Layout::from_target(target),
+                target.spec.range,
+                Mutex::default(),
+            ),
         };
         let bytes = match &way {
             Way::Packed(packed) => packed.planes.bytes(),
@@ -169,7 +173,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn of(target: &Target) -> Self {
+    pub(super) fn from_target(target: &Target) -> Self {
         let padded =
             |bytes: u32| bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT) as usize;
         let lens = &target.spec.intrinsics;

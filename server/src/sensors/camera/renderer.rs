@@ -14,10 +14,10 @@ use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Shine;
 use super::geometry::{BodyRows, Geometry, VisibleRange};
-use super::graphics::{Graphics, Opened};
+use super::graphics::{Graphics, OpenDevice};
 use super::person::PersonMesh;
 use super::pipelines::Pipelines;
-use super::prepare::{Prepared, check_cameras, prepare};
+use super::prepare::{PreparedScene, check_cameras, prepare};
 use super::readback::{Buffers as ReadBuffers, Image, ReadBack};
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
@@ -97,7 +97,7 @@ impl Renderer {
         quality: Quality,
         adapter: Option<&str>,
     ) -> Result<Self, RenderError> {
-        Self::over(&Graphics::on(adapter), scene, cameras, quality)
+        Self::over(&Graphics::for_adapter(adapter), scene, cameras, quality)
     }
 
     /// Uploads a scene to a shared device.
@@ -112,15 +112,15 @@ impl Renderer {
         quality: Quality,
     ) -> Result<Self, RenderError> {
         check_cameras(scene, cameras)?;
-        let tier = Tier::of(quality, scene);
-        let Prepared {
+        let tier = Tier::for_scene(quality, scene);
+        let PreparedScene {
             opened,
             pipelines,
             packer,
             surroundings,
             buffers,
         } = prepare(scene, tier, graphics)?;
-        let Opened {
+        let OpenDevice {
             info,
             device,
             queue,
@@ -539,14 +539,14 @@ impl Renderer {
 
 /// An image that is read or being read.
 enum Reading<'scope> {
-    Done(Read),
-    UnderWay(std::thread::ScopedJoinHandle<'scope, Read>),
+    Done(ReadResult),
+    UnderWay(std::thread::ScopedJoinHandle<'scope, ReadResult>),
 }
 
-type Read = Result<Image, String>;
+type ReadResult = Result<Image, String>;
 
 impl Reading<'_> {
-    fn wait(self) -> Read {
+    fn wait(self) -> ReadResult {
         match self {
             Self::Done(read) => read,
             Self::UnderWay(job) => job

@@ -15,11 +15,11 @@ const MOST_LENT: usize = 12;
 pub(super) struct Ring {
     name: String,
     bytes: u64,
-    spare: Arc<Spare>,
+    spare: Arc<BufferPool>,
 }
 
 #[derive(Default)]
-struct Spare {
+struct BufferPool {
     buffers: Mutex<Vec<wgpu::Buffer>>,
     lent: AtomicUsize,
 }
@@ -62,7 +62,7 @@ impl Ring {
             return Ok(copy);
         }
         self.spare.lent.fetch_add(1, Ordering::Relaxed);
-        Ok(Bytes::from_owner(Lent {
+        Ok(Bytes::from_owner(MappedBuffer {
             view: Some(view),
             buffer,
             spare: Arc::clone(&self.spare),
@@ -77,20 +77,20 @@ impl Ring {
 }
 
 /// A shared mapped buffer.
-struct Lent {
+struct MappedBuffer {
     /// `Some` until it is dropped.
     view: Option<wgpu::BufferView>,
     buffer: wgpu::Buffer,
-    spare: Arc<Spare>,
+    spare: Arc<BufferPool>,
 }
 
-impl AsRef<[u8]> for Lent {
+impl AsRef<[u8]> for MappedBuffer {
     fn as_ref(&self) -> &[u8] {
         self.view.as_deref().unwrap_or_default()
     }
 }
 
-impl Drop for Lent {
+impl Drop for MappedBuffer {
     fn drop(&mut self) {
         // The view must be dropped before the buffer is unmapped.
         self.view = None;

@@ -13,7 +13,7 @@ use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Image};
 use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
-use crate::look::{Drawn, Irradiance, Kind, Lamp, Reflection};
+use crate::look::{Irradiance, Kind, Lamp, Reflection, SampledLook};
 use crate::people::{BodyPart, Person};
 use crate::robot::{RobotModel, SeatSettings};
 use crate::scene::{Body, Lighting, Scene, Soft};
@@ -128,7 +128,7 @@ impl RenderScene {
         robot: &RobotModel,
         scene: &Scene,
         assets: &Path,
-        look: Option<&Drawn>,
+        look: Option<&SampledLook>,
     ) -> Result<Self, RenderError> {
         Self::with_person(robot, scene, assets, look, None)
     }
@@ -142,7 +142,7 @@ impl RenderScene {
         robot: &RobotModel,
         scene: &Scene,
         assets: &Path,
-        look: Option<&Drawn>,
+        look: Option<&SampledLook>,
         person: Option<&Arc<Person>>,
     ) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
@@ -179,7 +179,7 @@ impl RenderScene {
             assets,
             known: BTreeMap::new(),
         };
-        let kept = |m: &Material| look.map_or_else(|| m.clone(), |look| look.kept(m));
+        let kept = |m: &Material| look.map_or_else(|| m.clone(), |look| look.unchanged(m));
         let furniture = |m: &Material| look.map_or_else(|| m.clone(), |look| look.furniture(m));
         for (i, object) in scene.objects.iter().enumerate() {
             let at = (Binding::Object(i), Isometry3::identity());
@@ -409,7 +409,7 @@ impl RenderScene {
     /// those of the furniture, of which there are `number`.
     fn decorate(
         &mut self,
-        look: &Drawn,
+        look: &SampledLook,
         mut number: usize,
         meshes: &mut MeshCache<'_>,
     ) -> Result<(), RenderError> {
@@ -452,7 +452,7 @@ impl RenderScene {
 
     /// Switches on the active lamps of the furniture, in order, and returns their
     /// number.
-    fn light_lamps(&mut self, look: &Drawn) -> usize {
+    fn light_lamps(&mut self, look: &SampledLook) -> usize {
         let is_lamp = |item: &&mut RenderItem| {
             item.material.family == Some(Family::Lamp) && item.binding == Binding::World
         };

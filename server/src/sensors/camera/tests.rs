@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 use super::*;
 use crate::geometry::mesh::build;
 use crate::geometry::{Material, Shape, Texture, texture};
-use crate::look::{Drawn, Look};
+use crate::look::{Look, SampledLook};
 use crate::robot::RobotModel;
 use crate::scene::{Lighting, Scene};
 use crate::snapshot::{BodyState, Snapshot};
@@ -476,7 +476,7 @@ fn a_look_changes_only_colours_and_glass_keeps_depth_and_id() {
                 exposure: 3,
                 ..Look::default()
             };
-            let look = (seed > 0).then(|| Drawn::new(look, &home, &assets).unwrap());
+            let look = (seed > 0).then(|| SampledLook::new(look, &home, &assets).unwrap());
             let scene = RenderScene::with_look(&robot, &home, &assets, look.as_ref()).unwrap();
             let frame = renderer(&scene, &cameras, quality)?.render(&now, &[0]);
             Some(frame.unwrap().remove(0))

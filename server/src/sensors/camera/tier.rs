@@ -25,7 +25,7 @@ pub(super) struct Tier {
 const BYTE_IDS: u16 = 255;
 
 impl Tier {
-    pub(super) fn of(quality: Quality, scene: &RenderScene) -> Self {
+    pub(super) fn for_scene(quality: Quality, scene: &RenderScene) -> Self {
         let lit = scene.surrounding.is_some();
         let tier = |shadow_size, shadow_taps, samples| Self {
             shadow_size,

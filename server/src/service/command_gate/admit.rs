@@ -24,7 +24,7 @@ pub(super) const MAX_PENDING: usize = 256;
 /// counts up by one.
 const MAX_JUMP: u64 = 1_000_000;
 
-/// Why a command was rejected.
+/// Reason a command was rejected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// Name of the commander; empty when it could not be read.
@@ -38,7 +38,7 @@ pub struct Refused {
 }
 
 /// Machine-readable code and human-readable reason.
-type Why = (RefusalCode, String);
+type Reason = (RefusalCode, String);
 
 impl CommandGate {
     /// Rejects a message by its length, before it is copied or decoded.
@@ -93,7 +93,7 @@ impl CommandGate {
             anonymous(RefusalCode::Invalid, words)
         })?;
         let header = command.header.clone().unwrap_or_default();
-        let refuse = |(code, reason): Why| Refused {
+        let refuse = |(code, reason): Reason| Refused {
             commander: command.commander.chars().take(64).collect(),
             sequence: header.sequence,
             code,
@@ -199,7 +199,7 @@ impl CommandGate {
         Ok(())
     }
 
-    fn check_control(&self, name: &str, run_id: &str, bytes: &[u8]) -> Result<(), Why> {
+    fn check_control(&self, name: &str, run_id: &str, bytes: &[u8]) -> Result<(), Reason> {
         let Some(holder) = self.lease.holder() else {
             return Err((
                 RefusalCode::NoControl,
@@ -222,7 +222,7 @@ impl CommandGate {
                 format!("control is held by another process with the name {name:?}"),
             ));
         }
-        if holder.sealed && !seal::holds(bytes, &holder.secret) {
+        if holder.sealed && !seal::is_sealed(bytes, &holder.secret) {
             return Err((
                 RefusalCode::Seal,
                 format!(
@@ -236,7 +236,7 @@ impl CommandGate {
 
     /// Rejects a command that answers a state older than [`MAX_AGE`]. A command that only
     /// stops is accepted at any age; one that drives must name the state it answers.
-    fn check_age(&self, command: &v1::Command) -> Result<(), Why> {
+    fn check_age(&self, command: &v1::Command) -> Result<(), Reason> {
         if check::stops(command) {
             return Ok(());
         }
@@ -276,7 +276,7 @@ impl CommandGate {
         Ok(())
     }
 
-    fn check_sequence(&mut self, sequence: u64) -> Result<(), Why> {
+    fn check_sequence(&mut self, sequence: u64) -> Result<(), Reason> {
         let Some(holder) = self.lease.holder_mut() else {
             return Ok(());
         };

@@ -9,7 +9,7 @@ use wheelarm_proto::{Message, StreamId, TopicId, check, v1};
 use super::{Engine, NAP, Next, Waits};
 use crate::service::command_gate::Listening;
 use crate::service::denied::Denied;
-use crate::service::episode::{Episode, Stage, Unacknowledged};
+use crate::service::episode::{Episode, PendingStopReply, Stage};
 use crate::service::recorders::Progress;
 use crate::service::{convert, describe};
 use crate::sim::Pacing;
@@ -46,7 +46,7 @@ impl Engine {
             return;
         };
         match stopped {
-            Some(stopped) => self.unacknowledged.push(Unacknowledged {
+            Some(stopped) => self.unacknowledged.push(PendingStopReply {
                 query,
                 stopped,
                 participants,
@@ -258,8 +258,8 @@ impl Engine {
             Some(holder) if wanted.is_empty() || wanted == holder => Ok(()),
             Some(holder) => {
                 let words = format!(
-                    "in lock-step the simulation waits for one commander: {wanted:?} is \
-                     for, but {holder:?} holds control (query `lease`)"
+                    "in lock-step the simulation waits for one commander: the request names \
+                     {wanted:?}, but {holder:?} holds control (query `lease`)"
                 );
                 Err(Denied::new(FailureCode::ControlHeld, words))
             }

@@ -24,7 +24,7 @@ use wheelarm_proto::v1::WaitingFor;
 
 use super::command_delay::CommandDelay;
 use super::command_gate::{Listening, SetPoints};
-use super::episode::{Episode, Stage, Unacknowledged};
+use super::episode::{Episode, PendingStopReply, Stage};
 use super::error::ServiceError;
 use super::pace::Pace;
 use super::pending_operation::PendingOperation;
@@ -76,7 +76,7 @@ pub struct Engine {
     pub(in crate::service) pace: Pace,
     pub(in crate::service) episodes: u64,
     /// Replies to `episode_stop` that wait for recorders.
-    pub(in crate::service) unacknowledged: Vec<Unacknowledged>,
+    pub(in crate::service) unacknowledged: Vec<PendingStopReply>,
     /// The last ended episodes, oldest first.
     pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
     pub(in crate::service) seen_anomalies: Vec<Anomaly>,
@@ -119,7 +119,7 @@ impl Engine {
             asset_texts,
             pace: Pace::new(sim.scenario().pacing),
             signals: Signals::new(sim.devices(), sim.model()),
-            command_delay: CommandDelay::of(sim.devices()),
+            command_delay: CommandDelay::from_devices(sim.devices()),
             sim,
             shared,
             pending_operation: None,
@@ -474,7 +474,7 @@ impl Engine {
         self.made = Made::default();
         self.shown = None;
         self.signals = Signals::new(self.sim.devices(), self.sim.model());
-        self.command_delay = CommandDelay::of(self.sim.devices());
+        self.command_delay = CommandDelay::from_devices(self.sim.devices());
         self.pace.restart();
         self.publish_state();
     }

@@ -11,7 +11,7 @@ use crate::service::convert;
 use crate::service::denied::Denied;
 use crate::service::episode::Stage;
 use crate::service::render::RenderThread;
-use crate::sim::{Pacing, Recorded, RecordedSkin};
+use crate::sim::{Pacing, RecordedSkin, RecordedState};
 use crate::snapshot::{BodyState, JointState};
 
 /// Why commands are rejected during playback.
@@ -188,7 +188,7 @@ fn body(
 
 /// Converts the state of a request and checks every number; `root` is the frame of the
 /// robot's root link.
-fn recorded(request: &v1::ShowRequest, root: usize) -> Result<Recorded, Invalid> {
+fn recorded(request: &v1::ShowRequest, root: usize) -> Result<RecordedState, Invalid> {
     let default = v1::JointState::default();
     let state = request.joints.as_ref().unwrap_or(&default);
     let root = request.poses.as_ref().and_then(|p| p.frames.get(root));
@@ -221,7 +221,7 @@ fn recorded(request: &v1::ShowRequest, root: usize) -> Result<Recorded, Invalid>
             kinetic_energy: check::finite("deformable", soft.kinetic_energy)?,
         })
     });
-    Ok(Recorded {
+    Ok(RecordedState {
         tick: request.tick,
         joints: joints(
             "joints",

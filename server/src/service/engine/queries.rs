@@ -14,7 +14,7 @@ use super::Engine;
 use crate::geometry::bounds;
 use crate::scene::Body;
 use crate::service::denied::Denied;
-use crate::service::pending_operation::{PendingOperation, Right};
+use crate::service::pending_operation::{PendingOperation, Permission};
 use crate::service::render::RenderThread;
 use crate::service::request_queue::Request;
 use crate::service::sensor_images::SensorKind;
@@ -43,7 +43,7 @@ impl Engine {
                 let wanted = self.wanted(&payload);
                 let begun = wanted.and_then(|(scenario, request)| {
                     let loading = self.load(scenario, request.snapshot, request.playback)?;
-                    let right = Right {
+                    let right = Permission {
                         force: request.force,
                         secret: request.secret,
                     };
@@ -113,7 +113,7 @@ impl Engine {
     /// The requested scenario of a reset, with every field checked.
     fn wanted(&self, payload: &[u8]) -> Result<(Scenario, v1::ResetRequest), Denied> {
         let mut request: v1::ResetRequest = decode(payload)?;
-        self.may_reset(&Right {
+        self.may_reset(&Permission {
             force: request.force,
             secret: request.secret.clone(),
         })?;
@@ -123,7 +123,7 @@ impl Engine {
     }
 
     /// Whether a client may replace the simulation.
-    pub(super) fn may_reset(&self, right: &Right) -> Result<(), Denied> {
+    pub(super) fn may_reset(&self, right: &Permission) -> Result<(), Denied> {
         self.may("a reset takes its world away", right.force, &right.secret)
     }
 
@@ -268,7 +268,7 @@ impl Engine {
     fn status(&self) -> v1::Status {
         let mut evaluation = convert::evaluation(self.sim.evaluation());
         evaluation.header = Some(self.stamp());
-        let held = leases::held(self.shared.command_gate.lock().lease());
+        let held = leases::lease_reply(self.shared.command_gate.lock().lease());
         v1::Status {
             header: Some(self.stamp()),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -341,7 +341,7 @@ impl Engine {
         let stamp = self.stamp();
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(query, stamp, move || {
-            let reply = picked.at(&request, &instances, &graspable)?;
+            let reply = picked.body_at(&request, &instances, &graspable)?;
             Ok(v1::PickReply { header, ..reply }.encode_to_vec().into())
         });
     }

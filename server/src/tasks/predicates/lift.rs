@@ -50,7 +50,7 @@ impl Predicate for LiftedAndHeld {
     ) -> Option<Measure> {
         let (object, _) = context.object_in(&self.object, snapshot)?;
         let rise = context.rise(object, snapshot);
-        let now = rise >= self.height && context.held(object, self.pad_force, snapshot);
+        let now = rise >= self.height && context.is_held(object, self.pad_force, snapshot);
         Some(Measure {
             value: rise,
             holds: memory.lasted(now, snapshot.tick, self.secs),
@@ -97,7 +97,7 @@ impl Predicate for LiftedBefore {
         snapshot: &Snapshot,
     ) -> Option<Measure> {
         let (object, _) = context.object_in(&self.object, snapshot)?;
-        if context.held(object, self.pad_force, snapshot) {
+        if context.is_held(object, self.pad_force, snapshot) {
             memory.worst = memory.worst.max(context.rise(object, snapshot));
         }
         Some(Measure {

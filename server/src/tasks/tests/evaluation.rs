@@ -151,7 +151,7 @@ fn a_knife_is_placed_when_it_was_lifted_and_released_on_the_mat() {
         knife.translation.vector = mat.translation.vector + Vector3::new(-0.04, 0.0, 0.0);
     };
     let lifted = || {
-        let mut stage = Stage::of("place_knife", "knife");
+        let mut stage = Stage::for_task("place_knife", "knife");
         stage.run(0.1);
         stage.grip();
         stage.raise(0.08);
@@ -170,7 +170,7 @@ fn a_knife_is_placed_when_it_was_lifted_and_released_on_the_mat() {
     moving.snapshot.objects[moving.target].linear.x = 0.1;
     assert!(!moving.run(2.0).done, "it still slides");
 
-    let mut pushed = Stage::of("place_knife", "knife");
+    let mut pushed = Stage::for_task("place_knife", "knife");
     pushed.run(0.1);
     on_mat(&mut pushed);
     assert!(!pushed.run(2.0).done, "it was never lifted");
@@ -186,7 +186,7 @@ fn a_knife_is_placed_when_it_was_lifted_and_released_on_the_mat() {
 fn a_can_counts_only_at_the_bottom_of_the_bin() {
     let bin = home().surface_named("table_bin", None).unwrap().centre();
     let released = |offset: Vector3<f64>| {
-        let mut stage = Stage::of("throw_meat_can", "meat_can");
+        let mut stage = Stage::for_task("throw_meat_can", "meat_can");
         stage.run(0.1);
         stage.grip();
         stage.raise(0.08);
@@ -211,7 +211,7 @@ fn a_can_counts_only_at_the_bottom_of_the_bin() {
 
 #[test]
 fn a_drawer_counts_from_twenty_centimetres_on() {
-    let mut stage = Stage::of("open_drawer", "drawer_1");
+    let mut stage = Stage::for_task("open_drawer", "drawer_1");
     stage.run(0.1);
     stage.snapshot.furniture_joints[1].position = 0.3;
     stage.snapshot.furniture_joints[0].position = 0.19;
@@ -224,7 +224,7 @@ fn a_drawer_counts_from_twenty_centimetres_on() {
     assert_eq!(condition(&early, "opened_by").value, 0.19);
     stage.snapshot.furniture_joints[0].position = 0.2;
     assert!(stage.run(0.1).success);
-    let mut shut = Stage::of("close_drawer", "drawer_2");
+    let mut shut = Stage::for_task("close_drawer", "drawer_2");
     shut.snapshot.furniture_joints[1].position = 0.05;
     assert!(!shut.run(0.5).done && !condition(&shut.run(0.0), "closed_to").holds);
     shut.snapshot.furniture_joints[1].position = 0.01;
@@ -235,7 +235,7 @@ fn a_drawer_counts_from_twenty_centimetres_on() {
 
 #[test]
 fn another_can_is_not_the_target() {
-    let mut stage = Stage::of("select_coke", "coke_2");
+    let mut stage = Stage::for_task("select_coke", "coke_2");
     stage.run(0.1);
     let other = stage.scene.object_named("coke_3").unwrap();
     stage.snapshot.objects[other].pose.translation.z += 0.12;

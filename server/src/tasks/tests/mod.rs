@@ -81,10 +81,10 @@ pub(super) struct Stage {
 
 impl Stage {
     fn new() -> Self {
-        Self::of("pick_mustard", "mustard")
+        Self::for_task("pick_mustard", "mustard")
     }
 
-    pub(super) fn of(name: &str, target: &str) -> Self {
+    pub(super) fn for_task(name: &str, target: &str) -> Self {
         let scene = home();
         let model =
             RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));

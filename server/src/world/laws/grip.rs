@@ -22,7 +22,7 @@ struct Grasp {
 /// The robot at home holds a bottle, its pads closed with a force of `force` N; the
 /// pedestal of the bottle has been removed.
 fn grasp(shape: Shape, force: f64) -> Grasp {
-    let pads = at(0.0, 0.0, 0.137);
+    let pads = pose_at(0.0, 0.0, 0.137);
     let mut bottle = object("bottle", Isometry3::identity(), MASS, BOTTLE, shape);
     bottle.friction = FRICTION;
     let turn = |hand: &Isometry3<f64>, chair: &Isometry3<f64>| {
@@ -36,7 +36,7 @@ fn grasp_asset(kind: &str, force: f64) -> Grasp {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let body = crate::scene::object(&assets, kind).expect("an object");
     let hand_from_object =
-        at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
+        pose_at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
     // The frame of these objects is at the centre of the bottom.
     grasp_body(body, 0.0, |hand, _| hand * hand_from_object, force)
 }
@@ -62,7 +62,7 @@ fn grasp_body(
     let on = held.pose.translation;
     let height = (on.z - below) / 2.0;
     let half = [0.03, 0.03, height];
-    let under = at(on.x, on.y, height);
+    let under = pose_at(on.x, on.y, height);
     let pedestal = body("pedestal", under, 0.6, Shape::Cuboid { half });
     let (scene, placements) = scene(vec![floor(), pedestal], vec![held]);
     let world = World::new(&model, &scene, &placements, &start, &home).expect("a world");
@@ -258,8 +258,8 @@ fn inner_knuckles_stay_outside_a_held_object() {
             }
         }
         assert_eq!(knuckles, 2);
-        let grasped =
-            grasp.hand_from_bottle().inverse() * at(0.0, 0.0, grasp.model.settings.tool_length);
+        let grasped = grasp.hand_from_bottle().inverse()
+            * pose_at(0.0, 0.0, grasp.model.settings.tool_length);
         let body = crate::scene::object(
             &Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets"),
             kind,
@@ -278,7 +278,8 @@ fn inner_knuckles_stay_outside_a_held_object() {
 fn inner_knuckles_push_out_an_object_that_is_too_deep() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let can = crate::scene::object(&assets, "meat_can").expect("an object");
-    let deep = at(0.0, 0.0, model().settings.tool_length - 0.017) * can.grasps[0].pose.inverse();
+    let deep =
+        pose_at(0.0, 0.0, model().settings.tool_length - 0.017) * can.grasps[0].pose.inverse();
     let grasp = grasp_body(can, 0.0, |hand, _| hand * deep, 40.0);
     let moved = (deep.inverse() * grasp.hand_from_bottle())
         .translation

@@ -6,7 +6,13 @@ use crate::world::WorldError;
 
 fn crate_on_floor(x: f64, z: f64) -> Body {
     let half = [0.1; 3];
-    object("crate", at(x, 0.0, z), 1.0, half, Shape::Cuboid { half })
+    object(
+        "crate",
+        pose_at(x, 0.0, z),
+        1.0,
+        half,
+        Shape::Cuboid { half },
+    )
 }
 
 fn world(objects: Vec<Body>) -> World {

@@ -247,7 +247,7 @@ fn an_object_in_the_lap_presses_with_its_weight() {
     let middle = nalgebra::center(&a, &b);
     let bar = object(
         "bar",
-        at(middle.x, 0.0, middle.z + 0.14),
+        pose_at(middle.x, 0.0, middle.z + 0.14),
         0.5,
         [0.02, 0.16, 0.01],
         Shape::Cuboid {
@@ -305,7 +305,7 @@ fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
     };
     let touched = bottom + (top - bottom) * 0.67;
     let half = [0.1, 0.5, 0.01];
-    let place = at(touched.x + radius + 0.05 + half[0], 0.0, touched.z);
+    let place = pose_at(touched.x + radius + 0.05 + half[0], 0.0, touched.z);
     let board = body("board", place, 0.6, Shape::Cuboid { half });
     let (scene, placements) = scene(vec![floor(), board], Vec::new());
     let home = model.settings.home;
@@ -355,7 +355,7 @@ fn an_object_released_over_the_lap_comes_to_rest() {
         let lap = person.lap.at;
         let mut bar = object(
             "bar",
-            at(lap.x, 0.0, lap.z + 0.02 + half[2]),
+            pose_at(lap.x, 0.0, lap.z + 0.02 + half[2]),
             0.11,
             half,
             Shape::Cuboid { half },
@@ -403,7 +403,7 @@ fn the_reported_head_pose_is_that_of_its_shapes() {
         let snapshot = world.snapshot();
         let head_pose = snapshot.person.expect("a person").head;
         if tick % 4 == 0 {
-            assert_eq!(head_pose, motion.at(tick));
+            assert_eq!(head_pose, motion.head_pose(tick));
         }
         poses.insert([head_pose.yaw, head_pose.pitch, head_pose.roll].map(f64::to_bits));
         let mut colliders = world.physics.colliders.iter();

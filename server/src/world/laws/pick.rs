@@ -77,7 +77,7 @@ struct Outcome {
 fn pick(force: f64) -> Outcome {
     let model = model();
     let home = model.settings.home;
-    let stand = at(1.2, 0.36, TABLE_TOP + BOTTLE[2]);
+    let stand = pose_at(1.2, 0.36, TABLE_TOP + BOTTLE[2]);
     let shape = Shape::RoundedCuboid {
         half: BOTTLE,
         radius: 0.01,

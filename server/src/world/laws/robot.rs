@@ -181,7 +181,7 @@ fn a_saved_state_of_another_physics_version_is_rejected() {
 fn a_wall_stops_the_chair() {
     let model = model();
     let half = [0.1, 2.0, 0.5];
-    let wall = body("wall", at(1.1, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let wall = body("wall", pose_at(1.1, 0.0, 0.5), 0.5, Shape::Cuboid { half });
     let (scene, placements) = scene(vec![floor(), wall], Vec::new());
     let home = model.settings.home;
     let start = Isometry3::identity();
@@ -227,7 +227,7 @@ fn a_double_pendulum_keeps_its_energy() {
         kind: JointKind::Continuous,
         parent,
         child: parent + 1,
-        origin: at(0.0, 0.0, z),
+        origin: pose_at(0.0, 0.0, z),
         axis: Vector3::y_axis(),
         limits: Limits {
             lower: f64::NEG_INFINITY,
@@ -241,7 +241,7 @@ fn a_double_pendulum_keeps_its_energy() {
     model.joints = vec![joint(0, 0.0), joint(1, -0.4)];
     let mut physics = engine();
     let swing = |j: usize| [1.3, 0.4][j];
-    let start = at(0.0, 0.0, 2.0);
+    let start = pose_at(0.0, 0.0, 2.0);
     let robot = RobotBody::insert(&mut physics, &model, &start, swing, |_| Surface::Shell)
         .expect("a pendulum");
     physics.bodies[robot.handles[0]].set_body_type(rapier3d::prelude::RigidBodyType::Fixed, true);

@@ -35,7 +35,7 @@ fn ball(name: &str, pose: Isometry3<f64>, mass: f64) -> Body {
 #[test]
 fn a_ball_falls_with_constant_acceleration() {
     let (mut physics, scene_bodies) =
-        scene_bodies(vec![], vec![ball("ball", at(-9.0, 3.0, 10.0), 0.3)]);
+        scene_bodies(vec![], vec![ball("ball", pose_at(-9.0, 3.0, 10.0), 0.3)]);
     run(&mut physics, 1.0);
     let fallen = 10.0 - place(&physics, scene_bodies.objects[0]).translation.z;
     // The integrator is symplectic Euler with substeps of 1/960 s.
@@ -48,8 +48,8 @@ fn a_ball_falls_with_constant_acceleration() {
 #[test]
 fn a_collision_keeps_momentum() {
     let balls = vec![
-        ball("light", at(-0.3, 0.01, 0.0), 0.2),
-        ball("heavy", at(0.0, 0.0, 0.0), 0.5),
+        ball("light", pose_at(-0.3, 0.01, 0.0), 0.2),
+        ball("heavy", pose_at(0.0, 0.0, 0.0), 0.5),
     ];
     let (mut physics, scene_bodies) = scene_bodies(vec![], balls);
     physics.gravity = rapier3d::math::Vector::ZERO;
@@ -87,14 +87,14 @@ fn a_block_slides_beyond_the_friction_angle_only() {
         let half = [2.0, 1.0, 0.1];
         let slope = body(
             "slope",
-            tilt * at(0.0, 0.0, -0.1),
+            tilt * pose_at(0.0, 0.0, -0.1),
             0.5,
             Shape::Cuboid { half },
         );
         let half = [0.05, 0.05, 0.03];
         let mut block = object(
             "block",
-            tilt * at(0.0, 0.0, 0.03),
+            tilt * pose_at(0.0, 0.0, 0.03),
             0.4,
             half,
             Shape::Cuboid { half },
@@ -141,7 +141,12 @@ fn a_block_slides_beyond_the_friction_angle_only() {
 #[test]
 fn a_drawer_resists_with_dry_and_viscous_friction() {
     let half = [0.2, 0.2, 0.05];
-    let drawer = body("drawer", at(1.0, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let drawer = body(
+        "drawer",
+        pose_at(1.0, 0.0, 0.5),
+        0.5,
+        Shape::Cuboid { half },
+    );
     let moving = object("drawer", drawer.pose, 2.5, half, Shape::Cuboid { half });
     let (mut scene, placements) = scene(vec![floor(), drawer], Vec::new());
     for (friction, damping) in [(3.0, 6.0), (8.0, 14.0)] {
@@ -192,7 +197,7 @@ fn objects_on_a_table_stay_at_rest() {
     let objects = vec![
         object(
             "can",
-            at(0.3, -0.6, top + 0.051),
+            pose_at(0.3, -0.6, top + 0.051),
             0.349,
             [0.034, 0.034, 0.051],
             Shape::Cylinder {
@@ -202,14 +207,14 @@ fn objects_on_a_table_stay_at_rest() {
         ),
         object(
             "box",
-            at(0.3, -0.2, top + half[2]),
+            pose_at(0.3, -0.2, top + half[2]),
             0.411,
             half,
             Shape::Cuboid { half },
         ),
         object(
             "bottle",
-            at(0.3, 0.2, top + round[2]),
+            pose_at(0.3, 0.2, top + round[2]),
             0.603,
             round,
             Shape::RoundedCuboid {
@@ -217,10 +222,16 @@ fn objects_on_a_table_stay_at_rest() {
                 radius: 0.01,
             },
         ),
-        object("cup", at(0.3, 0.6, top), 0.08, [0.035, 0.035, 0.0525], cup),
+        object(
+            "cup",
+            pose_at(0.3, 0.6, top),
+            0.08,
+            [0.035, 0.035, 0.0525],
+            cup,
+        ),
         object(
             "cone",
-            at(0.6, 0.0, top + 0.05),
+            pose_at(0.6, 0.0, top + 0.05),
             0.3,
             [0.03, 0.03, 0.05],
             Shape::Frustum {

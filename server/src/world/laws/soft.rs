@@ -36,10 +36,10 @@ fn press() -> Press {
 }
 
 fn press_from(aside: f64) -> Press {
-    let seat = at(0.3, 0.0, TABLE_TOP);
+    let seat = pose_at(0.3, 0.0, TABLE_TOP);
     let middle = Vector3::new(0.3, 0.0, TABLE_TOP + WAIST);
     let plate = |y: f64| {
-        let pose = at(middle.x, middle.y + y, middle.z);
+        let pose = pose_at(middle.x, middle.y + y, middle.z);
         let half = PLATE;
         object("plate", pose, 0.5, half, Shape::Cuboid { half })
     };
@@ -52,7 +52,7 @@ fn press_from(aside: f64) -> Press {
     let model = model();
     let home = model.settings.home;
     let mut world =
-        World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+        World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home).expect("a world");
     let plates = [world.scene_bodies.objects[1], world.scene_bodies.objects[2]];
     for plate in plates {
         let plate = &mut world.physics.bodies[plate];
@@ -250,16 +250,16 @@ fn the_bear_slides_beyond_the_friction_limit() {
         let angle = (FRICTION * share).atan();
         let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angle);
         let half = [1.0, 1.0, 0.02];
-        let slope = Isometry3::from_parts(at(0.0, 0.0, TABLE_TOP).translation, turn);
+        let slope = Isometry3::from_parts(pose_at(0.0, 0.0, TABLE_TOP).translation, turn);
         let mut board = body("slope", slope, 0.0, Shape::Cuboid { half });
         board.friction = 0.0;
-        let mut bear = bear(slope * at(0.0, 0.0, half[2]));
+        let mut bear = bear(slope * pose_at(0.0, 0.0, half[2]));
         bear.friction = FRICTION;
         let (scene, placements) = scene(vec![floor(), board], vec![bear]);
         let model = model();
         let home = model.settings.home;
-        let mut world =
-            World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+        let mut world = World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home)
+            .expect("a world");
         let down = turn * -Vector3::y();
         let along = |world: &World| {
             let bear = &world.snapshot().objects[0];
@@ -297,18 +297,18 @@ fn the_bear_carries_a_board() {
     let half = [0.10, 0.035, 0.008];
     let load = object(
         "board",
-        at(0.3, -0.075, TABLE_TOP + 0.096),
+        pose_at(0.3, -0.075, TABLE_TOP + 0.096),
         0.1,
         half,
         Shape::Cuboid { half },
     );
-    let bear = bear(at(0.3, 0.0, TABLE_TOP));
+    let bear = bear(pose_at(0.3, 0.0, TABLE_TOP));
     let weight = (bear.mass.expect("mass").mass + 0.1) * GRAVITY;
     let (scene, placements) = scene(vec![floor(), table(0.0)], vec![bear, load]);
     let model = model();
     let home = model.settings.home;
     let mut world =
-        World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+        World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home).expect("a world");
     seconds(&mut world, 4.0, |_, _| {});
     let snapshot = world.snapshot();
     let speed = snapshot.objects[1].linear.norm();

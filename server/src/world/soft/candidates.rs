@@ -57,7 +57,7 @@ struct Patch {
 }
 
 /// The contact candidates of one tick, with their solids.
-pub(super) struct Near {
+pub(super) struct TickCandidates {
     pub candidates: Vec<ContactCandidate>,
     /// The touched solids.
     pub solids: Vec<Mobility>,
@@ -119,12 +119,12 @@ impl Skin {
         (spheres, physics): (&Spheres, &PhysicsWorld),
         friction: f64,
         h: f64,
-    ) -> Near {
+    ) -> TickCandidates {
         let margin = MARGIN + state.fastest() * h;
         let boxes = self.patches.iter().map(|p| p.room(body, &state.position));
         let boxes: Vec<Room> = boxes.collect();
         let room = around(boxes.iter().copied());
-        let mut near = Near {
+        let mut near = TickCandidates {
             candidates: Vec::new(),
             solids: Vec::new(),
             sites: Vec::new(),
@@ -354,7 +354,7 @@ impl Solid<'_> {
     }
 }
 
-impl Near {
+impl TickCandidates {
     /// The bristles after the tick.
     pub(super) fn bristles(&self, forces: &[ContactForce]) -> Bristles {
         let held = self.sites.iter().zip(forces).filter_map(|(site, contact)| {

@@ -94,7 +94,7 @@ pub(super) enum FrictionState {
 
 impl Mobility {
     /// Change of the velocity at a point per impulse there, 1/kg.
-    fn at(&self, point: &Vector3<f64>) -> Option<Matrix3<f64>> {
+    fn velocity_response(&self, point: &Vector3<f64>) -> Option<Matrix3<f64>> {
         let inverse = self.inverse?;
         let arm = (point - self.centre).cross_matrix();
         let (linear, mixed, angular) = (
@@ -152,7 +152,10 @@ impl<'a> ContactSolution<'a> {
         solids: &'a [Mobility],
         h: f64,
     ) -> Self {
-        let points: Vec<_> = candidates.iter().map(|t| t.at(body, position)).collect();
+        let points: Vec<_> = candidates
+            .iter()
+            .map(|t| t.interpolate(body, position))
+            .collect();
         let mut solution = Self {
             candidates,
             solids,
@@ -167,7 +170,7 @@ impl<'a> ContactSolution<'a> {
             if normal > 0.0 {
                 solution.friction_states[i] =
                     FrictionState::Closed(share(t.friction * normal, bristle.norm()));
-                if let Some(give) = solids[t.solid].at(&solution.points[i]) {
+                if let Some(give) = solids[t.solid].velocity_response(&solution.points[i]) {
                     burden[t.solid] += h * h * t.stiffness * give.trace();
                 }
             }
@@ -201,7 +204,7 @@ impl<'a> ContactSolution<'a> {
     fn trial(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> (f64, Vector3<f64>) {
         let t = &self.candidates[i];
         let stiffness = self.stiffness(i);
-        let moved = (t.at(body, velocity) - t.velocity) * self.h;
+        let moved = (t.interpolate(body, velocity) - t.velocity) * self.h;
         let normal = -stiffness * (t.gap + t.normal.dot(&moved));
         let bristle = (t.bend(&self.points[i]) - t.along(&moved)) * stiffness;
         (normal, bristle)
@@ -265,7 +268,7 @@ impl<'a> ContactSolution<'a> {
             self.friction_states[i] = next;
             agreed = false;
         }
-        let kicks = self.kicks(&self.done(body, velocity));
+        let kicks = self.kicks(&self.forces(body, velocity));
         for (soft, kick) in self.softened.iter_mut().zip(kicks) {
             if kick > KICK {
                 *soft *= GENTLE * KICK / kick;
@@ -288,7 +291,7 @@ impl<'a> ContactSolution<'a> {
     }
 
     /// Force at every contact of a solution. Without convergence the excess is cut off.
-    pub(super) fn done(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<ContactForce> {
+    pub(super) fn forces(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<ContactForce> {
         let all = 0..self.candidates.len();
         all.map(|i| self.contact_force(body, velocity, i)).collect()
     }
@@ -312,7 +315,7 @@ impl<'a> ContactSolution<'a> {
         let kept = if pull > limit { limit / pull } else { 1.0 };
         let drag = bristle * (share * kept);
         // Relative to the solid, which moves too.
-        let end = self.points[i] + (t.at(body, velocity) - t.velocity) * self.h;
+        let end = self.points[i] + (t.interpolate(body, velocity) - t.velocity) * self.h;
         let after = (normal * normal + drag.norm_squared()) / (2.0 * stiffness);
         ContactForce {
             normal,
@@ -330,7 +333,7 @@ fn share(limit: f64, pull: f64) -> f64 {
 }
 
 impl ContactCandidate {
-    fn at(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
+    fn interpolate(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
         let nodes = body.cells[self.cell].nodes.iter().zip(&self.weights);
         nodes.map(|(i, w)| of[*i] * *w).sum()
     }

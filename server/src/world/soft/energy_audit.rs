@@ -5,8 +5,8 @@
 use std::collections::VecDeque;
 
 use super::contact_force::ContactCandidate;
-use super::motion::Done;
-use super::tank::Passage;
+use super::motion::TickResult;
+use super::tank::TickEnergies;
 
 /// Ticks of the longer energy window: half a second.
 const WINDOW: usize = 120;
@@ -17,7 +17,7 @@ const WINDOW_RISE: (f64, f64) = (1e-3, 0.02);
 
 /// The worst values of a deformable since its world was created.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Worst {
+pub struct WorstValues {
     /// Smallest normal force of a contact point, N; the law is 0 or more.
     pub normal: f64,
     /// Largest ratio of friction to the Coulomb limit of a contact point; the law is
@@ -69,7 +69,7 @@ impl Energy {
 /// The audit of one deformable.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EnergyAudit {
-    worst: Worst,
+    worst: WorstValues,
     before: Option<Energy>,
     /// Energy at the start of each tick, and the work of the solids in it, J.
     ticks: VecDeque<(Energy, f64)>,
@@ -77,7 +77,7 @@ pub(super) struct EnergyAudit {
 
 impl EnergyAudit {
     /// The worst values since the start.
-    pub(super) fn worst(&self) -> Worst {
+    pub(super) fn worst(&self) -> WorstValues {
         self.worst
     }
 
@@ -92,9 +92,9 @@ impl EnergyAudit {
     pub(super) fn enter(
         &mut self,
         energy: Energy,
-        passage: Option<Passage>,
+        passage: Option<TickEnergies>,
         candidates: &[ContactCandidate],
-        done: &Done,
+        done: &TickResult,
         speed: f64,
     ) {
         let worst = &mut self.worst;

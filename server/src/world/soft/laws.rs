@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use super::elastic::{Elastic, Elasticity};
-use super::motion::{Acting, State, step};
+use super::motion::{State, TickLoads, step};
 use super::solver::Scratch;
 use crate::geometry::tetrahedra::Tetrahedra;
 
@@ -21,8 +21,8 @@ const MATERIAL: Elasticity = Elasticity {
 fn alone<L: Fn(usize) -> Vector3<f64>>(
     load: L,
     held: &[usize],
-) -> Acting<'_, L, impl FnOnce(f64, f64) -> f64> {
-    Acting {
+) -> TickLoads<'_, L, impl FnOnce(f64, f64) -> f64> {
+    TickLoads {
         candidates: &[],
         solids: &[],
         load,

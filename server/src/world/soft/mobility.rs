@@ -35,11 +35,11 @@ impl<'a> Mobilities<'a> {
             return number;
         }
         self.found.push(body);
-        solids.push(self.of(body));
+        solids.push(self.mobility(body));
         self.found.len() - 1
     }
 
-    fn of(&mut self, handle: Option<RigidBodyHandle>) -> Mobility {
+    fn mobility(&mut self, handle: Option<RigidBodyHandle>) -> Mobility {
         let body = handle.and_then(|handle| self.physics.bodies.get(handle));
         let centre = body.map_or_else(Vector3::zeros, |b| from_vector(b.center_of_mass()));
         let inverse = match (handle, body) {

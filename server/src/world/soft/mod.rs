@@ -23,10 +23,10 @@ use rapier3d::prelude::PhysicsWorld;
 
 use candidates::{Bristles, Skin, Spheres};
 pub use elastic::{Elastic, Elasticity};
-pub use energy_audit::Worst;
+pub use energy_audit::WorstValues;
 use energy_audit::{Energy, EnergyAudit};
 pub use motion::State;
-use motion::{Acting, standing, step};
+use motion::{TickLoads, standing, step};
 use rotation::Rotation;
 use solver::Scratch;
 use tank::Tank;
@@ -57,7 +57,7 @@ pub(super) struct SoftObject {
 }
 
 /// Saved state of a deformable.
-pub(super) type Saved = (State, Bristles, Tank, u32, bool);
+pub(super) type SavedState = (State, Bristles, Tank, u32, bool);
 
 /// Node speed below which an object is at rest, m/s.
 const HARDLY: f64 = 1e-4;
@@ -115,7 +115,7 @@ impl SoftObject {
         let height = gravity * self.body.mass * self.body.centre(&before.position).z;
         let (tank, physics_before) = (&mut self.tank, &*physics);
         let mut passage = None;
-        let acting = Acting {
+        let acting = TickLoads {
             candidates: &near.candidates,
             solids: &near.solids,
             load: |i: usize| fall * masses[i],
@@ -189,8 +189,8 @@ impl SoftObject {
     }
 
     /// Its worst audit values.
-    pub(super) fn worst(&self) -> Worst {
-        Worst {
+    pub(super) fn worst(&self) -> WorstValues {
+        WorstValues {
             unsettled: self.scratch.unsettled,
             solutions: self.scratch.solutions,
             steps: self.scratch.steps,
@@ -285,7 +285,7 @@ impl SoftObject {
     }
 
     /// The state that the next tick depends on.
-    pub(super) fn save(&self) -> Saved {
+    pub(super) fn save(&self) -> SavedState {
         let (state, bristles, tank) = (&self.state, &self.bristles, &self.tank);
         let (state, bristles, tank) = (state.clone(), bristles.clone(), tank.clone());
         (state, bristles, tank, self.still, self.broken)
@@ -297,7 +297,7 @@ impl SoftObject {
     /// With a description of the problem.
     pub(super) fn examine(
         &self,
-        (state, bristles, tank, still, broken): &Saved,
+        (state, bristles, tank, still, broken): &SavedState,
     ) -> Result<(), String> {
         let own = &self.state;
         if state.position.len() != own.position.len()
@@ -340,7 +340,7 @@ impl SoftObject {
     }
 
     /// Restores a validated state.
-    pub(super) fn restore(&mut self, (state, bristles, tank, still, broken): Saved) {
+    pub(super) fn restore(&mut self, (state, bristles, tank, still, broken): SavedState) {
         self.state = state;
         self.bristles = bristles;
         self.tank = tank;

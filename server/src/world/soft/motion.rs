@@ -77,7 +77,7 @@ impl State {
 }
 
 /// Result of a tick.
-pub(super) struct Done {
+pub(super) struct TickResult {
     /// Force at every contact.
     pub forces: Vec<ContactForce>,
     /// Elastic energy at the start, J.
@@ -89,7 +89,7 @@ pub(super) struct Done {
 }
 
 /// Loads on a body during a tick.
-pub(super) struct Acting<'a, L, S> {
+pub(super) struct TickLoads<'a, L, S> {
     /// Points of the skin near solids, and those solids.
     pub candidates: &'a [ContactCandidate],
     pub solids: &'a [Mobility],
@@ -106,11 +106,11 @@ pub(super) struct Acting<'a, L, S> {
 pub(super) fn step(
     body: &Elastic,
     state: &mut State,
-    acting: Acting<'_, impl Fn(usize) -> Vector3<f64>, impl FnOnce(f64, f64) -> f64>,
+    acting: TickLoads<'_, impl Fn(usize) -> Vector3<f64>, impl FnOnce(f64, f64) -> f64>,
     h: f64,
     scratch: &mut Scratch,
-) -> Done {
-    let Acting {
+) -> TickResult {
+    let TickLoads {
         candidates,
         solids,
         load,
@@ -158,14 +158,14 @@ pub(super) fn step(
             break;
         }
     }
-    let forces = solution.done(body, &state.velocity);
+    let forces = solution.forces(body, &state.velocity);
     let kick = solution.kicks(&forces).into_iter().fold(0.0, f64::max);
     for (x, v) in state.position.iter_mut().zip(&state.velocity) {
         *x += v * h;
     }
     let carried = body.carried(&state.position);
     state.whole.extract_rotation(&carried);
-    Done {
+    TickResult {
         forces,
         elastic,
         kick,
@@ -182,5 +182,5 @@ pub(super) fn standing(
     h: f64,
 ) -> Vec<ContactForce> {
     let (position, velocity) = (&state.position, &state.velocity);
-    ContactSolution::new(body, position, velocity, candidates, solids, h).done(body, velocity)
+    ContactSolution::new(body, position, velocity, candidates, solids, h).forces(body, velocity)
 }

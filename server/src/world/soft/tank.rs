@@ -13,7 +13,7 @@ use rapier3d::prelude::PhysicsWorld;
 use serde::{Deserialize, Serialize};
 
 use super::super::convert::from_pose;
-use super::candidates::Near;
+use super::candidates::TickCandidates;
 use super::contact_force::ContactForce;
 
 /// Share of the reserve that remains after a tick: it decays within half a second.
@@ -38,13 +38,13 @@ struct Push {
 /// Result of the previous step.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Tank {
-    last: Option<Last>,
+    last: Option<LastTick>,
     /// Dissipated and not yet returned, J; negative: debt.
     reserve: f64,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Last {
+struct LastTick {
     /// Energy at its start, J.
     energy: f64,
     /// Predicted energy in the contacts at its end, J.
@@ -56,7 +56,7 @@ struct Last {
 
 /// Energies of the object between two ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Passage {
+pub(super) struct TickEnergies {
     /// Work of the solids since the last tick began, J.
     pub worked: f64,
     /// Energy created by the previous step, J; negative: dissipated.
@@ -91,17 +91,17 @@ impl Tank {
 
     /// Balance of the previous step, given that the object now contains `inner` J
     /// without its contacts; `None` without a previous step.
-    pub(super) fn pass(&mut self, physics: &PhysicsWorld, inner: f64) -> Option<Passage> {
+    pub(super) fn pass(&mut self, physics: &PhysicsWorld, inner: f64) -> Option<TickEnergies> {
         let last = self.last.as_ref()?;
         let made = inner + last.foreseen - last.energy - last.work;
         self.reserve = (self.reserve.min(KEEP * self.reserve) - made).min(MOST);
         let worked = last.pushes.iter().map(|push| push.work(physics)).sum();
-        Some(Passage { worked, made })
+        Some(TickEnergies { worked, made })
     }
 
     /// Share of the springs' stiffness in the next step, which would begin with
     /// `contacts` J in them.
-    pub(super) fn share(&mut self, passage: Option<Passage>, contacts: f64) -> f64 {
+    pub(super) fn share(&mut self, passage: Option<TickEnergies>, contacts: f64) -> f64 {
         let (Some(passage), Some(last)) = (passage, self.last.as_ref()) else {
             return 1.0;
         };
@@ -121,10 +121,16 @@ impl Tank {
     }
 
     /// Records a step of `h` seconds that began with `inner` J without the contacts.
-    pub(super) fn enter(&mut self, inner: f64, near: &Near, forces: &[ContactForce], h: f64) {
+    pub(super) fn enter(
+        &mut self,
+        inner: f64,
+        near: &TickCandidates,
+        forces: &[ContactForce],
+        h: f64,
+    ) {
         let candidates = near.candidates.iter().zip(forces);
         let acting = near.sites.iter().zip(forces);
-        self.last = Some(Last {
+        self.last = Some(LastTick {
             energy: inner + forces.iter().map(|p| p.energy[0]).sum::<f64>(),
             foreseen: forces.iter().map(|p| p.energy[1]).sum(),
             work: candidates.map(|(t, p)| p.force.dot(&t.velocity) * h).sum(),

@@ -51,7 +51,7 @@ impl ArmControl {
         } else {
             self.kinematics
                 .solve_nearest(goal, &state.position)
-                .map(|solution| Motion::to(solution.joints))
+                .map(|solution| Motion::toward(solution.joints))
         };
         match motion {
             Ok(motion) => {
@@ -114,7 +114,7 @@ impl ArmControl {
             .fold(0.0_f64, |most, speed| most.max(speed.abs()));
         let still = if fastest < 1e-3 { still + 1 } else { 0 };
         if (distance < LANDING.0 && angle < LANDING.1) || still > STALL_STEPS {
-            state.motion = Motion::to(joints);
+            state.motion = Motion::toward(joints);
             return self.towards_joints(&state.position, &joints, dt);
         }
         state.motion = Motion::Line {

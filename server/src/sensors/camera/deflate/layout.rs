@@ -72,7 +72,7 @@ pub(super) struct Layout {
 impl Layout {
     /// Layout for the planes of a packed image with depth in its stored form; `None`
     /// for too many pixels, or none.
-    pub fn of(planes: Planes, depth: Depth) -> Option<Self> {
+    pub fn for_planes(planes: Planes, depth: Depth) -> Option<Self> {
         if planes.pixels == 0 {
             return None;
         }
@@ -203,7 +203,7 @@ impl Layout {
     }
 
     /// Whether there is data to deflate.
-    pub fn has(&self, stream: usize) -> bool {
+    pub fn has_data(&self, stream: usize) -> bool {
         self.params.streams[stream].bytes > 0
     }
 

@@ -127,7 +127,7 @@ impl Deflater {
         depth: Depth,
         packed: &wgpu::Buffer,
     ) -> Option<CameraDeflater> {
-        let layout = Layout::of(planes, depth)?;
+        let layout = Layout::for_planes(planes, depth)?;
         let most = device.limits().max_storage_buffer_binding_size;
         if layout.buffers().iter().any(|&bytes| bytes > most) {
             return None;
@@ -202,7 +202,7 @@ pub(super) struct CameraDeflater {
     codes: wgpu::Buffer,
     report: wgpu::Buffer,
     result: wgpu::Buffer,
-    learnt: Mutex<Learnt>,
+    learnt: Mutex<CodeStatistics>,
     /// It has produced a wrong stream.
     is_wrong: AtomicBool,
 }
@@ -241,7 +241,7 @@ impl Results {
 
 /// Statistics of previous images.
 #[derive(Default)]
-struct Learnt {
+struct CodeStatistics {
     images: u64,
     /// New codes that are not uploaded yet.
     codes: Option<Vec<u32>>,
@@ -319,7 +319,7 @@ impl CameraDeflater {
             return Deflated::default();
         }
         let streams: Deflated = std::array::from_fn(|i| {
-            if !self.layout.has(i) {
+            if !self.layout.has_data(i) {
                 return None;
             }
             let length = Layout::length(report(i));
@@ -330,7 +330,7 @@ impl CameraDeflater {
             stream.extend(self.adler(i, report).to_be_bytes());
             Some(Bytes::from(stream))
         });
-        let is_whole = (0..STREAMS).all(|i| streams[i].is_some() || !self.layout.has(i));
+        let is_whole = (0..STREAMS).all(|i| streams[i].is_some() || !self.layout.has_data(i));
         if self.is_due(number, is_whole) {
             let wrong = (0..STREAMS).any(|i| {
                 let stream = streams[i].as_ref();

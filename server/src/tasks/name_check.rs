@@ -5,7 +5,7 @@ use super::context::TARGET;
 use crate::scene::{FurnitureJoint, Place, Scene, SceneError};
 
 /// Checks a name in a condition or a goal; the target's placeholder is always valid.
-pub(super) fn known(place: &Place, scene: &Scene, name: Name<'_>) -> Result<(), SceneError> {
+pub(super) fn check_name(place: &Place, scene: &Scene, name: Name<'_>) -> Result<(), SceneError> {
     match name {
         Name::Object(TARGET) | Name::Joint(TARGET) => Ok(()),
         Name::Object(object) => known_object(&place.key("object"), scene, object),
