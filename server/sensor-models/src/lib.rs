@@ -1,6 +1,6 @@
 //! Sensor models: functions from true values (an image, joint positions, wheel angles,
-//! the motion of the chair) to the measurements of a real sensor, with the parameters
-//! of `assets/sensors` and noise from a seed.
+//! the motion of the chair) to the measurements of a real sensor. Their parameters are
+//! in `assets/sensors`, their noise comes from a seed.
 //!
 //! Pure: no clock, no file, no network, no renderer, independent of the server. The
 //! same input, parameters and seed give the same bits on any machine: noise comes from

@@ -110,7 +110,7 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
     // A camera message waits for buffer space instead of being dropped after 1 ms. In
     // lock-step the simulation waits anyway, so the wait may be long; a suspended
     // receiver causes it only once, because it then counts as congested. The limit is
-    // needed because a broken connection is not closed before the wait ends, and a peer
+    // needed because a broken connection is not closed before the wait ends. A peer
     // that reconnects earlier would not receive the key declarations of its samples.
     let wait_micros = if pacing == Pacing::LockStep {
         1_000_000

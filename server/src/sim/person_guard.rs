@@ -7,15 +7,15 @@
 //! restored or replayed episode has the same bits. It applies to every intent, frame,
 //! client and pacing:
 //!
-//! - **Approach.** Every link from the second joint on, the gripper and each object that
-//!   the arm touches approach a part of the body at most at [`RATE`] times the distance
-//!   beyond [`STOP`] (head and face: [`HEAD_RATE`], [`HEAD_STOP`]). At the stop distance
-//!   the approach ends; motion along the body continues.
+//! - **Approach.** It limits every link from the second joint on, the gripper and each
+//!   object that the arm touches. They approach a part of the body at most at [`RATE`]
+//!   times the distance beyond [`STOP`] (head and face: [`HEAD_RATE`], [`HEAD_STOP`]). At
+//!   the stop distance the approach ends; motion along the body continues.
 //! - **Handover.** An object in the hand may settle in the lap, at [`SETTLE`] and until
 //!   [`SETTLED`] press there: dropped from the stop distance it would press harder.
 //! - **Head.** The arm gives way to a head that moves towards it, at the head's speed.
-//! - **Lead.** The commanded arm is never ahead of the measured arm by more than the
-//!   distance that is left to the stop distance, so the drives do not load against a body.
+//! - **Lead.** The commanded arm is ahead of the measured arm by at most the distance
+//!   left to the stop distance, so the drives do not load against a body.
 //! - **Force.** Above [`FORCE_LIMIT`] (head and face: [`FACE_FORCE_LIMIT`]) on a part of the body, the
 //!   body that presses it backs off.
 //! - **Own links.** Links of the arm that touch each other, or an object in the hand, move
@@ -29,11 +29,12 @@
 //! - **Speed at the face.** The grasp point keeps to the speed of [`Simulation::guarded_speed`].
 //!
 //! # Limits
-//! The guard is a model of a sensing skin without error or delay. It does not cover objects
-//! that fall or are thrown onto the person, soft objects before they press, other objects
-//! that the chair pushes into its person, and the person's own motion beyond that of the
-//! head. Disturbances push after the guard. A scenario that starts with the arm inside the
-//! body starts with the forces of that overlap.
+//! The guard is a model of a sensing skin without error or delay. It does not cover
+//! objects that fall or are thrown onto the person, and soft objects before they press.
+//! It does not cover other objects that the chair pushes into its person, and the
+//! person's own motion except that of the head. Disturbances push after the guard. A
+//! scenario that starts with the arm inside the body starts with the forces of that
+//! overlap.
 
 use nalgebra::Vector3;
 use wheelarm_proto::person::{FACE_FORCE_LIMIT, FORCE_LIMIT};

@@ -4,9 +4,9 @@
 //! features: the axes of an inertia, the start of a convex hull, the limits of a hinge.
 //! Rust forwards these to the C library, whose last bits depend on its version and on
 //! the CPU: glibc 2.41 has another `acosf` than 2.36, and a robot then has other
-//! masses. A program's own definition takes precedence over that of a library, so these
-//! four functions, which have the C library's names, are the ones that run wherever
-//! this crate is linked in.
+//! masses. A program's own definition takes precedence over that of a library. These
+//! four functions have the C library's names, so they run wherever this crate is linked
+//! in.
 //!
 //! They give the bits of glibc 2.31 to 2.40 without FMA, because recordings contain
 //! them: `acosf` is that of Sun's fdlibm ("freely granted"), `cosf` and `sinf` those of

@@ -1,5 +1,5 @@
-//! The table, asked as the transport asks it: does a key of a grant include the
-//! key of the message?
+//! Tests of the rule table with the check of the transport: does a key of a grant
+//! include the key of the message?
 
 use zenoh::key_expr::keyexpr;
 

@@ -3,7 +3,7 @@
 //!
 //! A pixel is on an edge where a neighbor has another ID or where reversed depth bends.
 //! Reversed depth is linear over a plane, so flat printed surfaces keep their bytes. On
-//! an edge the length of the stair step is searched by luma, and the color is blended
+//! an edge the length of the stair step is searched by luma. The color is blended
 //! across the edge by the share of the pixel that the step covers (after Lottes, FXAA
 //! 3.11).
 //!

@@ -167,9 +167,9 @@ mod tests {
     }
 
     /// Moves the arm along a path when the goal of each state arrives `late(tick)`
-    /// ticks late. Returns the largest rms over the joints of the difference between a
-    /// velocity and the mean of its neighbours 1/60 s before and after, rad/s, and the
-    /// largest distance of the hand from the intended position, metres.
+    /// ticks late. Returns the jitter, rad/s: the largest rms over the joints of the
+    /// difference between a velocity and the mean of its neighbours 1/60 s away. Also
+    /// returns the largest distance of the hand from the intended position, metres.
     fn led(late: impl Fn(u64) -> u64, smooth: bool) -> (f64, f64) {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let scenario = Scenario {

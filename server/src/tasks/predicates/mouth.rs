@@ -9,9 +9,9 @@ use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
 use crate::tasks::failure::Failure;
 
-/// The object's tip is within `distance` of the middle of the lips while it leans by at
-/// most `tilt_deg` from its start, and no contact presses the face with more than
-/// `force`, for `secs`. Value: the distance, metres.
+/// For `secs` the object's tip is within `distance` of the middle of the lips, and it
+/// leans by at most `tilt_deg` from its start. No contact presses the face with more
+/// than `force`. Value: the distance, metres.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct AtMouth {

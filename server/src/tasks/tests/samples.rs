@@ -170,9 +170,9 @@ fn all_tasks_of_an_area_have_the_same_scene_bit_for_bit() {
     assert!(pairs > 600, "{pairs}");
 }
 
-/// A nearest-centroid classifier on all sampled values of a scene, trained on half of
-/// the seeds, guesses the task of the others no better than chance, also over the areas
-/// of a home. `make test-data` uses more seeds and better classifiers.
+/// A nearest-centroid classifier on all sampled values of a scene is trained on half of
+/// the seeds. It guesses the task of the others no better than chance, also over the
+/// areas of a home. `make test-data` uses more seeds and better classifiers.
 #[test]
 fn sampled_scenes_do_not_reveal_the_task() {
     const SEEDS: u64 = 40;

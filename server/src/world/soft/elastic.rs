@@ -127,10 +127,10 @@ impl Elastic {
         }
     }
 
-    /// Updates the rotation of every cell from its deformation. Adds the impulses of
-    /// the elastic forces over `h` seconds minus `stiff` times the stiffness times the
-    /// velocities to the nodes' impulses, N·s, and `stiff` times the stiffness to a
-    /// matrix of blocks, N/m. Returns the elastic energy, J.
+    /// Updates the rotation of every cell from its deformation. Adds the elastic forces
+    /// over `h` seconds to the nodes' impulses, N·s, and subtracts `stiff` times the
+    /// stiffness times the velocities. Adds `stiff` times the stiffness to a matrix of
+    /// blocks, N/m. Returns the elastic energy, J.
     pub(super) fn assemble(
         &self,
         [position, velocity]: [&[Vector3<f64>]; 2],

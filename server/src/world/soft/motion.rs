@@ -1,10 +1,10 @@
-//! Motion of an elastic body: one implicit step a tick, contacts included.
+//! Motion of an elastic body: one implicit step per tick, contacts included.
 //!
-//! The velocities after the tick solve `(M + h (h + d) K) v = M v0 + h (f + p)` with
-//! the stiffness K of the corotated cells and the pressure p of the contacts at the end
-//! of the tick, by conjugate gradients. Which contacts press and how much their
-//! bristles hold is found by repeated solutions: at first in both directions, then only
-//! by releasing, until every contact obeys its laws.
+//! The velocities after the tick solve `(M + h (h + d) K) v = M v0 + h (f + p)` by
+//! conjugate gradients. K is the stiffness of the corotated cells, p the pressure of
+//! the contacts at the end of the tick. Repeated solutions find which contacts press
+//! and how much their bristles hold: at first in both directions, then only by
+//! releasing, until every contact obeys its laws.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
