@@ -109,7 +109,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         config.type_attribute(message, WRITE);
     }
     for (field, module) in CHOICES {
-        config.field_attribute(field, format!("#[serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_untold\")]"));
+        config.field_attribute(field, format!("#[serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_unspecified\")]"));
     }
     for axis in STRENGTHS {
         let read = "#[serde(deserialize_with = \"crate::look::strength\")]";

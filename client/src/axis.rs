@@ -115,7 +115,7 @@ impl Variation {
             let look = self.look.unwrap_or_else(LookText::own);
             self.look = Some(
                 axes.iter()
-                    .fold(look, |look, axis| look.with(axis, strength)),
+                    .fold(look, |look, axis| look.with_axis(axis, strength)),
             );
         };
         match axis {

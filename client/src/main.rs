@@ -40,7 +40,7 @@ use wheelarm_client::watch::{self, WatchArgs};
 use wheelarm_link::Connect;
 use wheelarm_proto::log;
 use wheelarm_proto::output::end_with_output;
-use wheelarm_proto::program::{told, version};
+use wheelarm_proto::program::{error_chain, version};
 use wheelarm_proto::restart::{self, SENDING_THREADS, TRANSPORT_THREADS};
 use wheelarm_proto::signals::end_as_first_process;
 
@@ -272,7 +272,7 @@ fn main() -> ExitCode {
         // These need no server.
         Err(_) if cli.command.works_on_files() => Connect::from(&cli.connect),
         Err(error) => {
-            eprintln!("error: {}", told(error.as_ref()));
+            eprintln!("error: {}", error_chain(error.as_ref()));
             return ExitCode::FAILURE;
         }
     };
@@ -283,7 +283,7 @@ fn main() -> ExitCode {
     match run(cli, connect) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {}", told(error.as_ref()));
+            eprintln!("error: {}", error_chain(error.as_ref()));
             ExitCode::FAILURE
         }
     }

@@ -73,7 +73,7 @@ impl Variation {
         scenario.start_in_view = in_share(self.start_in_view, view);
         scenario.look_around = in_share(self.look_around, around);
         scenario.time_limit_seconds = self.time_limits.then_some(0.0);
-        scenario.look = self.look.map(|look| look.of(seed.own()));
+        scenario.look = self.look.map(|look| look.for_episode(seed.own()));
         scenario.person.clone_from(&self.person);
         if let Some(person) = scenario.person.as_mut().filter(|_| seed.sentence > 0) {
             person.seed.get_or_insert(seed.own());
@@ -94,7 +94,7 @@ impl Variation {
     /// Which specimen of the robot an episode has. Those of another purpose are others.
     fn specimen(&self, seed: EpisodeSeed) -> Option<u64> {
         let kinds = Purpose::ALL.iter();
-        let kind = kinds.take_while(|p| **p != Purpose::of(seed.scene));
+        let kind = kinds.take_while(|p| **p != Purpose::of_seed(seed.scene));
         let kind = kind.count() as u64;
         let among = u64::from(self.robots);
         let which = seed.scene.wrapping_add(u64::from(seed.sentence));

@@ -1,4 +1,4 @@
-//! The folder of keys that a user carries: how its files are called.
+//! Names of the files in a user's key folder.
 
 use std::path::{Path, PathBuf};
 
@@ -8,17 +8,17 @@ pub const AUTHORITY: &str = "ca.pem";
 pub const CERTIFICATE: &str = "user.pem";
 /// Private key of the user.
 pub const KEY: &str = "user.key";
-/// Who the user is, for people and programs, as TOML.
+/// Description of the user, for people and programs, as TOML.
 pub const ABOUT: &str = "about.toml";
-/// Folder of all users' bundles in a folder of keys.
+/// Folder with the bundles of all users, in a folder of keys.
 pub const USERS: &str = "users";
 
-/// Variable of the environment that names a folder of keys where no option does.
+/// Environment variable that names a folder of keys, as the default of an option.
 pub const KEYS_VARIABLE: &str = "WHEELARM_KEYS";
-/// Variable that names the user of that folder.
+/// Environment variable that names the user in that folder.
 pub const USER_VARIABLE: &str = "WHEELARM_USER";
 
-/// Files by which a user shows who it is.
+/// Files that identify a user.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// Certificate of the authority.
@@ -29,16 +29,16 @@ pub struct Identity {
     pub key: PathBuf,
 }
 
-/// No keys lie where they were looked for.
+/// The keys are missing.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
     "{folder} holds no {missing}: name the folder that you were given (--keys DIR), or on the \
      server's host its folder of keys with --user NAME, after `wheelarm keys user NAME`"
 )]
 pub struct NoIdentity {
-    /// Where it was looked for.
+    /// Folder that was searched.
     pub folder: String,
-    /// File that is not there.
+    /// Missing file.
     pub missing: &'static str,
 }
 
@@ -46,10 +46,10 @@ impl Identity {
     /// The identity in a user's own folder, or of `user` in a folder of all keys.
     ///
     /// # Errors
-    /// [`NoIdentity`] when a file is not there.
+    /// [`NoIdentity`] when a file is missing.
     pub fn find(folder: &Path, user: Option<&str>) -> Result<Self, NoIdentity> {
         let folder = match user {
-            // Who has one bundle only may say its name all the same.
+            // The user may also be named for a folder with a single bundle.
             Some(user) if folder.join(USERS).is_dir() => folder.join(USERS).join(user),
             _ => folder.to_owned(),
         };
@@ -70,18 +70,18 @@ impl Identity {
         })
     }
 
-    /// As [`Identity::find`] where the environment says, if it does.
+    /// As [`Identity::find`], if the environment names a folder.
     ///
     /// # Errors
     /// As [`Identity::find`].
-    pub fn of_environment() -> Result<Option<Self>, NoIdentity> {
+    pub fn from_environment() -> Result<Option<Self>, NoIdentity> {
         let user = std::env::var(USER_VARIABLE).ok();
         std::env::var_os(KEYS_VARIABLE)
             .map(|folder| Self::find(Path::new(&folder), user.as_deref()))
             .transpose()
     }
 
-    /// The folder that it lies in.
+    /// Folder of the files.
     #[must_use]
     pub fn folder(&self) -> &Path {
         self.key.parent().unwrap_or(Path::new("."))

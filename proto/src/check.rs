@@ -1,12 +1,11 @@
-//! Conversions that refuse what a simulation must never see: NaN, infinities,
-//! quaternions that are not of unit length, missing parts.
+//! Conversions that reject invalid input of a simulation: NaN, infinities, quaternions
+//! that are not of unit length, missing parts.
 
 use std::fmt;
 
 use crate::v1;
 
-/// A number in a message for people: digits where they are few, else a power
-/// of ten.
+/// A number in a message for people: few digits, or scientific notation.
 #[derive(Clone, Copy, Debug)]
 pub struct Number(pub f64);
 
@@ -21,7 +20,7 @@ impl fmt::Display for Number {
     }
 }
 
-/// The beginning of a text that somebody sent, for a message that repeats it.
+/// The beginning of a received text, for a message that quotes it.
 #[must_use]
 pub fn beginning(text: &str) -> String {
     const MOST: usize = 64;
@@ -31,13 +30,13 @@ pub fn beginning(text: &str) -> String {
     }
 }
 
-/// What is wrong with a message.
+/// Why a message is invalid.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum Invalid {
     /// A required part is absent.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// A part of something is absent.
+    /// A part of a field is absent.
     #[error("{what} has no {part}")]
     MissingPart {
         /// The field.
@@ -45,7 +44,7 @@ pub enum Invalid {
         /// The part.
         part: &'static str,
     },
-    /// Something in a list.
+    /// An error in a list entry.
     #[error("{place}: {source}")]
     In {
         /// Which entry, for example `object "mustard"`.
@@ -69,7 +68,7 @@ pub enum Invalid {
         /// Its norm.
         norm: f64,
     },
-    /// A number lies outside its range.
+    /// A number is outside its range.
     #[error("{what} is {}, expected {} to {}", Number(*.value), Number(*.low), Number(*.high))]
     OutOfRange {
         /// The field.
@@ -81,7 +80,7 @@ pub enum Invalid {
         /// Greatest value.
         high: f64,
     },
-    /// A list has another length.
+    /// A list has the wrong length.
     #[error("{what} has {got} values, expected {expected}")]
     Length {
         /// The field.
@@ -92,7 +91,7 @@ pub enum Invalid {
         expected: usize,
     },
     /// A list is too long.
-    #[error("{what}: {got} are given, at most {most} are taken")]
+    #[error("{what}: got {got}, at most {most} are accepted")]
     Many {
         /// The field.
         what: &'static str,
@@ -101,14 +100,14 @@ pub enum Invalid {
         /// Greatest number.
         most: usize,
     },
-    /// A word is not known.
+    /// A text is not one of the allowed values.
     #[error("{what} is {:?}: {expected}", beginning(.value))]
     Word {
         /// The field.
         what: &'static str,
         /// The word.
         value: String,
-        /// What would be right.
+        /// Allowed values.
         expected: &'static str,
     },
 }
@@ -171,8 +170,8 @@ pub fn quaternion(what: &'static str, q: Option<&v1::Quaternion>) -> Result<[f64
     if (norm - 1.0).abs() > UNIT_TOLERANCE {
         return Err(Invalid::NotUnit { what, norm });
     }
-    // A quaternion that is already of unit length keeps its bits, so that a
-    // pose survives a round trip through a message exactly.
+    // A quaternion that is already of unit length keeps its bits, so that a pose
+    // survives a round trip through a message exactly.
     Ok(if (norm - 1.0).abs() < 1e-12 {
         q
     } else {
@@ -195,14 +194,14 @@ pub fn pose(what: &'static str, p: Option<&v1::Pose>) -> Result<([f64; 3], [f64;
     ))
 }
 
-/// How far from the origin of `house` a scenario may place anything, metres.
+/// Largest distance of a pose in a scenario from the origin of `house`, metres.
 pub const FAR: f64 = 50.0;
 
-/// Heights at which a scenario may place anything, metres.
+/// Allowed heights of a pose in a scenario, metres.
 pub const HEIGHTS: (f64, f64) = (-1.0, 5.0);
 
-/// Checks that a pose has a place in or about a home: x and y within
-/// [`FAR`], z within [`HEIGHTS`].
+/// Checks that a pose is in or around a home: x and y within [`FAR`], z within
+/// [`HEIGHTS`].
 ///
 /// # Errors
 /// [`Invalid`] as [`pose`], or [`Invalid::OutOfRange`].
@@ -230,7 +229,7 @@ pub fn few<T>(what: &'static str, list: &[T], most: usize) -> Result<(), Invalid
     })
 }
 
-/// Checks the name of something in the assets: 1 to 64 letters, digits, `-`, `_`.
+/// Checks the name of an asset: 1 to 64 letters, digits, `-`, `_`.
 ///
 /// # Errors
 /// [`Invalid::Word`].
@@ -258,12 +257,12 @@ pub fn list<const N: usize>(what: &'static str, values: &[f64]) -> Result<[f64; 
     Ok(list)
 }
 
-/// Most control ticks that one command may answer for: 1 s.
+/// Largest number of control ticks covered by one command: 1 s.
 pub const MAX_OVER_TICKS: u32 = 60;
 
-/// Checks every number of a command: finite, sensible ranges, unit quaternions.
-/// Ranges are wide and of any robot: the gate holds the gripper's against the
-/// robot's, its other limits are applied by saturation.
+/// Checks every number of a command: finite, sensible ranges, unit quaternions. Ranges
+/// are wide and apply to any robot: the command gate checks the gripper's, all other
+/// limits saturate.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
@@ -356,8 +355,8 @@ fn frame(value: i32) -> Result<v1::CommandFrame, Invalid> {
     })
 }
 
-/// Whether a command drives the chair or gives the arm a twist: what goes on
-/// until it is stopped, and must therefore be fresh.
+/// Whether a command drives the chair or sends a twist to the arm. Such motion
+/// continues until stopped, so the command must be fresh.
 #[must_use]
 pub fn drives(c: &v1::Command) -> bool {
     use v1::arm_command::Target;
@@ -373,8 +372,8 @@ pub fn drives(c: &v1::Command) -> bool {
     base || twist
 }
 
-/// Whether a command only stops what moves: a chair at rest, an arm that holds
-/// or has a twist of zero, and nothing else.
+/// Whether a command only stops motion: a chair at rest, an arm that holds or has a
+/// zero twist, and nothing else.
 #[must_use]
 pub fn stops(c: &v1::Command) -> bool {
     use v1::arm_command::Target;
@@ -407,8 +406,8 @@ pub fn label(text: &str) -> Result<(), Invalid> {
     }
 }
 
-/// Longest time limit of a task, simulated seconds: more than a day. People who drive
-/// get it, for they have no time limit.
+/// Longest time limit of a task, simulated seconds: more than a day. Used when people
+/// drive, who have no time limit.
 pub const MAX_TIME_LIMIT: f64 = 1e5;
 
 /// Most bytes of an instruction sentence.
@@ -425,7 +424,7 @@ pub fn instruction(text: &str) -> Result<(), Invalid> {
     Err(Invalid::Word {
         what: "instruction",
         value: text.chars().take(40).collect(),
-        expected: "at most 65536 bytes of UTF-8 without NUL characters, which no file could hold",
+        expected: "at most 65536 bytes of UTF-8 without NUL characters, which files cannot store",
     })
 }
 
@@ -458,7 +457,7 @@ mod tests {
     #[test]
     fn quaternions_that_are_not_of_unit_length_are_refused() {
         for q in [[0.0; 4], [0.0, 0.0, 0.0, 1.1], [f64::NAN, 0.0, 0.0, 1.0]] {
-            assert!(pose("p", Some(&pose_of(q))).is_err(), "{q:?} was taken");
+            assert!(pose("p", Some(&pose_of(q))).is_err(), "{q:?} was accepted");
         }
     }
 
@@ -486,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn instructions_of_any_script_pass_and_what_cannot_be_stored_does_not() {
+    fn instructions_of_any_script_pass_unless_they_cannot_be_stored() {
         let long = "Фляга 🍾 ".repeat(1250);
         assert!(instruction("").is_ok() && instruction(&long).is_ok());
         assert!(instruction("a\0b").is_err());
@@ -494,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_and_texts_are_repeated_in_few_signs() {
+    fn quoted_numbers_and_texts_are_short() {
         for (number, text) in [
             (0.0, "0"),
             (-12.5, "-12.5"),
@@ -505,15 +504,15 @@ mod tests {
         ] {
             assert_eq!(Number(number).to_string(), text);
         }
-        let told = within("mass", 1e-300, 0.05, 2.0).unwrap_err().to_string();
-        assert_eq!(told, "mass is 1e-300, expected 0.05 to 2");
-        let told = label(&"ж".repeat(1 << 20)).unwrap_err().to_string();
-        assert!(told.len() < 400, "{} bytes", told.len());
-        assert!(told.contains("2097152 bytes"), "{told}");
+        let message = within("mass", 1e-300, 0.05, 2.0).unwrap_err().to_string();
+        assert_eq!(message, "mass is 1e-300, expected 0.05 to 2");
+        let message = label(&"ж".repeat(1 << 20)).unwrap_err().to_string();
+        assert!(message.len() < 400, "{} bytes", message.len());
+        assert!(message.contains("2097152 bytes"), "{message}");
     }
 
     #[test]
-    fn places_lie_in_or_about_a_home() {
+    fn poses_must_be_in_or_around_a_home() {
         let at = |x, y, z| {
             let mut pose = pose_of([0.0, 0.0, 0.0, 1.0]);
             pose.position = Some(v1::Vector3 { x, y, z });
@@ -532,7 +531,7 @@ mod tests {
     }
 
     #[test]
-    fn what_drives_and_what_only_stops_are_told_apart() {
+    fn driving_and_stopping_commands_are_distinguished() {
         use v1::arm_command::Target;
         let base = |linear| v1::Command {
             base: Some(v1::BaseCommand {
@@ -574,14 +573,14 @@ mod tests {
         }
         let mut both = base(0.0);
         both.gripper = Some(v1::GripperCommand::default());
-        assert!(!stops(&both), "a grip is more than a stop");
+        assert!(!stops(&both), "a gripper command is not a stop");
     }
 
     #[test]
     fn labels_cannot_leave_the_folder() {
         assert!(label("pick_mustard-01").is_ok());
         for bad in ["", "../x", "a/b", ".hidden", "ä", &"x".repeat(101)] {
-            assert!(label(bad).is_err(), "{bad:?} was taken");
+            assert!(label(bad).is_err(), "{bad:?} was accepted");
         }
     }
 }

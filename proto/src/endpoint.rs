@@ -1,17 +1,16 @@
-//! The form of an endpoint, checked before anything connects or listens.
+//! Syntax of endpoints, checked before connecting or listening.
 
-/// What is no endpoint.
+/// Text that is not an endpoint.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
-    "{0:?} is no endpoint: an endpoint is tcp/HOST:PORT, for example tcp/127.0.0.1:7447, \
+    "{0:?} is not an endpoint: an endpoint is tcp/HOST:PORT, for example tcp/127.0.0.1:7447, \
      tls/HOST:PORT with keys, or unixsock-stream/PATH"
 )]
 pub struct BadEndpoint(pub String);
 
-/// Checks the form of an endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT` or
-/// `unixsock-stream/PATH`, with
-/// the transport's settings behind `#` or `?` if there are any. Whether somebody
-/// listens there is not asked.
+/// Checks the syntax of an endpoint: `tcp/HOST:PORT`, `tls/HOST:PORT` or
+/// `unixsock-stream/PATH`, optionally with transport settings after `#` or `?`. Does
+/// not connect.
 ///
 /// # Errors
 /// [`BadEndpoint`].
@@ -33,13 +32,13 @@ pub fn check_endpoint(text: &str) -> Result<(), BadEndpoint> {
     }
 }
 
-/// Whether an endpoint takes keys: who connects there or listens there speaks TLS.
+/// Whether an endpoint requires keys: its connections use TLS.
 #[must_use]
 pub fn is_guarded(endpoint: &str) -> bool {
     parts(endpoint).0 == "tls"
 }
 
-/// Transport of an endpoint of the right form, and host or path behind it.
+/// Transport of a valid endpoint, and its host or path.
 #[must_use]
 pub fn parts(endpoint: &str) -> (&str, &str) {
     let bare = endpoint.split(['#', '?']).next().unwrap_or_default();
@@ -53,9 +52,9 @@ pub fn parts(endpoint: &str) -> (&str, &str) {
     }
 }
 
-/// Whether an endpoint is reached from this host alone: a socket in the file
-/// system, or an address of the loopback interface. A name other than
-/// `localhost` may be anybody's.
+/// Whether an endpoint can only be reached from this host: a socket in the file system,
+/// or an address of the loopback interface. A name other than `localhost` may be
+/// remote.
 #[must_use]
 pub fn is_local(endpoint: &str) -> bool {
     match parts(endpoint) {
@@ -74,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_endpoint_of_this_host_is_told_from_others() {
+    fn local_endpoints_are_distinguished_from_remote_ones() {
         for local in [
             "tcp/127.0.0.1:7447",
             "tls/127.9.9.9:0",
@@ -121,8 +120,8 @@ mod tests {
             "udp/127.0.0.1:7447",
             "unixsock-stream/",
         ] {
-            let told = check_endpoint(bad).unwrap_err().to_string();
-            assert!(told.contains("tcp/HOST:PORT"), "{told}");
+            let message = check_endpoint(bad).unwrap_err().to_string();
+            assert!(message.contains("tcp/HOST:PORT"), "{message}");
         }
     }
 }

@@ -1,10 +1,9 @@
-//! Transcendental functions that come out the same everywhere.
+//! Transcendental functions with the same bits on every machine.
 //!
-//! The methods of `f64` call the C library of the machine, which has other last
-//! bits on another processor or in another version: enough for a replay to part
-//! from its recording within a second. What reaches the state of the simulation,
-//! its draws or a command goes through this module instead, which computes in
-//! Rust (crate `libm`). Angles in radians.
+//! The methods of `f64` call the C library, whose last bits depend on CPU and version.
+//! That is enough for a replay to diverge from its recording within a second. All
+//! values that reach the simulation state, its samples or a command therefore use this
+//! module, which computes in Rust (crate `libm`). Angles in radians.
 
 /// A floating-point number with exact functions: `f32` and `f64`.
 pub trait Real: Copy {
@@ -134,9 +133,8 @@ pub fn hypot<T: Real>(x: T, y: T) -> T {
     x.exact_hypot(y)
 }
 
-/// `value` between two limits. Unlike `clamp` it never panics: 0 when the value
-/// is no number; a limit that is none does not bind, and of crossed limits the
-/// upper one does.
+/// `value` clamped to two limits. Unlike `clamp` it never panics: NaN becomes 0, a NaN
+/// limit does not apply, and of crossed limits the upper one applies.
 #[must_use]
 pub fn within(value: f64, lower: f64, upper: f64) -> f64 {
     if value.is_nan() {
@@ -150,10 +148,10 @@ pub fn within(value: f64, lower: f64, upper: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Last bits at arguments where C libraries differ among themselves; every
-    /// machine must agree with these.
+    /// Covers arguments where C libraries differ in the last bits; every machine must
+    /// agree with this hash.
     #[test]
-    fn the_bits_are_those_of_every_other_machine() {
+    fn bits_are_the_same_on_every_machine() {
         let mut hash = 0xcbf2_9ce4_8422_2325_u64;
         let mut add = |x: f64| {
             hash = (hash ^ x.to_bits()).wrapping_mul(0x0000_0100_0000_01b3);
@@ -181,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_that_are_no_limits_do_not_panic() {
+    fn invalid_limits_do_not_panic() {
         assert_eq!(within(2.0, -1.0, 1.0), 1.0);
         assert_eq!(within(-2.0, -1.0, 1.0), -1.0);
         assert_eq!(within(f64::NAN, -1.0, 1.0), 0.0);

@@ -1,5 +1,5 @@
-//! Vectors, rotations and poses of messages as types of `nalgebra` and back, once
-//! for everybody (feature `nalgebra`). What enters is checked by [`check`].
+//! Conversions between vectors, rotations and poses of messages and types of `nalgebra`
+//! (feature `nalgebra`). Input is checked by [`check`].
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -55,8 +55,8 @@ pub fn isometry(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f6
     Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
 }
 
-/// A checked pose whose quaternion is divided by its norm, also where that is one
-/// but for rounding: as the scripted operator reckons.
+/// A checked pose whose quaternion is always divided by its norm, even if it differs
+/// only by rounding, as the scripted operator computes.
 ///
 /// # Errors
 /// As [`isometry`].
@@ -65,8 +65,8 @@ pub fn normalized(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<
     Ok(from_columns([x, y, z, i, j, k, w]))
 }
 
-/// The pose of seven columns of a file: x y z, metres, and a quaternion x y z w,
-/// which is divided by its norm.
+/// The pose in seven columns of a file: x y z, metres, and a quaternion x y z w, which
+/// is divided by its norm.
 #[must_use]
 pub fn from_columns([x, y, z, i, j, k, w]: [f64; 7]) -> Isometry3<f64> {
     let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, i, j, k));
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pose_comes_back_from_its_message_with_the_same_bits() {
+    fn a_pose_survives_a_round_trip_with_the_same_bits() {
         let rotation = UnitQuaternion::from_euler_angles(0.3, -1.1, 2.0);
         let there = Isometry3::from_parts(Translation3::new(1.5, -0.25, 0.1), rotation);
         let message = pose(&there);

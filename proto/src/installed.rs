@@ -1,39 +1,38 @@
-//! Where the assets of a program lie, in a checkout and installed.
+//! Location of the assets folder, in a checkout and installed.
 
 use std::path::{Path, PathBuf};
 
-/// The environment's word for the assets folder.
+/// Environment variable with the path of the assets folder.
 pub const ASSETS_VARIABLE: &str = "WHEELARM_ASSETS";
 
 /// The assets folder of the working directory.
 const HERE: &str = "assets";
 
-/// Whether a folder is an assets folder of WheelArm: it holds scenes and robots.
+/// Whether a folder is an assets folder of WheelArm: it contains scenes and robots.
 #[must_use]
 pub fn is_assets(folder: &Path) -> bool {
     folder.join("scenes").is_dir() && folder.join("robots").is_dir()
 }
 
-/// The assets folder of this program, when nobody told one.
+/// The assets folder of this program, without an explicit path.
 ///
-/// In this order: `<program>/../share/wheelarm/assets`, where a wheel, a Debian package,
-/// an archive and an image have it; `assets` in a folder above the program, as in a
-/// checkout; `assets` in the working directory. The working directory comes last, so that
-/// a folder that happens to lie there does not replace the assets of an installation.
+/// Search order: `<program>/../share/wheelarm/assets`, as in a wheel, a Debian package,
+/// an archive and a container image; `assets` in a folder above the program, as in a
+/// checkout; `assets` in the working directory. The working directory is last, so that
+/// an unrelated folder there does not replace the installed assets.
 #[must_use]
 pub fn assets() -> Option<PathBuf> {
     let program = std::env::current_exe().unwrap_or_default();
     candidates(&program).find(|folder| is_assets(folder))
 }
 
-/// A file that was named. When it is not there and the name begins with
-/// `assets`, it is looked for in the assets folder that `WHEELARM_ASSETS` tells,
-/// else in [`assets`]: `assets/campaigns/small.toml` is a plan also where
-/// nobody has a checkout.
+/// Resolves a path. If it does not exist and begins with `assets`, it is looked up in
+/// the folder that `WHEELARM_ASSETS` names, else in [`assets`]. So
+/// `assets/campaigns/small.toml` works without a checkout.
 #[must_use]
 pub fn file_or_asset(named: &Path) -> PathBuf {
-    let told = std::env::var_os(ASSETS_VARIABLE).map(PathBuf::from);
-    match told.or_else(assets) {
+    let named_folder = std::env::var_os(ASSETS_VARIABLE).map(PathBuf::from);
+    match named_folder.or_else(assets) {
         Some(folder) => file_or_asset_of(&folder, named),
         None => named.to_owned(),
     }
@@ -66,7 +65,7 @@ fn unused_in(here: &Path, used: &Path) -> Option<String> {
     })
 }
 
-/// Where the assets of `program` may lie; relative ones to the working directory.
+/// Candidate assets folders of `program`; relative ones to the working directory.
 fn candidates(program: &Path) -> impl Iterator<Item = PathBuf> {
     let shared = program.ancestors().nth(2);
     let shared = shared.map(|prefix| prefix.join("share/wheelarm/assets"));
@@ -97,7 +96,7 @@ mod tests {
         let prefix = home.path().join("v");
         std::fs::create_dir_all(prefix.join("bin")).unwrap();
         assert_eq!(found(home.path(), "v/bin/wheelarm-server"), None);
-        // Not of WheelArm: it has no robots.
+        // Not an assets folder: it has no robots.
         std::fs::create_dir_all(home.path().join("v/assets/scenes")).unwrap();
         assert_eq!(found(home.path(), "v/bin/wheelarm-server"), None);
         make(&home.path().join("assets"));
@@ -122,8 +121,8 @@ mod tests {
             path
         });
         assert_eq!(unused_in(&used, &used), None);
-        let told = unused_in(&other, &used).unwrap();
-        assert!(told.contains("--assets assets"), "{told}");
+        let warning = unused_in(&other, &used).unwrap();
+        assert!(warning.contains("--assets assets"), "{warning}");
     }
 
     #[test]

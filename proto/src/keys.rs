@@ -1,10 +1,10 @@
-//! Every key expression of a server, in one place.
+//! Every key expression of a server.
 //!
-//! `{sim}` names a server, so that many share one network.
+//! `{sim}` is the server's name, so that several share one network.
 //!
 //! | key | message | direction |
 //! |---|---|---|
-//! | `wheelarm/{sim}/alive/{id}` | liveliness token; `id` is the Zenoh id of the session that alone speaks for the server | server |
+//! | `wheelarm/{sim}/alive/{id}` | liveliness token; `id` is the Zenoh ID of the server's session | server |
 //! | `wheelarm/{sim}/command/{commander}` | `Command` | commander → server |
 //! | `wheelarm/{sim}/refusal` | `Refusal` | server → commanders |
 //! | `wheelarm/{sim}/stream/{name}` | see [`TOPICS`](crate::topic::TOPICS) | server → all |
@@ -23,9 +23,9 @@
 //!
 //! A query answers either its reply message or, as an error reply, `Failure`.
 //!
-//! Who sends stands in the key, so that rules by key can tell senders apart; the
-//! server refuses a payload that names somebody else. Everything that is sent
-//! carries an encoding ([`schema`](crate::schema)).
+//! The key names the sender, so that access rules can distinguish senders; the server
+//! rejects a payload that names another one. Every message has an encoding
+//! ([`schema`](crate::schema)).
 
 use crate::preview::PreviewLevel;
 use crate::rpc::{Query, Rpc};
@@ -34,7 +34,7 @@ use crate::topic::{StreamId, TopicId};
 /// First chunk of every key.
 pub const PREFIX: &str = "wheelarm";
 
-/// Name that a server takes when none is given.
+/// Default name of a server.
 pub const DEFAULT_SIM: &str = "sim";
 
 /// The keys of one server.
@@ -43,18 +43,18 @@ pub struct Keys {
     sim: String,
 }
 
-/// A name, of a server, a commander or a recorder, that cannot stand in a key.
+/// An invalid name of a server, a commander or a recorder.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error(
-    "the name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it stands in a key expression), \
+    "the name {0:?} must be 1 to 64 letters, digits, `-` or `_` (it is part of a key expression), \
      and `policy` is taken"
 )]
 pub struct BadName(pub String);
 
-/// What no server may be called: policies have their keys below it.
+/// Not allowed as a server's name: the keys of policies start with it.
 const POLICY: &str = "policy";
 
-/// Checks a name that stands in a key: 1 to 64 letters, digits, `-`, `_`.
+/// Checks a name for use in a key: 1 to 64 letters, digits, `-`, `_`.
 ///
 /// # Errors
 /// [`BadName`] when it has another length or character.
@@ -70,11 +70,11 @@ pub fn check_name(name: &str) -> Result<(), BadName> {
     }
 }
 
-/// A name for one life of one process, drawn at random: 16 hexadecimal digits.
+/// A random name for one process run: 16 hexadecimal digits.
 #[must_use]
 pub fn run_id() -> String {
     use std::hash::{BuildHasher, Hasher};
-    // The standard library's hasher is keyed at random.
+    // The standard library's hasher is keyed randomly.
     let mut hasher = std::hash::RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
     format!("{:016x}", hasher.finish())
@@ -84,7 +84,7 @@ impl Keys {
     /// Keys of the server `sim`.
     ///
     /// # Errors
-    /// [`BadName`] when the name cannot stand in a key expression.
+    /// [`BadName`] when the name is not valid in a key expression.
     pub fn new(sim: &str) -> Result<Self, BadName> {
         check_name(sim)?;
         if sim == POLICY {
@@ -105,8 +105,8 @@ impl Keys {
         format!("{PREFIX}/{}/{rest}", self.sim)
     }
 
-    /// Liveliness token of the server, whose Zenoh session has the id `id`;
-    /// `*` for whichever serves under this name.
+    /// Liveliness token of the server whose Zenoh session has the ID `id`; `*` for any
+    /// server of this name.
     #[must_use]
     pub fn alive(&self, id: &str) -> String {
         self.key(&format!("alive/{id}"))
@@ -118,7 +118,7 @@ impl Keys {
         format!("{PREFIX}/*/alive/*")
     }
 
-    /// Name of the server and id of its session in a key of [`Keys::alive`].
+    /// Name of the server and ID of its session in a key of [`Keys::alive`].
     #[must_use]
     pub fn server_of(key: &str) -> Option<(String, String)> {
         let mut chunks = key.split('/').skip(1);
@@ -128,7 +128,7 @@ impl Keys {
         fits.then(|| (sim.to_owned(), id.to_owned()))
     }
 
-    /// Keys under which nobody but the server publishes or answers.
+    /// Keys under which only the server publishes and replies.
     #[must_use]
     pub fn own(&self) -> Vec<String> {
         let own = [
@@ -145,7 +145,7 @@ impl Keys {
         own.iter().map(|rest| self.key(rest)).collect()
     }
 
-    /// A topic; every value of what varies in its key, where something does.
+    /// A topic, with `*` for the variable part of its key.
     #[must_use]
     pub fn topic(&self, topic: TopicId) -> String {
         let chunks = topic.info().key.split('/');
@@ -167,7 +167,7 @@ impl Keys {
         }
     }
 
-    /// Every stream but the pictures.
+    /// Every stream without images.
     #[must_use]
     pub fn streams(&self) -> String {
         self.key("stream/*")
@@ -205,7 +205,7 @@ impl Keys {
         self.stream(&StreamId::compressed(camera))
     }
 
-    /// Pictures of one sensor model.
+    /// Images of one sensor model.
     #[must_use]
     pub fn sensor(&self, sensor: &str) -> String {
         self.stream(&StreamId::sensor(sensor))
@@ -217,13 +217,13 @@ impl Keys {
         self.key(&format!("preview/{camera}/{}", level.name()))
     }
 
-    /// Liveliness token of one life of one commander; `*` for all.
+    /// Liveliness token of one process of a commander; `*` for all.
     #[must_use]
     pub fn commander_alive(&self, name: &str, run_id: &str) -> String {
         self.key(&format!("commander/{name}/{run_id}/alive"))
     }
 
-    /// Name and run id in a key of [`Keys::commander_alive`].
+    /// Name and run ID in a key of [`Keys::commander_alive`].
     #[must_use]
     pub fn commander_of(key: &str) -> Option<(String, String)> {
         let mut chunks = key.rsplit('/').skip(1);
@@ -238,24 +238,24 @@ impl Keys {
         self.key(&format!("recorder/{name}"))
     }
 
-    /// Liveliness token of one recorder; `*` for all. What a recorder says
-    /// counts only while it is declared.
+    /// Liveliness token of one recorder; `*` for all. A recorder's statuses count only
+    /// while it is declared.
     #[must_use]
     pub fn recorder_alive(&self, name: &str) -> String {
         self.key(&format!("recorder/{name}/alive"))
     }
 
-    /// A query, of whoever asks.
+    /// A query, of any client.
     #[must_use]
     pub fn query(&self, query: Query) -> String {
         let who = if query.has_identity() { "/*" } else { "" };
         self.key(&format!("query/{}{who}", query.name()))
     }
 
-    /// The key of a request: the query, and who asks where that stands in it.
+    /// The key of a request: the query, and the client where the key contains it.
     ///
     /// # Errors
-    /// [`BadName`] when a name of it cannot stand in a key.
+    /// [`BadName`] when a name is not valid in a key.
     pub fn request<R: Rpc>(&self, request: &R) -> Result<String, BadName> {
         let query = R::QUERY.name();
         Ok(match request.identity() {
@@ -275,14 +275,14 @@ impl Keys {
         Query::ALL.into_iter().find(|query| query.name() == name)
     }
 
-    /// Who sends, in a key that ends with it.
+    /// The sender, in a key that ends with it.
     #[must_use]
     pub fn sender_of(key: &str) -> &str {
         key.rsplit('/').next().unwrap_or_default()
     }
 }
 
-/// The keys of one policy, which belongs to no server.
+/// The keys of one policy, which are independent of servers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PolicyKeys {
     name: String,
@@ -292,7 +292,7 @@ impl PolicyKeys {
     /// Keys of the policy `name`.
     ///
     /// # Errors
-    /// [`BadName`] when the name cannot stand in a key expression.
+    /// [`BadName`] when the name is not valid in a key expression.
     pub fn new(name: &str) -> Result<Self, BadName> {
         check_name(name)?;
         Ok(Self {
@@ -316,19 +316,19 @@ impl PolicyKeys {
         self.key("alive")
     }
 
-    /// `PolicyDescribeRequest` is answered by `PolicySpec`.
+    /// Reply to `PolicyDescribeRequest`: `PolicySpec`.
     #[must_use]
     pub fn describe(&self) -> String {
         self.key("describe")
     }
 
-    /// `PolicyResetRequest` is answered by `PolicyResetReply`.
+    /// Reply to `PolicyResetRequest`: `PolicyResetReply`.
     #[must_use]
     pub fn reset(&self) -> String {
         self.key("reset")
     }
 
-    /// `InferRequest` is answered by `InferReply`.
+    /// Reply to `InferRequest`: `InferReply`.
     #[must_use]
     pub fn infer(&self) -> String {
         self.key("infer")
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn who_asks_for_control_stands_in_the_key() {
+    fn the_key_of_a_lease_query_names_the_client() {
         use crate::v1;
         let keys = Keys::new("a").unwrap();
         let mut request = v1::LeaseRequest {
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_is_read_back_from_its_key() {
+    fn a_stream_is_parsed_from_its_key() {
         let keys = Keys::new("a").unwrap();
         let other = StreamId::Other("whistle".to_owned());
         for stream in StreamId::all(["gen3"], ["gen3_depth"]).chain([other]) {
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_commander_is_read_back_from_its_token() {
+    fn a_commander_is_parsed_from_its_token() {
         let keys = Keys::new("a").unwrap();
         let key = keys.commander_alive("anna", "00ff");
         let read = Keys::commander_of(&key);
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn a_server_is_read_back_from_its_token() {
+    fn a_server_is_parsed_from_its_token() {
         let key = Keys::new("a").unwrap().alive("00ff");
         let read = Keys::server_of(&key);
         assert_eq!(read, Some(("a".to_owned(), "00ff".to_owned())));
@@ -417,7 +417,7 @@ mod tests {
     #[test]
     fn names_that_would_break_a_key_are_refused() {
         for bad in ["", "a/b", "*", "a b", "ü", &"x".repeat(65)] {
-            assert!(Keys::new(bad).is_err(), "{bad:?} was taken");
+            assert!(Keys::new(bad).is_err(), "{bad:?} was accepted");
         }
     }
 }

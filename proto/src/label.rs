@@ -5,7 +5,7 @@ use crate::v1;
 /// Longest label, bytes.
 pub const LONGEST: usize = 100;
 
-/// Most digits of a number: a longer one belongs to the stem.
+/// Most digits of the number: a longer one is part of the stem.
 const DIGITS: usize = 9;
 
 /// The label of a scenario's first episode.
@@ -18,7 +18,7 @@ pub fn for_scenario(scenario: &v1::Scenario) -> String {
     numbered(&format!("{task}-seed{}", scenario.seed()), 1)
 }
 
-/// Stem and number of a label; the number 1 where it has none.
+/// Stem and number of a label; number 1 without one.
 #[must_use]
 pub fn split(label: &str) -> (&str, u64) {
     label
@@ -28,12 +28,12 @@ pub fn split(label: &str) -> (&str, u64) {
         .unwrap_or((label, 1))
 }
 
-/// Whether a text is the number of a label.
+/// Whether a text is a label's number.
 fn is_number(digits: &str) -> bool {
     (1..=DIGITS).contains(&digits.len()) && digits.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// The label of a stem and a number; a stem that leaves no room for it is cut.
+/// The label of a stem and a number; a stem that is too long is cut.
 #[must_use]
 pub fn numbered(stem: &str, number: u64) -> String {
     let number = format!("-{number}");
@@ -44,7 +44,7 @@ pub fn numbered(stem: &str, number: u64) -> String {
     format!("{}{number}", &stem[..end])
 }
 
-/// The label with its number counted up; an empty one stays empty.
+/// The label with its number incremented; an empty one stays empty.
 #[must_use]
 pub fn next(label: &str) -> String {
     if label.is_empty() {

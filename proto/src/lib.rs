@@ -1,8 +1,8 @@
 //! The contract of WheelArm: messages, key expressions, units and frames.
 //!
-//! Data, and the functions that must come out alike everywhere ([`exact`]): no
-//! transport, no simulation. Every process that speaks to a
-//! server depends on this crate and on nothing else of the server.
+//! Contains data and the functions that must give the same bits everywhere ([`exact`],
+//! [`random`]), but no transport and no simulation. Every client depends on this crate
+//! and on no other part of the server.
 //!
 //! Conventions: right-handed frames, z up, x forward, y left; SI units and
 //! radians; quaternions x y z w; `house` is the world frame.
@@ -24,6 +24,7 @@ pub mod output;
 pub mod person;
 pub mod preview;
 pub mod program;
+pub mod random;
 pub mod restart;
 pub mod robot;
 pub mod rpc;
@@ -55,43 +56,40 @@ pub use topic::{StreamId, Topic, TopicId};
 /// the options that declare topics.
 pub const CONTRACT_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/contract.bin"));
 
-/// The messages alone as an encoded `FileDescriptorSet`, for files that carry
-/// their own description.
+/// Only the messages as an encoded `FileDescriptorSet`, for self-describing files.
 pub const MESSAGES_DESCRIPTOR: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/messages.bin"));
 
 /// Version of the stored layout of recordings.
 pub const SCHEMA_VERSION: &str = "1";
 
-/// Version of the messages, queries, topics and keys. Programs of two versions
-/// do not speak to each other; `proto/README.md` says when it is raised.
+/// Version of the messages, queries, topics and keys. Programs of different versions do
+/// not communicate; `proto/README.md` says when it is raised.
 ///
-/// - 1: up to the first version that told none.
-/// - 2: identity in keys, codes beside words, absence where it means something.
+/// - 1: up to the first version that sent a number.
+/// - 2: identity in keys, codes beside texts, absence where it has a meaning.
 pub const CONTRACT_VERSION: u32 = 2;
 
-/// Version of the physics: programs of the same version compute the same bits
-/// from the same saved state and the same commands, and read each other's
-/// saved states.
+/// Version of the physics: programs of the same version compute the same bits from the
+/// same saved state and commands, and read each other's saved states.
 ///
-/// The rule: every change after which a state hash differs, or a saved state
-/// has another layout, raises this number by one and says so in the changelog.
-/// That is control, world, sensors, tasks and their assets, and the versions of
-/// the crates that compute. It stands in the saved state, in `EpisodeStarted`
-/// and in the attribute `physics_version` of a file; a replay of another
-/// version is refused.
+/// Rule: every change that alters a state hash or the layout of a saved state raises
+/// this number by one and is listed in the changelog. That covers control, world,
+/// sensors, tasks and their assets, and the versions of the crates that compute. The
+/// number is part of saved states, `EpisodeStarted` and the file attribute
+/// `physics_version`; a replay of another version is refused.
 ///
-/// - 1: up to the first version that told none.
+/// - 1: up to the first version that sent a number.
 /// - 2: joint signals that agree with the motion, own transcendental functions.
-/// - 3: rounded rims of the robot, softer contacts with what stands fixed, an arm
+/// - 3: rounded rims of the robot, softer contacts with fixed bodies, an arm
 ///   that brakes what outruns it, even ramps of the chair, debts of soft objects.
-/// - 4: the chair camera's boom, draws by area.
-/// - 5: a person's capsules as polygons, what touches somebody stops rocking, soft
-///   objects solved in single precision and asleep where they lie still.
+/// - 4: the chair camera's boom, sampling by area.
+/// - 5: a person's capsules as polygons, bodies that touch a person stop rocking, soft
+///   objects solved in single precision and asleep at rest.
 /// - 6: contacts begin a tick with 0.9 of the last one's impulses.
-/// - 7: a person's capsules with six to ten sides or, where nothing lies on them, round;
+/// - 7: a person's capsules with six to ten sides or, where no body rests on them, round;
 ///   a head that moves once in a control tick. Without a person the bits are those of 6.
 /// - 8: the repairs of an outside audit (contacts, starts, joints); the changelog lists them.
 pub const PHYSICS_VERSION: u32 = 8;
 
-/// Contacts that one sample of the streams `contact` and `person` holds at most.
+/// Largest number of contacts in one sample of the streams `contact` and `person`.
 pub const MAX_CONTACTS: usize = 16;

@@ -1,5 +1,5 @@
-//! The log of a program, on standard error. Its rate is bounded: a fault that repeats, a
-//! clock that steps or a peer that floods must not fill a disk.
+//! The log of a program, on standard error. Its rate is limited: a repeated fault, a
+//! clock step or a flood must not fill a disk.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -13,13 +13,13 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{Layer, Registry};
 
-/// Lines of one place in the code that are written within [`PERIOD`].
+/// Lines per place in the code within [`PERIOD`].
 const LINES: u32 = 100;
 /// The period in which lines are counted.
 const PERIOD: Duration = Duration::from_secs(10);
 
-/// Starts the log. `default` is the filter where `RUST_LOG` names none; `writer` makes
-/// what the lines go to.
+/// Starts the log. `default` is the filter without `RUST_LOG`; `writer` creates the
+/// output.
 pub fn start<W>(default: &str, ansi: bool, writer: W)
 where
     W: for<'a> tracing_subscriber::fmt::MakeWriter<'a> + Send + Sync + 'static,
@@ -34,17 +34,18 @@ where
             Ok(mut limit) => limit.take(metadata.callsite(), Instant::now()),
             Err(_) => Verdict::Write { left_out: 0 },
         };
-        // Not through the log, which is at work here. A closed output is no reason to end.
+        // Not through the log, which is running here. A closed output must not end the
+        // program.
         let mut output = std::io::stderr();
         let target = metadata.target();
         let _ = match verdict {
             Verdict::Write { left_out: 0 } | Verdict::LeaveOut { first: false } => Ok(()),
             Verdict::Write { left_out } => {
-                writeln!(output, "{left_out} lines of {target} were left out")
+                writeln!(output, "{left_out} lines of {target} were omitted")
             }
             Verdict::LeaveOut { first: true } => writeln!(
                 output,
-                "{target} repeats itself: its further lines of this kind are left out for {} s",
+                "{target} repeats itself: further lines of this kind are omitted for {} s",
                 PERIOD.as_secs()
             ),
         };
@@ -58,16 +59,16 @@ where
     tracing_subscriber::registry().with(lines).init();
 }
 
-/// What becomes of a line.
+/// Decision about a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
-    /// It is written, after so many like it that were not.
+    /// Write it; `left_out` similar lines were omitted before.
     Write { left_out: u64 },
-    /// It is left out, as the first one of its period or a later one.
+    /// Omit it, as the first one of its period or a later one.
     LeaveOut { first: bool },
 }
 
-/// Lines of every place in the code, counted in periods.
+/// Lines of every place in the code, counted per period.
 #[derive(Debug)]
 struct Limit<K = Identifier> {
     places: HashMap<K, Count>,
@@ -115,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_place_cannot_write_more_than_its_share_and_leaves_others_theirs() {
+    fn the_limit_applies_to_each_place_in_the_code() {
         let mut limit = Limit::default();
         let begin = Instant::now();
         let flood = 10 * u64::from(LINES);
@@ -131,6 +132,6 @@ mod tests {
         let notices = (0..flood)
             .filter(|_| limit.take("a", later) == Verdict::LeaveOut { first: true })
             .count();
-        assert_eq!(notices, 1, "said once in a period");
+        assert_eq!(notices, 1, "logged once per period");
     }
 }

@@ -1,5 +1,5 @@
-//! Looks as text and as settings. No axis is on that was not named, except by
-//! the short form, which is the usual look.
+//! Looks as text and as settings. Only named axes are on, except in the short form,
+//! which is the usual look.
 
 use std::fmt;
 
@@ -9,13 +9,13 @@ use serde::{Deserialize, Deserializer};
 use crate::check::Invalid;
 use crate::v1::Look;
 
-/// Greatest strength of an axis.
+/// Largest strength of an axis.
 pub const STRONGEST: u32 = 3;
 
-/// Strength of the axes that the usual look has.
+/// Strength of the axes of the usual look.
 const USUAL: u32 = 2;
 
-/// Seeds of a look's text: the episode's own.
+/// Seed in a look's text that stands for the episode's own.
 pub const OWN_SEED: &str = "*";
 
 /// An axis of a look.
@@ -25,7 +25,7 @@ pub struct Axis {
     /// Reads its strength.
     pub of: fn(&Look) -> u32,
     set: fn(&mut Look, u32),
-    /// Whether the short form of a look has it.
+    /// Whether the short form of a look includes it.
     usual: bool,
 }
 
@@ -84,7 +84,7 @@ impl Look {
         AXES.iter().all(|axis| (axis.of)(self) == 0)
     }
 
-    /// Refuses a strength that is none.
+    /// Rejects an invalid strength.
     ///
     /// # Errors
     /// The axis, what was found and what is allowed.
@@ -102,12 +102,11 @@ impl Look {
     }
 }
 
-/// A look as options and plans write it: `7` for the usual look of seed 7,
-/// `7:light=3,camera=1` for these axes alone, `*` in the place of the seed for
-/// each episode's own seed.
+/// A look in options and plans: `7` for the usual look of seed 7, `7:light=3,camera=1`
+/// for these axes only, `*` in place of the seed for each episode's own seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LookText {
-    /// `None`: each episode's own.
+    /// `None`: each episode's own seed.
     seed: Option<u64>,
     look: Look,
 }
@@ -122,9 +121,9 @@ impl LookText {
         }
     }
 
-    /// The same with an axis at another strength; `axis` is the name of one.
+    /// The same with another strength of the axis named `axis`.
     #[must_use]
-    pub fn with(mut self, axis: &str, strength: u32) -> Self {
+    pub fn with_axis(mut self, axis: &str, strength: u32) -> Self {
         let found = AXES.iter().find(|known| known.name == axis);
         debug_assert!(found.is_some(), "{axis} is an axis");
         if let Some(found) = found {
@@ -136,7 +135,7 @@ impl LookText {
     /// Reads `SEED[:AXIS=STRENGTH,…]`.
     ///
     /// # Errors
-    /// What was found and what is allowed.
+    /// The text found and the allowed form.
     pub fn read(text: &str) -> Result<Self, String> {
         let (seed, axes) = match text.split_once(':') {
             Some((seed, axes)) => (seed, Some(axes)),
@@ -179,7 +178,7 @@ impl LookText {
 
     /// The look of an episode.
     #[must_use]
-    pub fn of(&self, episode_seed: u64) -> Look {
+    pub fn for_episode(&self, episode_seed: u64) -> Look {
         self.seeded(self.seed.unwrap_or(episode_seed))
     }
 
@@ -193,7 +192,7 @@ impl LookText {
 impl fmt::Display for LookText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.seed {
-            Some(_) => write!(f, "{}", self.of(0)),
+            Some(_) => write!(f, "{}", self.for_episode(0)),
             None => {
                 f.write_str(OWN_SEED)?;
                 write_axes(f, &self.look)
@@ -239,15 +238,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_look_is_read_and_written_and_what_is_wrong_is_named() {
+    fn looks_are_parsed_and_errors_name_the_wrong_part() {
         let usual = LookText::read("7").unwrap();
-        assert_eq!(usual.of(1), Look::usual(7));
+        assert_eq!(usual.for_episode(1), Look::usual(7));
         assert_eq!((Look::usual(7).light, Look::usual(7).camera), (2, 0));
         let own = LookText::read("*:light=3,camera=1").unwrap();
-        let look = own.of(5);
+        let look = own.for_episode(5);
         assert_eq!((look.seed, look.light, look.camera), (5, 3, 1));
         assert_eq!((look.background, own.seeded(9).seed), (0, 9));
-        assert!(!look.is_off() && LookText::read("1:light=0").unwrap().of(0).is_off());
+        assert!(!look.is_off() && LookText::read("1:light=0").unwrap().for_episode(0).is_off());
         for text in ["7:light=2,lens=3", "*:exposure=1"] {
             assert_eq!(LookText::read(text).unwrap().to_string(), text);
         }
@@ -257,17 +256,17 @@ mod tests {
             ("7:lihgt=2", "expected one of light, background"),
             ("7:light=4", "\"light=4\", expected a strength of 0"),
         ] {
-            let told = LookText::read(text).unwrap_err();
-            assert!(told.contains(words), "{told}");
+            let message = LookText::read(text).unwrap_err();
+            assert!(message.contains(words), "{message}");
         }
         let wrong = Look {
             lens: 9,
             ..Look::default()
         };
-        let told = wrong.check().unwrap_err().to_string();
+        let message = wrong.check().unwrap_err().to_string();
         assert!(
-            told.contains("look") && told.contains("lens is 9"),
-            "{told}"
+            message.contains("look") && message.contains("lens is 9"),
+            "{message}"
         );
     }
 }

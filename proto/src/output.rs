@@ -1,26 +1,26 @@
-//! The end of a program whose standard output cannot be written.
+//! Exit of a program whose standard output cannot be written.
 
 use std::io::Write;
 use std::process::exit;
 
-/// Exit code of a program whose reader has gone, as a shell reports SIGPIPE.
+/// Exit code after the reader closed the pipe, as a shell reports SIGPIPE.
 const READER_GONE: i32 = 141;
-/// Exit code of one whose output cannot be stored.
+/// Exit code when output cannot be stored.
 const NOT_WRITTEN: i32 = 1;
 
-/// From here on a program ends without a panic when what it prints cannot be
-/// written: quietly with 141 where the reader has gone (`| head -1`), with words
-/// and 1 otherwise (a full disk). It is called once, first of all in `main`.
+/// Ends the program without a panic when its output cannot be written: silently with
+/// 141 when the reader closed the pipe (`| head -1`), with a message and 1 otherwise
+/// (full disk). Call it first in `main`.
 pub fn end_with_output() {
     let panics = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         let words = panic.payload().downcast_ref::<String>();
         match words.and_then(|words| lost(words)) {
-            Some(Lost::Reader) => exit(READER_GONE),
-            Some(Lost::Written(why)) => {
+            Some(PrintFailure::Reader) => exit(READER_GONE),
+            Some(PrintFailure::Written(why)) => {
                 let _ = writeln!(
                     std::io::stderr(),
-                    "error: what this program prints cannot be written: {why}"
+                    "error: cannot write to standard output: {why}"
                 );
                 exit(NOT_WRITTEN)
             }
@@ -30,20 +30,20 @@ pub fn end_with_output() {
 }
 
 #[derive(Debug, PartialEq)]
-enum Lost<'a> {
+enum PrintFailure<'a> {
     Reader,
     Written(&'a str),
 }
 
-/// What the standard library's `print!` says when it cannot write.
-fn lost(panic: &str) -> Option<Lost<'_>> {
+/// Parses the panic message of `print!`.
+fn lost(panic: &str) -> Option<PrintFailure<'_>> {
     let (_, why) = panic
         .strip_prefix("failed printing to std")?
         .split_once(": ")?;
-    // EPIPE, wherever there is one.
+    // EPIPE on every platform.
     match why.contains("(os error 32)") {
-        true => Some(Lost::Reader),
-        false => Some(Lost::Written(why)),
+        true => Some(PrintFailure::Reader),
+        false => Some(PrintFailure::Written(why)),
     }
 }
 
@@ -52,12 +52,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn output_without_a_reader_or_a_place_is_told_from_other_panics() {
+    fn output_errors_are_distinguished_from_other_panics() {
         let broken = "failed printing to stdout: Broken pipe (os error 32)";
-        assert_eq!(lost(broken), Some(Lost::Reader));
+        assert_eq!(lost(broken), Some(PrintFailure::Reader));
         let full = "failed printing to stdout: No space left on device (os error 28)";
         let why = "No space left on device (os error 28)";
-        assert_eq!(lost(full), Some(Lost::Written(why)));
+        assert_eq!(lost(full), Some(PrintFailure::Written(why)));
         assert_eq!(lost("index out of bounds"), None);
     }
 }

@@ -1,23 +1,23 @@
-//! Who sits in the chair, in one word or a few, for command lines and plans.
+//! The person in the chair as a short text, for command lines and plans.
 
 use crate::v1;
 
-/// Greatest contact force on a part of the seated person's body, N: the limit of the task
-/// templates, of the guard and of the expert.
+/// Largest contact force on a part of the seated person's body, N: limit of the task
+/// templates, the guard and the expert.
 pub const FORCE_LIMIT: f64 = 5.0;
-/// The same for face and mouth; the guard keeps it at the whole head.
+/// Largest contact force on face and mouth, N; the guard applies it to the whole head.
 pub const FACE_FORCE_LIMIT: f64 = 2.0;
 
-/// Drawn by the seed.
+/// Sampled by the seed.
 const ANY: &str = "any";
-/// Nobody.
-pub const NOBODY: &str = "none";
+/// An empty chair.
+pub const NO_PERSON: &str = "none";
 
 impl v1::Person {
     /// Reads `any`, `none`, `BODY` or `BODY/POSTURE`, followed by any of `,guard`,
     /// `,unguarded`, `,mouth_open` and `,motion=0.5`. `any` may take the place of a body.
     ///
-    /// # Errors
+    /// The text and the allowed form.
     /// The text and its form.
     pub fn from_text(text: &str) -> Result<Self, String> {
         let wrong = || {
@@ -59,7 +59,8 @@ impl v1::Person {
         Ok(person)
     }
 
-    /// As [`v1::Person::from_text`] reads it; seed, colours and clothes are left out.
+    /// Written as [`v1::Person::from_text`] reads it; seed, colours and clothes are
+    /// left out.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = match self.body.as_str() {
@@ -91,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read() {
+    fn written_text_is_parsed() {
         for text in [
             "any",
             "none",
@@ -111,8 +112,8 @@ mod tests {
             "any,guard,unguarded",
             "a/b/c",
         ] {
-            let told = v1::Person::from_text(wrong).unwrap_err();
-            assert!(told.contains("BODY[/POSTURE]"), "{told}");
+            let message = v1::Person::from_text(wrong).unwrap_err();
+            assert!(message.contains("BODY[/POSTURE]"), "{message}");
         }
     }
 }

@@ -1,26 +1,26 @@
-//! Levels of the preview streams: what a viewer may subscribe to, by link.
+//! Levels of the preview streams, for different connections.
 
 use crate::v1;
 
 /// Size, rate and quality of a preview stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PreviewLevel {
-    /// For links of about 0.5 Mbit/s.
+    /// For connections of about 0.5 Mbit/s.
     Low,
-    /// For links of about 3 Mbit/s.
+    /// For connections of about 3 Mbit/s.
     Medium,
     /// For local networks.
     High,
-    /// Raw, for who encodes on the same host.
+    /// Raw, for clients that encode on the same host.
     Flat,
     /// The same, larger.
     FlatLarge,
 }
 
 impl PreviewLevel {
-    /// Every compressed level, least first: what a link may carry.
+    /// Every compressed level, lowest first.
     pub const ALL: [Self; 3] = [Self::Low, Self::Medium, Self::High];
-    /// Raw levels, for who encodes on the same host.
+    /// Raw levels, for clients that encode on the same host.
     pub const FLAT: [Self; 2] = [Self::Flat, Self::FlatLarge];
 
     /// Last chunk of the key.
@@ -35,9 +35,9 @@ impl PreviewLevel {
         }
     }
 
-    /// The level that a message tells, if it tells one.
+    /// The level of a message, if set.
     #[must_use]
-    pub fn told(level: v1::PreviewLevel) -> Option<Self> {
+    pub fn from_proto(level: v1::PreviewLevel) -> Option<Self> {
         match level {
             v1::PreviewLevel::Unspecified => None,
             v1::PreviewLevel::Low => Some(Self::Low),
@@ -48,7 +48,7 @@ impl PreviewLevel {
         }
     }
 
-    /// As a message tells it.
+    /// As an enum of the contract.
     #[must_use]
     pub fn code(self) -> v1::PreviewLevel {
         match self {
@@ -60,7 +60,7 @@ impl PreviewLevel {
         }
     }
 
-    /// Greatest picture width, pixels; smaller pictures are not enlarged.
+    /// Largest image width, pixels; smaller images are not enlarged.
     #[must_use]
     pub fn width(self) -> u32 {
         match self {
@@ -70,7 +70,8 @@ impl PreviewLevel {
         }
     }
 
-    /// Most pictures per second of wall time, Hz; `None` is the camera's rate.
+    /// Largest number of images per second of wall time, Hz; `None` is the camera's
+    /// rate.
     #[must_use]
     pub fn rate_hz(self) -> Option<f64> {
         match self {
@@ -80,7 +81,7 @@ impl PreviewLevel {
         }
     }
 
-    /// JPEG quality, 1 to 100; `None` where the picture is raw.
+    /// JPEG quality, 1 to 100; `None` where the image is raw.
     #[must_use]
     pub fn quality(self) -> Option<u8> {
         match self {
@@ -97,10 +98,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_level_is_told_and_read() {
+    fn every_level_survives_a_round_trip() {
         for level in PreviewLevel::ALL.into_iter().chain(PreviewLevel::FLAT) {
-            assert_eq!(PreviewLevel::told(level.code()), Some(level));
+            assert_eq!(PreviewLevel::from_proto(level.code()), Some(level));
         }
-        assert_eq!(PreviewLevel::told(v1::PreviewLevel::Unspecified), None);
+        assert_eq!(
+            PreviewLevel::from_proto(v1::PreviewLevel::Unspecified),
+            None
+        );
     }
 }

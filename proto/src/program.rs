@@ -1,6 +1,5 @@
-//! What programs tell the one that started them: the line by which a server says
-//! that it serves, its tasks without serving, and exit codes. People read the
-//! rest.
+//! Machine-readable output of programs: the line that announces a ready server, the
+//! list of tasks, and exit codes.
 
 use std::error::Error;
 use std::fmt;
@@ -10,9 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::v1;
 
-/// What `--version` tells: the version, what must agree between programs, and the
-/// commit that it was built from. The variable `WHEELARM_COMMIT` of the build says
-/// that; the Makefile sets it.
+/// Output of `--version`: the version, the contract and physics versions, and the
+/// commit. The Makefile sets the commit through the build variable `WHEELARM_COMMIT`.
 #[must_use]
 pub fn version() -> &'static str {
     static LINE: LazyLock<String> = LazyLock::new(|| {
@@ -29,11 +27,11 @@ pub fn version() -> &'static str {
     &LINE
 }
 
-/// A test cannot run here. Where `WHEELARM_NO_SKIPS` is set, as `make test` does, that is
-/// a failure: what was skipped has not passed.
+/// Reports a test that cannot run here. With `WHEELARM_NO_SKIPS`, which `make test`
+/// sets, that is a failure: a skipped test has not passed.
 ///
 /// # Panics
-/// There.
+/// With `WHEELARM_NO_SKIPS`.
 #[track_caller]
 pub fn skipped(reason: &str) {
     assert!(
@@ -43,10 +41,10 @@ pub fn skipped(reason: &str) {
     eprintln!("skipped: {reason}");
 }
 
-/// An error with its causes in one line, each of them once: many repeat the words
-/// of their cause.
+/// An error with its causes in one line. A cause that its error already quotes is not
+/// repeated.
 #[must_use]
-pub fn told(error: &dyn Error) -> String {
+pub fn error_chain(error: &dyn Error) -> String {
     let mut text = error.to_string().trim_end().to_owned();
     let mut cause = error.source();
     while let Some(error) = cause {
@@ -60,8 +58,8 @@ pub fn told(error: &dyn Error) -> String {
     text
 }
 
-/// The words of an error without the places in source files that the transport adds to
-/// them (` at /cargo/registry/...rs:12.`).
+/// The text of an error without the source locations that the transport adds (` at
+/// /cargo/registry/...rs:12.`).
 #[must_use]
 pub fn without_source_places(text: &str) -> String {
     let mut parts = text.split(" at /");
@@ -71,17 +69,17 @@ pub fn without_source_places(text: &str) -> String {
         let rest = line.map(|line| line.trim_start_matches(|c: char| c.is_ascii_digit()));
         match rest {
             Some(rest) => out.push_str(rest),
-            // A path of the user's.
+            // A path in the user's text.
             None => out.extend([" at /", part]),
         }
     }
     out.trim_end_matches(['.', ' ']).to_owned()
 }
 
-/// The first line of a server's standard output, as soon as it serves.
+/// The first line of a server's standard output, printed when it is ready.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ready {
-    /// Where it listens.
+    /// Endpoint that it listens on.
     pub endpoint: String,
     /// Its name.
     pub sim: String,
@@ -94,7 +92,7 @@ impl fmt::Display for Ready {
 }
 
 impl Ready {
-    /// Reads the line.
+    /// Parses the line.
     #[must_use]
     pub fn parse(line: &str) -> Option<Self> {
         let mut words = line.strip_prefix("ready ")?.split_whitespace();
@@ -104,10 +102,10 @@ impl Ready {
     }
 }
 
-/// One task as `wheelarm-server --list-tasks --json` tells it.
+/// One task in the output of `wheelarm-server --list-tasks --json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ListedTask {
-    /// File below `assets/tasks`, without ending.
+    /// File below `assets/tasks`, without extension.
     pub name: String,
     /// Activity of daily living: `serve` or `organize`.
     pub activity: String,
@@ -115,18 +113,18 @@ pub struct ListedTask {
     pub area: String,
     /// `lift`, `put` or `open`.
     pub goal: String,
-    /// What it is done to; the seed takes one.
+    /// Possible targets; the seed selects one.
     pub targets: Vec<String>,
-    /// Sentences that ask for it; the seed takes one.
+    /// Possible instructions; the seed selects one.
     pub instructions: Vec<String>,
-    /// Its conditions: predicates with what they are about.
+    /// Its conditions: predicates with their subjects.
     pub predicates: Vec<String>,
-    /// Variants of its area in which it can be done; the first has no name.
+    /// Variants of its area in which it is possible; the first has no name.
     #[serde(default)]
     pub variants: Vec<String>,
 }
 
-/// Words of the goals, by their codes.
+/// Names of the goals, by their codes.
 const GOALS: [(v1::GoalKind, &str); 4] = [
     (v1::GoalKind::Lift, "lift"),
     (v1::GoalKind::Put, "put"),
@@ -134,7 +132,7 @@ const GOALS: [(v1::GoalKind, &str); 4] = [
     (v1::GoalKind::Close, "close"),
 ];
 
-/// The word of a goal; empty for none.
+/// The name of a goal; empty for none.
 #[must_use]
 pub fn goal_word(goal: v1::GoalKind) -> &'static str {
     let word = GOALS.iter().find(|(kind, _)| *kind == goal);
@@ -162,10 +160,10 @@ pub fn tasks_to_json(tasks: &[v1::TaskInfo]) -> serde_json::Result<String> {
     serde_json::to_string(&listed)
 }
 
-/// Reads what [`tasks_to_json`] wrote.
+/// Parses the output of [`tasks_to_json`].
 ///
 /// # Errors
-/// When it is something else.
+/// When the text has another form.
 pub fn tasks_from_json(text: &str) -> serde_json::Result<Vec<v1::TaskInfo>> {
     let listed: Vec<ListedTask> = serde_json::from_str(text)?;
     let listed = listed.into_iter();
@@ -191,8 +189,7 @@ pub fn tasks_from_json(text: &str) -> serde_json::Result<Vec<v1::TaskInfo>> {
 /// Exit code of a server whose scenario cannot be simulated.
 pub const EXIT_SCENARIO: u8 = 4;
 
-/// Exit code of an operator that tried its task and did not do it. Any other
-/// failure is not the task's.
+/// Exit code of an operator that failed at its task. Other failures are not the task's.
 pub const EXIT_NOT_DONE: u8 = 5;
 
 #[cfg(test)]
@@ -212,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_read_as_it_is_written() {
+    fn a_ready_line_survives_a_round_trip() {
         let ready = Ready {
             endpoint: "tcp/127.0.0.1:7447".to_owned(),
             sim: "sim".to_owned(),
@@ -222,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn tasks_are_read_as_they_are_written() {
+    fn tasks_survive_a_round_trip() {
         let tasks = [v1::TaskInfo {
             name: "open_drawer".to_owned(),
             activity: "organize".to_owned(),
@@ -240,16 +237,22 @@ mod tests {
     }
 
     #[test]
-    fn a_cause_that_was_told_is_not_told_again() {
+    fn a_quoted_cause_is_not_repeated() {
         #[derive(Debug, thiserror::Error)]
         #[error("scene.toml: {0}")]
         struct Outer(#[source] std::fmt::Error);
         let repeated = Outer(std::fmt::Error);
-        assert_eq!(told(&repeated), format!("scene.toml: {}", std::fmt::Error));
+        assert_eq!(
+            error_chain(&repeated),
+            format!("scene.toml: {}", std::fmt::Error)
+        );
         #[derive(Debug, thiserror::Error)]
         #[error("no scene")]
         struct Silent(#[source] std::fmt::Error);
         let silent = Silent(std::fmt::Error);
-        assert_eq!(told(&silent), format!("no scene: {}", std::fmt::Error));
+        assert_eq!(
+            error_chain(&silent),
+            format!("no scene: {}", std::fmt::Error)
+        );
     }
 }

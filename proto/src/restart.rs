@@ -1,17 +1,17 @@
-//! Programs that start again with what libraries read from the environment.
+//! Restarts a program with environment variables that libraries read.
 
-/// Environment variable by which the transport learns how many threads it has. It
-/// reads it once, before a process opens its first session.
+/// Environment variable with the transport's thread counts. It is read once, before a
+/// process opens its first session.
 pub const TRANSPORT_THREADS: &str = "ZENOH_RUNTIME";
 
-/// Its value for who hands on between many: four threads send to all peers, one unless
-/// said. The end of a connection whose peer does not read keeps one busy for as long as
-/// somebody waits to send to it, and with one alone nobody would hear anything.
+/// Its value for routers: four sending threads instead of one. A closing connection
+/// whose peer does not read occupies one thread while messages wait for it; with a
+/// single thread no other peer would receive anything.
 pub const SENDING_THREADS: &str = "(tx: (worker_threads: 4))";
 
-/// Starts this program again, with the same words, in the same process, with those
-/// variables that are not set already. Returns where nothing is missing, where the
-/// system cannot do that, and where it fails: then the program goes on without.
+/// Restarts this program with the same arguments in the same process, with the
+/// variables that are not set yet. Returns when none is missing or the restart fails:
+/// the program then continues without them.
 pub fn with_variables<'a>(wanted: impl IntoIterator<Item = (&'a str, std::ffi::OsString)>) {
     let missing: Vec<_> = wanted
         .into_iter()

@@ -1,7 +1,7 @@
-//! The robot as its description tells it: where what stands, found once by role,
-//! and the gripper's linkage.
+//! The robot from its description: indices of joints and frames by role, and the
+//! gripper's linkage.
 //!
-//! No name and no number of a robot stands here.
+//! This module contains no name and no number of a robot.
 
 use crate::check::{self, Invalid};
 use crate::exact;
@@ -10,14 +10,14 @@ use crate::v1::{self, FrameRole, JointRole};
 /// Joints of the arm.
 pub const ARM_JOINTS: usize = 6;
 
-/// Where joints and frames stand in `JointState` and `PoseSet`.
+/// Indices of joints and frames in `JointState` and `PoseSet`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Roles {
     /// Joints of the arm, from base to hand, among the recorded joints.
     pub arm: [usize; ARM_JOINTS],
     /// Left and right driven wheel among the recorded joints.
     pub wheels: [usize; 2],
-    /// The knuckle that is commanded among the recorded joints.
+    /// The commanded knuckle among the recorded joints.
     pub knuckle: usize,
     /// The chair among the recorded frames.
     pub chair: usize,
@@ -29,8 +29,8 @@ impl Roles {
     /// Finds every role, once.
     ///
     /// # Errors
-    /// [`Invalid::Word`] that names the robot and the role, when none or
-    /// several have it.
+    /// [`Invalid::Word`] that names the robot and the role, when none or several have
+    /// it.
     pub fn find(robot: &v1::RobotDescription) -> Result<Self, Invalid> {
         let joint = |role: JointRole, index: Option<u32>| {
             let fits = |joint: &v1::RobotJoint| {
@@ -62,8 +62,8 @@ impl Roles {
         })
     }
 
-    /// Values of the arm's joints among those of all recorded joints; `None`
-    /// where some are missing.
+    /// Values of the arm's joints among those of all recorded joints; `None` when some
+    /// are missing.
     #[must_use]
     pub fn arm_of(&self, joints: &[f64]) -> Option<[f64; ARM_JOINTS]> {
         let mut arm = [0.0; ARM_JOINTS];
@@ -111,7 +111,7 @@ impl v1::RobotDescription {
         arm.iter().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// The gripper, zero where the description has none.
+    /// The gripper; zero when the description has none.
     #[must_use]
     pub fn gripper_or_default(&self) -> v1::GripperDescription {
         self.gripper.clone().unwrap_or_default()
@@ -126,16 +126,16 @@ impl v1::RobotDescription {
 }
 
 impl v1::GripperLinkage {
-    /// Distance between the pads, metres, at a knuckle angle, rad; a little
-    /// less than 0 beyond the angle at which they meet.
+    /// Distance between the pads, metres, at a knuckle angle, rad; slightly below 0
+    /// beyond the angle at which they meet.
     #[must_use]
     pub fn opening(&self, knuckle: f64) -> f64 {
         let (sin, cos) = exact::sin_cos(knuckle);
         2.0 * (self.pin_x + self.crank_x * cos - self.crank_z * sin - self.pad_x)
     }
 
-    /// Knuckle angle, rad, at which the pads are `opening` metres apart; the
-    /// angle of the nearest opening that the linkage has.
+    /// Knuckle angle, rad, at which the pads are `opening` metres apart; clamped to the
+    /// linkage's range.
     #[must_use]
     pub fn knuckle(&self, opening: f64) -> f64 {
         let length = exact::hypot(self.crank_x, self.crank_z);
@@ -143,8 +143,8 @@ impl v1::GripperLinkage {
         exact::atan2(self.crank_x, self.crank_z) - exact::asin(across.clamp(-1.0, 1.0))
     }
 
-    /// A point of the left crank at a knuckle angle, rad: `point` is from the
-    /// knuckle's axis at angle 0, the result from the end effector, x and z, metres.
+    /// A point of the left crank at a knuckle angle, rad: `point` is relative to the
+    /// knuckle's axis at angle 0, the result to the end effector, x and z, metres.
     #[must_use]
     pub fn turned(&self, point: [f64; 2], knuckle: f64) -> [f64; 2] {
         let (sin, cos) = exact::sin_cos(knuckle);
@@ -154,8 +154,8 @@ impl v1::GripperLinkage {
         ]
     }
 
-    /// Axis of the left finger tip at a knuckle angle, rad: x and z from the
-    /// end effector, metres.
+    /// Axis of the left finger tip at a knuckle angle, rad: x and z relative to the end
+    /// effector, metres.
     #[must_use]
     pub fn tip(&self, knuckle: f64) -> [f64; 2] {
         self.turned([self.crank_x, self.crank_z], knuckle)
@@ -163,7 +163,7 @@ impl v1::GripperLinkage {
 }
 
 impl v1::GripperDescription {
-    /// Checks what a command asks of the gripper against its ranges.
+    /// Checks a gripper command against its ranges.
     ///
     /// # Errors
     /// [`Invalid`] that names the field and the range.
@@ -236,15 +236,15 @@ mod tests {
     }
 
     #[test]
-    fn a_role_that_is_missing_or_told_twice_is_named() {
+    fn a_missing_or_repeated_role_is_named() {
         let mut without = robot();
         without.joints.remove(1);
-        let told = Roles::find(&without).unwrap_err().to_string();
-        assert!(told.contains("JOINT_ROLE_KNUCKLE"), "{told}");
+        let message = Roles::find(&without).unwrap_err().to_string();
+        assert!(message.contains("JOINT_ROLE_KNUCKLE"), "{message}");
         let mut twice = robot();
         twice.joints[3].arm_index = 2;
-        let told = Roles::find(&twice).unwrap_err().to_string();
-        assert!(told.contains("JOINT_ROLE_ARM 2"), "{told}");
+        let message = Roles::find(&twice).unwrap_err().to_string();
+        assert!(message.contains("JOINT_ROLE_ARM 2"), "{message}");
     }
 
     #[test]
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grip_beyond_the_gripper_is_refused() {
+    fn commands_beyond_the_gripper_are_rejected() {
         use v1::gripper_command::Target;
         let gripper = v1::GripperDescription {
             stroke: 0.1,
@@ -286,8 +286,8 @@ mod tests {
             (Target::Knuckle(0.71), None, "knuckle"),
             (Target::Opening(0.0), Some(51.0), "force"),
         ] {
-            let told = ask(target, force).unwrap_err().to_string();
-            assert!(told.contains(word), "{told}");
+            let message = ask(target, force).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! The queries of `service Simulation`: a request says by its type what is
-//! asked, and so what is answered.
+//! The queries of `service Simulation`: the type of a request determines the query and
+//! the reply.
 
 use prost::Message;
 
@@ -7,12 +7,12 @@ use prost::Message;
 pub trait Rpc: Message + Default {
     /// The query.
     const QUERY: Query;
-    /// What answers it.
+    /// Type of the reply.
     type Reply: Message + Default;
     /// Last chunk of its key.
     const NAME: &'static str = Self::QUERY.name();
 
-    /// The name that stands in the key, where one does.
+    /// The client's name in the key, where the key contains one.
     fn identity(&self) -> Option<&str> {
         None
     }

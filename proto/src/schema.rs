@@ -1,33 +1,34 @@
-//! The schema that stands in the encoding of every sample, request and reply:
-//! which message it is, and of which version of the contract.
+//! The schema in the encoding of every sample, request and reply: message type and
+//! contract version.
 
 use crate::CONTRACT_VERSION;
 
-/// What stands before the schema.
+/// Media type before the schema.
 pub const MEDIA_TYPE: &str = "application/protobuf";
 
 /// Schema of a message, for example `wheelarm.v1.Clock@2`.
 #[must_use]
-pub fn of(message: &str) -> String {
+pub fn schema_name(message: &str) -> String {
     format!("{message}@{CONTRACT_VERSION}")
 }
 
 /// The whole encoding of a message.
 #[must_use]
 pub fn encoding(message: &str) -> String {
-    format!("{MEDIA_TYPE};{}", of(message))
+    format!("{MEDIA_TYPE};{}", schema_name(message))
 }
 
-/// The contract version that an encoding tells; the first version told none.
+/// The contract version in an encoding; the first version sent none.
 #[must_use]
 pub fn version_of(encoding: &str) -> u32 {
-    let told = encoding.strip_prefix(MEDIA_TYPE);
-    let told = told.and_then(|schema| schema.rsplit_once('@'));
-    told.and_then(|(_, version)| version.parse().ok())
+    let version = encoding.strip_prefix(MEDIA_TYPE);
+    let version = version.and_then(|schema| schema.rsplit_once('@'));
+    version
+        .and_then(|(_, version)| version.parse().ok())
         .unwrap_or(1)
 }
 
-/// The other side speaks another version of the contract.
+/// The peer uses another version of the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the other side speaks version {theirs} of the contract, this program version \
@@ -56,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_version_is_read_as_it_is_told_and_none_is_the_first() {
+    fn versions_are_parsed_and_default_to_the_first() {
         let own = encoding("wheelarm.v1.Clock");
         assert_eq!(own, "application/protobuf;wheelarm.v1.Clock@2");
         assert_eq!(check(&own), Ok(()));
@@ -68,7 +69,7 @@ mod tests {
         ] {
             assert_eq!(check(other), Err(OtherVersion { theirs }), "{other}");
         }
-        let told = OtherVersion { theirs: 1 }.to_string();
-        assert!(told.contains("one build"), "{told}");
+        let message = OtherVersion { theirs: 1 }.to_string();
+        assert!(message.contains("one build"), "{message}");
     }
 }

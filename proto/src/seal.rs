@@ -1,6 +1,6 @@
-//! Seals of commands: a commander that asked for a sealed lease proves with
-//! every command that it knows the lease's secret, which never travels with
-//! one. Names and run ids are public; the secret is not.
+//! Seals of commands: a commander with a sealed lease proves with every command that it
+//! knows the lease's secret, without sending it. Names and run IDs are public; the
+//! secret is not.
 
 use hmac::{Hmac, Mac};
 use sha2::Sha256;
@@ -8,12 +8,11 @@ use sha2::Sha256;
 /// Length of the HMAC-SHA256, bytes.
 const LENGTH: usize = 32;
 
-/// Tag and length that stand before the seal in an encoded command: field 20,
-/// length-delimited.
+/// Tag and length before the seal in an encoded command: field 20, length-delimited.
 const START: [u8; 3] = [0xa2, 0x01, LENGTH as u8];
 
 fn code(command: &[u8], secret: &str) -> Option<Hmac<Sha256>> {
-    // A key may have any length, so that this never fails.
+    // HMAC accepts a key of any length, so this never fails.
     let mut code = Hmac::<Sha256>::new_from_slice(secret.as_bytes()).ok()?;
     code.update(command);
     Some(code)
@@ -28,15 +27,15 @@ pub fn append(command: &mut Vec<u8>, secret: &str) {
     }
 }
 
-/// Whether an encoded command ends with the seal that `secret` gives it.
+/// Whether an encoded command ends with the seal for `secret`.
 #[must_use]
-pub fn holds(command: &[u8], secret: &str) -> bool {
+pub fn is_sealed(command: &[u8], secret: &str) -> bool {
     let Some(at) = command.len().checked_sub(START.len() + LENGTH) else {
         return false;
     };
     let (sealed, end) = command.split_at(at);
     let (start, seal) = end.split_at(START.len());
-    // The comparison takes the same time wherever the bytes differ.
+    // The comparison takes constant time.
     start == START && code(sealed, secret).is_some_and(|code| code.verify_slice(seal).is_ok())
 }
 
@@ -53,22 +52,25 @@ mod tests {
             ..v1::Command::default()
         };
         let mut bytes = command.encode_to_vec();
-        assert!(!holds(&bytes, "secret"), "there is none");
+        assert!(!is_sealed(&bytes, "secret"), "no seal");
         append(&mut bytes, "secret");
-        assert!(holds(&bytes, "secret"));
-        assert!(!holds(&bytes, "other"));
+        assert!(is_sealed(&bytes, "secret"));
+        assert!(!is_sealed(&bytes, "other"));
         let read = v1::Command::decode(bytes.as_slice()).unwrap();
         assert_eq!(read.seal, bytes[bytes.len() - LENGTH..]);
-        // What was read is written as it came.
+        // A decoded command is encoded identically.
         assert_eq!(read.encode_to_vec(), bytes);
         for at in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 1;
-            assert!(!holds(&damaged, "secret"), "byte {at} was changed unseen");
+            assert!(
+                !is_sealed(&damaged, "secret"),
+                "a change of byte {at} was not detected"
+            );
         }
         bytes.push(0);
-        assert!(!holds(&bytes, "secret"), "something was appended");
-        assert!(!holds(&[], "secret"));
+        assert!(!is_sealed(&bytes, "secret"), "a byte was appended");
+        assert!(!is_sealed(&[], "secret"));
     }
 
     #[test]

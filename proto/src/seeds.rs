@@ -1,9 +1,9 @@
-//! What a seed is for, so that nothing is trained on what it is tested with.
+//! Purposes of seeds, which keep training and test data apart.
 //!
-//! One table for every program: `collect` and `evaluate` refuse plans and splits
-//! that mix purposes, a dataset's card tells them. Looks, sensors, sentences and
-//! specimens of the robot are drawn from seeds of their own that follow from the
-//! scenario's, so that they are apart where the seeds are.
+//! One table for every program: `collect` and `evaluate` reject plans and splits that
+//! mix purposes, and data cards list them. Looks, sensors, sentences and robot
+//! specimens use seeds derived from the scenario's, so they are disjoint where those
+//! are.
 
 use std::fmt;
 use std::ops::Range;
@@ -13,22 +13,22 @@ use crate::settings::Named;
 /// The next attempt at an episode has its seed plus this.
 pub const ATTEMPT_STRIDE: u64 = 1_000_000;
 
-/// What the seeds of a range are for.
+/// Purpose of a range of seeds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Purpose {
-    /// To build and try with.
+    /// Development and debugging.
     Develop,
-    /// To choose among checkpoints of one training.
+    /// Selection among checkpoints of one training.
     Checkpoint,
-    /// For what is claimed of a policy.
+    /// Published results of a policy.
     PolicyClaim,
     /// Adversarial runs, and the campaign modelled on the paper.
     Adversarial,
-    /// For what is claimed of the scripted operator.
+    /// Published results of the scripted operator.
     OperatorClaim,
-    /// To train on.
+    /// Training.
     Train,
-    /// None of the others.
+    /// No other purpose.
     #[default]
     Free,
 }
@@ -70,42 +70,42 @@ impl Named for Purpose {
 }
 
 impl Purpose {
-    /// What `seed` is for. Seeds of later attempts are for what the first was for.
+    /// Purpose of `seed`. Later attempts have the purpose of the first.
     #[must_use]
-    pub fn of(seed: u64) -> Self {
+    pub fn of_seed(seed: u64) -> Self {
         let first = seed % ATTEMPT_STRIDE;
         let row = TABLE.iter().find(|(range, _)| range.contains(&first));
         row.map_or(Self::Free, |(_, purpose)| *purpose)
     }
 
-    /// The one purpose of all of `seeds`; of an empty range `Free`.
+    /// The single purpose of `seeds`; `Free` for an empty range.
     ///
     /// # Errors
-    /// [`MixedPurposes`] when they have several.
-    pub fn of_all(seeds: Range<u64>) -> Result<Self, MixedPurposes> {
+    /// [`MixedPurposes`] when there are several.
+    pub fn of_range(seeds: Range<u64>) -> Result<Self, MixedPurposes> {
         let Some(last) = seeds.end.checked_sub(1).filter(|last| *last >= seeds.start) else {
             return Ok(Self::Free);
         };
-        let purpose = Self::of(seeds.start);
-        let edge = seeds.start + purpose.left(seeds.start);
+        let purpose = Self::of_seed(seeds.start);
+        let edge = seeds.start + purpose.seeds_left(seeds.start);
         if last < edge {
             return Ok(purpose);
         }
         Err(MixedPurposes {
             seeds,
             edge,
-            purposes: [purpose, Self::of(edge)],
+            purposes: [purpose, Self::of_seed(edge)],
         })
     }
 
     /// Seeds from `seed` to the end of its row of the table.
-    fn left(self, seed: u64) -> u64 {
+    fn seeds_left(self, seed: u64) -> u64 {
         let first = seed % ATTEMPT_STRIDE;
         let mut edges = TABLE.iter().flat_map(|(range, _)| [range.start, range.end]);
         edges.find(|edge| *edge > first).unwrap_or(ATTEMPT_STRIDE) - first
     }
 
-    /// The seeds that are for it, first attempts, as words: `1000..1200, 5000..9000`.
+    /// The seeds of this purpose, first attempts, as text: `1000..1200, 5000..9000`.
     #[must_use]
     pub fn seeds(self) -> String {
         let rows = TABLE.iter().filter(|(_, purpose)| *purpose == self);
@@ -113,14 +113,14 @@ impl Purpose {
             .map(|(range, _)| format!("{}..{}", range.start, range.end))
             .collect();
         if words.is_empty() {
-            "those that are for nothing else".to_owned()
+            "all others".to_owned()
         } else {
             words.join(", ")
         }
     }
 }
 
-/// Seeds that are for several purposes.
+/// Seeds of several purposes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MixedPurposes {
     seeds: Range<u64>,
@@ -152,14 +152,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_in_order_and_do_not_meet() {
+    fn rows_are_in_order_and_disjoint() {
         for pair in TABLE.windows(2) {
             assert!(pair[0].0.end <= pair[1].0.start, "{pair:?}");
         }
     }
 
     #[test]
-    fn a_later_attempt_is_for_what_the_first_was_for() {
+    fn later_attempts_have_the_purpose_of_the_first() {
         for (seed, purpose) in [
             (0, Purpose::Develop),
             (199, Purpose::Develop),
@@ -174,24 +174,24 @@ mod tests {
         ] {
             for attempt in 0..3 {
                 let seed = seed + attempt * ATTEMPT_STRIDE;
-                assert_eq!(Purpose::of(seed), purpose, "{seed}");
+                assert_eq!(Purpose::of_seed(seed), purpose, "{seed}");
             }
         }
     }
 
     #[test]
-    fn a_range_has_one_purpose_or_an_error_that_names_the_edge() {
-        assert_eq!(Purpose::of_all(500..700), Ok(Purpose::PolicyClaim));
-        assert_eq!(Purpose::of_all(220..500), Ok(Purpose::Free));
-        assert_eq!(Purpose::of_all(3..3), Ok(Purpose::Free));
+    fn a_range_has_one_purpose_or_an_error_names_the_boundary() {
+        assert_eq!(Purpose::of_range(500..700), Ok(Purpose::PolicyClaim));
+        assert_eq!(Purpose::of_range(220..500), Ok(Purpose::Free));
+        assert_eq!(Purpose::of_range(3..3), Ok(Purpose::Free));
         let end = ATTEMPT_STRIDE;
-        assert_eq!(Purpose::of_all(10_000..end), Ok(Purpose::Train));
+        assert_eq!(Purpose::of_range(10_000..end), Ok(Purpose::Train));
         for (seeds, edge) in [(0..201, 200), (400..501, 500), (10_000..end + 1, end)] {
-            let problem = Purpose::of_all(seeds).unwrap_err();
+            let problem = Purpose::of_range(seeds).unwrap_err();
             assert_eq!(problem.edge, edge);
             assert!(problem.to_string().contains("10000..1000000"), "{problem}");
         }
-        // Two rows of one purpose with others in between.
-        assert!(Purpose::of_all(1000..5001).is_err());
+        // Two rows of one purpose with others between.
+        assert!(Purpose::of_range(1000..5001).is_err());
     }
 }

@@ -1,23 +1,23 @@
-//! What a scenario and a recording choose from: one type each, and its one set
-//! of names, for command lines, TOML and files.
+//! Choices of scenarios and recordings: one type each, with one set of names for
+//! command lines, TOML and files.
 
 use std::fmt;
 
 use crate::v1;
 
-/// A choice from a few that have names.
+/// A choice among named values.
 pub trait Named: Copy + PartialEq + 'static {
-    /// What it is, for errors: `quality`.
+    /// Kind of choice, for errors: `quality`.
     const WHAT: &'static str;
     /// Every value.
     const ALL: &'static [Self];
-    /// Its name: small letters and `-`.
+    /// Its name: lower case and `-`.
     fn name(self) -> &'static str;
 
-    /// The value of that name.
+    /// The value of a name.
     ///
     /// # Errors
-    /// [`UnknownName`], which lists the names there are.
+    /// [`UnknownName`] with the available names.
     fn from_name(name: &str) -> Result<Self, UnknownName> {
         let found = Self::ALL.iter().find(|value| value.name() == name);
         found.copied().ok_or_else(|| UnknownName {
@@ -28,7 +28,7 @@ pub trait Named: Copy + PartialEq + 'static {
     }
 }
 
-/// A name that stands for nothing.
+/// A name that does not exist.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownName {
     what: &'static str,
@@ -53,7 +53,7 @@ pub enum Pacing {
     RealTime,
     /// Waits for the commander at every control tick and for the recorders' credit.
     LockStep,
-    /// As fast as it goes.
+    /// As fast as possible.
     Fast,
 }
 
@@ -71,9 +71,9 @@ impl Named for Pacing {
 }
 
 impl Pacing {
-    /// What a message tells, if it tells it.
+    /// The value of a message, if set.
     #[must_use]
-    pub fn told(code: v1::Pacing) -> Option<Self> {
+    pub fn from_proto(code: v1::Pacing) -> Option<Self> {
         match code {
             v1::Pacing::Unspecified => None,
             v1::Pacing::RealTime => Some(Self::RealTime),
@@ -82,7 +82,7 @@ impl Pacing {
         }
     }
 
-    /// As a message tells it.
+    /// As an enum of the contract.
     #[must_use]
     pub fn code(self) -> v1::Pacing {
         match self {
@@ -93,7 +93,7 @@ impl Pacing {
     }
 }
 
-/// How much work goes into a picture; recorded with the data.
+/// Rendering effort of an image; recorded with the data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
     /// No shadows.
@@ -122,9 +122,9 @@ impl Named for Quality {
 }
 
 impl Quality {
-    /// What a message tells, if it tells it.
+    /// The value of a message, if set.
     #[must_use]
-    pub fn told(code: v1::RenderQuality) -> Option<Self> {
+    pub fn from_proto(code: v1::RenderQuality) -> Option<Self> {
         match code {
             v1::RenderQuality::Unspecified => None,
             v1::RenderQuality::Fast => Some(Self::Fast),
@@ -134,7 +134,7 @@ impl Quality {
         }
     }
 
-    /// As a message tells it.
+    /// As an enum of the contract.
     #[must_use]
     pub fn code(self) -> v1::RenderQuality {
         match self {
@@ -146,14 +146,14 @@ impl Quality {
     }
 }
 
-/// Where the robot starts.
+/// Start of the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Starts {
-    /// Near by, facing the shelf, the arm at home and the gripper open.
+    /// Near the target, facing the shelf, the arm at home and the gripper open.
     #[default]
     Near,
-    /// Anywhere in the home from where there is a way, the arm in one of the
-    /// robot's postures, the gripper open or closed.
+    /// Anywhere in the home from where a path exists, the arm in one of the robot's
+    /// postures, the gripper open or closed.
     Anywhere,
 }
 
@@ -170,9 +170,9 @@ impl Named for Starts {
 }
 
 impl Starts {
-    /// What a message tells, if it tells it.
+    /// The value of a message, if set.
     #[must_use]
-    pub fn told(code: v1::Starts) -> Option<Self> {
+    pub fn from_proto(code: v1::Starts) -> Option<Self> {
         match code {
             v1::Starts::Unspecified => None,
             v1::Starts::Near => Some(Self::Near),
@@ -180,7 +180,7 @@ impl Starts {
         }
     }
 
-    /// As a message tells it.
+    /// As an enum of the contract.
     #[must_use]
     pub fn code(self) -> v1::Starts {
         match self {
@@ -190,13 +190,13 @@ impl Starts {
     }
 }
 
-/// How the scripted operator moves; scenarios hold the name.
+/// Motion style of the scripted operator; scenarios contain the name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Style {
-    /// As fast as the robot does it safely.
+    /// As fast as the robot can safely move.
     #[default]
     Quick,
-    /// As slowly and smoothly as people by joystick.
+    /// As slowly and smoothly as people with a joystick.
     Human,
 }
 
@@ -212,7 +212,7 @@ impl Named for Style {
     }
 }
 
-/// Which templates and names of the grammar are said.
+/// Which templates and names of the grammar are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LanguageSplit {
     /// All.
@@ -220,7 +220,7 @@ pub enum LanguageSplit {
     Any,
     /// Those that are not held out.
     Train,
-    /// Those that are.
+    /// Held-out ones.
     HeldOut,
 }
 
@@ -238,9 +238,9 @@ impl Named for LanguageSplit {
 }
 
 impl LanguageSplit {
-    /// What a message tells, if it tells it.
+    /// The value of a message, if set.
     #[must_use]
-    pub fn told(code: v1::LanguageSplit) -> Option<Self> {
+    pub fn from_proto(code: v1::LanguageSplit) -> Option<Self> {
         match code {
             v1::LanguageSplit::Unspecified => None,
             v1::LanguageSplit::Any => Some(Self::Any),
@@ -249,7 +249,7 @@ impl LanguageSplit {
         }
     }
 
-    /// As a message tells it.
+    /// As an enum of the contract.
     #[must_use]
     pub fn code(self) -> v1::LanguageSplit {
         match self {
@@ -266,10 +266,10 @@ pub enum Depth {
     /// float32 metres, bit for bit as rendered; +inf where nothing is hit.
     #[default]
     Metres,
-    /// 16-bit millimetres at half the size, rounded to the nearest; 0 where
-    /// nothing is hit or the surface is farther than 65.535 m.
+    /// 16-bit millimetres at half the size, rounded to nearest; 0 where nothing is hit
+    /// or the surface is beyond 65.535 m.
     Millimetres,
-    /// Not at all: recordings for what learns from colour alone.
+    /// No depth, for policies that use colour only.
     Nothing,
 }
 
@@ -287,11 +287,11 @@ impl Named for Depth {
 }
 
 impl v1::CameraSetting {
-    /// Reads `NAME=WIDTHxHEIGHT@HZ`, for example `gen3=1280x720@10`; the name
-    /// `*` stands for each of the robot's cameras that is not named.
+    /// Parses `NAME=WIDTHxHEIGHT@HZ`, for example `gen3=1280x720@10`; the name `*`
+    /// stands for every robot camera that is not named.
     ///
     /// # Errors
-    /// The text and its form.
+    /// The text and the allowed form.
     pub fn from_text(text: &str) -> Result<Self, String> {
         let read = || {
             let (name, rest) = text.split_once('=')?;
@@ -307,12 +307,12 @@ impl v1::CameraSetting {
             (!name.is_empty()).then_some(setting)
         };
         read().ok_or_else(|| {
-            format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all of the robot's")
+            format!("{text:?} is not NAME=WIDTHxHEIGHT@HZ, for example *=1280x720@10 for all robot cameras")
         })
     }
 }
 
-/// Greatest strength of a sensor model.
+/// Largest strength of a sensor model.
 pub const MAX_SENSOR_STRENGTH: f64 = 3.0;
 
 impl v1::SensorSetting {
@@ -329,11 +329,11 @@ impl v1::SensorSetting {
         }
     }
 
-    /// Reads `MODEL`, `MODEL@CAMERA`, either with `=STRENGTH`, for example
+    /// Parses `MODEL` or `MODEL@CAMERA`, either with `=STRENGTH`, for example
     /// `kinova_vision@gen3=2` or `imu`.
     ///
     /// # Errors
-    /// The text and its form.
+    /// The text and the allowed form.
     pub fn from_text(text: &str) -> Result<Self, String> {
         let read = || {
             let (place, strength) = match text.split_once('=') {
@@ -362,7 +362,7 @@ impl v1::SensorSetting {
     }
 }
 
-/// Reads and writes as text what messages hold as numbers.
+/// Reads and writes numbers of messages as text.
 pub(crate) mod text {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
@@ -378,9 +378,9 @@ pub(crate) mod text {
         T::from_name(&name).map_err(D::Error::custom)
     }
 
-    /// Whether a number stands for what is not told.
+    /// Whether a number is the unspecified value.
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
-    pub fn is_untold(number: &i32) -> bool {
+    pub fn is_unspecified(number: &i32) -> bool {
         *number == 0
     }
 
@@ -393,7 +393,7 @@ pub(crate) mod text {
         #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
         pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
             let code = v1::Pacing::try_from(*number).unwrap_or_default();
-            super::write(Pacing::told(code), to)
+            super::write(Pacing::from_proto(code), to)
         }
 
         pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
@@ -401,7 +401,7 @@ pub(crate) mod text {
         }
     }
 
-    /// Where the robot starts in a scenario.
+    /// The start of the robot.
     pub mod starts {
         use super::{Deserializer, Serializer};
         use crate::settings::Starts;
@@ -410,7 +410,7 @@ pub(crate) mod text {
         #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
         pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
             let code = v1::Starts::try_from(*number).unwrap_or_default();
-            super::write(Starts::told(code), to)
+            super::write(Starts::from_proto(code), to)
         }
 
         pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
@@ -418,7 +418,7 @@ pub(crate) mod text {
         }
     }
 
-    /// Which templates and names are said.
+    /// The used templates and names.
     pub mod language_split {
         use super::{Deserializer, Serializer};
         use crate::settings::LanguageSplit;
@@ -427,7 +427,7 @@ pub(crate) mod text {
         #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
         pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
             let code = v1::LanguageSplit::try_from(*number).unwrap_or_default();
-            super::write(LanguageSplit::told(code), to)
+            super::write(LanguageSplit::from_proto(code), to)
         }
 
         pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
@@ -444,7 +444,7 @@ pub(crate) mod text {
         #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
         pub fn serialize<S: Serializer>(number: &i32, to: S) -> Result<S::Ok, S::Error> {
             let code = v1::RenderQuality::try_from(*number).unwrap_or_default();
-            super::write(Quality::told(code), to)
+            super::write(Quality::from_proto(code), to)
         }
 
         pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<i32, D::Error> {
@@ -458,21 +458,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_choice_is_told_and_read_by_its_name() {
+    fn every_choice_survives_a_round_trip() {
         for pacing in Pacing::ALL {
-            assert_eq!(Pacing::told(pacing.code()), Some(*pacing));
+            assert_eq!(Pacing::from_proto(pacing.code()), Some(*pacing));
             assert_eq!(Pacing::from_name(pacing.name()), Ok(*pacing));
         }
         for quality in Quality::ALL {
-            assert_eq!(Quality::told(quality.code()), Some(*quality));
+            assert_eq!(Quality::from_proto(quality.code()), Some(*quality));
             assert_eq!(Quality::from_name(quality.name()), Ok(*quality));
         }
         for starts in Starts::ALL {
-            assert_eq!(Starts::told(starts.code()), Some(*starts));
+            assert_eq!(Starts::from_proto(starts.code()), Some(*starts));
             assert_eq!(Starts::from_name(starts.name()), Ok(*starts));
         }
         for split in LanguageSplit::ALL {
-            assert_eq!(LanguageSplit::told(split.code()), Some(*split));
+            assert_eq!(LanguageSplit::from_proto(split.code()), Some(*split));
             assert_eq!(LanguageSplit::from_name(split.name()), Ok(*split));
         }
         assert_eq!(Depth::from_name("u16"), Ok(Depth::Millimetres));
@@ -480,9 +480,9 @@ mod tests {
         assert_eq!((camera.name.as_str(), camera.rate_hz), ("room", Some(5.0)));
         assert!(v1::CameraSetting::from_text("room=640").is_err());
         let sensor = v1::SensorSetting::from_text("kinova_vision@gen3=2").unwrap();
-        let told = (sensor.model.as_str(), sensor.camera.as_str());
+        let message = (sensor.model.as_str(), sensor.camera.as_str());
         assert_eq!(
-            (told, sensor.strength),
+            (message, sensor.strength),
             (("kinova_vision", "gen3"), Some(2.0))
         );
         assert_eq!(sensor.text(), "kinova_vision@gen3=2");

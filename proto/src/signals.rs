@@ -1,5 +1,5 @@
-//! Signals that end a program in good order: SIGINT, SIGTERM and SIGHUP. Every program
-//! of WheelArm listens here, so that all of them end in the same way.
+//! Signals that end a program in good order: SIGINT, SIGTERM and SIGHUP, handled alike
+//! by every program.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -12,9 +12,9 @@ use rustix::stdio::{dup2_stderr, dup2_stdout, stderr, stdout};
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
-/// A signal that arrived.
+/// A received signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
+pub enum ReceivedSignal {
     /// SIGINT: Ctrl-C.
     Interrupt,
     /// SIGTERM.
@@ -25,7 +25,7 @@ pub enum Heard {
     Quit,
 }
 
-impl Heard {
+impl ReceivedSignal {
     /// Name for people.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -47,19 +47,19 @@ impl Heard {
     }
 }
 
-/// Whether a command listens by itself, so that [`end_as_first_process`] leaves the end to it.
+/// Whether a command handles signals itself, so that [`end_as_first_process`] does not.
 static CLAIMED: AtomicBool = AtomicBool::new(false);
 
-/// Calls `tell` for every signal from now on, on a thread of its own.
+/// Calls `tell` for every signal from now on, on its own thread.
 ///
 /// # Errors
-/// When the operating system refuses.
-pub fn on_signals(tell: impl FnMut(Heard) + Send + 'static) -> io::Result<()> {
+/// When the operating system rejects the handler.
+pub fn on_signals(tell: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {
     CLAIMED.store(true, Ordering::Release);
     on_all(tell)
 }
 
-fn on_all(mut tell: impl FnMut(Heard) + Send + 'static) -> io::Result<()> {
+fn on_all(mut tell: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     let mut signals = Signals::open(&runtime)?;
     std::thread::spawn(move || {
@@ -70,9 +70,9 @@ fn on_all(mut tell: impl FnMut(Heard) + Send + 'static) -> io::Result<()> {
     Ok(())
 }
 
-/// Ends a program that is the first process of a container (PID 1) at a signal, for which
-/// the kernel has no default there. Commands that listen by themselves end by themselves.
-/// Call it once, at the start of `main`.
+/// Ends a program that runs as PID 1 of a container on a signal, because the kernel has
+/// no default action there. Commands with their own handling are not affected. Call it
+/// once, at the start of `main`.
 pub fn end_as_first_process() {
     if std::process::id() != 1 {
         return;
@@ -83,22 +83,22 @@ pub fn end_as_first_process() {
         }
     });
     if let Err(problem) = listening {
-        let _ = writeln!(io::stderr(), "cannot listen to signals: {problem}");
+        let _ = writeln!(io::stderr(), "cannot handle signals: {problem}");
     }
 }
 
-/// Signals, heard from the moment this exists.
+/// Receives signals from its creation on.
 #[derive(Debug)]
 pub struct Signals {
-    all: Vec<(Signal, Heard)>,
+    all: Vec<(Signal, ReceivedSignal)>,
 }
 
 impl Signals {
-    /// Listens to SIGINT, SIGTERM and SIGHUP, on the threads of `runtime`. SIGHUP stays
-    /// ignored where it was ignored at the start (`nohup`).
+    /// Handles SIGINT, SIGTERM and SIGHUP on the threads of `runtime`. SIGHUP stays
+    /// ignored if it was ignored at the start (`nohup`).
     ///
     /// # Errors
-    /// When the operating system refuses.
+    /// When the operating system rejects the handler.
     pub fn listen(runtime: &Runtime) -> io::Result<Self> {
         CLAIMED.store(true, Ordering::Release);
         Self::open(runtime)
@@ -107,7 +107,7 @@ impl Signals {
     /// As [`Signals::listen`], within a runtime.
     ///
     /// # Errors
-    /// When the operating system refuses.
+    /// When the operating system rejects the handler.
     pub fn listen_here() -> io::Result<Self> {
         CLAIMED.store(true, Ordering::Release);
         Self::hear_all()
@@ -121,47 +121,47 @@ impl Signals {
     fn hear_all() -> io::Result<Self> {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mut signals = Self { all: Vec::new() };
-        signals.hear(Heard::Interrupt)?;
-        signals.hear(Heard::Terminate)?;
+        signals.hear(ReceivedSignal::Interrupt)?;
+        signals.hear(ReceivedSignal::Terminate)?;
         if !ignores(&status, SignalKind::hangup()) {
-            signals.hear(Heard::Hangup)?;
+            signals.hear(ReceivedSignal::Hangup)?;
         }
         Ok(signals)
     }
 
-    /// Listens to SIGQUIT as well, within a runtime.
+    /// Handles SIGQUIT as well, within a runtime.
     ///
     /// # Errors
-    /// When the operating system refuses.
+    /// When the operating system rejects the handler.
     pub fn and_quit(mut self) -> io::Result<Self> {
-        self.hear(Heard::Quit)?;
+        self.hear(ReceivedSignal::Quit)?;
         Ok(self)
     }
 
-    fn hear(&mut self, what: Heard) -> io::Result<()> {
+    fn hear(&mut self, what: ReceivedSignal) -> io::Result<()> {
         self.all.push((signal(what.kind())?, what));
         Ok(())
     }
 
     /// Resolves at the next signal.
-    pub async fn next(&mut self) -> Heard {
+    pub async fn next(&mut self) -> ReceivedSignal {
         let heard = std::future::poll_fn(|context| {
             let heard = self.all.iter_mut().find_map(|(signal, what)| {
-                let came = matches!(signal.poll_recv(context), Poll::Ready(Some(())));
-                came.then_some(*what)
+                let arrived = matches!(signal.poll_recv(context), Poll::Ready(Some(())));
+                arrived.then_some(*what)
             });
             heard.map_or(Poll::Pending, Poll::Ready)
         })
         .await;
-        if heard == Heard::Hangup {
+        if heard == ReceivedSignal::Hangup {
             leave_the_terminal();
         }
         heard
     }
 }
 
-/// Writes to a closed terminal fail, and a failed `println!` would end the program before
-/// its files are complete: output that went to a terminal goes nowhere from now on.
+/// Discards output to a closed terminal: a failed `println!` would end the program
+/// before its files are complete.
 fn leave_the_terminal() {
     let Ok(nowhere) = File::options().write(true).open("/dev/null") else {
         return;
@@ -178,8 +178,8 @@ fn leave_the_terminal() {
     }
 }
 
-/// Whether a process ignores a signal by its `/proc/PID/status`, whose `SigIgn` has a bit
-/// for each signal, in hexadecimal.
+/// Whether a process ignores a signal by its `/proc/PID/status`, whose `SigIgn` has a
+/// bit for each signal, in hexadecimal.
 fn ignores(status: &str, kind: SignalKind) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hangup_that_nohup_ignores_stays_ignored() {
+    fn a_hangup_ignored_by_nohup_stays_ignored() {
         let status = "Name:\tx\nSigBlk:\t0000000000000001\nSigIgn:\t000000000000";
         assert!(ignores(&format!("{status}1001\n"), SignalKind::hangup()));
         assert!(!ignores(&format!("{status}1000\n"), SignalKind::hangup()));
@@ -199,14 +199,14 @@ mod tests {
     }
 
     #[test]
-    fn all_three_signals_that_end_a_program_are_heard() {
+    fn all_three_terminating_signals_are_received() {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();
         let signals = Signals::open(&runtime).unwrap();
-        let heard: Vec<Heard> = signals.all.iter().map(|(_, what)| *what).collect();
+        let heard: Vec<ReceivedSignal> = signals.all.iter().map(|(_, what)| *what).collect();
         let status = std::fs::read_to_string("/proc/self/status").unwrap();
-        let mut wanted = vec![Heard::Interrupt, Heard::Terminate];
+        let mut wanted = vec![ReceivedSignal::Interrupt, ReceivedSignal::Terminate];
         if !ignores(&status, SignalKind::hangup()) {
-            wanted.push(Heard::Hangup);
+            wanted.push(ReceivedSignal::Hangup);
         }
         assert_eq!(heard, wanted);
     }

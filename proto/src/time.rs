@@ -1,4 +1,4 @@
-//! The tick is the truth: stamps are computed from it, never read from a clock.
+//! Timestamps are computed from the tick, never read from a clock.
 
 /// Physics ticks per second of simulation time.
 pub const PHYSICS_HZ: u64 = 240;
@@ -7,11 +7,11 @@ pub const CONTROL_HZ: u64 = 60;
 /// Physics ticks per control tick.
 pub const TICKS_PER_CONTROL: u64 = PHYSICS_HZ / CONTROL_HZ;
 
-/// In lock-step time stands still so many ticks beyond a recorder's
+/// In lock-step, time may run at most this many ticks beyond a recorder's
 /// [`RecorderStatus.credit_tick`](crate::v1::RecorderStatus).
 pub const CREDIT_TICKS: u64 = 480;
 
-/// A recorder tells its credit at least once in so many ticks.
+/// A recorder sends its credit at least once in this many ticks.
 pub const CREDIT_STATUS_TICKS: u64 = CREDIT_TICKS / 10;
 
 /// Simulation time of a physics tick in nanoseconds: `tick · 10⁹ / 240`, rounded.

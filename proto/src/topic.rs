@@ -1,5 +1,5 @@
-//! The one table of topics, and the ids of streams. Server, clients, recorder
-//! and exports go through the table; nobody writes a stream's name.
+//! The table of topics, and the IDs of streams. Server, clients, recorder and exports
+//! use the table; no other code contains the name of a stream.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -9,17 +9,17 @@ use prost::Message;
 
 use crate::v1;
 
-/// A message that stands on its own: its first field is its stamp.
+/// A self-contained message: its first field is its header.
 pub trait Stamped: Message + Default {
-    /// Its stamp.
+    /// Its header.
     fn header(&self) -> Option<&v1::Header>;
-    /// Sets its stamp.
+    /// Sets its header.
     fn set_header(&mut self, header: v1::Header);
 }
 
 include!(concat!(env!("OUT_DIR"), "/stamped.rs"));
 
-/// A message that is published. One message, one topic.
+/// A published message type. One message, one topic.
 pub trait Topic: Stamped {
     /// Its topic.
     const TOPIC: TopicId;
@@ -42,11 +42,11 @@ pub enum Rate {
     Camera,
     /// Once per simulated second.
     Second,
-    /// When there is something to tell.
+    /// When an event occurs.
     Event,
 }
 
-/// Who publishes a topic.
+/// Publisher of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The server.
@@ -57,7 +57,7 @@ pub enum Role {
     Recorder,
 }
 
-/// What a recorder does with a topic.
+/// How a recorder stores a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Record {
     /// It is not recorded.
@@ -66,7 +66,7 @@ pub enum Record {
     Columns,
     /// Its messages become rows of `/events`.
     Events,
-    /// Its messages become pictures below `/streams/camera` or `/streams/sensor`.
+    /// Its messages become images below `/streams/camera` or `/streams/sensor`.
     Pictures,
 }
 
@@ -75,7 +75,7 @@ pub enum Record {
 pub struct TopicInfo {
     /// Name, for example `joint_state`.
     pub name: &'static str,
-    /// Key below `wheelarm/{sim}/`; a name in braces stands for one chunk.
+    /// Key below `wheelarm/{sim}/`; a name in braces is one variable chunk.
     pub key: &'static str,
     /// Full name of its message.
     pub message: &'static str,
@@ -85,9 +85,9 @@ pub struct TopicInfo {
     pub unit: &'static str,
     /// Frame of its numbers; empty where there is none.
     pub frame: &'static str,
-    /// Who publishes it.
+    /// Its publisher.
     pub from: Role,
-    /// What a recorder does with it.
+    /// How a recorder stores it.
     pub record: Record,
 }
 
@@ -119,29 +119,29 @@ impl fmt::Display for TopicId {
     }
 }
 
-/// What stands before the name of a camera.
+/// Prefix of a camera stream.
 const CAMERA: &str = "camera/";
 
-/// What stands before the name of a camera whose pictures come compressed.
+/// Prefix of a stream of compressed images.
 const COMPRESSED: &str = "compressed/";
 
-/// What stands before the name of a sensor.
+/// Prefix of a sensor stream.
 const SENSOR: &str = "sensor/";
 
-/// A stream. But for compressed pictures, which are those of their camera in another
-/// form, each is counted, recorded and listed in manifests: `joint_state`,
-/// `event`, `camera/gen3`, `sensor/gen3_depth`. It is read and written as that text here alone.
+/// A stream: `joint_state`, `event`, `camera/gen3`, `sensor/gen3_depth`. Each is
+/// counted, recorded and listed in manifests, except compressed images, which are
+/// another form of their camera's. Only this module parses and formats the text.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StreamId {
     /// A state stream or the events.
     State(TopicId),
-    /// The exact pictures of one camera, by its name.
+    /// The exact images of one camera, by its name.
     Camera(String),
-    /// The same pictures compressed, by the camera's name.
+    /// The same images compressed, by the camera's name.
     Compressed(String),
-    /// The pictures that a sensor model makes, by the sensor's name.
+    /// The images of a sensor model, by the sensor's name.
     Sensor(String),
-    /// A stream that this version does not know.
+    /// A stream unknown to this version.
     Other(String),
 }
 
@@ -149,26 +149,26 @@ impl StreamId {
     /// The events.
     pub const EVENTS: Self = Self::State(TopicId::Event);
 
-    /// The pictures of a camera.
+    /// The images of a camera.
     #[must_use]
     pub fn camera(name: impl Into<String>) -> Self {
         Self::Camera(name.into())
     }
 
-    /// The compressed pictures of a camera.
+    /// The compressed images of a camera.
     #[must_use]
     pub fn compressed(name: impl Into<String>) -> Self {
         Self::Compressed(name.into())
     }
 
-    /// The pictures of a sensor model.
+    /// The images of a sensor model.
     #[must_use]
     pub fn sensor(name: impl Into<String>) -> Self {
         Self::Sensor(name.into())
     }
 
-    /// What a server of this version publishes: the state streams, the events,
-    /// and the given cameras and picture sensors.
+    /// The streams of a server of this version: state streams, events, and the given
+    /// cameras and image sensors.
     pub fn all<'a>(
         cameras: impl IntoIterator<Item = &'a str>,
         sensors: impl IntoIterator<Item = &'a str>,
@@ -179,7 +179,7 @@ impl StreamId {
         states.chain([Self::EVENTS]).chain(cameras).chain(sensors)
     }
 
-    /// Reads the text that [`fmt::Display`] writes.
+    /// Parses the output of [`fmt::Display`].
     #[must_use]
     pub fn parse(text: &str) -> Self {
         let known = || TopicId::from_name(text);
@@ -198,7 +198,7 @@ impl StreamId {
         }
     }
 
-    /// Name of the camera, of a camera's pictures.
+    /// Name of the camera, for a stream of exact images.
     #[must_use]
     pub fn camera_name(&self) -> Option<&str> {
         match self {
@@ -207,7 +207,7 @@ impl StreamId {
         }
     }
 
-    /// The stream that these pictures are of, where they are compressed.
+    /// The exact stream, for compressed images.
     #[must_use]
     pub fn of_compressed(&self) -> Option<Self> {
         match self {
@@ -216,14 +216,14 @@ impl StreamId {
         }
     }
 
-    /// The stream whose messages are counted and recorded: for compressed pictures that
-    /// of their camera, for any other itself.
+    /// The stream whose messages are counted and recorded: for compressed images that
+    /// of their camera, otherwise itself.
     #[must_use]
     pub fn exact(self) -> Self {
         self.of_compressed().unwrap_or(self)
     }
 
-    /// Name of the sensor, of a sensor model's pictures.
+    /// Name of the sensor, for images of a sensor model.
     #[must_use]
     pub fn sensor_name(&self) -> Option<&str> {
         match self {
@@ -232,7 +232,7 @@ impl StreamId {
         }
     }
 
-    /// The topic, where this version knows it.
+    /// The topic, if this version knows it.
     #[must_use]
     pub fn topic(&self) -> Option<TopicId> {
         match self {
@@ -244,15 +244,15 @@ impl StreamId {
         }
     }
 
-    /// Whether these are the exact pictures of a camera.
+    /// Whether these are the exact images of a camera.
     #[must_use]
     pub fn is_camera(&self) -> bool {
         matches!(self, Self::Camera(_))
     }
 
-    /// Whether these are pictures: of a camera, compressed or not, or of a sensor model.
+    /// Whether these are images: of a camera, compressed or not, or of a sensor model.
     #[must_use]
-    pub fn is_pictures(&self) -> bool {
+    pub fn is_images(&self) -> bool {
         matches!(
             self,
             Self::Camera(_) | Self::Compressed(_) | Self::Sensor(_)
@@ -291,7 +291,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_stream_is_read_as_it_is_written() {
+    fn every_stream_survives_a_round_trip() {
         let cameras = ["gen3", "room"];
         for stream in StreamId::all(cameras, ["gen3_depth"]) {
             assert_eq!(StreamId::parse(&stream.to_string()), stream);
@@ -305,11 +305,11 @@ mod tests {
         assert_eq!(compressed.of_compressed(), Some(StreamId::camera("gen3")));
         assert_eq!(compressed.clone().exact(), StreamId::camera("gen3"));
         assert_eq!(StreamId::EVENTS.exact(), StreamId::EVENTS);
-        assert!(compressed.is_pictures() && !compressed.is_camera());
+        assert!(compressed.is_images() && !compressed.is_camera());
         let sensor = StreamId::parse("sensor/gen3_depth");
         assert_eq!(sensor.sensor_name(), Some("gen3_depth"));
-        assert!(sensor.is_pictures() && !sensor.is_camera());
-        // The topics that are no streams are not taken for one.
+        assert!(sensor.is_images() && !sensor.is_camera());
+        // Topics that are not streams are not parsed as one.
         assert_eq!(StreamId::parse("refusal").topic(), None);
     }
 
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_is_read_by_its_topic() {
+    fn a_sample_is_decoded_by_its_topic() {
         let clock = v1::Clock {
             real_time_factor: 0.5,
             ..v1::Clock::default()

@@ -1,8 +1,8 @@
-//! Words of codes, for people and for text columns of files.
+//! Names of enum values, for people and for text columns of files.
 
 use crate::v1;
 
-/// The name of an enum's value without the enum's own name, in small letters:
+/// The name of an enum value without the enum's own name, in lower case:
 /// `EVENT_KIND_REFUSED` as `refused`.
 fn word(name: &str, prefix: &str) -> String {
     let rest = name.strip_prefix(prefix).unwrap_or(name);
@@ -16,14 +16,14 @@ impl v1::EventKind {
         word(self.as_str_name(), "EVENT_KIND")
     }
 
-    /// The kind of that word; files hold the word.
+    /// The kind with that name; files contain the name.
     #[must_use]
     pub fn from_word(text: &str) -> Self {
         let name = format!("EVENT_KIND_{}", text.to_ascii_uppercase());
         Self::from_str_name(&name).unwrap_or_default()
     }
 
-    /// Whether somebody should look: commands refused, a collision, an anomaly.
+    /// Whether the event needs attention: rejected commands, a collision, an anomaly.
     #[must_use]
     pub fn is_serious(self) -> bool {
         match self {
@@ -34,15 +34,15 @@ impl v1::EventKind {
 }
 
 impl v1::AnomalyKind {
-    /// For example `escaped`, or `fault_contact_force`; files hold the word.
+    /// For example `escaped`, or `fault_contact_force`; files contain the name.
     #[must_use]
     pub fn word(self) -> String {
         word(self.as_str_name(), "ANOMALY_KIND")
     }
 }
 
-/// As [`word`]; empty for what is not told.
-fn told(name: &str, prefix: &str, number: i32) -> String {
+/// As [`word`]; empty for an unspecified value.
+fn word_or_empty(name: &str, prefix: &str, number: i32) -> String {
     match number {
         0 => String::new(),
         _ => word(name, prefix),
@@ -50,14 +50,14 @@ fn told(name: &str, prefix: &str, number: i32) -> String {
 }
 
 impl v1::FailureReason {
-    /// For example `dropped`, `none` where nothing failed; empty when it is not
-    /// told. Files hold the word.
+    /// For example `dropped`, `none` without failure; empty when unspecified. Files
+    /// contain the name.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "FAILURE_REASON", self.into())
+        word_or_empty(self.as_str_name(), "FAILURE_REASON", self.into())
     }
 
-    /// The reason of that word.
+    /// The reason with that name.
     #[must_use]
     pub fn from_word(text: &str) -> Self {
         let name = format!("FAILURE_REASON_{}", text.to_ascii_uppercase());
@@ -66,13 +66,13 @@ impl v1::FailureReason {
 }
 
 impl v1::BodyPart {
-    /// For example `legs`; empty for an unspecified part. Files contain the word.
+    /// For example `legs`; empty for an unspecified part. Files contain the name.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "BODY_PART", self.into())
+        word_or_empty(self.as_str_name(), "BODY_PART", self.into())
     }
 
-    /// The part of that word.
+    /// The part with that name.
     #[must_use]
     pub fn from_word(text: &str) -> Self {
         let name = format!("BODY_PART_{}", text.to_ascii_uppercase());
@@ -81,34 +81,34 @@ impl v1::BodyPart {
 }
 
 impl v1::ArmProblem {
-    /// For example `unreachable`; empty when it is not told. Files hold the word.
+    /// For example `unreachable`; empty when unspecified. Files contain the name.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "ARM_PROBLEM", self.into())
+        word_or_empty(self.as_str_name(), "ARM_PROBLEM", self.into())
     }
 }
 
 impl v1::Incident {
-    /// For example `forced_drop`; empty where nothing happened. Files hold the word.
+    /// For example `forced_drop`; empty without incident. Files contain the name.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "INCIDENT", self.into())
+        word_or_empty(self.as_str_name(), "INCIDENT", self.into())
     }
 }
 
 impl v1::Device {
-    /// For example `keyboard`; empty when it is not told.
+    /// For example `keyboard`; empty when unspecified.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "DEVICE", self.into())
+        word_or_empty(self.as_str_name(), "DEVICE", self.into())
     }
 }
 
 impl v1::InputMode {
-    /// For example `hold`; empty when it is not told.
+    /// For example `hold`; empty when unspecified.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "INPUT_MODE", self.into())
+        word_or_empty(self.as_str_name(), "INPUT_MODE", self.into())
     }
 }
 
@@ -116,7 +116,7 @@ impl v1::Assistance {
     /// For example `skill`; empty without.
     #[must_use]
     pub fn word(self) -> String {
-        told(self.as_str_name(), "ASSISTANCE", self.into())
+        word_or_empty(self.as_str_name(), "ASSISTANCE", self.into())
     }
 }
 
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_is_read_from_its_word() {
+    fn a_reason_is_parsed_from_its_name() {
         for reason in [
             v1::FailureReason::Dropped,
             v1::FailureReason::HardCollision,
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn kinds_of_events_are_read_from_their_words() {
+    fn kinds_of_events_are_parsed_from_their_names() {
         for kind in [v1::EventKind::Refused, v1::EventKind::Note] {
             assert_eq!(v1::EventKind::from_word(&kind.word()), kind);
         }

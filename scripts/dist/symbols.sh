@@ -23,7 +23,7 @@ for program in "$@"; do
         esac
     done
     case $(basename "$program") in wheelarm-server)
-        # server/src/world/clib.rs defines them, the same for every glibc.
+        # server/src/world/libm_overrides.rs defines them, the same for every glibc.
         foreign=$(nm -D --undefined-only "$program" | grep -owE '(acos|cos|sin|sincos)f' | xargs || true)
         if [ -n "$foreign" ]; then
             echo "error: the physics of $program calls $foreign of the C library, which has other bits elsewhere" >&2

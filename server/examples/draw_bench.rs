@@ -37,7 +37,7 @@ fn main() -> Result<()> {
                 let begin = Instant::now();
                 for seed in 0..seeds {
                     let one = Instant::now();
-                    let drawn = tasks::draw_scene(&task.area, variant, &scene, seed, floor);
+                    let drawn = tasks::sample_scene(&task.area, variant, &scene, seed, floor);
                     longest = longest.max(one.elapsed().as_secs_f64());
                     attempts.push(drawn.attempts);
                     nowhere += usize::from(floor.is_some() && drawn.arm.is_none());

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use clap::Parser;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::settings::{Named, Quality};
-use wheelarm_server::look::{Drawn, Look};
+use wheelarm_server::look::{Look, SampledLook};
 use wheelarm_server::robot::control::ControlInput;
 use wheelarm_server::sensors::camera::{Binding, CameraSpec, Intrinsics, RenderScene, Renderer};
 use wheelarm_server::sim::{Scenario, Simulation};
@@ -94,7 +94,7 @@ fn main() -> Result<()> {
             ..Look::default()
         };
         let look = (!look.is_plain())
-            .then(|| Drawn::new(look, sim.scene(), &options.assets))
+            .then(|| SampledLook::new(look, sim.scene(), &options.assets))
             .transpose()?;
         let scene =
             RenderScene::with_look(sim.model(), sim.scene(), &options.assets, look.as_ref())?;

@@ -30,7 +30,7 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 use clap::Parser;
 use wheelarm_proto::settings::{Depth, Named};
-use wheelarm_server::look::{Drawn, Look};
+use wheelarm_server::look::{Look, SampledLook};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{
@@ -100,7 +100,7 @@ impl Options {
     }
 
     fn graphics(&self, packing: Option<Packing>) -> Graphics {
-        let mut graphics = Graphics::on(self.adapter.as_deref());
+        let mut graphics = Graphics::for_adapter(self.adapter.as_deref());
         if let Some(packing) = packing {
             graphics = graphics.packing(packing);
         }
@@ -313,7 +313,7 @@ fn ahead(
 fn render_scene(options: &Options, robot: &RobotModel, scene: &Scene) -> Result<RenderScene> {
     Ok(match options.look {
         Some(seed) => {
-            let look = Drawn::new(look(options, seed), scene, &options.assets)?;
+            let look = SampledLook::new(look(options, seed), scene, &options.assets)?;
             RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
         }
         None => RenderScene::new(robot, scene, &options.assets)?,
@@ -451,7 +451,7 @@ fn compare(
     scene: &Scene,
     seed: u64,
 ) -> Result<()> {
-    let look = Drawn::new(look(options, seed), scene, &options.assets)?;
+    let look = SampledLook::new(look(options, seed), scene, &options.assets)?;
     let plain = RenderScene::new(robot, scene, &options.assets)?;
     let seen = RenderScene::with_look(robot, scene, &options.assets, Some(&look))?;
     let mut dull = seen.clone();

@@ -105,7 +105,7 @@ fn main() -> Result<()> {
         for tick in 0..=BEFORE {
             let exact = exact(frame, tick);
             let began = Instant::now();
-            seen = color.picture(&exact);
+            seen = color.image(&exact);
             took[0] += began.elapsed().as_secs_f64() * 1e3 / (BEFORE + 1) as f64;
             let began = Instant::now();
             measured = depth.image(&self::exact(depth_frame, tick), &surfaces);

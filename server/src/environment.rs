@@ -1,13 +1,11 @@
-//! What graphics drivers and the transport read from the environment of a program
-//! that serves.
+//! Environment variables of a server that graphics drivers and the transport read.
 
 use std::ffi::OsString;
 
 use wheelarm_proto::restart::{self, SENDING_THREADS, TRANSPORT_THREADS};
 
-/// Starts this program again with what graphics drivers and the transport read
-/// from the environment, unless it is set already; where that fails, they do
-/// without.
+/// Restarts this program with the variables that graphics drivers and the transport
+/// read, unless they are set; if that fails, continues without them.
 pub fn complete() {
     let wanted = [
         ("XDG_RUNTIME_DIR", runtime_folder()),
@@ -20,8 +18,8 @@ pub fn complete() {
     restart::with_variables(known);
 }
 
-/// A private folder: without one, as in containers and batch jobs, drivers
-/// complain on stderr.
+/// A private folder: without one, as in containers and batch jobs, drivers print
+/// warnings to stderr.
 fn runtime_folder() -> Option<OsString> {
     use std::os::unix::fs::{DirBuilderExt, MetadataExt};
     let user = std::fs::metadata("/proc/self").map(|m| m.uid()).ok()?;
@@ -31,9 +29,9 @@ fn runtime_folder() -> Option<OsString> {
     ours.then(|| folder.into())
 }
 
-/// Threads of Mesa's lavapipe: one more than there are cores. With as many as
-/// cores the kernel now and then leaves two of them on one and the other idle
-/// (measured on two cores).
+/// Threads of Mesa's lavapipe: one more than there are cores. With as many as cores the
+/// kernel sometimes schedules two on one core and leaves the other idle (measured on
+/// two cores).
 fn drawing_threads() -> Option<OsString> {
     let cores = std::thread::available_parallelism().ok()?.get();
     (cores > 1).then(|| (cores + 1).to_string().into())

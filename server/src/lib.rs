@@ -1,15 +1,14 @@
 //! The headless WheelArm server: a wheelchair with an arm in a furnished home.
 //!
-//! Modules in reading order, each behind a wall that a test checks
-//! (ARCHITECTURE.md names the walls). The core below `sim` knows no network
-//! and no wall clock: the same scenario and the same commands give the same
-//! bits. `service` and `main.rs` alone name zenoh and tokio, `world` alone
-//! names rapier, `sensors::camera` alone names wgpu.
+//! Modules in reading order; their dependencies are checked by a test (ARCHITECTURE.md
+//! lists the rules). The core below `sim` uses no network and no wall clock: the same
+//! scenario and the same commands give the same bits. Only `service` and `main.rs` use
+//! zenoh and tokio, only `world` uses rapier, only `sensors::camera` uses wgpu.
 
 #![warn(missing_docs)]
 #![cfg_attr(
     test,
-    allow(clippy::disallowed_methods, reason = "tests reckon freely")
+    allow(clippy::disallowed_methods, reason = "tests compute freely")
 )]
 
 pub mod environment;

@@ -1,4 +1,4 @@
-//! `wheelarm-server`: parses and wires; the library runs.
+//! `wheelarm-server`: parses arguments and connects the parts of the library.
 
 use std::io::{IsTerminal, Read, Write};
 use std::net::TcpListener;
@@ -13,7 +13,7 @@ use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
-use wheelarm_proto::program::{EXIT_SCENARIO, Ready, tasks_to_json, told, version};
+use wheelarm_proto::program::{EXIT_SCENARIO, Ready, error_chain, tasks_to_json, version};
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Pacing, Quality, Starts};
 use wheelarm_proto::signals::{Signals, end_as_first_process};
 use wheelarm_proto::v1;
@@ -29,10 +29,9 @@ use wheelarm_server::tasks::{self, Floor, TaskSpec, table};
 
 /// Headless simulation of a wheelchair with a robotic arm in a home.
 ///
-/// Publishes sensor streams over Zenoh and takes protobuf commands. Prints one
-/// line `ready ENDPOINT sim=NAME` when it serves. Listens on 127.0.0.1 unless
-/// told otherwise; from another machine connect with keys (--keys), or through an
-/// SSH tunnel.
+/// Publishes sensor streams over Zenoh and accepts protobuf commands. Prints one line
+/// `ready ENDPOINT sim=NAME` when it is ready. Listens on 127.0.0.1 by default; from
+/// another machine connect with keys (--keys), or through an SSH tunnel.
 #[derive(Parser, Debug)]
 #[command(version = version())]
 struct Args {
@@ -43,8 +42,8 @@ struct Args {
     /// [default: tcp/127.0.0.1:7447, with --keys tls/0.0.0.0:7447].
     #[arg(long, value_parser = endpoint)]
     listen: Vec<String>,
-    /// Folder of keys and users (`wheelarm keys init`): clients come over TLS, each
-    /// with a certificate of its own, and may do what the user's role says.
+    /// Folder of keys and users (`wheelarm keys init`): clients connect over TLS, each
+    /// with its own certificate, and have the rights of the user's role.
     #[arg(
         long,
         value_name = "DIR",
@@ -52,8 +51,8 @@ struct Args {
         conflicts_with = "insecure"
     )]
     keys: Option<PathBuf>,
-    /// Lets other hosts connect without keys: everybody who reaches the port may
-    /// drive and end this server.
+    /// Lets other hosts connect without keys: everyone who can reach the port may drive
+    /// and end this server.
     #[arg(long)]
     insecure: bool,
     /// Endpoint of a Zenoh router to connect to. May be repeated.
@@ -62,11 +61,11 @@ struct Args {
     /// Announces the server by multicast on the local network.
     #[arg(long)]
     multicast: bool,
-    /// Scenario as TOML, `-` for standard input: the fields of the message
-    /// `Scenario`. The options below that are given take the place of its fields.
+    /// Scenario as TOML, `-` for standard input: the fields of the message `Scenario`.
+    /// The options below override its fields.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// How simulation time passes [default: real-time].
+    /// Pacing of simulation time [default: real-time].
     #[arg(long, value_parser = named::<Pacing>())]
     pacing: Option<Pacing>,
     /// Scene below assets/scenes [default: home].
@@ -78,12 +77,12 @@ struct Args {
     /// Seed of every random choice [default: 0].
     #[arg(long)]
     seed: Option<u64>,
-    /// Where the robot starts: near by, or anywhere in the home with the arm in
-    /// any of its postures [default: near].
+    /// Start of the robot: near the target, or anywhere in the home with the arm in any
+    /// of its postures [default: near].
     #[arg(long, value_parser = named::<Starts>())]
     starts: Option<Starts>,
-    /// How often a task's area is drawn in another variant than its first (the
-    /// kitchen table with the teddy bear), 0 to 1 [default: as the area says].
+    /// Probability that a task's area is sampled in another variant than its first (the
+    /// kitchen table with the teddy bear), 0 to 1 [default: the area's].
     #[arg(long, value_name = "SHARE")]
     variant_share: Option<f64>,
     /// Robot below assets/robots [default: wheelarm].
@@ -92,30 +91,29 @@ struct Args {
     /// Assets folder.
     #[arg(long, env = "WHEELARM_ASSETS")]
     assets: Option<PathBuf>,
-    /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each of them
-    /// that is not named, or `room`. May be repeated; `*=1280x720@10` without it.
+    /// Camera as NAME=WIDTHxHEIGHT@HZ: one of the robot's, `*` for each robot camera
+    /// that is not named, or `room`. May be repeated [default: `*=1280x720@10`].
     #[arg(long, value_parser = v1::CameraSetting::from_text, conflicts_with = "no_cameras")]
     camera: Vec<v1::CameraSetting>,
-    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
-    /// with =STRENGTH from 0 (perfect) over 1 (as the file says) to 3. May be
-    /// repeated.
+    /// Active sensor model, MODEL or MODEL@CAMERA, a file in assets/sensors; with
+    /// =STRENGTH from 0 (perfect) over 1 (as in the file) to 3. May be repeated.
     #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
     sensor: Vec<v1::SensorSetting>,
-    /// Physics only: no pictures, no graphics driver needed.
+    /// Physics only: no images, no graphics driver needed.
     #[arg(long)]
     no_cameras: bool,
-    /// Work per picture [default: standard].
+    /// Rendering effort per image [default: standard].
     #[arg(long, value_parser = named::<Quality>())]
     quality: Option<Quality>,
-    /// Graphics adapter by its index, its PCI id (0000:65:00.0) or a part of its
-    /// name (see --list-adapters) [default: the strongest].
+    /// Graphics adapter by its index, its PCI ID (0000:65:00.0) or a part of its name
+    /// (see --list-adapters) [default: the best].
     #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
     adapter: Option<String>,
     /// Rate of the state streams, Hz; divides 60 [default: 60].
     #[arg(long)]
     state_rate: Option<f64>,
-    /// Rate of the shapes of soft objects, Hz; divides 60. A shape has 50 kB
-    /// [default: 10].
+    /// Rate of the shapes of deformables, Hz; divides 60. A shape has 50 kB [default:
+    /// 10].
     #[arg(long)]
     deformable_rate: Option<f64>,
     /// Rate of the IMU, Hz; divides 240 [default: 240].
@@ -124,50 +122,49 @@ struct Args {
     /// Adds the noise of the robot description to the IMU.
     #[arg(long)]
     imu_noise: bool,
-    /// Which specimen of the robot: the cameras' lenses and places are drawn from
-    /// this number [default: as the robot's description says].
+    /// Seed of the robot specimen: the cameras' lenses and mounts are sampled from it
+    /// [default: the robot's description].
     #[arg(long)]
     calibration_seed: Option<u64>,
-    /// How it looks: SEED for the usual look of a seed, SEED:AXIS=STRENGTH,… for
-    /// these axes alone: light, background, materials, exposure, decoration,
-    /// camera, lens, each 1 to 3 [default: as the assets say].
+    /// Visual randomization: SEED for the usual look of a seed, SEED:AXIS=STRENGTH,…
+    /// for these axes only: light, background, materials, exposure, decoration, camera,
+    /// lens, each 1 to 3 [default: as in the assets].
     #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
     look: Option<LookText>,
-    /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], a
-    /// folder in assets/people; then ,mouth_open ,motion=0..1 ,unguarded
-    /// (no bounds on speed and force beside the person) [default: none].
+    /// Person in the chair: any (sampled by the seed), none, or BODY[/POSTURE], a
+    /// folder in assets/people; then ,mouth_open ,motion=0..1 ,unguarded (no limits on
+    /// speed and force near the person) [default: none].
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text)]
     person: Option<v1::Person>,
-    /// Ends when standard input is closed: with the program that started it.
+    /// Ends when standard input is closed: together with the program that started it.
     #[arg(long, hide = true)]
     end_with_stdin: bool,
-    /// Prints the tasks and ends.
+    /// Prints the tasks and exits.
     #[arg(long)]
     list_tasks: bool,
     /// With --list-tasks: one line of JSON, a list of objects with name,
     /// activity, area, goal, targets, instructions, predicates.
     #[arg(long, requires = "list_tasks")]
     json: bool,
-    /// Prints what these seeds draw for --task as a table, comma separated with a
-    /// line of names, and ends.
+    /// Prints the samples of --task for these seeds as a table, comma separated with a
+    /// header line, and exits.
     #[arg(long, value_name = "A..B", value_parser = seeds)]
     draws: Option<std::ops::Range<u64>>,
-    /// Prints with what sentences --task begins at these seeds and ends: one line of
-    /// JSON each, with task, target, seed and instruction. What teaches words needs no
-    /// episodes.
+    /// Prints the instructions of --task for these seeds and exits: one line of JSON
+    /// each, with task, target, seed and instruction. Language data needs no episodes.
     #[arg(long, value_name = "A..B", value_parser = seeds, conflicts_with = "draws")]
     sentences: Option<std::ops::Range<u64>>,
-    /// With --sentences: templates and names that are said [default: as the scenario
-    /// says, else train].
+    /// With --sentences: templates and names to use [default: the scenario's, else
+    /// train].
     #[arg(long, requires = "sentences", value_parser = named::<LanguageSplit>())]
     language_split: Option<LanguageSplit>,
-    /// With --sentences: sentences of each scene.
+    /// With --sentences: sentences per scene.
     #[arg(long, requires = "sentences", value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     each: u64,
-    /// Prints the graphics adapters and ends: index, name, driver and PCI id.
+    /// Prints the graphics adapters and exits: index, name, driver and PCI ID.
     #[arg(long)]
     list_adapters: bool,
-    /// Prints the man page and ends, for packages.
+    /// Prints the man page and exits, for packages.
     #[arg(long, hide = true)]
     man: bool,
 }
@@ -177,16 +174,16 @@ fn endpoint(text: &str) -> Result<String, String> {
     checked.map(|()| text.to_owned())
 }
 
-/// Takes the names that the contract has for a choice.
+/// Value parser for a choice of the contract.
 fn named<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(T::ALL.iter().map(|value| value.name()))
         .try_map(|name| T::from_name(&name))
 }
 
-/// Longest scenario that is read, bytes.
+/// Longest accepted scenario, bytes.
 const LONGEST_SCENARIO: u64 = 1 << 20;
 
-/// Reads seeds, the last one left out.
+/// Parses a range of seeds, the last one excluded.
 fn seeds(text: &str) -> Result<std::ops::Range<u64>, String> {
     let read = || {
         let (first, end) = text.split_once("..")?;
@@ -196,8 +193,8 @@ fn seeds(text: &str) -> Result<std::ops::Range<u64>, String> {
     seeds.ok_or_else(|| format!("{text:?} is not A..B with A below B, for example 0..1000"))
 }
 
-/// Prints the draws of a task.
-fn print_draws(
+/// Prints the samples of a task.
+fn print_samples(
     assets: &Path,
     scenario: &Scenario,
     seeds: std::ops::Range<u64>,
@@ -218,44 +215,44 @@ fn print_draws(
         let variant = tasks::variant_of(&task, seed, scenario.variant_share)
             .context("the area has no variant for this task")?;
         let found = scenes.iter().find(|(name, ..)| *name == variant.name);
-        let (name, scene, floor) = found.context("the area has no such variant")?;
+        let (name, scene, floor) = found.context("the area does not have this variant")?;
         let floor = (scenario.starts == Starts::Anywhere).then_some(floor);
-        let draw = tasks::draw(&task, variant, scene, seed, floor);
+        let draw = tasks::sample(&task, variant, scene, seed, floor);
         let row = table::row(&task.area, scene, &task.name, name, seed, &draw);
         writeln!(out, "{row}")?;
     }
     Ok(())
 }
 
-/// Prints the sentences of a task.
+/// Prints the instructions of a task.
 fn print_sentences(
     assets: &Path,
-    asked: &v1::Scenario,
+    request: &v1::Scenario,
     seeds: std::ops::Range<u64>,
     split: Option<LanguageSplit>,
     each: u64,
 ) -> anyhow::Result<()> {
-    let mut asked = asked.clone();
-    let mut language = asked.language.take().unwrap_or_default();
-    if asked.task() == "" {
-        bail!("--sentences needs a task: name one with --task (--list-tasks tells them)");
+    let mut request = request.clone();
+    let mut language = request.language.take().unwrap_or_default();
+    if request.task() == "" {
+        bail!("--sentences needs a task: name one with --task (--list-tasks lists them)");
     }
-    let split = split.or(LanguageSplit::told(language.split()));
+    let split = split.or(LanguageSplit::from_proto(language.split()));
     language.set_split(split.unwrap_or(LanguageSplit::Train).code());
     let first = language.seed;
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     for seed in seeds {
         for n in 0..each {
-            asked.seed = Some(seed);
+            request.seed = Some(seed);
             language.seed = first.wrapping_add(n);
-            asked.language = Some(language.clone());
-            let mut scenario = startup::scenario(&asked)?;
+            request.language = Some(language.clone());
+            let mut scenario = startup::scenario(&request)?;
             scenario.cameras.clear();
             let sim = Simulation::new(assets, scenario)?;
-            let told = sim.scenario();
+            let scenario = sim.scenario();
             let line = serde_json::json!({
-                "task": told.task, "target": told.target, "seed": seed,
-                "instruction": told.instruction,
+                "task": scenario.task, "target": scenario.target, "seed": seed,
+                "instruction": scenario.instruction,
             });
             writeln!(out, "{line}")?;
         }
@@ -264,7 +261,7 @@ fn print_sentences(
 }
 
 impl Args {
-    /// How the server is to be reached.
+    /// The server's endpoints and access settings.
     fn reach(&self) -> anyhow::Result<Reach> {
         let keys = self.keys.as_deref().map(Folder::open).transpose()?;
         let usual = match keys {
@@ -288,46 +285,46 @@ impl Args {
         })
     }
 
-    /// The scenario that file and options ask for.
+    /// The scenario of file and options.
     fn scenario(&self) -> anyhow::Result<v1::Scenario> {
-        let mut asked = match &self.scenario {
+        let mut request = match &self.scenario {
             Some(file) => self.scenario_file(file)?,
             None => v1::Scenario::default(),
         };
-        asked.scene = self.scene.clone().unwrap_or(asked.scene);
-        asked.task = self.task.clone().or(asked.task);
-        asked.seed = self.seed.or(asked.seed);
-        asked.variant_share = self.variant_share.or(asked.variant_share);
+        request.scene = self.scene.clone().unwrap_or(request.scene);
+        request.task = self.task.clone().or(request.task);
+        request.seed = self.seed.or(request.seed);
+        request.variant_share = self.variant_share.or(request.variant_share);
         if let Some(starts) = self.starts {
-            asked.set_starts(starts.code());
+            request.set_starts(starts.code());
         }
-        asked.robot = self.robot.clone().unwrap_or(asked.robot);
-        asked.state_rate_hz = self.state_rate.or(asked.state_rate_hz);
-        asked.deformable_rate_hz = self.deformable_rate.or(asked.deformable_rate_hz);
-        asked.imu_rate_hz = self.imu_rate.or(asked.imu_rate_hz);
+        request.robot = self.robot.clone().unwrap_or(request.robot);
+        request.state_rate_hz = self.state_rate.or(request.state_rate_hz);
+        request.deformable_rate_hz = self.deformable_rate.or(request.deformable_rate_hz);
+        request.imu_rate_hz = self.imu_rate.or(request.imu_rate_hz);
         if let Some(pacing) = self.pacing {
-            asked.set_pacing(pacing.code());
+            request.set_pacing(pacing.code());
         }
         if let Some(quality) = self.quality {
-            asked.set_quality(quality.code());
+            request.set_quality(quality.code());
         }
-        asked.calibration_seed = self.calibration_seed.or(asked.calibration_seed);
+        request.calibration_seed = self.calibration_seed.or(request.calibration_seed);
         if let Some(look) = &self.look {
-            asked.look = Some(look.of(asked.seed()));
+            request.look = Some(look.for_episode(request.seed()));
         }
         if let Some(person) = &self.person {
-            asked.person = Some(person.clone());
+            request.person = Some(person.clone());
         }
         if self.imu_noise {
-            asked.imu_noise = Some(true);
+            request.imu_noise = Some(true);
         }
         if !self.camera.is_empty() {
-            asked.cameras.clone_from(&self.camera);
+            request.cameras.clone_from(&self.camera);
         }
         if !self.sensor.is_empty() {
-            asked.sensors.clone_from(&self.sensor);
+            request.sensors.clone_from(&self.sensor);
         }
-        Ok(asked)
+        Ok(request)
     }
 
     fn scenario_file(&self, file: &Path) -> anyhow::Result<v1::Scenario> {
@@ -336,7 +333,7 @@ impl Args {
             std::fs::File::open(file).and_then(|file| file.take(limit).read_to_string(&mut text))
         } else if self.end_with_stdin {
             bail!(
-                "standard input cannot say both the scenario and when to end: give --scenario a file"
+                "standard input cannot contain the scenario and also signal the end: use a file for --scenario"
             );
         } else {
             std::io::stdin().take(limit).read_to_string(&mut text)
@@ -352,16 +349,16 @@ impl Args {
     }
 }
 
-/// The assets folder: as told, or where [`installed::assets`] finds one.
-fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
-    if let Some(told) = told {
-        if !told.join("scenes").is_dir() {
+/// The assets folder: the given one, or the result of [`installed::assets`].
+fn assets(given: Option<PathBuf>) -> anyhow::Result<PathBuf> {
+    if let Some(folder) = given {
+        if !folder.join("scenes").is_dir() {
             bail!(
-                "{} holds no folder `scenes`; name the assets folder of WheelArm",
-                told.display()
+                "{} does not contain a folder `scenes`; name the assets folder of WheelArm",
+                folder.display()
             );
         }
-        return Ok(told);
+        return Ok(folder);
     }
     let found = installed::assets()
         .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")?;
@@ -380,8 +377,9 @@ fn concrete(endpoint: &str) -> anyhow::Result<String> {
     else {
         return Ok(endpoint.to_owned());
     };
-    let listener = TcpListener::bind((address, 0))
-        .with_context(|| format!("cannot listen on {address}; is it an address of this host?"))?;
+    let listener = TcpListener::bind((address, 0)).with_context(|| {
+        format!("cannot listen on {address}: it may not be an address of this host")
+    })?;
     Ok(format!(
         "{transport}/{address}:{}",
         listener.local_addr()?.port()
@@ -394,19 +392,19 @@ fn main() -> ExitCode {
     let args = Args::parse();
     environment::complete();
     let runtime = allow_open_files()
-        .and_then(|()| tokio::runtime::Runtime::new().context("the runtime cannot start"));
+        .and_then(|()| tokio::runtime::Runtime::new().context("cannot start the runtime"));
     let Err(error) = runtime.and_then(|runtime| runtime.block_on(serve(args))) else {
         return ExitCode::SUCCESS;
     };
-    eprintln!("error: {}", told(error.as_ref()));
+    eprintln!("error: {}", error_chain(error.as_ref()));
     match error.downcast_ref() {
         Some(SimError::Broken(_) | SimError::Panicked(_)) => ExitCode::from(EXIT_SCENARIO),
         _ => ExitCode::FAILURE,
     }
 }
 
-/// Files that may be open at the least: connections, threads' event queues, the graphics
-/// driver. The transport panics where one cannot be opened.
+/// Smallest limit of open files: for connections, event queues of threads, and the
+/// graphics driver. The transport panics when it cannot open one.
 const OPEN_FILES: u64 = 256;
 
 /// Raises the limit of open files as far as the user may.
@@ -417,7 +415,7 @@ fn allow_open_files() -> anyhow::Result<()> {
         current: limit.maximum,
         ..limit
     };
-    // Where it cannot be raised, what is allowed counts.
+    // If it cannot be raised, the present limit applies.
     let allowed = match setrlimit(Resource::Nofile, raised) {
         Ok(()) => limit.maximum,
         Err(_) => limit.current,
@@ -435,7 +433,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     if args.man {
         return clap_mangen::Man::new(Args::command())
             .render(&mut std::io::stdout())
-            .context("printing the man page");
+            .context("cannot print the man page");
     }
     let filter = "warn,wheelarm_server=info,zenoh=error";
     log::start(filter, std::io::stderr().is_terminal(), std::io::stderr);
@@ -473,24 +471,24 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     let keys = Keys::new(&args.sim)?;
     let mut scenario = startup::scenario(&args.scenario()?)?;
     if let Some(seeds) = args.draws {
-        return print_draws(&assets, &scenario, seeds);
+        return print_samples(&assets, &scenario, seeds);
     }
     if let Some(seeds) = args.sentences.clone() {
-        let asked = args.scenario()?;
-        return print_sentences(&assets, &asked, seeds, args.language_split, args.each);
+        let request = args.scenario()?;
+        return print_sentences(&assets, &request, seeds, args.language_split, args.each);
     }
     if args.no_cameras {
         scenario.cameras.clear();
     }
     let pacing = scenario.pacing;
-    let graphics = Graphics::on(args.adapter.as_deref());
+    let graphics = Graphics::for_adapter(args.adapter.as_deref());
     let draws = !scenario.cameras.is_empty();
     let _opening = draws.then(|| OpenAhead::begin(&graphics));
     let sim = Simulation::new(&assets, scenario)?;
     let mut sensors = args.sensor.iter().filter(|_| args.no_cameras);
     if let Some(sensor) = sensors.find(|sensor| !sensor.camera.is_empty()) {
         bail!(
-            "--sensor {} takes the pictures of a camera, and --no-cameras leaves all cameras out; leave one of both out",
+            "--sensor {} needs the images of a camera, but --no-cameras disables all cameras: remove one of the two options",
             sensor.text()
         );
     }
@@ -498,11 +496,11 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     let access = reach.access()?;
     let listen = reach.listen.join(", ");
     let session = service::session::open(&keys, &reach, pacing).with_context(|| {
-        format!("cannot listen on {listen}; is another server running there? Choose another port with --listen tcp/127.0.0.1:PORT")
+        format!("cannot listen on {listen}: another server may be running there; choose another port with --listen tcp/127.0.0.1:PORT")
     })?;
     if access == v1::Access::Insecure {
         tracing::warn!(
-            "{listen}: INSECURE, everybody who reaches this port may drive and end this server"
+            "{listen}: INSECURE, everyone who can reach this port may drive and end this server"
         );
     }
     let endpoint = reach.listen.first().cloned().unwrap_or_default();
@@ -514,8 +512,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
         access,
     };
     let (name, end_with_stdin) = (args.sim, args.end_with_stdin);
-    // Heard from here on: whoever reads that the server is ready may end it.
-    let signals = Signals::listen_here().context("cannot listen to signals")?;
+    // Handle signals from here on: a client may end the server as soon as it is ready.
+    let signals = Signals::listen_here().context("cannot handle signals")?;
     let serves = Ready {
         endpoint,
         sim: name,
@@ -526,7 +524,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Resolves on Ctrl-C, SIGTERM or SIGHUP, and at the end of standard input if told so.
+/// Resolves on Ctrl-C, SIGTERM or SIGHUP, and at the end of standard input if
+/// requested.
 async fn interrupted(mut signals: Signals, end_with_stdin: bool) {
     let (closed, input_closed) = tokio::sync::oneshot::channel();
     let closed = if end_with_stdin {

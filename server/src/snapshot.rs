@@ -1,11 +1,11 @@
-//! The state after a step, as plain data that sensors and tasks read.
+//! The state after a step, as plain data for sensors and tasks.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::stamp_nanos;
 
 use crate::people::{BodyPart, HeadPose, PARTS};
 
-/// State of the simulation after one physics tick. Never changed afterwards.
+/// State of the simulation after one physics tick. Immutable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
     /// Physics tick, 240 per second.
@@ -16,7 +16,7 @@ pub struct Snapshot {
     pub links: Vec<BodyState>,
     /// Objects in the order of `Scene::objects`.
     pub objects: Vec<BodyState>,
-    /// Skins of the soft objects, by object.
+    /// Skins of the deformables, by object.
     pub skins: Vec<SoftSkin>,
     /// Joints of furniture in the order of `Scene::joints`: metres, m/s, and the
     /// force of their dry friction, N.
@@ -25,9 +25,9 @@ pub struct Snapshot {
     pub sliding: Vec<BodyState>,
     /// Touching pairs that involve the robot or an object, summed per pair.
     pub contacts: Vec<Contact>,
-    /// Who sits in the chair; `None` where nobody does.
+    /// The person in the chair; `None` for an empty chair.
     pub person: Option<PersonState>,
-    /// Oddities that were met in this step; empty when all is well.
+    /// Anomalies of this step; empty in the normal case.
     pub anomalies: Vec<Anomaly>,
 }
 
@@ -61,28 +61,28 @@ pub struct BodyState {
     pub angular: Vector3<f64>,
 }
 
-/// The shape of one soft object.
+/// The shape of one deformable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SoftSkin {
     /// Index into `Scene::objects`.
     pub object: usize,
     /// Vertices in `house`, metres, in the order of `Soft::skin`.
     pub vertices: Vec<Point3<f32>>,
-    /// Energy of its deformation, J.
+    /// Elastic energy, J.
     pub elastic_energy: f64,
-    /// Energy of its motion, J.
+    /// Kinetic energy, J.
     pub kinetic_energy: f64,
 }
 
 /// A person in the chair.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PersonState {
-    /// How head and jaw are turned beside the posture.
+    /// Rotation of head and jaw relative to the posture.
     pub head: HeadPose,
-    /// What presses on each part of the body, in the order of `PARTS`: the greatest
-    /// of the control tick's physics ticks, N.
+    /// Force on each part of the body, in the order of `PARTS`: the largest of the
+    /// control tick's physics ticks, N.
     pub forces: [f64; PARTS.len()],
-    /// What the robot itself presses on all of it, likewise, N.
+    /// Force of the robot on the whole person, likewise, N.
     pub robot_force: f64,
     /// Each body that touched a part of the person in these physics ticks, sorted by part
     /// and body. A contact at the mouth is listed for mouth and face.
@@ -92,12 +92,12 @@ pub struct PersonState {
 /// One body on one part of the person.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Touch {
-    /// The part that is touched.
+    /// The touched part.
     pub part: BodyPart,
     /// The body that touches it.
     pub partner: BodyRef,
-    /// Force on the part, N: the greatest of the control tick's physics ticks, for an object
-    /// their mean.
+    /// Force on the part, N: the largest of the control tick's physics ticks, for an
+    /// object their mean.
     pub force: f64,
     /// Weight of an object, N; 0 for robot and furniture.
     pub weight: f64,
@@ -114,7 +114,7 @@ impl BodyState {
         }
     }
 
-    /// A frame that rides on this one at `own_from_frame`.
+    /// State of a frame fixed to this one at `own_from_frame`.
     #[must_use]
     pub fn carrying(&self, own_from_frame: Isometry3<f64>) -> Self {
         let pose = self.pose * own_from_frame;
@@ -125,7 +125,7 @@ impl BodyState {
         }
     }
 
-    /// Velocity, m/s, of a point of `house` that rides on this frame.
+    /// Velocity, m/s, of a point of `house` that is fixed to this frame.
     #[must_use]
     pub fn velocity_at(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.linear + self.angular.cross(&(point - self.pose.translation.vector))
@@ -160,7 +160,7 @@ pub struct Contact {
     pub force: Vector3<f64>,
 }
 
-/// Something odd with which a simulation can go on: recorded and counted.
+/// An anomaly with which the simulation continues: recorded and counted.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Anomaly {
     /// A body's state is not finite.
@@ -171,7 +171,7 @@ pub enum Anomaly {
     Fast(usize),
 }
 
-/// Why a state is broken: nothing that follows from it can be believed.
+/// Why a state is broken: later states are not valid.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
     /// A body's state is not finite.
@@ -182,10 +182,10 @@ pub enum Fault {
         joint: usize,
         /// Its speed, rad/s.
         speed: f64,
-        /// The greatest that is believed, rad/s.
+        /// Limit, rad/s.
         most: f64,
     },
-    /// Two bodies press too hard.
+    /// A contact force is too large.
     Contact {
         /// First body.
         first: BodyRef,
@@ -194,25 +194,25 @@ pub enum Fault {
         /// Force, N.
         force: f64,
     },
-    /// A node of a soft object is too fast, m/s.
+    /// A node of a deformable is too fast, m/s.
     NodeSpeed {
         /// Index into `Scene::objects`.
         object: usize,
         /// Its speed, m/s.
         speed: f64,
     },
-    /// A soft object has too much elastic and kinetic energy, J.
+    /// A deformable has too much elastic and kinetic energy, J.
     Energy {
         /// Index into `Scene::objects`.
         object: usize,
         /// J.
         energy: f64,
     },
-    /// The chair is outside the home, or in the free air above or below it.
+    /// The chair is outside the home, or far above or below the floor.
     Outside {
-        /// Place of the chair in `house`, metres.
+        /// Position of the chair in `house`, metres.
         at: Vector3<f64>,
     },
-    /// The simulation panicked; its words.
+    /// The simulation panicked, with the panic message.
     Panic(String),
 }

@@ -14,8 +14,8 @@ use wheelarm_server::geometry::mesh;
 use wheelarm_server::robot::control::GripperMap;
 use wheelarm_server::robot::{CorridorSettings, RobotModel};
 use wheelarm_server::scene::Scene;
+use wheelarm_server::service::command_gate::{CommandGate, ControlRequest, Life, Listening};
 use wheelarm_server::service::convert;
-use wheelarm_server::service::inbox::{Asked, Inbox, Life, Listening};
 use wheelarm_server::sim::Scenario;
 use wheelarm_server::tasks::TaskSpec;
 
@@ -34,19 +34,19 @@ pub fn command(bytes: &[u8]) {
         run_id: sent.header.unwrap_or_default().run_id,
     };
     for (lock_step, sealed) in [(false, false), (true, false), (false, true)] {
-        let mut inbox = Inbox::new(GripperMap::new(model));
-        let asked = Asked {
+        let mut command_gate = CommandGate::new(GripperMap::new(model));
+        let request = ControlRequest {
             sealed,
-            ..Asked::default()
+            ..ControlRequest::default()
         };
-        let _ = inbox.ask(life.clone(), &asked, Instant::now());
+        let _ = command_gate.request_control(life.clone(), &request, Instant::now());
         let listening = Listening {
             lock_step,
             ..Listening::default()
         };
-        inbox.listen(listening, 0);
-        let _ = inbox.accept(bytes, 0.0);
-        let _ = inbox.take(0, 0.0, 0.0);
+        command_gate.listen(listening, 0);
+        let _ = command_gate.accept(bytes, 0.0);
+        let _ = command_gate.take(0, 0.0, 0.0);
     }
 }
 
@@ -88,8 +88,8 @@ pub fn messages(bytes: &[u8]) {
         CameraFrame,
     );
     if let Ok(request) = v1::ResetRequest::decode(bytes) {
-        let asked = request.scenario.unwrap_or_default();
-        let _ = convert::scenario_over(&Scenario::default(), &asked).map(|s| s.schedules());
+        let request = request.scenario.unwrap_or_default();
+        let _ = convert::scenario_over(&Scenario::default(), &request).map(|s| s.schedules());
     }
     if let Ok(request) = v1::EpisodeStartRequest::decode(bytes) {
         let _ = check::label(&request.label);

@@ -1,16 +1,16 @@
 //! Deterministic damage to bytes: the same number gives the same damage.
 
-/// A small generator (splitmix64).
+use wheelarm_proto::random::{SPLITMIX64_STEP, splitmix64};
+
+/// A generator of damage (SplitMix64); the field is its state.
 #[derive(Clone, Debug)]
 pub struct Mutator(pub u64);
 
 impl Mutator {
     fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        let bits = splitmix64(self.0);
+        self.0 = self.0.wrapping_add(SPLITMIX64_STEP);
+        bits
     }
 
     fn below(&mut self, n: usize) -> usize {

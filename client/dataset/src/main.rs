@@ -15,7 +15,7 @@ fn main() -> ExitCode {
     match commands::main(commands::Cli::parse()) {
         Ok(code) => ExitCode::from(code),
         Err(problem) => {
-            eprintln!("{}", wheelarm_proto::program::told(problem.as_ref()));
+            eprintln!("{}", wheelarm_proto::program::error_chain(problem.as_ref()));
             ExitCode::FAILURE
         }
     }

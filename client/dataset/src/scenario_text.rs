@@ -31,7 +31,7 @@ fn leave_out_absent(value: &mut Value) {
 pub fn pacing(value: i32) -> &'static str {
     let code = v1::Pacing::try_from(value);
     code.map_or("unknown", |code| {
-        Pacing::told(code).unwrap_or(Pacing::RealTime).name()
+        Pacing::from_proto(code).unwrap_or(Pacing::RealTime).name()
     })
 }
 
@@ -40,7 +40,9 @@ pub fn pacing(value: i32) -> &'static str {
 pub fn quality(value: i32) -> &'static str {
     let code = v1::RenderQuality::try_from(value);
     code.map_or("unknown", |code| {
-        Quality::told(code).unwrap_or(Quality::Standard).name()
+        Quality::from_proto(code)
+            .unwrap_or(Quality::Standard)
+            .name()
     })
 }
 

@@ -256,7 +256,7 @@ fn contents(
     let Some(digests) = digests else {
         return Ok(());
     };
-    let value = StreamDigest::of(&digests)
+    let value = StreamDigest::from_messages(&digests)
         .map(|b| format!("{b:02x}"))
         .concat();
     if value == account.digest {

@@ -131,7 +131,8 @@ pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkErr
         (false, _) => None,
         (true, Some(identity)) => Some(identity.clone()),
         (true, None) => Some(
-            Identity::of_environment()?.ok_or_else(|| LinkError::NoKeys(args.endpoint.clone()))?,
+            Identity::from_environment()?
+                .ok_or_else(|| LinkError::NoKeys(args.endpoint.clone()))?,
         ),
     };
     zenoh::open(config(args, identity.as_ref(), silence))

@@ -19,7 +19,7 @@ impl SceneModel {
     /// What the chair must not touch, with the things where they are.
     #[must_use]
     pub fn footprint_check(&self, poses: &[Isometry3<f64>]) -> FootprintCheck {
-        let mut footprint = FootprintCheck::of(self.outlines.iter().copied());
+        let mut footprint = FootprintCheck::from_outlines(self.outlines.iter().copied());
         let lying = self
             .placed(poses)
             .map(|(_, obb)| obb)

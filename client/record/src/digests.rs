@@ -83,7 +83,7 @@ mod tests {
                 digests.add(late, of(late));
             }
         }
-        assert_eq!(digests.value(), StreamDigest::of(&all));
+        assert_eq!(digests.value(), StreamDigest::from_messages(&all));
         assert!(digests.is_late(0) && !digests.is_late(count));
         digests.again(count - 1, &of(count - 1));
         assert_eq!(digests.doubtful(), 0);

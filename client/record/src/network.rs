@@ -333,7 +333,7 @@ fn to_queue(link: &Link, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + S
         let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
             return;
         };
-        let (payload, pictures) = (sample.payload().clone(), stream.is_pictures());
+        let (payload, pictures) = (sample.payload().clone(), stream.is_images());
         let bytes = payload.len();
         to.sample(Raw::Sample(stream, payload), bytes, pictures);
     }

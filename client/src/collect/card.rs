@@ -285,7 +285,7 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
     let purposes: BTreeSet<Purpose> = manifest
         .episodes
         .iter()
-        .map(|d| Purpose::of(d.seed))
+        .map(|d| Purpose::of_seed(d.seed))
         .collect();
     let purposes: Vec<&str> = purposes.into_iter().map(Named::name).collect();
     let losses = manifest

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_operate::run::Report;
-use wheelarm_proto::person::NOBODY;
+use wheelarm_proto::person::NO_PERSON;
 use wheelarm_proto::v1;
 
 use super::episode::Episode;
@@ -180,11 +180,11 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
 /// counts: a care task draws somebody where the plan names nobody, and adds what it
 /// needs of a person that the plan names.
 fn is_person(recorded: Option<&v1::Person>, asked: Option<&v1::Person>) -> bool {
-    let asked = asked.filter(|person| person.body != NOBODY);
+    let asked = asked.filter(|person| person.body != NO_PERSON);
     let Some(asked) = asked else {
         return true;
     };
-    let recorded = recorded.filter(|person| person.body != NOBODY);
+    let recorded = recorded.filter(|person| person.body != NO_PERSON);
     recorded.is_some_and(|recorded| {
         let is = |asked: &str, recorded: &str| asked.is_empty() || asked == recorded;
         is(&asked.body, &recorded.body)

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use wheelarm_proto::person::NOBODY;
+use wheelarm_proto::person::NO_PERSON;
 
 use super::plan::Plan;
 
@@ -47,7 +47,7 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
         all.push(named("name", "camera", &camera.name, cameras.clone()));
     }
     let person = plan.variation.person.as_ref();
-    if let Some(person) = person.filter(|person| person.body != NOBODY) {
+    if let Some(person) = person.filter(|person| person.body != NO_PERSON) {
         let bodies = folders(assets, "people", "person.toml");
         all.push(named("person", "person", &person.body, bodies));
         let postures = tables(assets, "people/postures.toml");

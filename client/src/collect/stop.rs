@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use anyhow::Context;
-use wheelarm_proto::signals::{Heard, on_signals};
+use wheelarm_proto::signals::{ReceivedSignal, on_signals};
 
 const FINISH: u8 = 1;
 const DISCARD: u8 = 2;
@@ -42,7 +42,7 @@ impl Stop {
         let stop = self.clone();
         on_signals(move |heard| {
             let first = || stop.level.fetch_add(1, Ordering::AcqRel) == 0;
-            if heard == Heard::Interrupt && first() {
+            if heard == ReceivedSignal::Interrupt && first() {
                 eprintln!(
                     "\nthe running episodes are finished, no other begins; Ctrl-C again throws them away at once"
                 );

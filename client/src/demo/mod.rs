@@ -95,7 +95,7 @@ impl DemoArgs {
                 cameras,
                 pacing: v1::Pacing::LockStep.into(),
                 quality: self.quality.code().into(),
-                look: self.look.map(|look| look.of(seed)),
+                look: self.look.map(|look| look.for_episode(seed)),
                 sensors: self.sensor.clone(),
                 ..v1::Scenario::default()
             },

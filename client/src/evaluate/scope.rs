@@ -36,7 +36,7 @@ impl Scope {
     /// What the seeds are for, `mixed` where they are for several things.
     #[must_use]
     pub fn purpose(&self) -> &'static str {
-        Purpose::of_all(self.seeds.clone()).map_or("mixed", Named::name)
+        Purpose::of_range(self.seeds.clone()).map_or("mixed", Named::name)
     }
 }
 
@@ -110,7 +110,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             path.display()
         );
     }
-    let found = Purpose::of_all(first..end).with_context(|| path.display().to_string())?;
+    let found = Purpose::of_range(first..end).with_context(|| path.display().to_string())?;
     if found != file.purpose {
         bail!(
             "{}: the seeds {first}..{end} are for {}; those for {} are {}",

@@ -133,7 +133,7 @@ fn seeds(args: &MultiplyArgs) -> anyhow::Result<(u64, u64)> {
         let most = args.episodes.get().saturating_mul(TRIES);
         (args.first_seed(), args.first_seed().saturating_add(most))
     });
-    let purpose = Purpose::of_all(first..end)?;
+    let purpose = Purpose::of_range(first..end)?;
     match purpose {
         Purpose::Train | Purpose::Free | Purpose::Develop => Ok((first, end)),
         Purpose::Checkpoint

@@ -1,4 +1,4 @@
-//! The private authority and what it signs: ECDSA over P-256.
+//! The private certificate authority and its certificates: ECDSA over P-256.
 
 use rcgen::{
     BasicConstraints, Certificate, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa,
@@ -17,7 +17,7 @@ pub const LONGEST_DAYS: u32 = 365;
 const AUTHORITY_DAYS: i64 = 3650;
 const SERVER_DAYS: i64 = 825;
 
-/// Name of the authority; its key tells it from another of that name.
+/// Common name of the authority; its key distinguishes it from others of that name.
 const AUTHORITY_NAME: &str = "WheelArm authority";
 
 /// A certificate and its private key, PEM.
@@ -26,10 +26,10 @@ pub struct Pair {
     pub key: String,
 }
 
-/// A certificate is valid this long before it was issued: clocks may differ.
+/// Certificates are valid this long before they are issued, because clocks may differ.
 const EARLY: Duration = Duration::days(1);
 
-/// When a certificate was issued that is valid from `not_before`, both s since 1970.
+/// Time of issue of a certificate that is valid from `not_before`, both s since 1970.
 pub fn issued(not_before: i64) -> i64 {
     not_before.saturating_add(EARLY.whole_seconds())
 }
@@ -60,7 +60,7 @@ fn pair(certificate: &Certificate, key: &KeyPair) -> Pair {
 
 /// A new authority.
 pub fn new_authority() -> Result<Pair, AccessError> {
-    let failed = || AccessError::crypto("making an authority");
+    let failed = || AccessError::crypto("cannot create an authority");
     let key = KeyPair::generate().map_err(failed())?;
     let certificate = authority().self_signed(&key).map_err(failed())?;
     Ok(pair(&certificate, &key))
@@ -68,7 +68,7 @@ pub fn new_authority() -> Result<Pair, AccessError> {
 
 /// Signs with the authority's private key, PEM.
 fn signed(authority_key: &str, params: &CertificateParams) -> Result<Pair, AccessError> {
-    let failed = || AccessError::crypto("signing a certificate");
+    let failed = || AccessError::crypto("cannot sign a certificate");
     let issuer = KeyPair::from_pem(authority_key).map_err(failed())?;
     let issuer = Issuer::new(authority(), issuer);
     let key = KeyPair::generate().map_err(failed())?;
@@ -76,11 +76,11 @@ fn signed(authority_key: &str, params: &CertificateParams) -> Result<Pair, Acces
     Ok(pair(&certificate, &key))
 }
 
-/// A server's certificate, for the names and addresses under which it is
-/// reached; by it a server also shows itself to a router.
+/// A server's certificate, for its host names and addresses; the server also uses it
+/// towards a router.
 pub fn new_server(authority_key: &str, name: &str, hosts: &[String]) -> Result<Pair, AccessError> {
     let mut params = CertificateParams::new(hosts)
-        .map_err(AccessError::crypto("putting the hosts into a certificate"))?;
+        .map_err(AccessError::crypto("cannot add the hosts to a certificate"))?;
     leaf(&mut params, name);
     params.extended_key_usages = vec![
         ExtendedKeyUsagePurpose::ServerAuth,
@@ -90,7 +90,7 @@ pub fn new_server(authority_key: &str, name: &str, hosts: &[String]) -> Result<P
     signed(authority_key, &params)
 }
 
-/// A user's certificate. `days` may be 0 or less for one that is over.
+/// A user's certificate. `days` may be 0 or less for an expired one.
 pub fn new_user(authority_key: &str, name: &str, days: i64) -> Result<Pair, AccessError> {
     let mut params = CertificateParams::default();
     leaf(&mut params, name);
@@ -108,8 +108,7 @@ fn leaf(params: &mut CertificateParams, name: &str) {
     params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
 }
 
-/// The day on which something that is valid for `days` from now is over,
-/// `YYYY-MM-DD`.
+/// Last day, `YYYY-MM-DD`, of a validity of `days` from now.
 pub fn last_day(days: i64) -> String {
     let day = (OffsetDateTime::now_utc() + Duration::days(days)).date();
     format!(

@@ -1,66 +1,66 @@
-//! What can be wrong with users and keys, in words that name the cure.
+//! Errors of users and keys, with their fix.
 
 use std::path::{Path, PathBuf};
 
 use wheelarm_proto::keys::BadName;
 
-/// What can be wrong with users and keys.
+/// Errors of users and keys.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    /// A file cannot be read or written.
+    /// A file error.
     #[error("{doing} {path}: {cause}")]
     File {
-        /// Reading, writing or making.
+        /// What was attempted.
         doing: &'static str,
         /// Which file.
         path: PathBuf,
         /// Why.
         cause: std::io::Error,
     },
-    /// The folder holds no keys.
+    /// Missing keys.
     #[error(
-        "{folder} holds no {missing}: make the keys with `wheelarm keys init --keys {folder}`, or name another folder"
+        "{folder} does not contain {missing}: create the keys with `wheelarm keys init --keys {folder}`, or name another folder"
     )]
     NoKeys {
-        /// Where they were looked for.
+        /// Folder that was searched.
         folder: String,
-        /// File that is not there.
+        /// Missing file.
         missing: &'static str,
     },
-    /// There are keys already.
+    /// Keys exist already.
     #[error(
-        "{folder} holds keys already: with new ones every user's would be worth nothing; name another folder, or remove this one first"
+        "{folder} already contains keys, and new ones would invalidate every user's: name another folder, or remove this one first"
     )]
     KeysAreThere {
-        /// Where.
+        /// The folder.
         folder: String,
     },
-    /// The users' file cannot be understood.
-    #[error("{path} is no file of users: {why}")]
+    /// An invalid users file.
+    #[error("{path} is not a users file: {why}")]
     Users {
-        /// Which file.
+        /// The file.
         path: PathBuf,
         /// What is wrong, with the line.
         why: String,
     },
-    /// A name cannot stand in a key.
+    /// An invalid name.
     #[error(transparent)]
     Name(#[from] BadName),
-    /// A name belongs to servers.
-    #[error("no user may be called {0:?}: servers are")]
+    /// A reserved name.
+    #[error("no user may have the name {0:?}: it is reserved for servers")]
     Reserved(String),
-    /// There is such a user.
-    #[error("there is a user {0:?} already: remove it first, or choose another name")]
+    /// A user that exists already.
+    #[error("a user {0:?} exists already: remove it first, or choose another name")]
     Taken(String),
-    /// There is no such user.
-    #[error("there is no user {name:?} (there are: {found}): add it with `wheelarm users add`")]
+    /// An unknown user.
+    #[error("unknown user {name:?} (available: {found}): add it with `wheelarm users add`")]
     Unknown {
-        /// Who was asked for.
+        /// Requested user.
         name: String,
-        /// Who is there.
+        /// Existing users.
         found: String,
     },
-    /// A password is too short or too long.
+    /// A password of invalid length.
     #[error("a password has {least} to {most} characters, this one has {found}")]
     Password {
         /// Fewest characters.
@@ -70,22 +70,22 @@ pub enum AccessError {
         /// How many it has.
         found: usize,
     },
-    /// A certificate cannot be as asked.
+    /// An invalid validity of a certificate.
     #[error("a user's certificate is valid for {least} to {most} days, not {found}")]
     Days {
         /// Fewest days.
         least: u32,
         /// Most.
         most: u32,
-        /// What was asked for.
+        /// Requested days.
         found: u32,
     },
-    /// Cryptography failed.
+    /// An error of cryptography.
     #[error("{doing} failed: {cause}")]
     Crypto {
-        /// What was tried.
+        /// What was attempted.
         doing: &'static str,
-        /// In the library's words.
+        /// Message of the library.
         cause: String,
     },
 }

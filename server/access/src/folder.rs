@@ -3,9 +3,9 @@
 //! ```text
 //! keys/                      mode 0700
 //!   ca.pem  ca.key           the authority; ca.key is needed only to sign
-//!   server.pem  server.key   of every server of this host
-//!   users.toml               who may do what
-//!   users/NAME/              what a user takes along: ca.pem user.pem user.key about.toml
+//!   server.pem  server.key   for every server of this host
+//!   users.toml               users, roles and passwords
+//!   users/NAME/              bundle of a user: ca.pem user.pem user.key about.toml
 //! ```
 
 use std::fs;
@@ -21,7 +21,7 @@ use wheelarm_proto::bundle;
 use super::authority::{self, LONGEST_DAYS, Pair, SHORTEST_DAYS};
 use super::{AccessError, Role, Users};
 
-/// Common name of the servers' certificates; no user has it.
+/// Common name of the servers' certificates; reserved.
 pub const SERVER: &str = "wheelarm-server";
 
 const AUTHORITY: &str = bundle::AUTHORITY;
@@ -39,44 +39,44 @@ pub struct Folder {
 /// A server's certificates and private key, for rustls.
 #[derive(Debug)]
 pub struct ServerIdentity {
-    /// The server's certificate, then those that it stands upon.
+    /// The server's certificate, followed by its issuers.
     pub certificates: Vec<CertificateDer<'static>>,
     /// Its private key.
     pub key: PrivateKeyDer<'static>,
 }
 
-/// What lies beside a user's keys, for people and programs.
+/// Description of a user's keys, for people and programs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct About {
     /// Name of the user.
     pub user: String,
     /// Its role when the keys were made.
     pub role: Role,
-    /// Last day on which the certificate is taken, `YYYY-MM-DD`, UTC.
+    /// Last day of the certificate's validity, `YYYY-MM-DD`, UTC.
     pub until: String,
 }
 
 impl About {
-    /// Reads it beside a user's keys; `None` where it is not there.
+    /// Reads the description next to a user's keys; `None` when it does not exist.
     #[must_use]
     pub fn beside(folder: &Path) -> Option<Self> {
         let text = fs::read_to_string(folder.join(bundle::ABOUT)).ok()?;
         toml::from_str(&text).ok()
     }
 
-    /// Whether the certificate is over.
+    /// Whether the certificate has expired.
     #[must_use]
     pub fn is_over(&self) -> bool {
-        // Days in this form are in the order of time.
+        // Dates in this form sort by time.
         self.until < authority::last_day(0)
     }
 }
 
 impl Folder {
-    /// A folder that holds what a server needs.
+    /// Opens a folder with the files of a server.
     ///
     /// # Errors
-    /// [`AccessError::NoKeys`] that names what is missing.
+    /// [`AccessError::NoKeys`] with the missing file.
     pub fn open(path: &Path) -> Result<Self, AccessError> {
         for missing in [AUTHORITY, CERTIFICATE, KEY, USERS] {
             if !path.join(missing).is_file() {
@@ -90,8 +90,8 @@ impl Folder {
         Ok(Self { path })
     }
 
-    /// Makes an authority, a server's certificate for `hosts` and an empty file
-    /// of users.
+    /// Creates an authority, a server's certificate for `hosts` and an empty users
+    /// file.
     ///
     /// # Errors
     /// [`AccessError::KeysAreThere`], [`AccessError::File`].
@@ -115,7 +115,7 @@ impl Folder {
         Self::open(path)
     }
 
-    /// Where it is.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -139,7 +139,7 @@ impl Folder {
         self.path.join(KEY)
     }
 
-    /// The file of users.
+    /// Path of the users file.
     #[must_use]
     pub fn users_file(&self) -> PathBuf {
         self.path.join(USERS)
@@ -158,30 +158,30 @@ impl Folder {
     /// # Errors
     /// [`AccessError::Crypto`] when they cannot be read.
     pub fn server_identity(&self) -> Result<ServerIdentity, AccessError> {
-        const DOING: &str = "reading the server's certificate";
+        const DOING: &str = "cannot read the server's certificate";
         let certificates = CertificateDer::pem_file_iter(self.certificate())
             .and_then(Iterator::collect::<Result<Vec<_>, _>>)
             .map_err(AccessError::crypto(DOING))?;
         if certificates.is_empty() {
-            return Err(AccessError::crypto(DOING)("the file holds none"));
+            return Err(AccessError::crypto(DOING)("the file contains none"));
         }
         let key = PrivateKeyDer::from_pem_file(self.key())
-            .map_err(AccessError::crypto("reading the server's private key"))?;
+            .map_err(AccessError::crypto("cannot read the server's private key"))?;
         Ok(ServerIdentity { certificates, key })
     }
 
-    /// The folder that a user takes along.
+    /// Bundle folder of a user.
     #[must_use]
     pub fn bundle(&self, user: &str) -> PathBuf {
         self.path.join(bundle::USERS).join(user)
     }
 
-    /// Makes new keys for a user, valid for `days`, and returns their folder. The
-    /// old ones stay valid until their own last day.
+    /// Issues new keys for a user, valid for `days`, and returns their folder. Earlier
+    /// ones stay valid until their own last day.
     ///
     /// # Errors
-    /// [`AccessError::Unknown`], [`AccessError::Days`], [`AccessError::NoKeys`]
-    /// where the authority's key is not kept here.
+    /// [`AccessError::Unknown`], [`AccessError::Days`], [`AccessError::NoKeys`] when
+    /// the authority's key is not in this folder.
     pub fn issue(&self, user: &str, days: u32) -> Result<PathBuf, AccessError> {
         if !(SHORTEST_DAYS..=LONGEST_DAYS).contains(&days) {
             return Err(AccessError::Days {
@@ -193,8 +193,8 @@ impl Folder {
         self.issue_for(user, i64::from(days))
     }
 
-    /// As [`Folder::issue`] for any number of days, negative for keys that are
-    /// over already: how a refusal is tried.
+    /// As [`Folder::issue`] for any number of days, negative for expired keys, for
+    /// tests.
     ///
     /// # Errors
     /// As [`Folder::issue`].
@@ -216,7 +216,9 @@ impl Folder {
             role: user.role,
             until: authority::last_day(days),
         };
-        let about = toml::to_string(&about).map_err(AccessError::crypto("writing about a user"))?;
+        let about = toml::to_string(&about).map_err(AccessError::crypto(
+            "cannot write the description of a user",
+        ))?;
         let authority = self.authority();
         let authority = fs::read(&authority).map_err(AccessError::file("reading", &authority))?;
         let folder = self.bundle(name);
@@ -228,8 +230,8 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Removes the folder that a user takes along. Copies of it are worth nothing once
-    /// the file of users is without that user.
+    /// Removes a user's bundle folder. Copies of it are invalid once the user is
+    /// removed from the users file.
     ///
     /// # Errors
     /// [`AccessError::File`].
@@ -244,7 +246,7 @@ impl Folder {
     }
 }
 
-/// Makes a folder that only its owner enters.
+/// Creates a folder with access for its owner only.
 fn make_private(path: &Path) -> Result<(), AccessError> {
     let made = fs::DirBuilder::new()
         .recursive(true)
@@ -254,7 +256,7 @@ fn make_private(path: &Path) -> Result<(), AccessError> {
         .map_err(AccessError::file("making", path))
 }
 
-/// Writes a file that only its owner reads, whole or not at all.
+/// Writes a file with access for its owner only, atomically.
 pub(crate) fn write_private(path: &Path, bytes: &[u8]) -> Result<(), AccessError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");
@@ -293,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_are_private_and_never_written_over() {
+    fn keys_are_private_and_never_overwritten() {
         let (_kept, folder) = folder();
         for path in [folder.key(), folder.path().join(AUTHORITY_KEY)] {
             let mode = fs::metadata(&path).unwrap().permissions().mode();
@@ -306,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_user_takes_along_what_a_client_needs() {
+    fn a_bundle_contains_what_a_client_needs() {
         let (_kept, folder) = folder();
         let bundle = folder.issue("anna", 30).unwrap();
         let own = bundle::Identity::find(&bundle, None).unwrap();
@@ -323,21 +325,21 @@ mod tests {
     }
 
     #[test]
-    fn keys_are_for_users_that_there_are_and_not_for_ever() {
+    fn keys_are_issued_to_existing_users_for_a_limited_time() {
         let (_kept, folder) = folder();
         for days in [0, 29, 366] {
-            let told = folder.issue("anna", days).unwrap_err();
-            assert!(matches!(told, AccessError::Days { .. }), "{told}");
+            let error = folder.issue("anna", days).unwrap_err();
+            assert!(matches!(error, AccessError::Days { .. }), "{error}");
         }
-        let told = folder.issue("otto", 30).unwrap_err().to_string();
-        assert!(told.contains("there are: anna"), "{told}");
+        let error = folder.issue("otto", 30).unwrap_err().to_string();
+        assert!(error.contains("available: anna"), "{error}");
         fs::remove_file(folder.path().join(AUTHORITY_KEY)).unwrap();
-        let told = folder.issue("anna", 30).unwrap_err().to_string();
-        assert!(told.contains(AUTHORITY_KEY), "{told}");
+        let error = folder.issue("anna", 30).unwrap_err().to_string();
+        assert!(error.contains(AUTHORITY_KEY), "{error}");
     }
 
     #[test]
-    fn the_servers_identity_is_read_for_rustls() {
+    fn the_servers_identity_is_loaded_for_rustls() {
         let (_kept, folder) = folder();
         let identity = folder.server_identity().unwrap();
         assert_eq!(identity.certificates.len(), 1);

@@ -1,10 +1,10 @@
-//! Who may do what: users with roles and passwords, certificates of a private
-//! authority, and the rules of the transport that are made of both.
+//! Access control: users with roles and passwords, certificates of a private authority,
+//! and the transport's rules for them.
 //!
 //! [`Users`] is the file `users.toml`; [`Folder`] the folder of keys around it;
-//! [`access_control`] and [`router`] write the transport's configuration; [`Watch`]
-//! follows the file, so that a change takes effect while servers run. Nothing
-//! here opens a connection, and nobody's password or private key is printed.
+//! [`access_control`] and [`router`] create the transport's configuration; [`Watch`]
+//! follows the file, so that a change takes effect while servers run. This crate opens
+//! no connection, and prints no password or private key.
 
 #![warn(missing_docs)]
 

@@ -1,4 +1,4 @@
-//! Passwords: Argon2id with the crate's usual cost (19 MiB, two passes).
+//! Passwords: Argon2id with the crate's default cost (19 MiB, two passes).
 
 use argon2::password_hash::rand_core::OsRng;
 use argon2::password_hash::{Output, PasswordHash, PasswordHasher, SaltString};
@@ -8,14 +8,14 @@ use std::sync::{Mutex, PoisonError};
 
 use super::AccessError;
 
-/// Characters that a password has: as NIST SP 800-63B asks at least, and a bound
-/// on what anybody can make us hash.
+/// Length of a password, characters: the minimum of NIST SP 800-63B, and a limit on the
+/// work of hashing.
 const LEAST: usize = 8;
 const MOST: usize = 256;
 
-/// Most memory that a stored hash may ask for, KiB: a quarter of a gibibyte.
+/// Largest memory cost of a stored hash, KiB: a quarter of a gibibyte.
 const MOST_MEMORY: u32 = 256 << 10;
-/// Most passes that a stored hash may ask for.
+/// Largest number of passes of a stored hash.
 const MOST_PASSES: u32 = 16;
 
 fn argon() -> Argon2<'static> {
@@ -35,31 +35,34 @@ pub fn hash(password: &str) -> Result<String, AccessError> {
     let salt = SaltString::generate(&mut OsRng);
     let hash = argon().hash_password(password.as_bytes(), &salt);
     hash.map(|hash| hash.to_string())
-        .map_err(AccessError::crypto("hashing a password"))
+        .map_err(AccessError::crypto("cannot hash a password"))
 }
 
-/// Why a stored text is no hash that is taken.
+/// Why a stored text is not an accepted hash.
 pub fn check(stored: &str) -> Result<(), String> {
-    let hash = PasswordHash::new(stored).map_err(|e| format!("it is no hash ({e})"))?;
+    let hash = PasswordHash::new(stored).map_err(|e| format!("it is not a hash ({e})"))?;
     if hash.algorithm != Algorithm::Argon2id.ident() {
-        return Err(format!("it is {}, and argon2id is taken", hash.algorithm));
+        return Err(format!(
+            "it is {}, but argon2id is required",
+            hash.algorithm
+        ));
     }
-    let params = Params::try_from(&hash).map_err(|e| format!("its cost is none ({e})"))?;
+    let params = Params::try_from(&hash).map_err(|e| format!("its cost is invalid ({e})"))?;
     if params.m_cost() > MOST_MEMORY || params.t_cost() > MOST_PASSES {
         return Err(format!(
-            "it costs {} KiB and {} passes, at most {MOST_MEMORY} and {MOST_PASSES} are taken",
+            "it costs {} KiB and {} passes, at most {MOST_MEMORY} and {MOST_PASSES} are accepted",
             params.m_cost(),
             params.t_cost()
         ));
     }
     if hash.hash.is_none() {
-        return Err("it holds a salt and no hash".to_owned());
+        return Err("it contains a salt but no hash".to_owned());
     }
     Ok(())
 }
 
-/// Whether a password is the one of a stored hash. Takes as long without one, so
-/// that nobody learns by time who is a user.
+/// Whether a password matches a stored hash. Takes as long without one, so that the
+/// time does not reveal which users exist.
 pub fn verify(password: &str, stored: Option<&str>) -> bool {
     if password.chars().nth(MOST).is_some() {
         return false;
@@ -70,7 +73,7 @@ pub fn verify(password: &str, stored: Option<&str>) -> bool {
         None => {
             let mut out = [0; Params::DEFAULT_OUTPUT_LEN];
             let hashed = hash_into(&argon(), password, &[0; 16], &mut out);
-            // Whatever comes of it, there is no such password.
+            // The result is unused: there is no such password.
             let _ = std::hint::black_box((hashed, out));
             false
         }
@@ -87,12 +90,12 @@ fn is_of(password: &str, hash: &PasswordHash<'_>) -> Option<bool> {
     let mut out = [0; Output::MAX_LENGTH];
     let out = &mut out[..expected.len()];
     hash_into(&argon, password, salt, out)?;
-    // The comparison takes the same time for every content.
+    // The comparison takes constant time.
     Some(Output::new(out).ok()? == expected)
 }
 
-/// Hashes one password at a time in memory that is kept: the blocks of many threads that
-/// each hash on their own stay with the allocator (2.4 GB after 4,900 wrong passwords).
+/// Hashes one password at a time in reused memory: hashing in parallel on many threads
+/// leaves their blocks with the allocator (2.4 GB after 4,900 wrong passwords).
 fn hash_into(argon: &Argon2<'_>, password: &str, salt: &[u8], out: &mut [u8]) -> Option<()> {
     static BLOCKS: Mutex<Vec<Block>> = Mutex::new(Vec::new());
     let mut blocks = BLOCKS.lock().unwrap_or_else(PoisonError::into_inner);

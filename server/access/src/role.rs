@@ -1,9 +1,9 @@
-//! What a user is.
+//! Roles of users.
 
 use serde::{Deserialize, Serialize};
 
-/// What a user may do, from least to most. A recorder may not command and an
-/// operator does not record; an admin may do both.
+/// Rights of a user, from least to most. A recorder may not command and an operator may
+/// not record; an admin may do both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
@@ -13,12 +13,12 @@ pub enum Role {
     Operator,
     /// Records everything that is published; watches.
     Recorder,
-    /// Everything but speaking as the server itself.
+    /// Everything except acting as the server itself.
     Admin,
 }
 
 impl Role {
-    /// All of them.
+    /// All roles.
     pub const ALL: [Self; 4] = [Self::Viewer, Self::Operator, Self::Recorder, Self::Admin];
 
     /// Its name.
@@ -32,7 +32,7 @@ impl Role {
         }
     }
 
-    /// The role of a name.
+    /// The role with a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|role| role.name() == name)

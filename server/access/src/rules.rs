@@ -1,8 +1,8 @@
-//! Which messages of which keys each role may send and be sent: the table.
+//! The table of rights: which messages under which keys each role may send and receive.
 //!
-//! Everything else is refused. A key here must include the key of the message:
-//! `*` and `**` do not stand for chunks that begin with `@`, so those of the
-//! publishers' caches (`@adv`) are named. `sim` may be `*`, for a router.
+//! All others are rejected. A key of a rule must include the key of the message: `*`
+//! and `**` do not match chunks that start with `@`, so those of the publishers' caches
+//! (`@adv`) are listed. `sim` may be `*`, for a router.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use wheelarm_proto::preview::PreviewLevel;
 
 use super::{Role, User};
 
-/// A kind of message, as the transport calls it.
+/// A kind of message in the transport.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -19,19 +19,19 @@ pub enum Kind {
     Put,
     /// The end of a sample.
     Delete,
-    /// Somebody listens.
+    /// A subscription.
     DeclareSubscriber,
-    /// A question.
+    /// A query.
     Query,
-    /// Its answer.
+    /// A reply.
     Reply,
-    /// Somebody answers.
+    /// A queryable.
     DeclareQueryable,
-    /// A sign of life.
+    /// A liveliness token.
     LivelinessToken,
-    /// A question who is alive.
+    /// A query for liveliness tokens.
     LivelinessQuery,
-    /// Somebody listens for signs of life.
+    /// A subscription to liveliness tokens.
     DeclareLivelinessSubscriber,
 }
 
@@ -50,7 +50,7 @@ impl Kind {
     ];
 }
 
-/// Which way a message goes.
+/// Direction of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Flow {
@@ -60,10 +60,10 @@ pub enum Flow {
     Egress,
 }
 
-/// What is let through.
+/// An allowed flow of messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grant {
-    /// Which way.
+    /// Direction.
     pub flow: Flow,
     /// Kinds of messages.
     pub kinds: Vec<Kind>,
@@ -71,7 +71,7 @@ pub struct Grant {
     pub keys: Vec<String>,
 }
 
-/// What a user may send and be sent, of the server `sim`.
+/// Rights of a user on the server `sim`.
 #[must_use]
 pub fn grants(user: &User, sim: &str) -> Vec<Grant> {
     let mut table = Table::new(sim);
@@ -95,8 +95,8 @@ pub fn grants(user: &User, sim: &str) -> Vec<Grant> {
     table.grants
 }
 
-/// What servers may send each other through a router, and a router to them: all
-/// that belongs to this system.
+/// Rights of servers towards each other through a router, and of a router: all keys of
+/// this system.
 #[must_use]
 pub fn grants_of_servers() -> Vec<Grant> {
     let keys = vec![format!("{PREFIX}/**"), format!("{PREFIX}/**/@adv/**")];
@@ -109,7 +109,7 @@ pub fn grants_of_servers() -> Vec<Grant> {
     .to_vec()
 }
 
-/// Queries that change something or tell what only a commander asks.
+/// Queries that change state, or that only commanders need.
 const OF_OPERATORS: [&str; 7] = [
     "reach",
     "pick",
@@ -126,8 +126,8 @@ struct Table {
 }
 
 impl Table {
-    /// With what everybody sees: which servers there are, and who listens and
-    /// answers, for the transport sends nothing where it knows of nobody.
+    /// With the rights of everyone: available servers, subscriptions and queryables,
+    /// because the transport sends nothing without known receivers.
     fn new(sim: &str) -> Self {
         let mut table = Self {
             sim: sim.to_owned(),
@@ -159,15 +159,14 @@ impl Table {
         });
     }
 
-    /// Signs of life of others.
+    /// Liveliness tokens of others.
     fn watch(&mut self, keys: Vec<String>) {
-        let asked = [Kind::LivelinessQuery, Kind::DeclareLivelinessSubscriber];
-        self.let_in(&asked, keys.clone());
+        let kinds = [Kind::LivelinessQuery, Kind::DeclareLivelinessSubscriber];
+        self.let_in(&kinds, keys.clone());
         self.let_out(&[Kind::LivelinessToken], keys);
     }
 
-    /// A sign of life of its own, which it may also ask for: whether the name is
-    /// free.
+    /// A liveliness token of its own, and the query whether the name is free.
     fn live(&mut self, key: &str) {
         let keys = vec![self.key(key)];
         self.let_in(&[Kind::LivelinessToken], keys.clone());
@@ -196,7 +195,7 @@ impl Table {
         let both = [&data[..], &kept[..]].concat();
         self.let_in(&[Kind::DeclareSubscriber], both.clone());
         self.let_out(&[Kind::Put, Kind::Delete], both.clone());
-        // What was missed comes as the answer to a question, under its own key.
+        // Missed samples arrive as the reply to a query, under its own key.
         self.let_in(&[Kind::Query], kept.clone());
         self.let_out(&[Kind::Reply], both);
         self.let_out(&[Kind::DeclareQueryable], kept.clone());
@@ -229,12 +228,12 @@ impl Table {
         self.send(&format!("recorder/{me}"));
         self.live(&format!("recorder/{me}/alive"));
         self.pictures();
-        // Which episode runs: a recorder that comes late or lost a message.
+        // The running episode, for a recorder that is late or missed a message.
         self.ask(&["snapshot", "episode"]);
     }
 
-    /// Everything but what the server alone says and answers, and its sign of
-    /// life.
+    /// Everything except what only the server publishes and answers, and its liveliness
+    /// token.
     fn admin(&mut self) {
         self.send("command/*");
         self.send("recorder/*");

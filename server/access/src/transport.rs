@@ -1,4 +1,4 @@
-//! The transport's configuration, as JSON values that go under its own keys.
+//! The transport's configuration, as JSON values for its keys.
 
 use serde_json::{Value, json};
 use wheelarm_proto::keys::PREFIX;
@@ -6,8 +6,8 @@ use wheelarm_proto::keys::PREFIX;
 use super::rules::{Flow, Grant, grants, grants_of_servers};
 use super::{AccessError, Folder, Role, SERVER, User, Users};
 
-/// What a listener over a network is asked for: by certificates of this folder on
-/// both sides, ended when one is over. Goes under `transport/link`.
+/// Configuration of network listeners: mutual TLS with certificates of this folder;
+/// connections close when a certificate expires. For `transport/link`.
 #[must_use]
 pub fn tls(folder: &Folder) -> Value {
     let path = |path: std::path::PathBuf| path.display().to_string();
@@ -17,7 +17,7 @@ pub fn tls(folder: &Folder) -> Value {
             "root_ca_certificate": path(folder.authority()),
             "listen_certificate": path(folder.certificate()),
             "listen_private_key": path(folder.key()),
-            // Towards a router a server shows the same certificate.
+            // Towards a router a server presents the same certificate.
             "connect_certificate": path(folder.certificate()),
             "connect_private_key": path(folder.key()),
             "enable_mtls": true,
@@ -27,35 +27,35 @@ pub fn tls(folder: &Folder) -> Value {
     })
 }
 
-/// Largest message that is put together, bytes: a picture of 4096 x 4096 pixels with
-/// colour (3), depth (4) and ids (2), and room for the rest.
+/// Largest reassembled message, bytes: an image of 4096 x 4096 pixels with colour (3),
+/// depth (4) and IDs (2), and room for the rest.
 const MAX_MESSAGE: usize = 4096 * 4096 * (3 + 4 + 2) + (1 << 20);
 
-/// What keeps who is connected to the server `sim` (`*` for a router in front of many)
-/// from hindering others: keys of a session's configuration, and their values.
+/// Limits that keep clients of the server `sim` (`*` for a router of several) from
+/// blocking others: configuration keys of a session and their values.
 #[must_use]
 pub fn guards(sim: &str) -> [(&'static str, Value); 4] {
     [
-        // Connections that never say a word must not keep others out.
+        // Connections that never complete the handshake must not block others.
         ("transport/unicast/accept_pending", json!(500)),
         ("transport/unicast/accept_timeout", json!(5000)),
-        // Every callback looks at the length before anything is copied; this bounds
-        // what the transport itself puts together. Nothing larger than a picture of
-        // the greatest size passes through, from servers that this one is a router for.
+        // Every callback checks the length before copying; this limits the reassembly
+        // in the transport itself. No message larger than the largest image passes
+        // through, including those of servers behind this router.
         ("transport/link/rx/max_message_size", json!(MAX_MESSAGE)),
         ("qos/network", ranks_of_answers(sim)),
     ]
 }
 
-/// Priorities of answers, which are those of their questions: askers would choose them.
-/// A link sends what has one priority in one line, and an answer may stand there until a
-/// slow peer has read what is before it. What is published has the others, and is
-/// never behind an answer. Pictures that are sent again come last, and are
-/// dropped where a line is busy with new ones: what may never be dropped would end the
+/// Priorities of replies. By default a reply has the priority of its query, which the
+/// client chooses. A connection sends each priority in order, and a reply may wait
+/// until a slow peer has read earlier ones; published samples have other priorities and
+/// never wait behind a reply. Retransmitted images come last, and are dropped when
+/// their queue is full of new ones: a message that must not be dropped would close the
 /// connection.
 fn ranks_of_answers(sim: &str) -> Value {
-    let pictures = ["camera", "compressed", "sensor"];
-    let caches = pictures.map(|kind| format!("{PREFIX}/{sim}/{kind}/*/@adv/**"));
+    let images = ["camera", "compressed", "sensor"];
+    let caches = images.map(|kind| format!("{PREFIX}/{sim}/{kind}/*/@adv/**"));
     json!([
         {
             "messages": ["query"],
@@ -71,20 +71,20 @@ fn ranks_of_answers(sim: &str) -> Value {
     ])
 }
 
-/// How a user of a connection is known to the rules.
+/// Identification of a connection's user in the rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subjects {
-    /// By the name in the certificate: for a router that is not ours, which goes by
-    /// the roles of its start.
+    /// By the name in the certificate: for a third-party router, which uses the roles
+    /// at its start.
     Names,
-    /// By name and role as they are now, in every role that the user may get: for
-    /// processes that follow the file of users, see [`crate::Watch`].
+    /// By present name and role, for every role that the user may get: for processes
+    /// that follow the users file, see [`crate::Watch`].
     Roles,
 }
 
 impl Subjects {
-    /// The users that have rules, with the name in the rules.
-    fn of(self, user: &User) -> Vec<(String, User)> {
+    /// The users with rules, and their names in the rules.
+    fn subjects_of(self, user: &User) -> Vec<(String, User)> {
         if self == Self::Names {
             return vec![(user.name.clone(), user.clone())];
         }
@@ -99,16 +99,16 @@ impl Subjects {
     }
 }
 
-/// The rules of the server `sim` (`*` for a router in front of many): what no
-/// rule allows is refused. Goes under `access_control`.
+/// The rules of the server `sim` (`*` for a router of several): everything without a
+/// rule is rejected. For `access_control`.
 ///
-/// A user is whose certificate has its name. Who connects through a local
-/// socket, a file of mode 0600, is the user of this process, and may what an
-/// admin may.
+/// A user is identified by the name in the certificate. A connection through a local
+/// socket, a file of mode 0600, is the user of this process, and has the rights of an
+/// admin.
 #[must_use]
 pub fn access_control(users: &Users, sim: &str, subjects: Subjects) -> Value {
     let mut lists = Lists::default();
-    for (subject, user) in users.iter().flat_map(|user| subjects.of(user)) {
+    for (subject, user) in users.iter().flat_map(|user| subjects.subjects_of(user)) {
         let name = format!("user-{subject}");
         let who = json!({
             "id": name,
@@ -164,9 +164,8 @@ impl Lists {
     }
 }
 
-/// The whole configuration of a router (`zenohd -c FILE`) that listens at
-/// `endpoints` and lets servers and users of this folder through, each to what
-/// it may.
+/// The complete configuration of a router (`zenohd -c FILE`) that listens at
+/// `endpoints` and admits servers and users of this folder, each with their rights.
 ///
 /// # Errors
 /// As [`Folder::users`].
@@ -177,7 +176,7 @@ pub fn router(
 ) -> Result<String, AccessError> {
     let users = folder.users()?;
     let mut link = tls(folder);
-    // Samples wait for room, where the default drops them after a millisecond.
+    // Samples wait for buffer space; by default they are dropped after a millisecond.
     link["tx"] = json!({ "queue": { "congestion_control": { "drop": {
         "wait_before_drop": 5_000_000,
         "max_wait_before_drop_fragments": 5_000_000,
@@ -197,7 +196,7 @@ pub fn router(
         place.fold(&mut config, |at, part| &mut at[part])[last] = value;
     }
     serde_json::to_string_pretty(&config)
-        .map_err(AccessError::crypto("writing a router's configuration"))
+        .map_err(AccessError::crypto("cannot write a router's configuration"))
 }
 
 #[cfg(test)]
@@ -209,12 +208,12 @@ mod tests {
     use crate::{Role, User};
 
     #[test]
-    fn the_transport_takes_the_configuration_of_many_users() {
+    fn the_transport_accepts_the_configuration_of_many_users() {
         let temporary = tempfile::tempdir().unwrap();
         let hosts = ["localhost".to_owned()];
         let folder = Folder::init(&temporary.path().join("keys"), &hosts).unwrap();
         let mut users = folder.users().unwrap();
-        // Names that clash with our own ids, were they not told apart.
+        // Names that would clash with reserved IDs.
         for name in ["local", "servers", "anna", "anna-0"] {
             for role in Role::ALL {
                 let name = format!("{name}{role}");
@@ -240,7 +239,7 @@ mod tests {
         for subject in ["annaviewer viewer", "annaviewer operator pictures"] {
             assert!(subjects.contains(&format!("[\"{subject}\"]")), "{subjects}");
         }
-        // Everything that keeps users from hindering others is there, under its own key.
+        // Every limit is present under its own key.
         for (key, value) in guards("*") {
             let set = config.get_json(key).unwrap();
             let set: Value = serde_json::from_str(&set).unwrap();
@@ -248,7 +247,7 @@ mod tests {
         }
     }
 
-    /// Whether everything of `wanted` is in `set`, which has more by itself.
+    /// Whether `set` includes everything of `wanted`.
     fn holds(set: &Value, wanted: &Value) -> bool {
         match (set, wanted) {
             (Value::Object(set), Value::Object(wanted)) => wanted
@@ -262,9 +261,9 @@ mod tests {
     }
 
     #[test]
-    fn the_greatest_picture_is_no_larger_than_what_is_put_together() {
+    fn the_largest_image_fits_into_a_reassembled_message() {
         let pixels = 4096 * 4096;
-        let picture = v1::CameraFrame {
+        let image = v1::CameraFrame {
             camera: "a".repeat(64),
             rgb: vec![0; 3 * pixels].into(),
             depth: vec![0; 4 * pixels].into(),
@@ -274,12 +273,12 @@ mod tests {
             header: Some(v1::Header::default()),
             ..v1::CameraFrame::default()
         };
-        let length = picture.encoded_len();
+        let length = image.encoded_len();
         assert!(length < MAX_MESSAGE && length > MAX_MESSAGE / 2, "{length}");
     }
 
     #[test]
-    fn kept_pictures_are_where_the_keys_say() {
+    fn cache_keys_of_images_match_the_contract() {
         let keys = Keys::new("lab").unwrap();
         let ranks = ranks_of_answers("lab").to_string();
         for topic in [TopicId::Camera, TopicId::CompressedCamera, TopicId::Sensor] {
@@ -289,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn without_users_the_local_one_alone_is_let_in() {
+    fn without_users_only_the_local_one_is_admitted() {
         let rules = access_control(&Users::default(), "lab", Subjects::Roles);
         assert_eq!(rules["default_permission"], "deny");
         let subjects = rules["subjects"].as_array().unwrap();

@@ -1,4 +1,4 @@
-//! The file `users.toml`: who there is, in which role, with which password.
+//! The file `users.toml`: users with roles and passwords.
 
 use std::fs;
 use std::io::Read;
@@ -11,7 +11,7 @@ use wheelarm_proto::keys::check_name;
 use super::folder::{SERVER, write_private};
 use super::{AccessError, Role, password};
 
-/// Largest file of users that is read, bytes.
+/// Largest accepted users file, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// One user.
@@ -22,14 +22,14 @@ pub struct User {
     pub name: String,
     /// What it may do.
     pub role: Role,
-    /// An operator that also takes full pictures, as a policy does.
+    /// Whether an operator also receives full images, as a policy does.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pictures: bool,
     /// When it was added, s since 1970: certificates of an earlier user of this name
-    /// count no more.
+    /// are invalid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     since: Option<i64>,
-    /// Argon2id hash of its password, for the web page; without one it has
+    /// Argon2id hash of its password, for the web page; `None` for certificates only.
     /// certificates only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     password: Option<String>,
@@ -63,7 +63,7 @@ impl User {
         Ok(user)
     }
 
-    /// Whoever runs the server.
+    /// The user who runs the server.
     pub(crate) fn local() -> Self {
         Self {
             name: "local".to_owned(),
@@ -74,16 +74,16 @@ impl User {
         }
     }
 
-    /// Its name in the rules of a process that follows the file of users: name, role
-    /// and `pictures`. A connection of another role is another subject.
+    /// Its name in the rules of a process that follows the users file: name, role and
+    /// `pictures`. A connection with another role is another subject.
     #[must_use]
     pub(crate) fn subject(&self) -> String {
         let pictures = if self.pictures { " pictures" } else { "" };
         format!("{} {}{pictures}", self.name, self.role)
     }
 
-    /// Whether a certificate that was issued at this time, s since 1970, is of this
-    /// user and not of an earlier one of the same name.
+    /// Whether a certificate issued at this time, s since 1970, belongs to this user
+    /// and not to an earlier one of the same name.
     #[must_use]
     pub(crate) fn owns_issue(&self, issued: i64) -> bool {
         self.since.is_none_or(|since| issued >= since)
@@ -104,7 +104,7 @@ impl User {
     }
 }
 
-/// Every user.
+/// All users.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Users {
@@ -114,15 +114,15 @@ pub struct Users {
 }
 
 impl Users {
-    /// Reads a file.
+    /// Reads a users file.
     ///
     /// # Errors
-    /// [`AccessError::File`], [`AccessError::Users`] with line and cure.
+    /// [`AccessError::File`], [`AccessError::Users`] with line and fix.
     pub fn load(path: &Path) -> Result<Self, AccessError> {
         Self::parse(path, &Self::text(path)?)
     }
 
-    /// The text of a file.
+    /// The text of a users file.
     pub(crate) fn text(path: &Path) -> Result<String, AccessError> {
         let mut text = String::new();
         fs::File::open(path)
@@ -137,7 +137,7 @@ impl Users {
         }
     }
 
-    /// Reads the text of the file at `path`.
+    /// Parses the text of the file at `path`.
     pub(crate) fn parse(path: &Path, text: &str) -> Result<Self, AccessError> {
         Self::read(text).map_err(|why| AccessError::Users {
             path: path.to_owned(),
@@ -145,27 +145,27 @@ impl Users {
         })
     }
 
-    /// Reads the text of a file.
+    /// Parses the text of a users file.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// What is wrong.
     pub fn read(text: &str) -> Result<Self, String> {
         let read: Self = toml::from_str(text).map_err(|e| e.to_string())?;
         for (i, user) in read.users.iter().enumerate() {
             user.check().map_err(|e| e.to_string())?;
             if read.users[..i].iter().any(|other| other.name == user.name) {
-                return Err(format!("the user {:?} stands there twice", user.name));
+                return Err(format!("the user {:?} is listed twice", user.name));
             }
             if user.pictures && user.role != Role::Operator {
                 return Err(format!(
-                    "{:?} is no operator: only operators have `pictures`, a {} has its role's",
+                    "{:?} is not an operator: only operators have `pictures`, a {} has the images of its role",
                     user.name, user.role
                 ));
             }
             if let Some(hash) = &user.password {
                 password::check(hash).map_err(|why| {
                     format!(
-                        "the password of {:?} is not taken: {why}; set it with `wheelarm users password`",
+                        "the password of {:?} is invalid: {why}; set it with `wheelarm users password`",
                         user.name
                     )
                 })?;
@@ -174,17 +174,18 @@ impl Users {
         Ok(read)
     }
 
-    /// Writes a file that only its owner reads.
+    /// Writes a file with access for its owner only.
     ///
     /// # Errors
     /// [`AccessError::File`].
     pub fn save(&self, path: &Path) -> Result<(), AccessError> {
-        let text = toml::to_string(self).map_err(AccessError::crypto("writing users as TOML"))?;
+        let text =
+            toml::to_string(self).map_err(AccessError::crypto("cannot write users as TOML"))?;
         write_private(path, text.as_bytes())
     }
 
-    /// The user whose password this is. Takes as long for an unknown user as for a
-    /// wrong password.
+    /// The user with this password. Takes as long for an unknown user as for a wrong
+    /// password.
     #[must_use]
     pub fn verify(&self, name: &str, password: &str) -> Option<&User> {
         let user = self.get(name);
@@ -193,24 +194,24 @@ impl Users {
         user.filter(|_| right)
     }
 
-    /// One of them.
+    /// A user by name.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&User> {
         self.users.iter().find(|user| user.name == name)
     }
 
-    /// All of them, in the order of the file.
+    /// All users, in the order of the file.
     pub fn iter(&self) -> impl Iterator<Item = &User> {
         self.users.iter()
     }
 
-    /// Whether there is nobody.
+    /// Whether there are no users.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.users.is_empty()
     }
 
-    /// Adds one, from now on.
+    /// Adds a user, with the present time.
     ///
     /// # Errors
     /// [`AccessError::Taken`], [`AccessError::Name`], [`AccessError::Reserved`].
@@ -224,7 +225,7 @@ impl Users {
         Ok(())
     }
 
-    /// Gives a user another role; `pictures` is for operators.
+    /// Changes a user's role; `pictures` applies to operators.
     ///
     /// # Errors
     /// [`AccessError::Unknown`].
@@ -237,7 +238,7 @@ impl Users {
         Ok(())
     }
 
-    /// Takes one away.
+    /// Removes a user.
     ///
     /// # Errors
     /// [`AccessError::Unknown`].
@@ -247,7 +248,7 @@ impl Users {
         Ok(self.users.remove(at))
     }
 
-    /// Sets a password, or takes it away.
+    /// Sets or removes a password.
     ///
     /// # Errors
     /// [`AccessError::Unknown`], [`AccessError::Password`].
@@ -259,7 +260,7 @@ impl Users {
         Ok(())
     }
 
-    /// That there is no such user.
+    /// The error for an unknown user.
     pub(crate) fn unknown(&self, name: &str) -> AccessError {
         let found: Vec<&str> = self.users.iter().map(|user| user.name.as_str()).collect();
         AccessError::Unknown {
@@ -285,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_password_opens_its_own_user_and_no_other() {
+    fn a_password_matches_only_its_own_user() {
         let mut users = users();
         users.set_password("anna", Some("correct horse")).unwrap();
         let verified = users.verify("anna", "correct horse");
@@ -305,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_back_and_shows_no_password() {
+    fn a_file_survives_a_round_trip_without_plain_passwords() {
         let mut users = users();
         users.set_password("anna", Some("correct horse")).unwrap();
         let folder = tempfile::tempdir().unwrap();
@@ -324,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_file_is_told_with_the_cure() {
+    fn errors_in_a_file_include_the_fix() {
         let bcrypt = "$2b$12$R9h/cIPz0gi.URNNX3kh2OPST9/PgBkqquzi.Ss7KIUgO2t0jWMUW";
         let costly =
             "$argon2id$v=19$m=4194304,t=2,p=1$c29tZXNhbHQ$RdescudvJCsgt3ub+b0h8nTLvX5hJgtw";
@@ -342,7 +343,7 @@ mod tests {
             ),
             (
                 "[[user]]\nname = \"a\"\nrole = \"viewer\"\npictures = true",
-                "no operator",
+                "not an operator",
             ),
             (
                 "[[user]]\nname = \"a\"\nrole = \"viewer\"\n[[user]]\nname = \"a\"\nrole = \"admin\"",
@@ -357,14 +358,14 @@ mod tests {
                 "KiB",
             ),
         ] {
-            let told = Users::read(text).unwrap_err();
-            assert!(told.contains(words), "{text}\n{told}");
+            let error = Users::read(text).unwrap_err();
+            assert!(error.contains(words), "{text}\n{error}");
         }
         assert!(Users::read("").unwrap().is_empty());
     }
 
     #[test]
-    fn a_hostile_file_of_users_is_an_error_and_ends_nothing() {
+    fn a_malicious_users_file_is_an_error_without_a_panic() {
         let deep = 200_000;
         for text in [
             format!("user = {}", "[".repeat(deep)),
@@ -384,13 +385,13 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_there_twice_or_removed_twice() {
+    fn no_user_is_added_or_removed_twice() {
         let mut users = users();
         let again = users.add(User::new("anna", Role::Admin).unwrap());
         assert!(matches!(again, Err(AccessError::Taken(_))));
         users.remove("anna").unwrap();
-        let told = users.remove("anna").unwrap_err().to_string();
-        assert!(told.contains("there are: veit"), "{told}");
+        let error = users.remove("anna").unwrap_err().to_string();
+        assert!(error.contains("available: veit"), "{error}");
         assert!(matches!(
             users.set_password("veit", Some("short")),
             Err(AccessError::Password { found: 5, .. })

@@ -1,5 +1,5 @@
-//! Follows the file of users: a removed user, another role and another password take
-//! effect within [`PAUSE`] on servers, routers and gateways that run.
+//! Follows the users file: a removed user, a changed role and a changed password take
+//! effect within [`PAUSE`] on running servers, routers and gateways.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -9,20 +9,21 @@ use std::time::Duration;
 use super::authority::issued;
 use super::{AccessError, Folder, SERVER, Users};
 
-/// Time between two looks at the file. It is read, not its date: network file systems
-/// and editors do not agree on dates.
+/// Polling interval. The content is compared, not the modification time, on which
+/// network file systems and editors do not agree.
 const PAUSE: Duration = Duration::from_millis(500);
-/// A changed file counts when it reads the same after this time, at most so often.
+/// A changed file is used when it is unchanged after this time; at most this many
+/// attempts.
 const SETTLE: Duration = Duration::from_millis(30);
 const MOST_LOOKS: usize = 10;
 
 /// Called with the users after each change, by the thread that found it.
-type Changed = Box<dyn Fn(&Users) + Send + Sync>;
+type OnChange = Box<dyn Fn(&Users) + Send + Sync>;
 
 struct State {
-    /// Text of the file when it was read last.
+    /// Content of the file at the last reading.
     text: String,
-    /// The newest users that could be read.
+    /// The newest valid users.
     users: Arc<Users>,
     /// Why the file cannot be read now; empty when it can.
     problem: String,
@@ -31,24 +32,24 @@ struct State {
 
 struct Shared {
     path: PathBuf,
-    /// Held while the file is read and `changed` works: whoever looks next finds both
-    /// done. A file system that hangs holds up nobody who asks for the users.
+    /// Held while the file is read and `changed` runs, so that the next reader finds
+    /// both done. A hanging file system does not block callers who only need the users.
     looking: Mutex<()>,
     state: Mutex<State>,
     end: Condvar,
-    changed: Changed,
+    changed: OnChange,
 }
 
-/// The users as they are now; followed until it is dropped.
+/// The present users; followed until this is dropped.
 pub struct Watch {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Watch {
-    /// Reads the users of a folder and follows them. A file that becomes unreadable
-    /// changes nothing until it can be read again: connections stay, and `problem`
-    /// is called once with the reason.
+    /// Loads the users of a folder and follows them. A file that becomes unreadable
+    /// changes nothing until it is readable again: connections stay, and `problem` is
+    /// called once with the reason.
     ///
     /// # Errors
     /// As [`Folder::users`], and when no thread can be started.
@@ -83,7 +84,7 @@ impl Watch {
         })
     }
 
-    /// The users as they were read last.
+    /// The users at the last reading.
     #[must_use]
     pub fn users(&self) -> Arc<Users> {
         Arc::clone(&self.shared.state().users)
@@ -98,13 +99,13 @@ impl Watch {
     }
 }
 
-/// The subject of the rules for the name in a certificate and the first second of its
+/// Returns the subject of the rules for the name in a certificate and the start of its
 /// validity, s since 1970: see [`Users::subject`].
 pub type Subject = Arc<dyn Fn(&str, i64) -> String + Send + Sync>;
 
-/// Follows the users of a folder until the process ends. `admit` takes the certificate
-/// of the folder's listeners and what their connections are, now and after each change;
-/// `problem` is as in [`Watch::start`].
+/// Follows the users of a folder until the process ends. `admit` receives the
+/// certificate of the folder's listeners and the subject of each connection, now and
+/// after each change; `problem` is as in [`Watch::start`].
 ///
 /// # Errors
 /// As [`Watch::start`].
@@ -124,7 +125,7 @@ pub fn follow(
     let watch = Watch::start(folder, move |users| again(users), problem)?;
     let users = watch.look()?;
     admit(&users);
-    // Its thread ends with the process.
+    // The thread ends with the process.
     std::mem::forget(watch);
     Ok(users)
 }
@@ -134,7 +135,7 @@ impl Drop for Watch {
         self.shared.state().ended = true;
         self.shared.end.notify_all();
         if let Some(thread) = self.thread.take() {
-            // A panic of the thread has been printed already.
+            // A panic of the thread has already been printed.
             let _ = thread.join();
         }
     }
@@ -155,8 +156,8 @@ impl Shared {
             }
             Arc::clone(&state.users)
         };
-        // An editor that writes in place leaves the file empty or cut for a moment, and
-        // every user would lose the connection.
+        // An editor that writes in place leaves the file empty or truncated for a
+        // moment, which would disconnect every user.
         for _ in 0..MOST_LOOKS {
             std::thread::sleep(SETTLE);
             let again = Users::text(&self.path)?;
@@ -203,11 +204,11 @@ impl Shared {
 }
 
 impl Users {
-    /// The subject of the rules that a connection is, by the name in its certificate
-    /// and the first second of its validity (s since 1970); see
-    /// [`crate::Subjects::Roles`]. A name that no user has, or had when the
-    /// certificate was issued, is a subject without rules: it connects, sees nothing
-    /// and may send nothing, and its program can say so.
+    /// The subject of a connection in the rules, by the name in its certificate and the
+    /// start of its validity (s since 1970); see [`crate::Subjects::Roles`]. A name
+    /// without a user, now or when the certificate was issued, is a subject without
+    /// rules: it connects but may send and receive nothing, and its program can report
+    /// that.
     #[must_use]
     pub fn subject(&self, name: &str, not_before: i64) -> String {
         if name == SERVER {
@@ -215,7 +216,7 @@ impl Users {
         }
         let user = self.get(name);
         let user = user.filter(|user| user.owns_issue(issued(not_before)));
-        // No user's subject is one word.
+        // Subjects of users have more than one word.
         user.map_or_else(|| "stranger".to_owned(), |user| user.subject())
     }
 }
@@ -268,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_removed_user_and_another_role_are_noticed() {
+    fn a_removed_user_and_a_changed_role_take_effect() {
         let lab = lab();
         let valid_from = time::OffsetDateTime::now_utc().unix_timestamp() - 86_400 + 5;
         let subject = |name: &str| lab.watch.users().subject(name, valid_from);
@@ -283,7 +284,7 @@ mod tests {
         assert!(users.get("ben").is_none());
         assert_eq!(subject("anna"), "anna viewer");
         assert_eq!(subject("ben"), "stranger");
-        // A look finds a change at once.
+        // `look` finds a change at once.
         save(&lab.folder, |users| {
             users.set_password("anna", Some("right and long")).unwrap();
         });
@@ -298,18 +299,18 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_read_removes_nobody() {
+    fn an_unreadable_file_removes_no_user() {
         let lab = lab();
         std::fs::write(lab.folder.users_file(), "[[user]").unwrap();
-        let told = lab.problems.recv_timeout(PATIENCE).unwrap();
-        assert!(told.contains("users.toml"), "{told}");
+        let problem = lab.problems.recv_timeout(PATIENCE).unwrap();
+        assert!(problem.contains("users.toml"), "{problem}");
         assert!(lab.watch.look().is_err());
         assert!(lab.watch.users().get("anna").is_some());
         assert!(lab.changes.try_recv().is_err());
     }
 
     #[test]
-    fn certificates_of_a_removed_user_are_not_those_of_a_new_one_of_that_name() {
+    fn certificates_of_a_removed_user_are_invalid_for_a_new_one_of_that_name() {
         let mut users = Users::default();
         users
             .add(User::new("anna", Role::Operator).unwrap())
@@ -318,7 +319,7 @@ mod tests {
         let day = 86_400;
         assert_eq!(users.subject("anna", now - day), "anna operator");
         assert_eq!(users.subject("anna", now - day - 60), "stranger");
-        // A folder of an older version does not say when users were added.
+        // A folder of an older version does not contain the time when users were added.
         let users = Users::read("[[user]]\nname = \"anna\"\nrole = \"viewer\"").unwrap();
         assert_eq!(users.subject("anna", 0), "anna viewer");
     }

@@ -1,9 +1,9 @@
-//! Depth in metres as 16-bit millimetres; 0 means that nothing was measured.
+//! Depth in metres as 16-bit millimetres; 0 means no measurement.
 
 /// Converts little-endian float32 metres to little-endian u16 millimetres.
 pub fn to_millimetres(metres: &[u8], out: &mut Vec<u8>) {
     let (metres, _) = metres.as_chunks::<4>();
-    // Every byte is written below, so that what is there may stay.
+    // Every byte is overwritten below, so it need not be cleared.
     out.resize(metres.len() * 2, 0);
     let (out, _) = out.as_chunks_mut::<2>();
     for (to, from) in out.iter_mut().zip(metres) {
@@ -11,18 +11,18 @@ pub fn to_millimetres(metres: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// One depth in millimetres, rounded; 0 where there is none. (`f32::round` is a
-/// call into the C library where the processor's own instruction may not be
-/// assumed, and this runs for every pixel.)
+/// One depth in millimetres, rounded; 0 for none. `f32::round` would call the C library
+/// when the CPU's rounding instruction cannot be assumed, and this runs for every
+/// pixel.
 #[must_use]
 pub fn millimetres(metres: f32) -> u16 {
     let exact = metres * 1000.0;
-    // What rounds to more than 65 535 is too far, and so is +inf.
+    // Values that round to more than 65 535 are too far, including +inf.
     let measured = metres > 0.0 && exact < 65_535.5;
     let exact = if measured { exact } else { 0.0 };
     let whole = exact as u16;
     let rounded = whole + u16::from(exact - f32::from(whole) >= 0.5);
-    // A surface nearer than 0.5 mm must not read as nothing.
+    // A surface nearer than 0.5 mm must not become 0.
     rounded.max(u16::from(measured))
 }
 
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn millimetres_round_and_mark_what_was_not_measured() {
+    fn millimetres_are_rounded_and_mark_missing_measurements() {
         let cases = [
             (0.0, 0),
             (-1.0, 0),

@@ -1,44 +1,43 @@
-//! Huffman codes of deflate blocks that somebody else fills: what is known of a
-//! block before its symbols are (RFC 1951, 3.2.7).
+//! Huffman codes of deflate blocks that another encoder fills, computed before the
+//! symbols are known (RFC 1951, 3.2.7).
 
-/// Literals, the end of a block, lengths.
+/// Number of literals, end of block, and lengths.
 pub const LITERALS: usize = 286;
-/// Distances.
+/// Number of distances.
 pub const DISTANCES: usize = 30;
 /// Symbols of a block: literals and lengths, then distances.
 pub const SYMBOLS: usize = LITERALS + DISTANCES;
-/// Ends a block.
+/// Symbol that ends a block.
 pub const END_OF_BLOCK: usize = 256;
-/// Most bits of a code; deflate allows 15.
+/// Largest number of bits of a code; deflate allows 15.
 pub const LONGEST: usize = 12;
-/// Words that hold any header.
+/// Words that fit any header.
 pub const HEADER_WORDS: usize = 73;
 
-/// Lengths of codes, which a header holds coded themselves.
+/// Number of symbols for code lengths, which a header stores in coded form.
 const LENGTHS: usize = 19;
 /// Their order in a header.
 const ORDER: [usize; LENGTHS] = [
     16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15,
 ];
 
-/// How the symbols of a block are written. Every symbol has a code, also one that
-/// was never counted.
+/// Coding of the symbols of a block. Every symbol has a code, including those that were
+/// never counted.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Of each symbol its code as it lies in the stream, first bit lowest, and from
-    /// bit 16 on its number of bits.
+    /// Code of each symbol as stored in the stream, first bit lowest, and its number of
+    /// bits from bit 16 on.
     pub codes: [u32; SYMBOLS],
-    /// What stands before the symbols, first bit lowest.
+    /// Block header, first bit lowest.
     pub header: [u32; HEADER_WORDS],
-    /// Bits of it.
+    /// Number of header bits.
     pub header_bits: u32,
 }
 
 impl Block {
-    /// The codes for symbols that come about as often as counted; `last`: the block
-    /// ends its stream.
+    /// Codes for symbols with these expected counts; `last`: the block ends its stream.
     #[must_use]
-    pub fn of(counts: &[u32; SYMBOLS], last: bool) -> Self {
+    pub fn from_counts(counts: &[u32; SYMBOLS], last: bool) -> Self {
         let (literals, distances) = counts.split_at(LITERALS);
         let mut lengths = code_lengths(literals, LONGEST);
         lengths.extend(code_lengths(distances, LONGEST));
@@ -56,7 +55,7 @@ impl Block {
         assign(&of_lengths, &mut length_codes);
         let mut header = Bits::default();
         header.put(u32::from(last), 1);
-        // Codes of its own.
+        // Dynamic codes.
         header.put(2, 2);
         header.put((LITERALS - 257) as u32, 5);
         header.put((DISTANCES - 1) as u32, 5);
@@ -103,9 +102,9 @@ impl Bits {
     }
 }
 
-/// Bits of each symbol's code, at most `limit`, by Huffman's way; what was never
-/// counted counts as once. Needs two symbols, and `limit` bits must tell all of them
-/// apart.
+/// Number of bits of each symbol's code, at most `limit`, by Huffman's algorithm;
+/// uncounted symbols count as one. Needs two symbols and a `limit` that can distinguish
+/// all of them.
 fn code_lengths(counts: &[u32], limit: usize) -> Vec<u8> {
     let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     let mut least = (total >> limit).max(1);
@@ -114,17 +113,17 @@ fn code_lengths(counts: &[u32], limit: usize) -> Vec<u8> {
         if lengths.iter().all(|&length| usize::from(length) <= limit) {
             return lengths;
         }
-        // Rarer symbols cost less than too long a code.
+        // Inaccurate counts of rare symbols cost less than too long a code.
         least *= 2;
     }
 }
 
-/// Huffman's lengths where no symbol counts less than `least`.
+/// Huffman code lengths with a minimum count of `least`.
 fn huffman(counts: &[u32], least: u64) -> Vec<u8> {
     let weight = |symbol: usize| u64::from(counts[symbol]).max(least);
     let mut leaves: Vec<usize> = (0..counts.len()).collect();
     leaves.sort_by_key(|&symbol| (weight(symbol), symbol));
-    // Nodes of two, lightest first as they are made: (weight, parent).
+    // Inner nodes, lightest first in order of creation: (weight, parent).
     let mut nodes: Vec<(u64, usize)> = Vec::with_capacity(counts.len());
     let mut parents = vec![0; counts.len()];
     let (mut leaf, mut node) = (0, 0);
@@ -150,7 +149,7 @@ fn huffman(counts: &[u32], least: u64) -> Vec<u8> {
         }
         nodes.push((sum, 0));
     }
-    // The last is the root; every parent comes behind its children.
+    // The last node is the root; every parent comes after its children.
     let mut depths = vec![0_u8; nodes.len()];
     for i in (0..nodes.len().saturating_sub(1)).rev() {
         depths[i] = depths[nodes[i].1].saturating_add(1);
@@ -159,7 +158,7 @@ fn huffman(counts: &[u32], least: u64) -> Vec<u8> {
     parents.iter().map(depth).collect()
 }
 
-/// The codes that follow from their lengths (RFC 1951, 3.2.2), turned around.
+/// The codes that follow from their lengths (RFC 1951, 3.2.2), bit-reversed.
 fn assign(lengths: &[u8], codes: &mut [u32]) {
     let mut of_bits = [0_u32; 16];
     for &length in lengths {
@@ -186,7 +185,7 @@ mod tests {
         std::array::from_fn(of)
     }
 
-    /// Written by hand with the codes: what any inflater must read.
+    /// Encodes with the codes and inflates with a standard inflater.
     fn inflated(block: &Block, symbols: &[usize], length: usize) -> Vec<u8> {
         let mut bits: Vec<bool> = Vec::new();
         let mut put = |value: u32, count: u32| bits.extend((0..count).map(|i| value >> i & 1 == 1));
@@ -212,18 +211,18 @@ mod tests {
     }
 
     #[test]
-    fn every_symbol_can_be_written_and_is_read_again() {
+    fn every_symbol_survives_a_round_trip() {
         let rare = counts(|_| 0);
         let steep = counts(|i| 1 << (i % 31).min(30));
         let one = counts(|i| if i == 65 { u32::MAX } else { 0 });
         let even = counts(|_| 1000);
         for counts in [rare, steep, one, even] {
-            let block = Block::of(&counts, true);
+            let block = Block::from_counts(&counts, true);
             assert!(block.codes.iter().all(|code| code >> 16 <= LONGEST as u32));
             let mut symbols: Vec<usize> = (0..256).collect();
             let mut expected: Vec<u8> = (0..=255).collect();
-            // Three bytes from a distance of one, of two, of three and of four: the
-            // lengths and distances without further bits.
+            // Three bytes at distances one to four: lengths and distances without extra
+            // bits.
             for distance in 0..4 {
                 symbols.extend([257, LITERALS + distance]);
                 for _ in 0..3 {
@@ -236,17 +235,17 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_often_is_short() {
+    fn frequent_symbols_have_short_codes() {
         let counts = counts(|i| match i {
             0 => 1_000_000,
             1..=3 => 10_000,
             _ => 3,
         });
-        let block = Block::of(&counts, false);
+        let block = Block::from_counts(&counts, false);
         let bits = |symbol: usize| block.codes[symbol] >> 16;
         assert_eq!(bits(0), 1);
         assert!(bits(0) < bits(1) && bits(1) < bits(100));
-        // Kraft's sum of a code to which nothing can be added is one.
+        // Kraft's sum of a complete code is one.
         let sum: f64 = (0..LITERALS).map(|i| 0.5_f64.powi(bits(i) as i32)).sum();
         assert_eq!(sum, 1.0);
         let all = (LITERALS..SYMBOLS).map(|i| 0.5_f64.powi(bits(i) as i32));

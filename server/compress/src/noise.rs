@@ -1,32 +1,31 @@
-//! What is not worth compressing: the lowest bytes of float32 depth are noise
-//! wherever the surface is near or slanted, half of the work for a few percent of
-//! the size.
+//! Detects incompressible data: the lowest bytes of float32 depth are noise where the
+//! surface is close or slanted, half of the work for a few percent of the size.
 
 use std::ops::Range;
 
-/// A plane of this many bytes or more is looked at before it is compressed.
+/// Size of a plane from which on it is sampled before it is compressed, bytes.
 pub(super) const WORTH_A_LOOK: usize = 1 << 18;
 /// Bytes that are judged together, and how many of them are looked at: three
 /// rows and more of 1280 pixels, since what repeats does so from row to row.
 const PIECE: usize = 1 << 15;
 const LOOK: usize = 4096;
-/// Of so many places one may repeat what came before. Where fewer do, deflate takes
-/// its longest for a tenth of the bytes, seldom for a quarter.
+/// One in this many positions must repeat earlier data. With fewer repetitions deflate
+/// is slowest and saves a tenth of the bytes, rarely a quarter.
 const REPEATS: usize = 10;
-/// Bytes that must be alike for deflate to refer back to them.
+/// Smallest match for deflate, bytes.
 const WORD: usize = 4;
 
 /// Consecutive bytes of a chunk that are treated alike.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Run {
     pub bytes: Range<usize>,
-    /// Hardly shrinks, and is best stored as it is.
+    /// Incompressible, and best stored.
     pub noise: bool,
 }
 
-/// Takes the planes of a shuffled chunk apart, `plane` bytes each. Higher bytes
-/// are more regular than lower ones: behind the first plane without noise nothing
-/// is looked at. A chunk of small planes is one run.
+/// Splits the planes of a shuffled chunk, `plane` bytes each. Higher bytes are more
+/// regular than lower ones: after the first plane without noise none is sampled. A
+/// chunk of small planes is one run.
 pub(super) fn runs(planes: &[u8], plane: usize, out: &mut Vec<Run>) {
     out.clear();
     if plane >= WORTH_A_LOOK {
@@ -57,8 +56,8 @@ fn add(out: &mut Vec<Run>, bytes: Range<usize>, noise: bool) {
     }
 }
 
-/// Whether hardly anything in the middle of `piece` repeats what came shortly
-/// before, as deflate would find it.
+/// Whether almost nothing in the middle of `piece` repeats recent data, as deflate
+/// would find it.
 fn is_noise(piece: &[u8]) -> bool {
     let from = piece.len().saturating_sub(LOOK) / 2;
     let look = &piece[from..piece.len().min(from + LOOK)];

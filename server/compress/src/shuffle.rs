@@ -1,15 +1,15 @@
 //! HDF5's byte shuffle.
 
-/// Bytes in the order of HDF5's filter: first bytes of all elements, then second bytes, and so on.
-/// Bytes behind the last whole element stay at the end.
+/// Bytes in the order of HDF5's filter: first bytes of all elements, then second bytes,
+/// and so on. Bytes after the last whole element stay at the end.
 pub(super) fn shuffle(bytes: &[u8], element: usize, out: &mut Vec<u8>) {
     let count = bytes.len() / element;
-    // Every byte is written below, so that what is there may stay.
+    // Every byte is overwritten below, so it need not be cleared.
     out.resize(bytes.len(), 0);
     let (elements, rest) = bytes.split_at(count * element);
     let (planes, end) = out.split_at_mut(elements.len());
     end.copy_from_slice(rest);
-    // What pictures have goes through the processor's registers sixteen at a time.
+    // Element sizes of images are processed in registers, sixteen elements at a time.
     let done = match element {
         2 => blocks_of_two(elements, planes),
         4 => blocks_of_four(elements, planes),
@@ -26,7 +26,7 @@ pub(super) fn shuffle(bytes: &[u8], element: usize, out: &mut Vec<u8>) {
 /// Elements of one block.
 const BLOCK: usize = 16;
 
-/// Shuffles whole blocks of 16-bit elements; returns how many elements these are.
+/// Shuffles whole blocks of 16-bit elements; returns the number of these elements.
 fn blocks_of_two(elements: &[u8], planes: &mut [u8]) -> usize {
     let (elements, _) = elements.as_chunks::<2>();
     let (low, high) = planes.split_at_mut(elements.len());
@@ -41,7 +41,7 @@ fn blocks_of_two(elements: &[u8], planes: &mut [u8]) -> usize {
     blocks.len() * BLOCK
 }
 
-/// Shuffles whole blocks of 32-bit elements; returns how many elements these are.
+/// Shuffles whole blocks of 32-bit elements; returns the number of these elements.
 fn blocks_of_four(elements: &[u8], planes: &mut [u8]) -> usize {
     let (elements, _) = elements.as_chunks::<4>();
     let (low, high) = planes.split_at_mut(2 * elements.len());

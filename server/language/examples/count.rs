@@ -1,10 +1,10 @@
-//! Counts what the grammar says: sentences, templates, words; prints samples.
+//! Counts sentences, templates and words of the grammar; prints samples.
 //!
 //!   cargo run --release -p wheelarm-language --example count -- [SCENES] [PER WISH]
 //!
-//! Sentences are counted after lower-casing and without punctuation, politeness
-//! and typing errors. The same arguments print the same. With 60 scenes or more it
-//! exits with 1 below 20,000 distinct sentences, 900 words or 150 templates.
+//! Sentences are counted in lower case and without punctuation, politeness and typing
+//! errors. The output is deterministic. With 60 scenes or more it exits with 1 below
+//! 20,000 distinct sentences, 900 words or 150 templates.
 
 #[path = "../tests/made_up/mod.rs"]
 #[expect(dead_code, reason = "the tests need more of it")]
@@ -12,7 +12,7 @@ mod made_up;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wheelarm_language::{Options, Split, normalised, say};
+use wheelarm_language::{Options, Split, generate, normalised};
 
 fn main() {
     let mut numbers = std::env::args().skip(1).filter_map(|a| a.parse().ok());
@@ -24,22 +24,23 @@ fn main() {
         politeness: 0.0,
         ..Options::default()
     };
-    let (mut said, mut distinct) = (0, BTreeSet::new());
+    let (mut total, mut distinct) = (0, BTreeSet::new());
     let mut words: BTreeSet<String> = BTreeSet::new();
     let mut templates = BTreeSet::new();
     let mut by_kind: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for seed in 0..scenes {
         let scene = made_up::scene(&home, seed);
         for wish in made_up::wishes(&scene) {
-            let thing = &scene.things[wish.target];
+            let entity = &scene.entities[wish.target];
             for n in 0..each {
-                let purpose = format!("{} {}", thing.name, wish.verb.word());
-                let told = say(&grammar, &scene, &wish, &options, seed * each + n, &purpose);
-                let told = told.expect("a sentence");
-                said += 1;
-                let text = normalised(&told.text);
+                let purpose = format!("{} {}", entity.name, wish.verb.word());
+                let sentence =
+                    generate(&grammar, &scene, &wish, &options, seed * each + n, &purpose);
+                let sentence = sentence.expect("a sentence");
+                total += 1;
+                let text = normalised(&sentence.text);
                 words.extend(text.split(' ').map(str::to_owned));
-                templates.insert(told.template);
+                templates.insert(sentence.template);
                 distinct.insert(text);
                 if n < 5 {
                     let polite = Options {
@@ -47,16 +48,20 @@ fn main() {
                         split: Split::Any,
                         ..options
                     };
-                    let told = say(&grammar, &scene, &wish, &polite, seed * each + n, &purpose);
-                    let key = format!("{} {}", wish.verb.word(), thing.kind);
-                    by_kind.entry(key).or_default().extend(told.map(|t| t.text));
+                    let sentence =
+                        generate(&grammar, &scene, &wish, &polite, seed * each + n, &purpose);
+                    let key = format!("{} {}", wish.verb.word(), entity.kind);
+                    by_kind
+                        .entry(key)
+                        .or_default()
+                        .extend(sentence.map(|t| t.text));
                 }
             }
         }
     }
     let (all, held_out) = grammar.template_count();
     println!(
-        "{said} sentences over {scenes} scenes, {} distinct",
+        "{total} sentences over {scenes} scenes, {} distinct",
         distinct.len()
     );
     println!(
@@ -65,11 +70,11 @@ fn main() {
         grammar.word_count()
     );
     println!(
-        "{} of {all} templates said, {held_out} held out",
+        "{} of {all} templates used, {held_out} held out",
         templates.len()
     );
     let (nouns, held_out) = grammar.noun_count();
-    println!("{nouns} names of things, {held_out} held out");
+    println!("{nouns} names of objects, {held_out} held out");
     let is_small = distinct.len() < 20_000 || words.len() < 900 || templates.len() < 150;
     for (kind, texts) in by_kind.iter().filter(|_| samples > 0) {
         println!("\n{kind}");

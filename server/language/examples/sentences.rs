@@ -1,5 +1,5 @@
-//! Prints sentences for the tasks of the library, as a plan for training says them:
-//! task, object, what the scene holds, sentence.
+//! Prints sentences for the tasks of the library, as for a training plan: task, object,
+//! contents of the scene, sentence.
 //!
 //!   cargo run --release -p wheelarm-language --example sentences -- [SEED] [TOTAL] [any|train|held_out]
 
@@ -7,7 +7,7 @@
 #[expect(dead_code, reason = "the tests need more of it")]
 mod made_up;
 
-use wheelarm_language::{Options, Split, say};
+use wheelarm_language::{Options, Split, generate};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -33,10 +33,13 @@ fn main() {
         let scene = task.scene(&home, own);
         let wish = task.wish(&scene, own);
         let purpose = format!("{} {own}", task.name);
-        let text = match say(&grammar, &scene, &wish, &options, own, &purpose) {
-            Some(said) => said.text,
+        let text = match generate(&grammar, &scene, &wish, &options, own, &purpose) {
+            Some(sentence) => sentence.text,
             None => "NOTHING".to_owned(),
         };
-        println!("{}\t{}\t{text}", task.name, scene.things[wish.target].name);
+        println!(
+            "{}\t{}\t{text}",
+            task.name, scene.entities[wish.target].name
+        );
     }
 }

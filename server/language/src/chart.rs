@@ -1,10 +1,11 @@
-//! Where in a sentence names, places and phrases stand, and where patterns match.
+//! Chart of a sentence: positions of names, places and phrases, and matching of
+//! patterns.
 
 use crate::grammar::{Grammar, Means, NTH, Names, Pattern, Piece, Slot};
 use crate::meaning::{Named, Node};
 
-/// What fills the slots of a pattern: nodes by their index in the chart, the
-/// others by theirs in the grammar.
+/// Content of the slots of a pattern: nodes by their index in the chart, others by
+/// theirs in the grammar.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Bound {
     pub object: Option<usize>,
@@ -17,8 +18,7 @@ pub(crate) struct Bound {
     nth: Option<usize>,
 }
 
-/// Everything that a sentence may hold: by the word at which it begins, the end
-/// and what it is.
+/// All constituents of a sentence: by their first word, with their end and content.
 pub(crate) struct Chart<'a> {
     words: &'a [String],
     pub nodes: Vec<Node>,
@@ -26,9 +26,9 @@ pub(crate) struct Chart<'a> {
     pub goals: Vec<Vec<(usize, usize)>>,
     /// Goals with a preposition.
     at_goals: Vec<Vec<(usize, usize)>>,
-    /// Words for postures, by where they end.
-    standing: Vec<bool>,
-    stands: Vec<bool>,
+    /// Words for postures, by their end.
+    participles: Vec<bool>,
+    posture_verbs: Vec<bool>,
     pub places: Vec<Vec<(usize, usize)>>,
     ats: Vec<Vec<(usize, usize)>>,
     named: Vec<Vec<(usize, Named)>>,
@@ -36,13 +36,13 @@ pub(crate) struct Chart<'a> {
 }
 
 impl<'a> Chart<'a> {
-    pub fn of(grammar: &Grammar, words: &'a [String]) -> Self {
+    pub fn new(grammar: &Grammar, words: &'a [String]) -> Self {
         let count = words.len();
-        let stands = |at: usize, part: &[String]| words[at..].starts_with(part);
+        let starts_with = |at: usize, part: &[String]| words[at..].starts_with(part);
         let each = |f: &dyn Fn(usize) -> Vec<(usize, usize)>| (0..count).map(f).collect::<Vec<_>>();
         let places = each(&|at| {
             let all = grammar.places.iter().enumerate();
-            let found = all.filter(|(_, place)| stands(at, &place.words));
+            let found = all.filter(|(_, place)| starts_with(at, &place.words));
             found
                 .map(|(i, place)| (at + place.words.len(), i))
                 .collect()
@@ -58,7 +58,7 @@ impl<'a> Chart<'a> {
         });
         let nouns = each(&|at| {
             let all = grammar.nouns.iter().enumerate();
-            let found = all.filter(|(_, noun)| stands(at, &noun.words));
+            let found = all.filter(|(_, noun)| starts_with(at, &noun.words));
             found.map(|(i, noun)| (at + noun.words.len(), i)).collect()
         });
         let named: Vec<Vec<(usize, Named)>> = (0..count)
@@ -67,7 +67,7 @@ impl<'a> Chart<'a> {
                     .iter()
                     .map(|&(end, noun)| (end, Named { colour: None, noun }));
                 let colours = grammar.colours.iter().enumerate();
-                let coloured = colours.filter(|(_, colour)| stands(at, &colour.words));
+                let coloured = colours.filter(|(_, colour)| starts_with(at, &colour.words));
                 let coloured = coloured.flat_map(|(i, colour)| {
                     let nouns = nouns
                         .get(at + colour.words.len())
@@ -101,7 +101,7 @@ impl<'a> Chart<'a> {
                 goals.map(|(end, n)| (*end, n.noun)).collect()
             })
             .collect();
-        // People mix the prepositions of goals up: any of them is understood.
+        // People confuse the prepositions of goals: any of them is understood.
         let of_goals = |at: usize| {
             let kinds = grammar.goals.iter();
             kinds.flat_map(|g| [&g.at, &g.to]).any(|p| *p == words[at])
@@ -111,10 +111,10 @@ impl<'a> Chart<'a> {
             false => Vec::new(),
         });
         let postures = &grammar.postures;
-        let standing = words
+        let participles = words
             .iter()
             .map(|word| postures.iter().any(|p| p.participle == *word));
-        let stands = words
+        let posture_verbs = words
             .iter()
             .map(|word| postures.iter().any(|p| p.verbs.contains(word)));
         let mut chart = Self {
@@ -123,8 +123,8 @@ impl<'a> Chart<'a> {
             objects: Vec::new(),
             goals,
             at_goals,
-            standing: standing.collect(),
-            stands: stands.collect(),
+            participles: participles.collect(),
+            posture_verbs: posture_verbs.collect(),
             places,
             ats,
             named,
@@ -154,7 +154,7 @@ impl<'a> Chart<'a> {
         chart
     }
 
-    /// Ends of a pattern that begins at a word, with what fills it.
+    /// Ends of a pattern that begins at a word, with the content of its slots.
     pub fn matches(&self, pattern: &Pattern, at: usize) -> Vec<(usize, Bound)> {
         let mut out = Vec::new();
         self.go_on(&pattern.pieces, at, Bound::default(), &mut out);
@@ -173,15 +173,17 @@ impl<'a> Chart<'a> {
         match piece {
             Piece::Word(word) if word == here => self.go_on(rest, at + 1, bound, out),
             Piece::Word(_) => {}
-            // A listener does not depend on agreement.
+            // Agreement is not checked when parsing.
             Piece::Agreement(forms) if forms.contains(here) => {
                 self.go_on(rest, at + 1, bound, out);
             }
             Piece::Agreement(_) => {}
-            Piece::Slot(Slot::Standing) if self.standing[at] => {
+            Piece::Slot(Slot::Standing) if self.participles[at] => {
                 self.go_on(rest, at + 1, bound, out);
             }
-            Piece::Slot(Slot::Stands) if self.stands[at] => self.go_on(rest, at + 1, bound, out),
+            Piece::Slot(Slot::Stands) if self.posture_verbs[at] => {
+                self.go_on(rest, at + 1, bound, out)
+            }
             Piece::Slot(Slot::Standing | Slot::Stands) => {}
             Piece::Slot(Slot::AtGoal | Slot::ToGoal) => {
                 for (end, i) in list(&self.at_goals) {

@@ -1,9 +1,9 @@
-//! How the files of a grammar look; nothing checked but the keys.
+//! Layout of the files of a grammar; only the keys are checked here.
 
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::grammar::{Holds, Number, Verb};
+use crate::grammar::{GoalForm, Number, Verb};
 
 pub(crate) type Texts = Vec<Spanned<String>>;
 
@@ -65,7 +65,7 @@ pub(crate) struct PlacesFile {
 #[serde(deny_unknown_fields)]
 pub(crate) struct GoalEntry {
     pub of: Spanned<Vec<String>>,
-    pub holds: Holds,
+    pub holds: GoalForm,
     #[serde(rename = "where")]
     pub at: Spanned<String>,
     pub to: Spanned<String>,
@@ -159,7 +159,7 @@ pub(crate) struct TemplateEntry {
     pub form: Option<Spanned<String>>,
     pub wants: Option<Spanned<Vec<String>>>,
     pub of: Option<Spanned<Vec<String>>>,
-    pub holds: Option<Spanned<Holds>>,
+    pub holds: Option<Spanned<GoalForm>>,
     #[serde(default)]
     pub removes: bool,
     pub split: Option<Spanned<String>>,

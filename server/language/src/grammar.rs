@@ -1,5 +1,5 @@
-//! A grammar: templates of sentences, phrases that tell one thing from others,
-//! names, places, reasons and politeness, as `assets/language` holds them.
+//! A grammar: templates of sentences, referring phrases, names, places, reasons and
+//! politeness, loaded from `assets/language`.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::space::{Order, Side};
 
-/// Files of a grammar below `assets/language`, in the order in which they are read.
+/// Files of a grammar below `assets/language`, in the order of loading.
 pub const FILES: [&str; 11] = [
     "nouns.toml",
     "places.toml",
@@ -22,9 +22,9 @@ pub const FILES: [&str; 11] = [
     "give.toml",
 ];
 
-/// A grammar file that cannot be used.
+/// An invalid grammar file.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
-#[error("language/{file}:{line}: {key} is {found}, allowed is {allowed}")]
+#[error("language/{file}:{line}: {key} is {found}; allowed: {allowed}")]
 pub struct GrammarError {
     /// File below `assets/language`.
     pub file: String,
@@ -32,32 +32,32 @@ pub struct GrammarError {
     pub line: usize,
     /// Key.
     pub key: String,
-    /// What stands there.
+    /// Value found.
     pub found: String,
-    /// What may stand there.
+    /// Allowed values.
     pub allowed: String,
 }
 
-/// What is asked for.
+/// Requested action.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {
-    /// Take it and hold it.
+    /// Grasp and hold it.
     Lift,
-    /// Take it somewhere and leave it there.
+    /// Put it somewhere and release it.
     Put,
-    /// Draw it out.
+    /// Pull it open.
     Open,
-    /// Push it in.
+    /// Push it closed.
     Close,
     /// Bring it to the mouth.
     Bring,
-    /// Lay it into the lap.
+    /// Put it into the lap.
     Give,
 }
 
 impl Verb {
-    /// The word in files and reports.
+    /// The name in files and reports.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -71,7 +71,7 @@ impl Verb {
     }
 }
 
-/// Which templates and names are said.
+/// Which templates and names are used.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
@@ -80,11 +80,11 @@ pub enum Split {
     Any,
     /// Those that are not held out.
     Train,
-    /// A template that is held out, and a name that is for what it is about.
+    /// Held-out templates, and held-out names of the target.
     HeldOut,
 }
 
-/// A place in a pattern that something else fills.
+/// A slot in a pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Slot {
     Object,
@@ -95,9 +95,9 @@ pub(crate) enum Slot {
     /// A goal with its preposition of motion: `onto the mat`, `into the bin`.
     ToGoal,
     Place,
-    /// A place with any preposition that is understood.
+    /// A place with any understood preposition.
     At,
-    /// A place with a preposition that says where an object is.
+    /// A place with a preposition of an object's position.
     On,
     /// A place with a preposition of removal.
     From,
@@ -133,7 +133,7 @@ impl Slot {
     pub(crate) const PLACES: [Self; 3] = [Self::At, Self::On, Self::From];
 }
 
-/// A part of a pattern.
+/// A piece of a pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Piece {
     Word(String),
@@ -160,31 +160,31 @@ impl Pattern {
     }
 }
 
-/// How a phrase tells its thing from others.
+/// Meaning of a referring phrase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Means {
-    /// By its name alone.
+    /// By name only.
     Plain,
-    /// By where it is beside another one.
+    /// By the position relative to another entity.
     Beside(Side),
     /// The nearest to another one.
     Next,
-    /// Number `place` in an order; `None`: as `{nth}` says.
+    /// Number `place` in an order; `None`: given by `{nth}`.
     Order(Order, Option<usize>),
 }
 
-/// What may be said of a text, and when.
+/// Whether a text is generated, and in which split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Use {
     pub held_out: bool,
-    /// Understood only, where it is false.
-    pub said: bool,
+    /// False: understood but never generated.
+    pub is_generated: bool,
 }
 
 impl Use {
-    /// Whether a speaker of this split says it as something of no account.
+    /// Whether a split generates it, apart from the target.
     pub fn is_in(self, split: Split) -> bool {
-        self.said && (split != Split::Train || !self.held_out)
+        self.is_generated && (split != Split::Train || !self.held_out)
     }
 }
 
@@ -195,25 +195,25 @@ pub(crate) struct Phrase {
     pub of: Use,
 }
 
-/// What a name stands for.
+/// What a name refers to.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Names {
-    /// Things of these kinds.
+    /// Objects of these kinds.
     Kinds(Vec<String>),
-    /// Things of this category.
+    /// Objects of this category.
     Category(String),
     /// The goal of this name.
     Goal(String),
 }
 
-/// How verbs and pronouns agree with a noun.
+/// Grammatical number of a noun.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Number {
     #[default]
     Singular,
     Plural,
-    /// As a singular, and never counted: soup.
+    /// Singular and uncountable: soup.
     Mass,
 }
 
@@ -223,16 +223,16 @@ pub(crate) struct Noun {
     pub words: Vec<String>,
     pub names: Names,
     pub number: Number,
-    /// The name is that of the contents, not of the container.
+    /// The name refers to the contents, not the container.
     pub is_contents: bool,
-    /// A color word may stand before it.
+    /// A color word may precede it.
     pub takes_colour: bool,
     /// Words follow the noun itself, so that the phrase ends with the name.
     pub has_tail: bool,
     pub of: Use,
 }
 
-/// How objects of some kinds are at rest.
+/// Posture of objects of some kinds.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Posture {
     pub participle: String,
@@ -241,10 +241,10 @@ pub(crate) struct Posture {
     pub kinds: Vec<String>,
 }
 
-/// What a goal is.
+/// Kind of a goal.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Holds {
+pub(crate) enum GoalForm {
     Surface,
     Container,
 }
@@ -253,7 +253,7 @@ pub(crate) enum Holds {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct GoalKind {
     pub goals: Vec<String>,
-    pub holds: Holds,
+    pub holds: GoalForm,
     pub at: String,
     pub to: String,
 }
@@ -271,21 +271,21 @@ pub(crate) struct PlaceName {
     pub area: String,
     pub text: String,
     pub words: Vec<String>,
-    /// Prepositions of rest, of removal, and those that are only understood.
+    /// Prepositions of position, of removal, and those that are only understood.
     pub on: Vec<String>,
     pub from: Vec<String>,
     pub understood: Vec<String>,
-    /// The chair can drive to a place of this name.
+    /// A name to which the chair can drive.
     pub is_drive: bool,
     pub of: Use,
 }
 
-/// How a template takes politeness.
+/// Politeness of a template.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Form {
-    /// An imperative: politeness before and behind it.
+    /// An imperative: politeness before and after it.
     Request,
-    /// A wish: "please" behind it.
+    /// A wish: "please" after it.
     Wish,
     /// Neither.
     Statement,
@@ -298,13 +298,13 @@ pub(crate) struct Template {
     pub verb: Verb,
     pub pattern: Pattern,
     pub form: Form,
-    /// Kinds of which any is meant, where the text names none.
+    /// Kinds that the request accepts, when the text names none.
     pub wants: Vec<String>,
-    /// Kinds with which it is spoken; empty: all.
+    /// Kinds for which it is used; empty: all.
     pub kinds: Vec<String>,
-    /// Goals with which it is spoken; `None`: all.
-    pub holds: Option<Holds>,
-    /// Its verb removes the object, so that "from the table" may follow it.
+    /// Goals for which it is used; `None`: all.
+    pub holds: Option<GoalForm>,
+    /// Its verb removes the object, so that "from the table" may follow.
     pub removes: bool,
     pub of: Use,
 }
@@ -319,23 +319,23 @@ pub(crate) struct Reason {
 
 /// Politeness before a request.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Before {
+pub(crate) struct Preamble {
     pub text: String,
     pub words: Vec<String>,
     pub is_question: bool,
-    /// A comma sets it apart.
+    /// A comma separates it.
     pub has_comma: bool,
-    /// It stands at the beginning of a sentence alone.
+    /// Only at the beginning of a sentence.
     pub opens: bool,
     pub is_spoken: bool,
 }
 
-/// How a reason and a request stand together.
+/// Combination of a reason and a request.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub text: String,
     pub reason_first: bool,
-    /// Words between the two.
+    /// Words between them.
     pub between: Vec<String>,
 }
 
@@ -349,31 +349,31 @@ pub struct Grammar {
     pub(crate) goals: Vec<GoalKind>,
     pub(crate) phrases: Vec<Phrase>,
     pub(crate) reasons: Vec<Reason>,
-    /// Politeness: as written, and its words.
-    pub(crate) before: Vec<Before>,
+    /// Politeness: text and words.
+    pub(crate) before: Vec<Preamble>,
     pub(crate) after: Vec<(String, Vec<String>)>,
-    /// Words behind a request that are only understood.
+    /// Words after a request that are only understood.
     pub(crate) understood_after: Vec<Vec<String>>,
     pub(crate) thanks: Vec<(String, Vec<String>)>,
     pub(crate) frames: Vec<Frame>,
     pub(crate) templates: Vec<Template>,
-    /// Words that tell a verb where no template fits.
+    /// Words that identify a verb when no template matches.
     pub(crate) verb_words: Vec<(String, Verb)>,
-    /// Every word of it.
+    /// All its words.
     pub(crate) vocabulary: BTreeSet<String>,
 }
 
-/// Numbers as people say them.
+/// Ordinals in sentences.
 pub(crate) const NTH: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
 
 impl Grammar {
-    /// How many templates there are that are said, and how many of them are held out.
+    /// Number of generated templates, and of held-out ones among them.
     #[must_use]
     pub fn template_count(&self) -> (usize, usize) {
         count(self.templates.iter().map(|t| t.of))
     }
 
-    /// The same of names of things and goals.
+    /// The same for names of objects and goals.
     #[must_use]
     pub fn noun_count(&self) -> (usize, usize) {
         count(self.nouns.iter().map(|n| n.of))
@@ -386,14 +386,13 @@ impl Grammar {
         found.any(|t| t.of.held_out)
     }
 
-    /// Number of its words, politeness and what is understood only included.
+    /// Number of its words, including politeness and words that are only understood.
     #[must_use]
     pub fn word_count(&self) -> usize {
         self.vocabulary.len()
     }
 
-    /// What a person calls things of a kind: the first name of it in the files, its
-    /// own where there is none.
+    /// Name of a kind of object: its first name in the files, or the kind itself.
     #[must_use]
     pub fn name_of<'a>(&'a self, kind: &'a str) -> &'a str {
         let names = |noun: &&Noun| match &noun.names {
@@ -407,14 +406,14 @@ impl Grammar {
             .map_or(kind, |noun| noun.text.as_str())
     }
 
-    /// What a person calls an area.
+    /// Name of an area.
     #[must_use]
     pub fn area_name<'a>(&'a self, area: &'a str) -> &'a str {
         let place = self.places.iter().find(|place| place.area == area);
         place.map_or(area, |place| place.text.as_str())
     }
 
-    /// The preposition with which things are at an area.
+    /// The preposition for objects at an area.
     pub(crate) fn preposition(&self, area: &str) -> &str {
         let place = self.places.iter().find(|place| place.area == area);
         place
@@ -422,7 +421,7 @@ impl Grammar {
             .map_or("at", String::as_str)
     }
 
-    /// How objects of a kind are at rest, where the grammar has a word for it.
+    /// Posture verbs of a kind of object, if the grammar has them.
     pub(crate) fn posture(&self, kind: &str) -> Option<&Posture> {
         let fits = |posture: &&Posture| posture.kinds.iter().any(|k| k == kind);
         self.postures.iter().find(fits)
@@ -436,6 +435,9 @@ impl Grammar {
 }
 
 fn count(uses: impl Iterator<Item = Use>) -> (usize, usize) {
-    let said: Vec<Use> = uses.filter(|of| of.said).collect();
-    (said.len(), said.iter().filter(|of| of.held_out).count())
+    let generated: Vec<Use> = uses.filter(|of| of.is_generated).collect();
+    (
+        generated.len(),
+        generated.iter().filter(|of| of.held_out).count(),
+    )
 }

@@ -1,5 +1,5 @@
-//! A home as its asset files describe it, for who has these texts alone: a client
-//! with a recording, a test.
+//! A home from its asset files, for clients that have only these texts, such as a
+//! recording, and for tests.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::scene::{Area, Role, Scene, kind_of};
 
-/// Asset texts from which no scene can be made.
+/// Asset texts that do not describe a home.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error("{file}: {problem}")]
 pub struct HomeError {
@@ -17,33 +17,32 @@ pub struct HomeError {
     pub problem: String,
 }
 
-/// What of a home's files matters to language.
+/// The parts of a home's files that matter to language.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Home {
     /// Areas, in the order of the scene file.
     pub areas: Vec<HomeArea>,
     /// Category and colour by kind of object.
     pub kinds: BTreeMap<String, [String; 2]>,
-    /// Furniture that slides.
+    /// Sliding furniture.
     pub slides: Vec<HomeSlide>,
-    /// Other furniture with a surface of its own that belongs to an area, for
-    /// example a mat: name, area, middle of the surface in `house`, and whether it
-    /// is optional.
+    /// Other furniture with a surface that belongs to an area, for example a mat: name,
+    /// area, middle of the surface in `house`, and whether it is optional.
     pub goals: Vec<(String, String, Area, bool)>,
 }
 
-/// Furniture that slides.
+/// Sliding furniture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HomeSlide {
     /// Its name.
     pub name: String,
-    /// Area that it belongs to.
+    /// Its area.
     pub area: String,
-    /// Category, empty where it has none.
+    /// Category; may be empty.
     pub category: String,
-    /// Origin at rest in `house`, m.
+    /// Origin at joint position 0 in `house`, m.
     pub origin: [f64; 3],
-    /// Axis on which it slides, unit vector in `house`.
+    /// Sliding axis, unit vector in `house`.
     pub axis: [f64; 3],
 }
 
@@ -94,11 +93,11 @@ struct ObjectFile {
 }
 
 impl Home {
-    /// Reads a home from asset texts by their paths below the assets folder:
+    /// Parses a home from asset texts by their paths below the assets folder:
     /// `scenes/NAME.toml` and `objects/*.toml`.
     ///
     /// # Errors
-    /// When a text is none of these or there is no scene.
+    /// When a text cannot be parsed or there is no scene.
     pub fn read<'a>(texts: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Self, HomeError> {
         let mut home = Self::default();
         let mut has_scene = false;
@@ -174,13 +173,13 @@ impl Home {
         }
     }
 
-    /// The areas, the furniture that slides at its rest, and the goals of which
-    /// `is_there` says so: a scene without objects.
+    /// The areas, the closed sliding furniture, and the goals for which `is_there`
+    /// holds: a scene without objects.
     #[must_use]
     pub fn scene(&self, is_there: &dyn Fn(&str) -> bool) -> Scene {
         let mut scene = Scene {
             areas: self.areas.clone(),
-            things: Vec::new(),
+            entities: Vec::new(),
         };
         for slide in &self.slides {
             let words = [slide.category.as_str(), ""];
@@ -207,7 +206,7 @@ impl Home {
         scene
     }
 
-    /// Category and colour of an object; empty where its file is not known.
+    /// Category and colour of an object; empty for an unknown kind.
     #[must_use]
     pub fn words_of(&self, object: &str) -> [&str; 2] {
         let words = self.kinds.get(kind_of(object));

@@ -1,37 +1,37 @@
-//! What a person says about a scene, and what it means: a [`Grammar`] read from
-//! `assets/language`, a speaker ([`say`]) and a parser ([`Parser`]).
+//! Language about a scene: a [`Grammar`] loaded from `assets/language`, a generator
+//! ([`generate`]) and a parser ([`Parser`]).
 //!
-//! Pure: no clock, no messages, nothing of the server or of a client. The parser
-//! knows the grammar's files and the scene alone, never what the speaker meant;
-//! the speaker says nothing that the parser does not take for the same.
+//! Pure: no clock, no messages, independent of server and clients. The parser uses only
+//! the grammar's files and the scene, never the generator's intent; the generator
+//! returns only sentences that the parser understands as intended.
 //!
-//! Left, right, in front and behind are those of who sits in the chair while it
-//! stands at an area and looks at it: [`space`] says exactly how.
+//! Left, right, in front and behind are relative to a person in a chair that faces the
+//! area: see [`space`].
 
 #[cfg(test)]
 extern crate self as wheelarm_language;
 
+#[cfg(test)]
+mod agreement_tests;
 mod chart;
 mod entries;
+mod generator;
 mod grammar;
 mod home;
-#[cfg(test)]
-mod law;
 mod meaning;
 mod parse;
 mod question;
 mod random;
 mod read;
-mod say;
 mod scene;
 pub mod space;
 mod wording;
 mod words;
 
+pub use generator::{Options, Sentence, Wish, generate};
 pub use grammar::{FILES, Grammar, GrammarError, Split, Verb};
 pub use home::{Home, HomeArea, HomeError};
 pub use meaning::Meaning;
 pub use parse::{Answer, Parser};
-pub use say::{Options, Said, Wish, say};
-pub use scene::{Area, Role, Scene, Thing, kind_of};
+pub use scene::{Area, Entity, Role, Scene, kind_of};
 pub use words::{is_plural, normalised};

@@ -1,7 +1,8 @@
-//! The parser: what a sentence asks for in a scene, or what is to be asked back.
+//! The parser: the meaning of a sentence in a scene, or a clarification question.
 //!
-//! It tries every way in which politeness, reasons, templates and phrases of the
-//! grammar make the sentence, and takes the union of what they mean. A sentence
+//! It tries all derivations of the sentence by politeness, reasons, templates and
+//! phrases of the grammar, and returns the union of their meanings. A sentence without
+//! derivation is searched for a verb and for phrases.
 //! that no template makes is searched for a verb and for phrases.
 
 use std::collections::BTreeSet;
@@ -13,21 +14,21 @@ use crate::question::question;
 use crate::scene::{Role, Scene};
 use crate::words::{mended, words};
 
-/// What the parser says of a sentence.
+/// Result of parsing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// It means one thing.
+    /// One meaning.
     Clear(Meaning),
-    /// It may mean several.
+    /// Several meanings.
     Ambiguous {
-        /// Each of them.
+        /// The meanings.
         meanings: Vec<Meaning>,
-        /// What to ask back.
+        /// The clarification question.
         question: String,
     },
-    /// It is understood, and nothing in the scene fits.
+    /// Understood, but no entity of the scene matches.
     Nothing,
-    /// It is not understood.
+    /// Not understood.
     Unknown,
 }
 
@@ -38,7 +39,7 @@ pub struct Parser<'a> {
     scene: &'a Scene,
 }
 
-/// Most words of a sentence that is parsed.
+/// Largest number of words of a parsed sentence.
 const LONGEST: usize = 80;
 
 impl<'a> Parser<'a> {
@@ -48,7 +49,7 @@ impl<'a> Parser<'a> {
         Self { grammar, scene }
     }
 
-    /// What a sentence asks for.
+    /// Parses a sentence.
     #[must_use]
     pub fn parse(&self, sentence: &str) -> Answer {
         let words = words(sentence);
@@ -78,9 +79,9 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Whether templates make the sentence; adds what they mean.
+    /// Whether templates derive the sentence; adds their meanings.
     fn templates(&self, words: &[String], out: &mut BTreeSet<Meaning>) -> bool {
-        let chart = Chart::of(self.grammar, words);
+        let chart = Chart::new(self.grammar, words);
         let mut is_understood = false;
         for (from, to) in self.requests(words) {
             for template in &self.grammar.templates {
@@ -114,15 +115,15 @@ impl<'a> Parser<'a> {
         is_understood
     }
 
-    /// Things of kinds of which any is meant.
+    /// Entities of the accepted kinds.
     fn wanted(&self, wants: &[String], place: Option<usize>) -> Vec<usize> {
         let area = place.map(|i| self.grammar.places[i].area.as_str());
-        let things = self.scene.things.iter().enumerate();
+        let entities = self.scene.entities.iter().enumerate();
         let is_there = |of: Option<usize>| match area {
             None => true,
             Some(area) => of.is_some_and(|i| self.scene.areas[i].name == area),
         };
-        things
+        entities
             .filter(|(_, t)| t.role == Role::Object && wants.contains(&t.kind) && is_there(t.area))
             .map(|(i, _)| i)
             .collect()
@@ -136,8 +137,8 @@ impl<'a> Parser<'a> {
             .collect()
     }
 
-    /// Where a request may stand between politeness and reasons: first word, and
-    /// the one behind the last.
+    /// Possible positions of a request between politeness and reasons: first word, and
+    /// one past the last.
     fn requests(&self, words: &[String]) -> Vec<(usize, usize)> {
         let mut spans = vec![(0, words.len())];
         for frame in &self.grammar.frames {
@@ -187,9 +188,9 @@ impl<'a> Parser<'a> {
         out.into_iter().collect()
     }
 
-    /// Looks for a verb and for the longest phrases where no template fits.
+    /// Searches for a verb and for the longest phrases when no template matches.
     fn search(&self, words: &[String], out: &mut BTreeSet<Meaning>) -> bool {
-        let chart = Chart::of(self.grammar, words);
+        let chart = Chart::new(self.grammar, words);
         let mut verbs: Vec<(usize, Verb)> = Vec::new();
         for (at, word) in words.iter().enumerate() {
             let known = self
@@ -209,7 +210,7 @@ impl<'a> Parser<'a> {
             })
         };
         let goal = last(&chart.goals).filter(|(at, _)| *at > 0);
-        // What is put has a place; what opens or closes slides.
+        // An entity to put has a place; one to open or close slides.
         let has = |verb: Verb| verbs.iter().any(|(_, v)| *v == verb);
         let verb = [
             Verb::Bring,
@@ -248,7 +249,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// What a verb is done with.
+/// Role of a verb's target.
 pub(crate) fn role(verb: Verb) -> Role {
     match verb {
         Verb::Lift | Verb::Put | Verb::Bring | Verb::Give => Role::Object,

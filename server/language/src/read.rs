@@ -1,5 +1,5 @@
-//! Reads the files of a grammar and refuses what cannot be, with file, line, key,
-//! what was found and what is allowed.
+//! Loads the files of a grammar and reports errors with file, line, key, value found
+//! and allowed values.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -9,13 +9,13 @@ use toml::Spanned;
 
 use crate::entries::{NounsFile, PhrasesFile, PlacesFile, PolitenessFile, ReasonsFile, VerbFile};
 use crate::grammar::{
-    Before, Colour, FILES, Form, Frame, GoalKind, Grammar, GrammarError, Means, NTH, Names, Noun,
-    Pattern, Phrase, Piece, PlaceName, Posture, Reason, Slot, Template, Use, Verb,
+    Colour, FILES, Form, Frame, GoalKind, Grammar, GrammarError, Means, NTH, Names, Noun, Pattern,
+    Phrase, Piece, PlaceName, Posture, Preamble, Reason, Slot, Template, Use, Verb,
 };
 use crate::space::{Order, Side};
 use crate::words::words;
 
-/// A file while it is read.
+/// A file during loading.
 struct File<'a> {
     name: &'a str,
     text: &'a str,
@@ -60,18 +60,17 @@ impl File<'_> {
     fn provenance(&self, texts: [(&str, &Spanned<String>); 2]) -> Result<(), GrammarError> {
         for (key, text) in texts {
             if text.get_ref().trim().is_empty() {
-                return Err(self.wrong(
-                    &text.span(),
-                    key,
-                    "empty",
-                    "where it comes from and its licence",
-                ));
+                return Err(self.wrong(&text.span(), key, "empty", "its origin and its licence"));
             }
         }
         Ok(())
     }
 
-    fn of(&self, split: Option<&Spanned<String>>, said: Option<bool>) -> Result<Use, GrammarError> {
+    fn use_of(
+        &self,
+        split: Option<&Spanned<String>>,
+        generated: Option<bool>,
+    ) -> Result<Use, GrammarError> {
         let held_out = match split.map(|s| s.get_ref().as_str()) {
             None | Some("train") => false,
             Some("held_out") => true,
@@ -87,7 +86,7 @@ impl File<'_> {
         };
         Ok(Use {
             held_out,
-            said: said.unwrap_or(true),
+            is_generated: generated.unwrap_or(true),
         })
     }
 
@@ -154,19 +153,19 @@ impl File<'_> {
         })
     }
 
-    /// Refuses kinds that no noun names.
+    /// Rejects kinds that no noun refers to.
     fn kinds(
         &self,
         key: &str,
-        asked: &Spanned<Vec<String>>,
+        given: &Spanned<Vec<String>>,
         known: &BTreeSet<String>,
     ) -> Result<(), GrammarError> {
-        match asked.get_ref().iter().find(|kind| !known.contains(*kind)) {
+        match given.get_ref().iter().find(|kind| !known.contains(*kind)) {
             None => Ok(()),
             Some(kind) => {
                 let known: Vec<&str> = known.iter().map(String::as_str).collect();
                 Err(self.wrong(
-                    &asked.span(),
+                    &given.span(),
                     key,
                     format!("{kind:?}"),
                     format!("kinds of nouns.toml: {}", known.join(", ")),
@@ -176,7 +175,7 @@ impl File<'_> {
     }
 }
 
-/// What the word `means` of a phrase may be.
+/// Values of `means` of a phrase.
 const MEANS: [(&str, Means); 18] = [
     ("plain", Means::Plain),
     ("left_of", Means::Beside(Side::Left)),
@@ -199,10 +198,10 @@ const MEANS: [(&str, Means); 18] = [
 ];
 
 impl Grammar {
-    /// Reads a grammar; `text` gives the text of each of [`FILES`].
+    /// Loads a grammar; `text` returns the text of each of [`FILES`].
     ///
     /// # Errors
-    /// When one of them cannot be used.
+    /// When one of them is invalid.
     pub fn read(text: &dyn Fn(&str) -> Option<String>) -> Result<Self, GrammarError> {
         let all = FILES.map(|name| (name, text(name)));
         let [nouns, places, phrases, reasons, politeness, verbs @ ..] = &all;
@@ -268,7 +267,7 @@ impl Grammar {
             }
         }
         for entry in &read.noun {
-            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.said)?;
             let names = match (&entry.of, &entry.category, &entry.goal) {
                 (Some(of), None, None) if !of.is_empty() => {
                     kinds.extend(of.iter().cloned());
@@ -350,7 +349,7 @@ impl Grammar {
             return Err(file.wrong(&(0..0), "goal", found, "each goal of nouns.toml once"));
         }
         for entry in &read.place {
-            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.said)?;
             let lists = [
                 ("where", Some(&entry.on)),
                 ("from", Some(&entry.from)),
@@ -393,7 +392,7 @@ impl Grammar {
         let read: PhrasesFile = file.parse()?;
         file.provenance([("origin", &read.origin), ("license", &read.license)])?;
         for entry in &read.phrase {
-            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.said)?;
             let word = entry.means.get_ref().as_str();
             let Some((_, means)) = MEANS.iter().find(|(name, _)| *name == word) else {
                 let known = MEANS.map(|(name, _)| name).join(", ");
@@ -422,7 +421,7 @@ impl Grammar {
                     .iter()
                     .any(|(slot, needed)| pattern.has(*slot) != *needed)
                 {
-                    let allowed = "{noun}; {other} with a relation to another thing, {nth} with nth_…, and no other";
+                    let allowed = "{noun}; {other} with a relation to another object, {nth} with nth_…, and no other";
                     return Err(file.wrong(
                         &text.span(),
                         "texts",
@@ -486,7 +485,7 @@ impl Grammar {
             for text in &entry.texts {
                 let words = file.plain(text)?;
                 self.know(&words);
-                self.before.push(Before {
+                self.before.push(Preamble {
                     text: text.get_ref().clone(),
                     words,
                     is_question: entry.question,
@@ -499,7 +498,7 @@ impl Grammar {
         for text in &read.understood_before {
             let words = file.plain(text)?;
             self.know(&words);
-            self.before.push(Before {
+            self.before.push(Preamble {
                 text: text.get_ref().clone(),
                 words,
                 is_question: false,
@@ -546,7 +545,7 @@ impl Grammar {
         self.verb_words
             .extend(read.words.into_iter().map(|word| (word, verb)));
         for entry in &read.template {
-            let of = file.of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.said)?;
             let form = match entry.form.as_ref().map(|f| f.get_ref().as_str()) {
                 None | Some("request") => Form::Request,
                 Some("wish") => Form::Wish,
@@ -633,7 +632,7 @@ impl Grammar {
     }
 }
 
-/// A file that is there.
+/// An existing file.
 fn open<'a>((name, text): &'a (&'static str, Option<String>)) -> Result<File<'a>, GrammarError> {
     match text {
         Some(text) => Ok(File { name, text }),

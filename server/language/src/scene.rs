@@ -1,26 +1,26 @@
-//! A scene as a person sees it: things with words for them, at places of areas.
+//! A scene for language: named entities at positions of areas.
 
 use wheelarm_proto::exact;
 
-/// What can be asked of a thing.
+/// Role of an entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
     /// It can be lifted and put somewhere.
     Object,
     /// It slides: it can be opened and closed.
     Slide,
-    /// Something is put on it.
+    /// Objects can be put on it.
     Goal,
 }
 
-/// A level part of furniture that is approached from one side.
+/// A level part of furniture with an approach side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
     /// Name, for example `coffee_table`.
     pub name: String,
-    /// Middle of the edge from which it is approached, in `house`, metres.
+    /// Middle of the approach edge, in `house`, metres.
     pub edge: [f64; 3],
-    /// Turn of the direction inwards about the vertical, radians; 0 is along x.
+    /// Rotation of the inward direction about the vertical, radians; 0 is along x.
     pub inwards: f64,
     /// Extent inwards from the edge, metres.
     pub depth: f64,
@@ -29,57 +29,57 @@ pub struct Area {
 }
 
 impl Area {
-    /// A point of `house` as who looks at the area sees it: inwards from the edge,
-    /// to the left from its middle, above it; metres.
+    /// A point of `house` relative to a viewer who faces the area: inwards from the
+    /// edge, to the left from its middle, above it; metres.
     #[must_use]
-    pub fn seen(&self, at: [f64; 3]) -> [f64; 3] {
+    pub fn from_viewer(&self, at: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = exact::sin_cos(self.inwards);
         let [x, y, z] = [0, 1, 2].map(|i| at[i] - self.edge[i]);
         [cos * x + sin * y, cos * y - sin * x, z]
     }
 
-    /// Whether a point stands on the area: above its surface, at most 0.3 m.
+    /// Whether a point is on the area: at most 0.3 m above its surface.
     #[must_use]
     pub fn carries(&self, at: [f64; 3]) -> bool {
-        let [inwards, left, above] = self.seen(at);
+        let [inwards, left, above] = self.from_viewer(at);
         (0.0..=self.depth).contains(&inwards)
             && left.abs() <= self.width / 2.0
             && (-0.02..=0.3).contains(&above)
     }
 }
 
-/// A thing of a scene.
+/// An entity of a scene: an object, sliding furniture or a goal.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Thing {
+pub struct Entity {
     /// Name in the scene.
     pub name: String,
     /// Its name without its number.
     pub kind: String,
-    /// What it is in one word; may be empty.
+    /// Category in one word; may be empty.
     pub category: String,
     /// Its colour in one word; may be empty.
     pub colour: String,
-    /// What can be asked of it.
+    /// Role.
     pub role: Role,
-    /// Index of the area on which it stands; `None` on none.
+    /// Index of its area; `None` for none.
     pub area: Option<usize>,
-    /// Its frame's origin as who looks at the area sees it ([`Area::seen`]);
-    /// in `house` where it stands on none; metres.
+    /// Its frame's origin relative to a viewer of the area ([`Area::from_viewer`]), or
+    /// in `house` without an area; metres.
     pub at: [f64; 3],
 }
 
-/// Everything that a sentence may be about.
+/// A scene for language.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
     /// Areas of the home.
     pub areas: Vec<Area>,
-    /// Things.
-    pub things: Vec<Thing>,
+    /// Entities.
+    pub entities: Vec<Entity>,
 }
 
 impl Scene {
-    /// Adds a thing whose frame's origin is `at` in `house`; with `area` it belongs
-    /// there, else to the area that carries it.
+    /// Adds an entity with its frame's origin at `at` in `house`; without `area` it
+    /// belongs to the area that carries it.
     pub fn add(
         &mut self,
         name: &str,
@@ -92,27 +92,27 @@ impl Scene {
             Some(name) => self.areas.iter().position(|area| area.name == name),
             None => self.areas.iter().position(|area| area.carries(at)),
         };
-        let seen = area.map_or(at, |i| self.areas[i].seen(at));
+        let relative = area.map_or(at, |i| self.areas[i].from_viewer(at));
         let [category, colour] = words.map(str::to_owned);
-        self.things.push(Thing {
+        self.entities.push(Entity {
             name: name.to_owned(),
             kind: kind_of(name).to_owned(),
             category,
             colour,
             role,
             area,
-            at: seen,
+            at: relative,
         });
     }
 
-    /// Index of the thing of this name.
+    /// Index of the entity with this name.
     #[must_use]
     pub fn named(&self, name: &str) -> Option<usize> {
-        self.things.iter().position(|thing| thing.name == name)
+        self.entities.iter().position(|entity| entity.name == name)
     }
 }
 
-/// The kind of a thing: its name without `_` and a number at the end.
+/// The kind of an entity: its name without `_` and a number at the end.
 #[must_use]
 pub fn kind_of(name: &str) -> &str {
     match name.rsplit_once('_') {

@@ -1,50 +1,50 @@
-//! What left, right, in front, behind, near and the like mean, once for speaker,
-//! parser and answers about recordings.
+//! Spatial relations (left, right, in front, behind, near and others), shared by
+//! generator, parser and answers about recordings.
 //!
-//! Everything is measured in the frame of the area ([`crate::Area::seen`]): x
-//! inwards, away from who looks; y to the left; z up; between the origins of the
-//! things' frames. Things of two areas have no such relation.
+//! All positions are in the frame of the area ([`crate::Area::from_viewer`]): x
+//! inwards, away from the viewer; y to the left; z up; between the origins of the
+//! entities' frames. Entities of two areas have no such relation.
 //!
-//! - *left of*: further left by [`STEP`] at least, and by at least as much as the
-//!   two differ in depth (within 45° of sideways); *right of* mirrored;
-//! - *in front of*: nearer to the edge by [`STEP`] at least, and by more than the
-//!   two differ sideways; *behind* mirrored. So at most one of the four holds;
-//! - what might still be called so ([`might`]) is wider, by [`LOOSE`]: nobody says
-//!   "left of" where another thing might be meant too;
-//! - in an order (first from the left, nearest, …) two things nearer than
-//!   [`TIE`] are not told apart.
+//! - *left of*: further left by at least [`STEP`], and by at least the difference in
+//!   depth (within 45° of sideways); *right of* mirrored;
+//! - *in front of*: closer to the edge by at least [`STEP`], and by more than the
+//!   sideways difference; *behind* mirrored. So at most one of the four holds;
+//! - the wider relation [`might`] extends each by [`LOOSE`]: the generator does not use
+//!   "left of" when another entity might be meant too;
+//! - in an order (first from the left, nearest, …) two entities closer than [`TIE`] are
+//!   not distinguished.
 
-use crate::scene::{Scene, Thing};
+use crate::scene::{Entity, Scene};
 
-/// Least distance of two things in a direction, metres.
+/// Smallest distance of two entities in a direction, metres.
 pub const STEP: f64 = 0.06;
-/// Least distance at which a person might still say so, metres, and how much
-/// steeper than 45° it may lie.
+/// Smallest distance at which a person might still use the relation, metres, and how
+/// much steeper than 45° it may be.
 pub const LOOSE: (f64, f64) = (0.02, 1.5);
-/// Things that differ by less are not told apart in an order, metres.
+/// Smallest difference in an order, metres.
 pub const TIE: f64 = 0.03;
-/// Where the chair's seat is while it stands at an area, in the area's frame:
-/// that of the reach of the robot that ships. Metres.
+/// Position of the chair's seat at an area, in the area's frame: from the reach of the
+/// bundled robot. Metres.
 pub const CHAIR: [f64; 2] = [-0.95, 0.0];
-/// Where the arm's base is then, metres.
+/// Position of the arm's base then, metres.
 pub const ARM: [f64; 2] = [-0.53, 0.36];
 
-/// A direction as who looks at the area means it.
+/// A direction relative to a viewer of the area.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Side {
     /// To the left.
     Left,
     /// To the right.
     Right,
-    /// Nearer to who looks.
+    /// Closer to the viewer.
     Front,
     /// Further away.
     Behind,
 }
 
-/// How far `a` lies to that side of `b`, and how far beside it, metres; `None` of
-/// two areas.
-fn along(a: &Thing, b: &Thing, side: Side) -> Option<(f64, f64)> {
+/// How far `a` is to that side of `b`, and the perpendicular distance, metres; `None`
+/// for two areas.
+fn along(a: &Entity, b: &Entity, side: Side) -> Option<(f64, f64)> {
     if a.area.is_none() || a.area != b.area {
         return None;
     }
@@ -59,20 +59,20 @@ fn along(a: &Thing, b: &Thing, side: Side) -> Option<(f64, f64)> {
 
 /// Whether `a` is to that side of `b`.
 #[must_use]
-pub fn is(a: &Thing, b: &Thing, side: Side) -> bool {
+pub fn is_on_side(a: &Entity, b: &Entity, side: Side) -> bool {
     along(a, b, side).is_some_and(|(by, beside)| match side {
         Side::Left | Side::Right => by >= STEP && by >= beside,
         Side::Front | Side::Behind => by >= STEP && by > beside,
     })
 }
 
-/// Whether a person might call it so.
+/// Whether a person might use the relation.
 #[must_use]
-pub fn might(a: &Thing, b: &Thing, side: Side) -> bool {
+pub fn might(a: &Entity, b: &Entity, side: Side) -> bool {
     along(a, b, side).is_some_and(|(by, beside)| by >= LOOSE.0 && by * LOOSE.1 >= beside)
 }
 
-/// By what things are put into an order, smallest first.
+/// Order of entities, smallest key first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Order {
     /// From the left.
@@ -94,10 +94,10 @@ pub enum Order {
 }
 
 impl Order {
-    /// What is compared, metres.
+    /// Key of the order, metres.
     #[must_use]
-    pub fn key(self, thing: &Thing) -> f64 {
-        let [deep, left, up] = thing.at;
+    pub fn key(self, entity: &Entity) -> f64 {
+        let [deep, left, up] = entity.at;
         let from = |[x, y]: [f64; 2]| ((deep - x).powi(2) + (left - y).powi(2)).sqrt();
         match self {
             Self::Left => -left,
@@ -112,11 +112,11 @@ impl Order {
     }
 }
 
-/// Number `place` (0 is the first) of some things in an order, with what is not
-/// told apart from it; empty where there are not so many.
+/// Number `place` (0 is the first) of some entities in an order, including ties; empty
+/// when there are fewer.
 #[must_use]
 pub fn at_place(scene: &Scene, among: &[usize], order: Order, place: usize) -> Vec<usize> {
-    let key = |i: usize| order.key(&scene.things[i]);
+    let key = |i: usize| order.key(&scene.entities[i]);
     nth_of(among, key, place)
 }
 

@@ -1,9 +1,9 @@
-//! The wording of a request: which words go together, by number, contents, color,
-//! posture and preposition as the grammar's files state them. The speaker chooses
-//! at random and words its choice here; the law in `law.rs` tries every choice.
+//! The wording of a request: combines words by number, contents, color, posture and
+//! preposition as defined in the grammar's files. The generator chooses at random;
+//! `agreement_tests` tries every choice.
 
 use crate::grammar::{
-    Grammar, Holds, Means, NTH, Noun, Number, Pattern, Phrase, Piece, Slot, Template, Verb,
+    GoalForm, Grammar, Means, NTH, Noun, Number, Pattern, Phrase, Piece, Slot, Template, Verb,
 };
 use crate::meaning::{Meaning, Named};
 use crate::scene::Scene;
@@ -34,19 +34,19 @@ pub(crate) struct RequestWords<'a> {
     pub at: Option<At<'a>>,
 }
 
-/// Words behind an object that are lost behind a long one.
+/// Particles that are unclear after a long object.
 const PARTICLES: [&str; 12] = [
     "up", "open", "out", "shut", "closed", "in", "back", "a", "down", "lifted", "picked", "wide",
 ];
-/// Most words of an object before such a word.
+/// Largest number of words of an object before such a particle.
 const SHORT: usize = 4;
 
 impl RequestWords<'_> {
-    /// The request as text, lower case and without politeness; `None` where the
-    /// words do not go together.
+    /// The request as text, lower case and without politeness; `None` when the words do
+    /// not agree.
     pub fn text(&self, grammar: &Grammar, scene: &Scene, meaning: &Meaning) -> Option<String> {
         let template = self.template;
-        let target = &scene.things[meaning.target];
+        let target = &scene.entities[meaning.target];
         if !template.kinds.is_empty() && !template.kinds.contains(&target.kind) {
             return None;
         }
@@ -60,13 +60,13 @@ impl RequestWords<'_> {
             text = inflected(&text, noun.number).replace("{object}", &words);
         }
         if let Some(goal) = meaning.goal {
-            let kind = grammar.goal(&scene.things[goal].name)?;
+            let kind = grammar.goal(&scene.entities[goal].name)?;
             if template.holds.is_some_and(|holds| holds != kind.holds) {
                 return None;
             }
-            // What is thrown away is the container: its contents are gone.
+            // The container is thrown away: its contents are gone.
             let noun = self.object.map(|object| &grammar.nouns[object.name.noun]);
-            if kind.holds == Holds::Container && noun.is_some_and(|noun| noun.is_contents) {
+            if kind.holds == GoalForm::Container && noun.is_some_and(|noun| noun.is_contents) {
                 return None;
             }
             let the = format!("the {}", grammar.nouns[self.goal?].text);
@@ -89,7 +89,7 @@ impl RequestWords<'_> {
 }
 
 impl ObjectWords<'_> {
-    /// The words for an object of this kind; `None` where they do not go together.
+    /// The words for an object of this kind; `None` when they do not agree.
     pub fn text(&self, grammar: &Grammar, kind: &str) -> Option<String> {
         let noun = &grammar.nouns[self.name.noun];
         let pattern = &self.phrase.pattern;
@@ -120,7 +120,7 @@ impl ObjectWords<'_> {
     }
 }
 
-/// A name with its color; `None` where no color goes with it.
+/// A name with its color; `None` when it cannot have the color.
 fn name(grammar: &Grammar, named: Named) -> Option<String> {
     let noun: &Noun = &grammar.nouns[named.noun];
     match named.colour {
@@ -130,7 +130,7 @@ fn name(grammar: &Grammar, named: Named) -> Option<String> {
     }
 }
 
-/// Puts a place into a text; `None` where its preposition does not belong there.
+/// Inserts a place into a text; `None` when its preposition does not fit.
 fn with_place(
     text: &str,
     pattern: &Pattern,
@@ -153,7 +153,7 @@ fn with_place(
     Some(text.replace(key, &format!("{preposition} {}", place.text)))
 }
 
-/// Prepositions with which a place is spoken in a slot.
+/// Prepositions of a place in a slot.
 pub(crate) fn spoken(place: &crate::grammar::PlaceName, slot: Slot) -> &[String] {
     match slot {
         Slot::From => &place.from,
@@ -161,7 +161,7 @@ pub(crate) fn spoken(place: &crate::grammar::PlaceName, slot: Slot) -> &[String]
     }
 }
 
-/// Whether a template takes an object of this phrase and these words.
+/// Whether a template accepts an object with this phrase and these words.
 fn takes_object(template: &Template, phrase: &Phrase, words: &str) -> bool {
     let pattern = &phrase.pattern;
     let has_place = pattern.has_any(&Slot::PLACES);

@@ -1,10 +1,10 @@
-//! Sentences as words: lower case, without punctuation; and slips of the finger.
+//! Sentences as words: lower case, without punctuation; and typing errors.
 
 use std::collections::BTreeSet;
 
 use crate::random::Random;
 
-/// The words of a text: lower case, letters and digits alone, hyphens apart.
+/// The words of a text: lower case, only letters and digits, hyphens split.
 pub(crate) fn words(text: &str) -> Vec<String> {
     let mut out = Vec::new();
     for word in text.split(|c: char| c.is_whitespace() || c == '-') {
@@ -17,13 +17,13 @@ pub(crate) fn words(text: &str) -> Vec<String> {
     out
 }
 
-/// A text as it is compared: lower case, without punctuation, single spaces.
+/// A text in normal form: lower case, without punctuation, single spaces.
 #[must_use]
 pub fn normalised(text: &str) -> String {
     words(text).join(" ")
 }
 
-/// Whether a name is a plural: "crackers", "box of crackers" not.
+/// Whether a name is a plural: "crackers", but not "box of crackers".
 #[must_use]
 pub fn is_plural(name: &str) -> bool {
     let noun = [" of ", " with ", " without ", " made "]
@@ -34,11 +34,11 @@ pub fn is_plural(name: &str) -> bool {
     noun.ends_with('s') && !noun.ends_with("ss")
 }
 
-/// Shortest word in which a slip is made or mended, letters.
+/// Shortest word with a typing error or correction, letters.
 const LEAST: usize = 4;
 
-/// The text with a slip in one of its longer words: two letters exchanged, one
-/// left out, or one twice.
+/// The text with a typing error in one of its longer words: two letters exchanged, one
+/// left out, or one repeated.
 pub(crate) fn slip(text: &str, random: &mut Random) -> String {
     let mut parts: Vec<String> = text.split(' ').map(str::to_owned).collect();
     let long = |part: &String| {
@@ -50,7 +50,7 @@ pub(crate) fn slip(text: &str, random: &mut Random) -> String {
         return text.to_owned();
     };
     let mut letters: Vec<char> = parts[chosen].chars().collect();
-    // The first letter stays: people mistype the middle.
+    // The first letter is kept: people mistype the middle.
     let at = 1 + random.index(letters.len() - 2);
     if letters[at].is_ascii_lowercase() && letters[at + 1].is_ascii_lowercase() {
         match random.index(3) {
@@ -65,9 +65,9 @@ pub(crate) fn slip(text: &str, random: &mut Random) -> String {
     parts.join(" ")
 }
 
-/// What a sentence may have been before a slip: itself when every word is known;
-/// else with each unknown word replaced by a known one that is one slip away, at
-/// most `MOST` readings.
+/// Possible sentences before a typing error: itself when every word is known; otherwise
+/// with each unknown word replaced by a known one at distance one, at most `MOST`
+/// readings.
 pub(crate) fn mended(words: &[String], known: &BTreeSet<String>) -> Vec<Vec<String>> {
     const MOST: usize = 16;
     let mut readings: Vec<Vec<String>> = vec![Vec::new()];
@@ -93,8 +93,8 @@ pub(crate) fn mended(words: &[String], known: &BTreeSet<String>) -> Vec<Vec<Stri
     readings
 }
 
-/// Whether one insertion, deletion, replacement or exchange of neighbours makes
-/// one word of the other (Damerau 1964).
+/// Whether one insertion, deletion, replacement or exchange of neighbours converts one
+/// word to the other (Damerau 1964).
 fn is_one_slip(a: &str, b: &str) -> bool {
     let (a, b) = (a.as_bytes(), b.as_bytes());
     if a.len().abs_diff(b.len()) > 1 {
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_slip_is_mended_and_two_are_not() {
+    fn one_typing_error_is_corrected_and_two_are_not() {
         for (a, b, is) in [
             ("mustard", "mustrad", true),
             ("mustard", "mustrd", true),
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn plurals_are_told_by_the_noun_and_not_by_what_follows_it() {
+    fn plurals_depend_on_the_noun_and_not_on_its_complement() {
         for name in ["crackers", "salty crackers"] {
             assert!(is_plural(name), "{name}");
         }
@@ -151,8 +151,8 @@ mod tests {
     }
 
     #[test]
-    fn slips_change_one_word_and_keep_its_beginning() {
-        let mut random = Random::of(1, "slips");
+    fn typing_errors_change_one_word_and_keep_its_beginning() {
+        let mut random = Random::for_purpose(1, "slips");
         for _ in 0..200 {
             let text = "Pick up the mustard bottle";
             let slipped = slip(text, &mut random);

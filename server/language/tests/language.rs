@@ -5,11 +5,13 @@ mod made_up;
 
 use std::collections::BTreeSet;
 
-use made_up::{Draws, grammar, home, scene};
-use wheelarm_language::{Answer, Grammar, Meaning, Options, Parser, Split, Verb, normalised, say};
+use made_up::{TestRandom, grammar, home, scene};
+use wheelarm_language::{
+    Answer, Grammar, Meaning, Options, Parser, Split, Verb, generate, normalised,
+};
 
 #[test]
-fn what_is_said_means_what_was_asked() {
+fn generated_sentences_have_the_intended_meaning() {
     let (grammar, home) = (grammar(), home());
     let options = [
         Options::default(),
@@ -30,48 +32,48 @@ fn what_is_said_means_what_was_asked() {
             ..Options::default()
         },
     ];
-    let (mut said, mut ambiguous) = (0, 0);
+    let (mut total, mut ambiguous) = (0, 0);
     for seed in 0..40 {
         let scene = scene(&home, seed);
         let parser = Parser::new(&grammar, &scene);
         for (n, wish) in made_up::wishes(&scene).iter().enumerate() {
             let option = &options[(seed as usize + n) % options.len()];
-            let told = say(&grammar, &scene, wish, option, seed, "test")
-                .unwrap_or_else(|| panic!("nothing is said for {wish:?} with {option:?}"));
-            said += 1;
-            match parser.parse(&told.text) {
+            let sentence = generate(&grammar, &scene, wish, option, seed, "test")
+                .unwrap_or_else(|| panic!("no sentence for {wish:?} with {option:?}"));
+            total += 1;
+            match parser.parse(&sentence.text) {
                 Answer::Clear(meaning) => {
-                    assert!(!told.is_ambiguous(), "{}", told.text);
-                    assert_eq!(meaning, *wish, "{}", told.text);
+                    assert!(!sentence.is_ambiguous(), "{}", sentence.text);
+                    assert_eq!(meaning, *wish, "{}", sentence.text);
                 }
                 Answer::Ambiguous { meanings, question } => {
                     ambiguous += 1;
-                    assert!(meanings.contains(wish), "{}", told.text);
-                    assert_eq!(question, told.question);
+                    assert!(meanings.contains(wish), "{}", sentence.text);
+                    assert_eq!(question, sentence.question);
                 }
-                other => panic!("{:?}: {other:?}", told.text),
+                other => panic!("{:?}: {other:?}", sentence.text),
             }
-            let held_out = grammar.is_held_out(&told.template);
+            let held_out = grammar.is_held_out(&sentence.template);
             match option.split {
-                Split::Train => assert!(!held_out, "{}", told.template),
-                Split::HeldOut => assert!(held_out, "{}", told.template),
+                Split::Train => assert!(!held_out, "{}", sentence.template),
+                Split::HeldOut => assert!(held_out, "{}", sentence.template),
                 Split::Any => {}
             }
         }
     }
     assert!(
-        said > 500 && ambiguous > 20,
-        "{said} said, {ambiguous} ambiguous"
+        total > 500 && ambiguous > 20,
+        "{total} sentences, {ambiguous} ambiguous"
     );
 }
 
 #[test]
-fn the_same_seed_says_the_same_and_another_something_else() {
+fn only_the_same_seed_gives_the_same_sentence() {
     let (grammar, home) = (grammar(), home());
     let scene = scene(&home, 3);
     let wish = made_up::wishes(&scene)[0];
     let of = |seed| {
-        say(&grammar, &scene, &wish, &Options::default(), seed, "x")
+        generate(&grammar, &scene, &wish, &Options::default(), seed, "x")
             .unwrap()
             .text
     };
@@ -81,7 +83,7 @@ fn the_same_seed_says_the_same_and_another_something_else() {
 }
 
 #[test]
-fn the_grammar_is_as_large_as_it_says() {
+fn the_grammar_has_its_documented_size() {
     let grammar = grammar();
     let (templates, held_out) = grammar.template_count();
     assert!(
@@ -93,7 +95,7 @@ fn the_grammar_is_as_large_as_it_says() {
 }
 
 #[test]
-fn names_of_one_split_are_not_those_of_the_other() {
+fn names_of_the_splits_are_disjoint() {
     let (grammar, home) = (grammar(), home());
     let mut by_split = [Split::Train, Split::HeldOut].map(|split| {
         let mut all = BTreeSet::new();
@@ -111,7 +113,7 @@ fn names_of_one_split_are_not_those_of_the_other() {
                 ..Options::default()
             };
             all.insert(normalised(
-                &say(&grammar, &scene, &wish, &options, seed, "x")
+                &generate(&grammar, &scene, &wish, &options, seed, "x")
                     .unwrap()
                     .text,
             ));
@@ -129,7 +131,7 @@ fn names_of_one_split_are_not_those_of_the_other() {
     assert!(!train.iter().any(held));
 }
 
-/// Tasks of the library and what each is about.
+/// Tasks of the library and their targets.
 #[test]
 fn the_sentences_of_the_tasks_are_understood() {
     let (grammar, home) = (grammar(), home());
@@ -162,12 +164,12 @@ fn the_sentences_of_the_tasks_are_understood() {
                 panic!("{task}: {sentence:?} is {:?}", parser.parse(&sentence));
             };
             assert_eq!(meaning.verb, verb, "{sentence}");
-            let name = &scene.things[meaning.target].name;
+            let name = &scene.entities[meaning.target].name;
             match numbered {
                 true => assert!(name.starts_with(object), "{sentence}: {name}"),
                 false => assert_eq!(name, object, "{sentence}"),
             }
-            let goal = meaning.goal.map(|i| scene.things[i].name.as_str());
+            let goal = meaning.goal.map(|i| scene.entities[i].name.as_str());
             let expected = match object {
                 "knife" => Some("placemat"),
                 "teddy_bear" => Some("bear_cushion"),
@@ -180,9 +182,9 @@ fn the_sentences_of_the_tasks_are_understood() {
     assert!(count >= 70, "{count}");
 }
 
-/// By hand: what is asked in the scene of [`made_up::fixed`], or the question.
+/// Hand-written: the meaning in the scene of [`made_up::fixed`], or the question.
 #[test]
-fn fifty_sentences_that_were_written_by_hand() {
+fn fifty_hand_written_sentences_are_understood() {
     let (grammar, home) = (grammar(), home());
     let scene = made_up::fixed(&home);
     let parser = Parser::new(&grammar, &scene);
@@ -192,7 +194,7 @@ fn fifty_sentences_that_were_written_by_hand() {
         .filter(|l| !l.starts_with('#') && !l.is_empty())
     {
         let (sentence, expected) = line.split_once(" => ").expect("sentence => meaning");
-        let name = |i: usize| scene.things[i].name.clone();
+        let name = |i: usize| scene.entities[i].name.clone();
         let found = match parser.parse(sentence) {
             Answer::Clear(m) => {
                 let goal = m.goal.map_or(String::new(), |i| format!(" {}", name(i)));
@@ -212,7 +214,7 @@ fn fifty_sentences_that_were_written_by_hand() {
 }
 
 #[test]
-fn a_mistake_in_a_file_is_told_with_line_key_found_and_allowed() {
+fn errors_in_a_file_include_line_key_value_and_allowed_values() {
     for (file, from, to, line, key, allowed) in [
         (
             "phrases.toml",
@@ -280,18 +282,18 @@ fn a_mistake_in_a_file_is_told_with_line_key_found_and_allowed() {
                 text
             })
         };
-        let told = Grammar::read(&changed).unwrap_err();
+        let error = Grammar::read(&changed).unwrap_err();
         assert_eq!(
-            (told.file.as_str(), told.key.as_str()),
+            (error.file.as_str(), error.key.as_str()),
             (file, key),
-            "{told}"
+            "{error}"
         );
         let text = made_up::text(&format!("language/{file}"));
         let before = text.split(from).next().expect("the text before it");
         let expected = 1 + before.matches('\n').count() + line;
-        assert_eq!(told.line, expected, "{told}");
-        assert!(told.allowed.contains(allowed), "{told}");
-        assert!(!told.found.is_empty(), "{told}");
+        assert_eq!(error.line, expected, "{error}");
+        assert!(error.allowed.contains(allowed), "{error}");
+        assert!(!error.found.is_empty(), "{error}");
     }
     let none = Grammar::read(&|name| {
         (name != "put.toml").then(|| made_up::text(&format!("language/{name}")))
@@ -300,8 +302,8 @@ fn a_mistake_in_a_file_is_told_with_line_key_found_and_allowed() {
 }
 
 #[test]
-fn draws_are_numbers_of_their_own() {
-    let mut draws = Draws::of(1);
+fn random_numbers_differ_and_stay_in_range() {
+    let mut draws = TestRandom::from_seed(1);
     let first: Vec<f64> = (0..3).map(|_| draws.fraction()).collect();
     assert!(first.iter().all(|f| (0.0..1.0).contains(f)) && first[0] != first[1]);
 }

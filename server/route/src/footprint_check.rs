@@ -1,11 +1,11 @@
-//! Footprint check: the chair's outline against the outlines of what stands on
-//! the floor. Plane geometry only; nothing moves here.
+//! Footprint check: the chair's outline against the outlines of bodies on the floor.
+//! Static plane geometry.
 
 use std::f64::consts::{PI, TAU};
 
 use wheelarm_proto::exact;
 
-/// A place of the chair: `wheelchair_root` in `house`.
+/// A pose of the chair: `wheelchair_root` in `house`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose2 {
     /// Metres in `house`.
@@ -27,7 +27,7 @@ impl Pose2 {
         ]
     }
 
-    /// `other` seen from this pose: forward, left, turn.
+    /// `other` relative to this pose: forward, left, rotation.
     #[must_use]
     pub fn to(&self, other: &Self) -> [f64; 3] {
         let (sin, cos) = exact::sin_cos(self.heading);
@@ -84,7 +84,7 @@ pub fn wrap(angle: f64) -> f64 {
 /// A rectangle on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// Middle in `house`, metres.
+    /// Centre in `house`, metres.
     pub centre: [f64; 2],
     /// Half of the length and of the width, metres.
     pub half: [f64; 2],
@@ -93,7 +93,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// Radius of the circle around it, metres.
+    /// Radius of its bounding circle, metres.
     #[must_use]
     pub fn radius(&self) -> f64 {
         exact::hypot(self.half[0], self.half[1])
@@ -106,8 +106,8 @@ impl Rectangle {
             other.centre[0] - self.centre[0],
             other.centre[1] - self.centre[1],
         ];
-        // The squared sum of two radii is at most twice the sum of their squares:
-        // a search asks this often, and a root costs more than all the rest.
+        // The squared sum of two radii is at most twice the sum of their squares: a
+        // search calls this often, and a square root would dominate the cost.
         let squared = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
         if squared(between) > 2.0 * (squared(self.half) + squared(other.half)) {
             return false;
@@ -136,15 +136,15 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Whether it lies within another one.
+    /// Whether it is within another one.
     fn is_within(&self, other: &Outline) -> bool {
         let ([back, front, right, left], others) = (self.sides, other.sides);
         back >= others[0] && front <= others[1] && right >= others[2] && left <= others[3]
     }
 
-    /// The outline at a pose, grown by `margin` on every side.
+    /// The outline at a pose, extended by `margin` on every side.
     #[must_use]
-    pub fn at(&self, pose: &Pose2, margin: f64) -> Rectangle {
+    pub fn rectangle_at(&self, pose: &Pose2, margin: f64) -> Rectangle {
         let [back, front, right, left] = self.sides;
         Rectangle {
             centre: pose.point((back + front) / 2.0, (right + left) / 2.0),
@@ -163,16 +163,16 @@ pub struct Limb {
     pub radius: f64,
 }
 
-/// Height of the slices in which an occupied chair grows by the limbs, metres.
+/// Height of the slices in which an occupied chair is extended by the limbs, metres.
 const SLICE: f64 = 0.1;
-/// Limbs are sampled along their axes every so many metres.
+/// Sampling distance along a limb's axis, metres.
 const LIMB_STEP: f64 = 0.02;
-/// The outline of an empty chair covers a limb that sticks out by less, metres.
+/// Smallest protrusion of a limb beyond the outline of an empty chair, metres.
 const COVERED: f64 = 0.005;
 
 impl Limb {
     /// Bounding rectangle between two heights: x min, x max, y min, y max, metres;
-    /// `None` where the limb does not reach them.
+    /// `None` when the limb does not reach them.
     fn sides(&self, bottom: f64, top: f64) -> Option<[f64; 4]> {
         let [a, b] = self.ends;
         let along = [0, 1, 2].map(|i| b[i] - a[i]);
@@ -199,9 +199,9 @@ impl Limb {
     }
 }
 
-/// Outlines of an occupied chair, bottom up: those of the empty chair, grown in thin
-/// slices by the limbs that stick out of them (knees, shins, feet, elbows).
-/// Without limbs that stick out the outlines stay as they are.
+/// Outlines of an occupied chair, bottom up: those of the empty chair, extended in thin
+/// slices by protruding limbs (knees, shins, feet, elbows). Without protruding limbs
+/// the outlines are unchanged.
 #[must_use]
 pub fn occupied(outlines: &[(f64, Outline)], limbs: &[Limb]) -> Vec<(f64, Outline)> {
     let mut grown: Vec<(f64, Outline)> = Vec::new();
@@ -238,10 +238,10 @@ pub fn occupied(outlines: &[(f64, Outline)], limbs: &[Limb]) -> Vec<(f64, Outlin
     grown
 }
 
-/// What the chair's footprint must not touch.
+/// Obstacles of the chair's footprint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FootprintCheck {
-    /// The robot by height, bottom up, with what stands there.
+    /// The robot by height, bottom up, with the obstacles at each level.
     pub levels: Vec<Level>,
 }
 
@@ -254,18 +254,18 @@ pub struct Level {
     pub top: f64,
     /// Its outline.
     pub outline: Outline,
-    /// What it must not touch with that outline.
+    /// Obstacles for that outline.
     pub obstacles: Vec<Rectangle>,
 }
 
-/// Lower than this is floor, metres.
+/// Height below which a body is part of the floor, metres.
 const FLOOR: f64 = 0.03;
 
 impl FootprintCheck {
-    /// A robot on a free floor: its outlines, bottom up, each with the height up
-    /// to which it holds, metres.
+    /// A robot on a free floor: its outlines, bottom up, each with its upper height,
+    /// metres.
     #[must_use]
-    pub fn of(outlines: impl IntoIterator<Item = (f64, Outline)>) -> Self {
+    pub fn from_outlines(outlines: impl IntoIterator<Item = (f64, Outline)>) -> Self {
         let mut bottom = FLOOR;
         let levels = outlines.into_iter().map(|(top, outline)| Level {
             bottom: std::mem::replace(&mut bottom, top),
@@ -278,18 +278,17 @@ impl FootprintCheck {
         }
     }
 
-    /// Whether the chair with `margin` around it touches nothing at `pose`.
+    /// Whether the chair with `margin` around it is collision-free at `pose`.
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, margin: f64) -> bool {
         self.levels.iter().all(|level| {
-            let outline = level.outline.at(pose, margin);
+            let outline = level.outline.rectangle_at(pose, margin);
             !level.obstacles.iter().any(|o| o.overlaps(&outline))
         })
     }
 
-    /// Puts in what stands between two heights, metres: it is held against the
-    /// robot at every level that it reaches, but not at those whose outline lies
-    /// within that of another one.
+    /// Adds an obstacle between two heights, metres. It is checked at every level that
+    /// it reaches, except at those whose outline is within that of another one.
     pub fn put(&mut self, obstacle: Rectangle, [low, high]: [f64; 2]) {
         let meets = |level: &Level| low <= level.top && high > level.bottom;
         let met: Vec<Outline> = self
@@ -306,7 +305,7 @@ impl FootprintCheck {
         }
     }
 
-    /// Box around all obstacles: x min, x max, y min, y max, metres.
+    /// Bounding box of all obstacles: x min, x max, y min, y max, metres.
     #[must_use]
     pub fn bounds(&self) -> [f64; 4] {
         let start = [
@@ -343,25 +342,27 @@ mod tests {
     }
 
     #[test]
-    fn turned_rectangles_overlap_only_where_they_do() {
+    fn rotated_rectangles_overlap_exactly() {
         let unit = rectangle([0.0, 0.0], [0.5, 0.5], 0.0);
         let turned = |x: f64| rectangle([x, 0.0], [0.5, 0.5], PI / 4.0);
-        // The corner of the turned one lies 0.7071 from its middle.
+        // The corner of the rotated one is 0.7071 from its centre.
         assert!(unit.overlaps(&turned(1.2)));
         assert!(!unit.overlaps(&turned(1.21)));
-        // Beside each other's corners: the boxes around them overlap, they do not.
+        // Beside each other's corners: the bounding boxes overlap, the rectangles do
+        // not.
         let corner = rectangle([0.95, 0.95], [0.5, 0.5], PI / 4.0);
         assert!(!unit.overlaps(&corner));
     }
 
     #[test]
-    fn knees_grow_the_outline_at_their_height_only() {
+    fn knees_extend_the_outline_only_at_their_height() {
         let sides = |front| Outline {
             sides: [-0.2, front, -0.3, 0.4],
         };
         let empty = [(0.33, sides(0.8)), (0.93, sides(0.5)), (1.5, sides(0.98))];
         assert_eq!(occupied(&empty, &[]), empty);
-        // A thigh that ends 0.12 m before the seat, 0.55 to 0.65 m over the floor.
+        // A thigh that ends 0.12 m in front of the seat, 0.55 to 0.65 m above the
+        // floor.
         let thigh = Limb {
             ends: [[0.1, 0.1, 0.6], [0.57, 0.1, 0.6]],
             radius: 0.05,
@@ -377,10 +378,10 @@ mod tests {
             "{grown:?}"
         );
         assert!((front_at(0.6) - 0.62).abs() < 1e-9);
-        // A table top at the height of the knees is an obstacle before the seat, one
-        // above them is not.
+        // A table top at the height of the knees is an obstacle in front of the seat,
+        // one above them is not.
         let top_at = |z: f64| {
-            let mut check = FootprintCheck::of(grown.iter().copied());
+            let mut check = FootprintCheck::from_outlines(grown.iter().copied());
             check.put(rectangle([0.75, 0.0], [0.16, 0.5], 0.0), [z, z + 0.02]);
             check.is_free(
                 &Pose2 {
@@ -395,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn rolling_a_quarter_circle_ends_beside() {
+    fn rolling_a_quarter_circle_ends_to_the_side() {
         let start = Pose2 {
             x: 1.0,
             y: 2.0,

@@ -1,13 +1,12 @@
-//! The chair's path: hybrid A* over straights, arcs and turns on the spot that
-//! keeps the footprint free of everything that stands on the floor.
+//! The chair's path: hybrid A* over straights, arcs and turns on the spot that keeps
+//! the footprint free of all bodies on the floor.
 //!
-//! Dolgov, Thrun, Montemerlo and Diebel 2010, "Path Planning for Autonomous
-//! Vehicles in Unknown Semi-structured Environments": poses stay continuous,
-//! each cell of (x, y, heading) keeps its cheapest one, and every expanded node
-//! also tries to reach the goal analytically. Unlike there the chair turns on the
-//! spot, so the expansion is an arc between straights or a straight between
-//! turns, not a Reeds-Shepp curve; the heuristic is the straight distance, and
-//! nothing is smoothed afterwards.
+//! Dolgov, Thrun, Montemerlo and Diebel 2010, "Path Planning for Autonomous Vehicles in
+//! Unknown Semi-structured Environments": poses are continuous, each cell of (x, y,
+//! heading) keeps its cheapest node, and every expanded node also tries an analytic
+//! expansion to the goal. Unlike there the chair turns on the spot, so the expansion is
+//! an arc between straights or a straight between turns, not a Reeds-Shepp curve; the
+//! heuristic is the straight distance, and the path is not smoothed.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -33,7 +32,7 @@ pub enum Segment {
 }
 
 impl Segment {
-    /// Pose after the part `share` (0 to 1) of the segment.
+    /// Pose after the share `share` (0 to 1) of the segment.
     #[must_use]
     pub fn after(&self, start: &Pose2, share: f64) -> Pose2 {
         match *self {
@@ -42,7 +41,7 @@ impl Segment {
         }
     }
 
-    /// Whether the chair stays free on it, looking every 5 cm or 5°.
+    /// Whether the chair is collision-free along it, sampled every 5 cm or 5°.
     fn is_free(&self, start: &Pose2, nearby: &Nearby<'_>) -> bool {
         let steps = match *self {
             Self::Turn(angle) => (angle.abs() / 0.09).ceil(),
@@ -53,7 +52,7 @@ impl Segment {
         (1..=steps as usize).all(|i| nearby.is_free(&self.after(start, i as f64 / steps)))
     }
 
-    /// Rough seconds that it takes.
+    /// Estimated duration, s.
     fn cost(&self) -> f64 {
         match *self {
             Self::Turn(angle) => angle.abs() / 0.5,
@@ -65,26 +64,26 @@ impl Segment {
     }
 }
 
-/// How a path may look.
+/// Preferences for a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathPreferences {
     /// Radius of arcs, metres.
     pub radius: f64,
-    /// Room that is kept around the outline where start and goal leave it, metres.
+    /// Clearance around the outline if start and goal allow it, metres.
     pub margin: f64,
 }
 
-/// Seconds lost by stopping between rolling and turning on the spot.
+/// Time lost by stopping between rolling and turning on the spot, s.
 const STOP_COST: f64 = 1.5;
-/// Seconds that a change of curvature counts: fewer bends look and track better.
+/// Cost of a change of curvature, s: fewer bends track better.
 const BEND_COST: f64 = 0.3;
 /// Cell of the search, metres.
 const CELL: f64 = 0.1;
 /// Headings of the search.
 const HEADINGS: i64 = 24;
-/// So much more the way that is left counts where any path will do.
+/// Weight of the heuristic when any path is sufficient.
 const GREED: f64 = 4.0;
-/// Greatest number of poses looked at.
+/// Largest number of expanded poses.
 const LIMIT: usize = 60_000;
 
 type Cell = (i64, i64, i64);
@@ -114,7 +113,7 @@ impl PartialOrd for OpenNode {
     }
 }
 impl Ord for OpenNode {
-    // The heap gives its greatest: the least rank, then the oldest node.
+    // The heap returns its greatest element: the smallest rank, then the oldest node.
     fn cmp(&self, other: &Self) -> Ordering {
         other
             .rank
@@ -123,16 +122,16 @@ impl Ord for OpenNode {
     }
 }
 
-/// A path of the chair and the rough seconds that it takes.
+/// A path of the chair and its estimated duration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrivePath {
     /// Segments in their order.
     pub segments: Vec<Segment>,
-    /// Seconds, with a charge for stops and bends.
+    /// Seconds, including costs of stops and bends.
     pub cost: f64,
 }
 
-/// Searches a quick path from `start` to `goal`, 60,000 nodes at most; `None` when
+/// Searches a fast path from `start` to `goal`, with at most 60,000 nodes; `None` when
 /// none is found.
 #[must_use]
 pub fn search(
@@ -144,9 +143,8 @@ pub fn search(
     weighted(footprint, start, goal, preferences, 1.0, LIMIT)
 }
 
-/// Whether there is any path from `start` to `goal`, be it slow, as far as `limit`
-/// nodes tell. It looks ahead greedily (weighted A*), and so asks far fewer nodes
-/// than [`search`].
+/// Whether any path from `start` to `goal` is found within `limit` nodes, even a slow
+/// one. The search is greedy (weighted A*) and expands far fewer nodes than [`search`].
 #[must_use]
 pub fn has_path(
     footprint: &FootprintCheck,
@@ -158,7 +156,7 @@ pub fn has_path(
     rough_path(footprint, start, goal, preferences, limit).is_some()
 }
 
-/// A path from `start` to `goal`, be it slow, found as [`has_path`] asks for it.
+/// A path from `start` to `goal`, possibly slow, found like in [`has_path`].
 #[must_use]
 pub fn rough_path(
     footprint: &FootprintCheck,
@@ -170,7 +168,7 @@ pub fn rough_path(
     weighted(footprint, start, goal, preferences, GREED, limit)
 }
 
-/// The search, with the way that is left counted `weight` times.
+/// The search with the heuristic multiplied by `weight`.
 fn weighted(
     footprint: &FootprintCheck,
     start: Pose2,
@@ -179,7 +177,8 @@ fn weighted(
     weight: f64,
     limit: usize,
 ) -> Option<DrivePath> {
-    // A stop, or the place where the chair stands, may leave less room than is liked.
+    // A stop, or the present pose of the chair, may allow less clearance than
+    // preferred.
     let margin = [preferences.margin, preferences.margin / 2.0, 0.0]
         .into_iter()
         .find(|margin| footprint.is_free(&start, *margin) && footprint.is_free(&goal, *margin))?;
@@ -318,7 +317,8 @@ fn analytic_expansions(
     });
     let [forward, left, turn] = pose.to(goal);
     if turn.abs() > 0.05 && turn.abs() < 2.6 {
-        // The lines of both headings meet `ahead` of the pose and `back` before the goal.
+        // The lines of both headings intersect `ahead` of the pose and `back` before
+        // the goal.
         let back = left / exact::sin(turn);
         let ahead = forward - back * exact::cos(turn);
         let tangent = preferences.radius * exact::tan(turn.abs() / 2.0);
@@ -342,7 +342,7 @@ fn analytic_expansions(
     expansions
 }
 
-/// Cost of `segments` after `last`, or `None` when something is in the way.
+/// Cost of `segments` after `last`, or `None` for a collision.
 fn price(
     nearby: &Nearby<'_>,
     start: &Pose2,
@@ -436,7 +436,7 @@ mod tests {
         heading: -std::f64::consts::FRAC_PI_2,
     };
 
-    /// Follows a path and asserts that it is free and ends at the goal.
+    /// Follows a path and asserts that it is collision-free and ends at the goal.
     fn check(footprint: &FootprintCheck, goal: Pose2) -> Vec<Segment> {
         let path = search(footprint, START, goal, &PREFERENCES)
             .unwrap()
@@ -449,14 +449,14 @@ mod tests {
             }
             pose = segment.after(&pose, 1.0);
         }
-        // Pieces below a millimetre are left out.
+        // Segments below a millimetre are dropped.
         assert!(pose.distance(&goal) < 2e-3, "{pose:?} instead of {goal:?}");
         assert!(wrap(pose.heading - goal.heading).abs() < 2e-3);
         path
     }
 
     #[test]
-    fn an_open_room_needs_one_smooth_arc_and_a_narrow_one_still_has_a_path() {
+    fn an_open_room_needs_one_arc_and_a_narrow_one_has_a_path() {
         let table = wall([-9.35, -8.55], [0.8, 3.0]);
         let goal = Pose2 {
             x: -7.71,
@@ -469,7 +469,7 @@ mod tests {
                 .all(|segment| matches!(segment, Segment::Roll { .. })),
             "{path:?}"
         );
-        // A sofa across the direct path leaves only the path around it.
+        // A sofa across the direct path leaves only the detour.
         let sofa = wall([-8.2, -6.2], [2.2, 2.35]);
         let goal = Pose2 { y: 1.3, ..goal };
         check(&room(vec![table, sofa]), goal);

@@ -1,6 +1,5 @@
-//! Footprint check for searches that ask it thousands of times: obstacles are
-//! sorted into cells, and only those of the chair's cell are looked at. The answer
-//! is that of [`FootprintCheck::is_free`].
+//! A fast footprint check for searches: obstacles are sorted into cells, and only those
+//! of the chair's cell are checked. The result is that of [`FootprintCheck::is_free`].
 
 use super::footprint_check::{FootprintCheck, Outline, Pose2, Rectangle};
 
@@ -19,7 +18,7 @@ struct Level<'a> {
     corner: [f64; 2],
     /// Cells along x and y.
     count: [usize; 2],
-    /// What an outline with its middle in the cell can touch.
+    /// Obstacles that an outline with its centre in the cell can touch.
     cells: Vec<Vec<Rectangle>>,
     all: &'a [Rectangle],
 }
@@ -37,7 +36,7 @@ impl<'a> Nearby<'a> {
             heading: 0.0,
         };
         let levels = footprint.levels.iter().map(|level| {
-            let reach = level.outline.at(&origin, margin).radius();
+            let reach = level.outline.rectangle_at(&origin, margin).radius();
             let cell = |i: usize| {
                 let at = |low: f64, k: usize| low + (k as f64 + 0.5) * CELL;
                 let around = Rectangle {
@@ -62,10 +61,10 @@ impl<'a> Nearby<'a> {
         }
     }
 
-    /// Whether the chair touches nothing at `pose`.
+    /// Whether the chair is collision-free at `pose`.
     pub(super) fn is_free(&self, pose: &Pose2) -> bool {
         self.levels.iter().all(|level| {
-            let outline = level.outline.at(pose, self.margin);
+            let outline = level.outline.rectangle_at(pose, self.margin);
             let near = level.near(outline.centre);
             !near.iter().any(|o| o.overlaps(&outline))
         })
@@ -91,9 +90,9 @@ mod tests {
     use wheelarm_proto::exact;
 
     #[test]
-    fn the_cells_answer_as_the_whole_check_does() {
+    fn cells_give_the_result_of_the_complete_check() {
         let outline = |sides| Outline { sides };
-        let mut footprint = FootprintCheck::of([
+        let mut footprint = FootprintCheck::from_outlines([
             (0.32, outline([-0.2, 0.8, -0.3, 0.4])),
             (1.5, outline([-0.2, 1.0, -0.3, 0.5])),
         ]);

@@ -1,5 +1,4 @@
-//! Oriented bounding boxes (OBB), some of them cylinders: what things are to a
-//! planner.
+//! Oriented bounding boxes (OBB), some of them cylinders: objects for a planner.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::exact;
@@ -9,11 +8,11 @@ use super::footprint_check::Rectangle;
 /// An oriented bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Obb {
-    /// Pose of the middle, in `house` or in an object's frame.
+    /// Pose of the centre, in `house` or in an object's frame.
     pub pose: Isometry3<f64>,
     /// Half extents, metres.
     pub half: Vector3<f64>,
-    /// It is a cylinder about its own z axis, with `half.x` as radius.
+    /// Whether it is a cylinder about its own z axis, with `half.x` as radius.
     pub round: bool,
 }
 
@@ -34,7 +33,7 @@ impl Obb {
         outside.map(|v| v.max(0.0)).norm()
     }
 
-    /// Radius of the ball around it, metres.
+    /// Radius of its bounding sphere, metres.
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.half.norm()
@@ -67,7 +66,7 @@ impl Obb {
         }
     }
 
-    /// Outline on the floor: exact for upright boxes, else the box around it.
+    /// Outline on the floor: exact for upright boxes, otherwise the bounding rectangle.
     #[must_use]
     pub fn rectangle(&self) -> Rectangle {
         let up = self.pose.rotation * Vector3::z();

@@ -1,26 +1,26 @@
-//! What a video coder leaves of a picture: 8×8 blocks of a cosine transform in
-//! luma and, at half the size, chroma, each coefficient in whole steps. The step
-//! follows from the bit rate, picture by picture. Nothing is coded here: the bits
-//! that an entropy coder would take are estimated.
+//! Model of a video codec: 8×8 blocks of a cosine transform in luma and, at half the
+//! size, chroma, with quantised coefficients. The quantisation step follows the bit
+//! rate, image by image. No stream is produced: the bits of an entropy coder are
+//! estimated.
 //!
-//! Four blocks go through at a time, one in each lane: a band of 32×16 pixels is
-//! two squares of 16×16, four blocks of luma above as many, and two of blue beside
-//! two of red.
+//! Four blocks are processed at a time, one in each lane: a band of 32×16 pixels is two
+//! squares of 16×16, four blocks of luma above as many, and two of blue beside two of
+//! red.
 
 use wheelarm_proto::exact;
 use wide::{f32x4, i32x4};
 
 use crate::transform::{Blocks, EMPTY, backward, factor, forward};
 
-/// More than there are steps of a mean: what is cut off is what lies below.
+/// Larger than the number of steps of a mean, so that truncation rounds down.
 const MEANS: f32 = 16384.0;
-/// Bits of a block without coefficients. A coefficient of one step takes 4 more,
-/// and two for each binary digit beyond the first.
+/// Bits of a block without coefficients. A coefficient of one step takes 4 more, and
+/// two for each binary digit beyond the first.
 const BITS_OF_BLOCK: f32 = 0.5;
-/// Magnitudes beyond take as many bits as this one.
+/// Larger magnitudes take as many bits as this one.
 const DIGITS: f32 = 63.0;
-/// A coefficient counts from this part of a step on: two thirds, as H.264's
-/// reference coder rounds in pictures of their own.
+/// Rounding offset of a coefficient: it counts from two thirds of a step, as in intra
+/// frames of H.264's reference encoder.
 const ROUND: f32 = 1.0 / 3.0;
 /// Finest and coarsest step, levels of 255.
 const STEPS: (f64, f64) = (0.5, 120.0);
@@ -28,31 +28,31 @@ const STEPS: (f64, f64) = (0.5, 120.0);
 const SQUARE: usize = 16;
 /// Columns of a band: two squares.
 const BAND: usize = 2 * SQUARE;
-/// Bytes of a line of it, so that four can be read from each pixel on.
+/// Bytes of a line, padded so that four can be read at each pixel.
 const PADDED: usize = 3 * BAND + 4;
 
-/// ITU-R BT.601, all levels: shares of red, green and blue in luma, and of the
+/// ITU-R BT.601, full range: shares of red, green and blue in luma, and of the
 /// differences in chroma, with a quarter for each of four pixels.
 const LUMA: [f32; 3] = [0.299, 0.587, 0.114];
 const CHROMA: [f32; 2] = [0.25 * 0.564, 0.25 * 0.713];
 
-/// Takes pictures through a coder and back.
+/// Encodes and decodes images.
 #[derive(Clone, Debug)]
 pub(crate) struct Coder {
-    /// The step in force, levels of 255.
+    /// Present quantisation step, levels of 255.
     step: f64,
 }
 
-/// What a step makes of scaled coefficients.
+/// Scale factors of a quantisation step.
 struct Steps {
-    /// Steps of one scaled coefficient.
+    /// Steps per scaled coefficient.
     up: [[f32; 8]; 8],
-    /// Scaled coefficient of one step, for the way back.
+    /// Scaled coefficient per step, for decoding.
     down: [[f32; 8]; 8],
 }
 
 impl Steps {
-    fn of(step: f64) -> Self {
+    fn from_step(step: f64) -> Self {
         let each = |of: &dyn Fn(f64) -> f64| {
             std::array::from_fn(|v| std::array::from_fn(|u| of(factor(v, u)) as f32))
         };
@@ -62,10 +62,10 @@ impl Steps {
         }
     }
 
-    /// Blocks through transform, steps and back; the bits that each took.
+    /// Transforms, quantises and restores blocks; returns the bits of each.
     fn pass(&self, blocks: &mut Blocks) -> [f32; 4] {
         forward(blocks);
-        // The mean is kept finer: it is what is predicted best.
+        // The mean has a finer step: it is predicted best.
         let finer = blocks[0][0] * f32x4::splat(2.0 * self.up[0][0]);
         let finer = (finer + f32x4::splat(MEANS + 0.5)).fast_trunc_int();
         let finer = finer.round_float() - f32x4::splat(MEANS);
@@ -77,8 +77,8 @@ impl Steps {
                 let (up, down) = (f32x4::splat(self.up[v][u]), f32x4::splat(self.down[v][u]));
                 let level = (c.abs() * up + f32x4::splat(ROUND)).fast_trunc_int();
                 let level = level.round_float();
-                // The exponent of a whole number is how many digits it has beyond
-                // the first; that of zero is least.
+                // The exponent of an integer is its number of digits beyond the first;
+                // that of zero is smallest.
                 let counted: i32x4 = bytemuck::cast(level.fast_min(f32x4::splat(DIGITS)));
                 let digits = (counted >> 23) - i32x4::splat(125);
                 let below: i32x4 = digits >> 31;
@@ -97,21 +97,21 @@ impl Steps {
     }
 }
 
-/// A band: luma above and below, and chroma, blue in the first two lanes. Lanes of
-/// luma are the left half of each square, then the right half.
+/// A band: luma above and below, and chroma, blue in the first two lanes. Lanes of luma
+/// are the left half of each square, then the right half.
 struct Band {
     luma: [Blocks; 2],
     chroma: Blocks,
 }
 
-/// Column of a band that stands in a lane at a place of its block.
+/// Column of a band for a lane and a position in its block.
 #[inline]
 fn column(lane: usize, x: usize) -> usize {
     SQUARE * (lane % 2) + 8 * (lane / 2) + x
 }
 
 impl Band {
-    /// Takes a line of RGB8 apart.
+    /// Converts a line of RGB8.
     #[inline]
     fn take(&mut self, y: usize, line: &[[u8; 3]; BAND]) {
         let luma = &mut self.luma[y / 8][y % 8];
@@ -155,7 +155,7 @@ impl Band {
         }
     }
 
-    /// Puts a line back together.
+    /// Converts a line back.
     #[inline]
     fn put(&self, y: usize, line: &mut [[u8; 3]; BAND]) {
         let luma = &self.luma[y / 8][y % 8];
@@ -171,7 +171,7 @@ impl Band {
                 b * f32x4::splat(1.773),
             ];
             for x in [2 * half, 2 * half + 1] {
-                // Half a level up: what follows cuts off.
+                // Half a level up, because the conversion truncates.
                 let level = luma[x] + f32x4::splat(128.5);
                 let byte = |colour: f32x4| {
                     let level = (level + colour).fast_max(f32x4::ZERO);
@@ -196,18 +196,18 @@ impl Coder {
         Self { step: 6.0 }
     }
 
-    /// Begins anew.
+    /// Resets the codec.
     pub fn restart(&mut self) {
         self.step = 6.0;
     }
 
-    /// Codes an RGB8 picture and decodes it in place; `bits` is what it may take.
-    /// Returns the bits that it took.
+    /// Encodes and decodes an RGB8 image in place with a budget of `bits`. Returns the
+    /// bits used.
     pub fn pass(&mut self, rgb: &mut [u8], [width, height]: [usize; 2], bits: f64) -> f64 {
         if width == 0 {
             return 0.0;
         }
-        let steps = Steps::of(self.step);
+        let steps = Steps::from_step(self.step);
         let (pixels, _) = rgb.as_chunks_mut::<3>();
         let count = (width * height).min(pixels.len());
         let mut taken = 0.0_f64;
@@ -216,15 +216,15 @@ impl Coder {
                 taken += f64::from(pass_band(&steps, rows, width, from));
             }
         }
-        // Halfway to the step that would have done.
+        // Halfway to the step that would have met the budget.
         let wanted = self.step * exact::powf((taken / bits).clamp(0.1, 10.0), 0.5);
         self.step = wanted.clamp(STEPS.0, STEPS.1);
         taken
     }
 }
 
-/// Takes a band of rows through the coder, from a column on; the bits that it took.
-/// What lies beyond an edge repeats it.
+/// Processes a band of rows, starting at a column, and returns its bits. Pixels beyond
+/// an edge repeat it.
 fn pass_band(steps: &Steps, rows: &mut [[u8; 3]], width: usize, from: usize) -> f32 {
     let to = (from + BAND).min(width);
     let height = (rows.len() / width).max(1);
@@ -275,8 +275,8 @@ fn pass_band(steps: &Steps, rows: &mut [[u8; 3]], width: usize, from: usize) -> 
 mod tests {
     use super::*;
 
-    /// Grey, with detail of every size.
-    fn picture() -> Vec<u8> {
+    /// Grey, with detail at every scale.
+    fn image() -> Vec<u8> {
         let at = |x: usize, y: usize| [((x * x / 8 + y * 5 + (x * y) % 7 * 6) % 200 + 20) as u8; 3];
         (0..48)
             .flat_map(|y| (0..64).flat_map(move |x| at(x, y)))
@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grey_picture_comes_back_but_for_the_steps() {
+    fn a_grey_image_is_restored_up_to_the_steps() {
         let grey: Vec<u8> = (0..64 * 48)
             .flat_map(|i: usize| [(100 + i % 64 + i / 64) as u8; 3])
             .collect();
@@ -301,25 +301,25 @@ mod tests {
     }
 
     #[test]
-    fn bits_settle_at_what_is_asked_and_fewer_cost_more_error() {
+    fn bits_converge_to_the_budget_and_fewer_bits_give_larger_errors() {
         let mut errors = Vec::new();
-        let usual = Coder::new().pass(&mut picture(), [64, 48], 1.0);
+        let usual = Coder::new().pass(&mut image(), [64, 48], 1.0);
         for bits in [0.8 * usual, 0.4 * usual] {
             let mut coder = Coder::new();
             let mut taken = 0.0;
             let mut passed = Vec::new();
             for _ in 0..30 {
-                passed = picture();
+                passed = image();
                 taken = coder.pass(&mut passed, [64, 48], bits);
             }
             assert!((taken / bits - 1.0).abs() < 0.15, "{taken} of {bits}");
-            errors.push(error(&picture(), &passed));
+            errors.push(error(&image(), &passed));
         }
         assert!(errors[0] + 1.0 < errors[1], "{errors:?}");
     }
 
     #[test]
-    fn a_size_that_is_no_multiple_of_16_is_taken() {
+    fn any_size_is_accepted() {
         let mut rgb: Vec<u8> = vec![90; 3 * 37 * 21];
         Coder::new().pass(&mut rgb, [37, 21], 1000.0);
         assert!(rgb.iter().all(|v| v.abs_diff(90) <= 3));

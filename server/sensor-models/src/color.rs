@@ -1,46 +1,46 @@
-//! A colour camera: exposure that follows the scene, white balance, photon and
-//! read noise, tone, video coding, and the time until the picture arrives.
+//! A colour camera: automatic exposure, white balance, photon and read noise, tone
+//! curve, video coding, and latency.
 //!
-//! Not modelled: motion blur and rolling shutter (one exact picture knows only one
-//! instant), the mosaic of the colour filter, lens distortion.
+//! Not modelled: motion blur and rolling shutter (an exact image is one instant), the
+//! colour filter mosaic, lens distortion.
 
 use wheelarm_proto::exact;
 
 use crate::block::Coder;
 use crate::delay::Delay;
 use crate::error::{BadParameter, Bounds};
+use crate::exact_image::{Exact, Lens};
 use crate::noise::{NormalTape, Random};
 use crate::parameters::Section;
-use crate::picture::{Exact, Lens};
 
 /// Parameters of a colour camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorParameters {
-    /// Mean linear level that exposure aims at, 0 to 1.
+    /// Mean linear level targeted by the exposure, 0 to 1.
     pub exposure_target: f64,
-    /// Share of the way to it per picture.
+    /// Share of the correction per image.
     pub exposure_speed: f64,
-    /// Least and greatest gain of exposure over the exact picture.
+    /// Smallest and largest gain of exposure over the exact image.
     pub exposure_range: [f64; 2],
-    /// Deviation of the gains of red and blue, as a part.
+    /// Relative standard deviation of the gains of red and blue.
     pub white_balance: f64,
-    /// Exponent of the tone curve over that of sRGB.
+    /// Exponent of the tone curve relative to that of sRGB.
     pub gamma: f64,
     /// Electrons of a full pixel at gain 1.
     pub full_well: f64,
-    /// Deviation of an empty pixel, electrons.
+    /// Standard deviation of an empty pixel, electrons.
     pub read_noise: f64,
-    /// Of the coded video, bit/s; 0 for none.
+    /// Bit rate of the coded video, bit/s; 0 for none.
     pub bit_rate: f64,
-    /// Pictures per second for which the bit rate holds, Hz.
+    /// Frame rate for which the bit rate is defined, Hz.
     pub coded_rate: f64,
-    /// How many times fewer bits the coder needs because it knows the picture before.
+    /// Factor by which prediction from the previous image reduces the bits.
     pub coding_gain: f64,
-    /// Pictures per second, Hz.
+    /// Images per second, Hz.
     pub rate: f64,
-    /// Of the first exposure, s.
+    /// Time of the first exposure, s.
     pub phase: f64,
-    /// From exposure to arrival.
+    /// Latency from exposure to arrival.
     pub age: Delay,
 }
 
@@ -65,18 +65,18 @@ impl ColorParameters {
     }
 }
 
-/// Levels of the pixel before the tone curve.
+/// Linear levels of a pixel before the tone curve.
 const LEVELS: usize = 1 << 12;
-/// From here to twice as much an f32 tells whole numbers apart and no more.
+/// From here to twice as much an f32 has no fractional bits.
 const WHOLE: f32 = (1 << 23) as f32;
 
-/// A colour camera at work.
+/// State of a colour camera.
 #[derive(Clone, Debug)]
 pub struct ColorModel {
     parameters: ColorParameters,
     seed: u64,
     strength: f64,
-    /// Made with the first picture, whose rows tell how much is read of it.
+    /// Created with the first image, whose width determines its length.
     tape: Option<(usize, NormalTape)>,
     /// Linear value of each sRGB level.
     linear: [f64; 256],
@@ -84,14 +84,14 @@ pub struct ColorModel {
     tone: Box<[u8; LEVELS]>,
     /// Gains of red, green and blue of this specimen.
     balance: [f64; 3],
-    /// Exposure over the exact picture; `None` before the first picture.
+    /// Exposure over the exact image; `None` before the first image.
     gain: Option<f64>,
     coder: Coder,
 }
 
 impl ColorModel {
-    /// A camera whose noise follows from `seed`, `strength` times as bad as its
-    /// parameters say.
+    /// A camera whose noise depends on `seed`, with `strength` times the errors of its
+    /// parameters.
     #[must_use]
     pub fn new(parameters: ColorParameters, seed: u64, strength: f64) -> Self {
         let mut random = Random::new(seed, [0, u64::MAX]);
@@ -122,14 +122,14 @@ impl ColorModel {
         &self.parameters
     }
 
-    /// Begins anew: exposure and coder know no picture.
+    /// Resets exposure and codec.
     pub fn restart(&mut self) {
         self.gain = None;
         self.coder.restart();
     }
 
-    /// The picture, sRGB, 3 bytes per pixel, as large as the exact one.
-    pub fn picture(&mut self, exact: &Exact<'_>) -> Vec<u8> {
+    /// The image, sRGB, 3 bytes per pixel, with the size of the exact one.
+    pub fn image(&mut self, exact: &Exact<'_>) -> Vec<u8> {
         let gain = self.expose(exact.rgb);
         let p = &self.parameters;
         // Electrons of a full level: more gain, fewer electrons.
@@ -163,7 +163,7 @@ impl ColorModel {
                     let (level, deviation) = tables[k][usize::from(from[k])];
                     let noisy = level + deviation * noise[k];
                     let noisy = noisy.clamp(0.0, (LEVELS - 1) as f32);
-                    // Its lowest bits are the nearest whole number.
+                    // Its lowest bits are the nearest integer.
                     let level = (noisy + WHOLE).to_bits() as usize;
                     to[k] = self.tone[level % LEVELS];
                 }
@@ -177,7 +177,7 @@ impl ColorModel {
         out
     }
 
-    /// The gain of this picture, a step from that of the one before.
+    /// The gain of this image, a step from the previous one.
     fn expose(&mut self, rgb: &[u8]) -> f64 {
         let p = &self.parameters;
         let (pixels, _) = rgb.as_chunks::<3>();

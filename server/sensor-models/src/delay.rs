@@ -1,5 +1,4 @@
-//! How late a sample is: a truncated normal distribution, and lines in which
-//! things wait for their time.
+//! Latencies of samples: a truncated normal distribution, and queues of delayed items.
 
 use std::collections::VecDeque;
 
@@ -10,12 +9,12 @@ use crate::parameters::Section;
 /// Ticks per second.
 const TICKS: f64 = wheelarm_proto::PHYSICS_HZ as f64;
 
-/// A distribution of delays: normal, cut at both ends.
+/// A distribution of delays: a truncated normal one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Delay {
     /// Mean of the normal distribution, s.
     pub mean: f64,
-    /// Its deviation, s.
+    /// Its standard deviation, s.
     pub deviation: f64,
     /// Shortest delay, s.
     pub least: f64,
@@ -46,7 +45,7 @@ impl Delay {
         })
     }
 
-    /// All of it longer or shorter.
+    /// Scales all delays.
     #[must_use]
     pub fn times(self, strength: f64) -> Self {
         Self {
@@ -57,7 +56,7 @@ impl Delay {
         }
     }
 
-    /// One delay, ticks of 1/240 s: drawn again and again until it is in the range.
+    /// A sampled delay, ticks of 1/240 s: resampled until it is within the range.
     pub fn ticks(&self, random: &mut Random) -> u64 {
         let mut seconds = self.mean;
         for _ in 0..64 {
@@ -70,7 +69,7 @@ impl Delay {
     }
 }
 
-/// Things on their way, in order: nothing overtakes.
+/// Delayed items, in order: none overtakes another.
 #[derive(Clone, Debug)]
 pub struct DelayLine<T> {
     waiting: VecDeque<(u64, T)>,
@@ -87,21 +86,21 @@ impl<T> Default for DelayLine<T> {
 }
 
 impl<T> DelayLine<T> {
-    /// Sends a thing that is to arrive at tick `due`, or with the one before it.
-    /// Answers when it arrives.
-    pub fn send(&mut self, due: u64, thing: T) -> u64 {
+    /// Adds an item that is due at tick `due`, or together with the previous one.
+    /// Returns its time of arrival.
+    pub fn send(&mut self, due: u64, item: T) -> u64 {
         self.last = self.last.max(due);
-        self.waiting.push_back((self.last, thing));
+        self.waiting.push_back((self.last, item));
         self.last
     }
 
-    /// As [`DelayLine::send`], at least a tick after the one before it.
-    pub fn send_after(&mut self, due: u64, thing: T) -> u64 {
+    /// As [`DelayLine::send`], at least a tick after the previous one.
+    pub fn send_after(&mut self, due: u64, item: T) -> u64 {
         let next = if self.last == 0 { due } else { self.last + 1 };
-        self.send(due.max(next), thing)
+        self.send(due.max(next), item)
     }
 
-    /// The next thing that has arrived by tick `now`, and when it did.
+    /// The next item that has arrived by tick `now`, and its time of arrival.
     pub fn arrived(&mut self, now: u64) -> Option<(u64, T)> {
         let &(due, _) = self.waiting.front()?;
         if due <= now {
@@ -111,18 +110,18 @@ impl<T> DelayLine<T> {
         }
     }
 
-    /// What is on its way, in its order.
+    /// Delayed items, in order.
     pub fn waiting(&mut self) -> impl Iterator<Item = &mut T> {
-        self.waiting.iter_mut().map(|(_, thing)| thing)
+        self.waiting.iter_mut().map(|(_, item)| item)
     }
 
-    /// Whether nothing is on its way.
+    /// Whether no item is delayed.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }
 
-    /// Forgets what is on its way.
+    /// Drops all delayed items.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
@@ -133,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn delays_have_the_stated_mean_and_spread() {
+    fn delays_have_the_given_mean_and_spread() {
         let delay = Delay {
             mean: 0.12,
             deviation: 0.02,
@@ -148,7 +147,7 @@ mod tests {
                 .collect();
             let mean = all.iter().sum::<f64>() / all.len() as f64;
             let variance = all.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / all.len() as f64;
-            // Rounding to ticks adds 1/12 of a tick squared, next to nothing.
+            // Rounding to ticks adds a negligible 1/12 of a tick squared.
             assert!((mean / (0.12 * strength) - 1.0).abs() < 0.01, "mean {mean}");
             let deviation = variance.sqrt() / (0.02 * strength);
             assert!((deviation - 1.0).abs() < 0.05, "deviation {deviation}");
@@ -162,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_overtakes() {
+    fn no_item_overtakes_another() {
         let mut line = DelayLine::default();
         assert_eq!(line.send(10, 'a'), 10);
         assert_eq!(line.send(8, 'b'), 10);

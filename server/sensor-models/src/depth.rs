@@ -1,36 +1,37 @@
-//! A stereo depth camera: the exact depth through its own lens and from its own place,
-//! with what matching the images of two eyes makes of it.
+//! A stereo depth camera: exact depth through its own lens and mount, with the errors
+//! of stereo matching.
 //!
-//! The image is not registered to the color camera. Drivers of such cameras publish depth
-//! in the lens of the depth sensor (`depth/image_raw` of ros_kortex_vision) and register
-//! it on request, which clients can do with the intrinsics and the pose of each image.
-//! Registered depth loses what the wider lens sees; depth made from the color camera's
-//! image would lack it from the start.
+//! The image is not registered to the color camera. Drivers of such cameras publish
+//! depth in the lens of the depth sensor (`depth/image_raw` of ros_kortex_vision) and
+//! register it on request; clients can do so with the intrinsics and the pose of each
+//! image. Registered depth loses the view outside the color camera's lens, and depth
+//! from the color camera's image would never have it.
 //!
-//! Disparity d = f·b/z carries the noise, so that depth has σ = z²·σ_d/(f·b). Matching
-//! adds up costs over a square window, which neighboring pixels share: the noise is the
-//! mean of independent values over that window, its autocorrelation falls linearly to 0
-//! at the window's side. The second eye stands `baseline` to the right: what it does not
+//! The noise is in the disparity d = f·b/z, so that depth has σ = z²·σ_d/(f·b).
+//! Matching sums costs over a square window that neighboring pixels share: the noise is
+//! the mean of independent values over that window, and its autocorrelation decreases
+//! linearly to 0 at the window's side. The second camera is `baseline` to the right:
+//! points that it does not see have no return.
 //! see has no return.
 
 use crate::delay::Delay;
 use crate::error::{BadParameter, Bounds};
+use crate::exact_image::{Exact, Lens};
 use crate::noise::{NormalTape, Random};
 use crate::parameters::Section;
-use crate::picture::{Exact, Lens};
 use crate::surface::Surface;
 
 /// Parameters of a depth camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthParameters {
-    /// Its lens, through which its exact images are rendered.
+    /// Its lens, used to render its exact images.
     pub lens: Lens,
-    /// Place of its optical frame in that of the color camera, m: x right, y
-    /// down, z forward; not turned.
+    /// Position of its optical frame in that of the color camera, m: x right, y down, z
+    /// forward; without rotation.
     pub offset: [f64; 3],
-    /// Distance of its two eyes, m.
+    /// Distance of its two cameras, m.
     pub baseline: f64,
-    /// Deviation of the disparity, pixels.
+    /// Standard deviation of the disparity, pixels.
     pub disparity_noise: f64,
     /// Side of the matching window over which the noise is correlated, pixels.
     pub window: usize,
@@ -38,21 +39,21 @@ pub struct DepthParameters {
     pub disparity_step: f64,
     /// Nearest and farthest return, m.
     pub range: [f64; 2],
-    /// Share of pixels at an edge that lie between near and far.
+    /// Share of pixels at an edge with a depth between near and far.
     pub flying: f64,
     /// Share of pixels at an edge without return.
     pub edge_holes: f64,
-    /// A step of the disparity that is an edge, pixels.
+    /// Step of the disparity that counts as an edge, pixels.
     pub edge: f64,
     /// Share without return by surface, in the order of [`Surface::ALL`].
     pub holes: [f64; Surface::ALL.len()],
-    /// Side of the blocks that have a return or none together, pixels.
+    /// Side of the blocks that lose their return together, pixels.
     pub hole_size: f64,
-    /// Pictures per second, Hz.
+    /// Images per second, Hz.
     pub rate: f64,
-    /// Of the first exposure, s.
+    /// Time of the first exposure, s.
     pub phase: f64,
-    /// From exposure to arrival.
+    /// Latency from exposure to arrival.
     pub age: Delay,
 }
 
@@ -90,33 +91,33 @@ impl DepthParameters {
     }
 }
 
-/// A depth camera at work.
+/// State of a depth camera.
 #[derive(Clone, Debug)]
 pub struct DepthModel {
     parameters: DepthParameters,
     seed: u64,
     tape: NormalTape,
-    /// Deviation of the disparity at the strength, pixels.
+    /// Standard deviation of the disparity at the strength, pixels.
     noise: f32,
-    /// Shares at the strength, of all 2¹⁶.
+    /// Shares at the strength, in units of 2⁻¹⁶.
     flying: u64,
     edge_holes: u64,
     holes: [u64; Surface::ALL.len()],
 }
 
-/// Nearer than this is no depth, m.
+/// Smallest depth, m.
 const NEAREST: f32 = 0.01;
 
-/// From here to twice as much an f32 tells whole numbers apart and no more: what is
-/// added to it is the nearest whole number in its lowest bits.
+/// From here to twice as much an f32 has no fractional bits: adding a number leaves the
+/// nearest integer in the lowest bits.
 const WHOLE: f32 = (1 << 23) as f32;
 
-/// Tells the bits of a pixel at an edge from those of a row.
+/// Separates the random bits of a pixel at an edge from those of a row.
 const EDGE: u64 = 1 << 63;
 
 impl DepthModel {
-    /// A camera whose noise follows from `seed`, `strength` times as bad as its
-    /// parameters say.
+    /// A camera whose noise depends on `seed`, with `strength` times the errors of its
+    /// parameters.
     #[must_use]
     pub fn new(parameters: DepthParameters, seed: u64, strength: f64) -> Self {
         let of_all = |share: f64| ((share * strength).min(1.0) * 65536.0) as u64;
@@ -138,8 +139,9 @@ impl DepthModel {
     }
 
     /// The image, little-endian u16 millimetres along the optical axis, 0 for no
-    /// return, of an exact one through the lens of the parameters. `surfaces` gives the
-    /// class of each instance id. All 0 where the exact image has another size.
+    /// return, from an exact one through the lens of the parameters. `surfaces`
+    /// contains the class of each instance ID. All 0 when the exact image has another
+    /// size.
     #[must_use]
     pub fn image(&self, exact: &Exact<'_>, surfaces: &[Surface]) -> Vec<u8> {
         let p = &self.parameters;
@@ -155,7 +157,7 @@ impl DepthModel {
         let row_of = |y: usize, into: &mut [f32]| {
             for (d, depth) in into.iter_mut().zip(&depths[y * width..]) {
                 let z = f32::from_le_bytes(*depth);
-                // No depth is no disparity.
+                // No depth means no disparity.
                 *d = if z > NEAREST { span / z } else { 0.0 };
             }
         };
@@ -190,14 +192,13 @@ impl DepthModel {
     }
 
     /// Independent noise of a row, each value the mean over `window` columns with
-    /// deviation 1.
+    /// standard deviation 1.
     fn row_noise(&self, tick: u64, row: usize, width: usize) -> &[f32] {
         let bits = Random::new(self.seed, [tick, row as u64]).bits();
         self.tape.read(bits, width)
     }
 
-    /// Which classes of surface have no return in a row of blocks, a bit each, by
-    /// column.
+    /// Surface classes without return in a row of blocks, one bit each, by column.
     fn lose(&self, tick: u64, row: usize, lost: &mut [u8]) {
         let block = (self.parameters.hole_size as usize).max(1);
         for (column, lost) in lost.chunks_mut(block).enumerate() {
@@ -208,7 +209,7 @@ impl DepthModel {
         }
     }
 
-    /// At edges some pixels have no return, others lie between near and far.
+    /// At edges some pixels have no return, others a depth between near and far.
     fn smear(&self, tick: u64, y: usize, jumps: &[f32], disparity: &mut [f32]) {
         const EIGHT: usize = 8;
         let chunks = jumps.chunks(EIGHT).zip(disparity.chunks_mut(EIGHT));
@@ -244,19 +245,18 @@ impl DepthModel {
         for ((pixel, d), noise) in pixels.iter_mut().zip(disparity).zip(noise) {
             let noisy = (d + self.noise * noise).max(0.0);
             let whole = (noisy * over + WHOLE) - WHOLE;
-            let told = if step > 0.0 { step * whole } else { noisy };
-            let z = span / told;
-            let is_told = (*d > 0.0) & (z >= least) & (z <= most);
-            // Infinite or not, its limit is 16 bits.
+            let rounded = if step > 0.0 { step * whole } else { noisy };
+            let z = span / rounded;
+            let is_valid = (*d > 0.0) & (z >= least) & (z <= most);
+            // Finite or not, the conversion saturates at 16 bits.
             let millimetres = (z.min(65.535) * 1000.0 + WHOLE).to_bits();
-            *pixel = (if is_told { millimetres as u16 } else { 0 }).to_le_bytes();
+            *pixel = (if is_valid { millimetres as u16 } else { 0 }).to_le_bytes();
         }
     }
 }
 
-/// By how much the disparity differs from that of the neighbour, to the right or
-/// below, that it differs most from; 0 where that is no edge. Tells whether there
-/// are any.
+/// Largest difference of the disparity to the right or lower neighbour; 0 when it is
+/// not an edge. Returns whether there are any.
 fn edges(disparity: &[f32], below: &[f32], edge: f32, jumps: &mut [f32]) -> bool {
     let jump_of = |d: f32, right: f32, below: f32| {
         let (beside, under) = (right - d, below - d);
@@ -280,11 +280,11 @@ fn edges(disparity: &[f32], below: &[f32], edge: f32, jumps: &mut [f32]) -> bool
     any != 0
 }
 
-/// The disparity of the pixels of a row that have a return, 0 for the others: those
-/// that the second eye does not see, because what is nearer stands before them or
-/// they lie beyond its image's left edge, and those whose class is lost.
+/// The disparity of the pixels of a row with a return, 0 for the others: pixels that
+/// the second camera does not see, because they are occluded or beyond its image's left
+/// border, and those whose class has no return.
 fn shadow(disparity: &[f32], classes: &[u8], lost: &[u8], left: &mut [f32]) {
-    // Leftmost place in the second image that something nearer has taken.
+    // Leftmost position in the second image covered by a nearer surface.
     let mut taken = f32::INFINITY;
     let all = disparity.iter().zip(classes).zip(lost).zip(left);
     for (x, (((d, class), lost), left)) in all.enumerate().rev() {
@@ -297,8 +297,8 @@ fn shadow(disparity: &[f32], classes: &[u8], lost: &[u8], left: &mut [f32]) {
     }
 }
 
-/// Noise of one row after the other, each the mean over a window of rows, with
-/// deviation 1. Rows are added and taken away: rounding stays below 1e-4.
+/// Noise row by row, each the mean over a window of rows, with standard deviation 1.
+/// Rows are added and subtracted: the rounding error stays below 1e-4.
 struct RunningMean<'a> {
     model: &'a DepthModel,
     tick: u64,
@@ -330,7 +330,7 @@ impl<'a> RunningMean<'a> {
         }
     }
 
-    /// Of the next row, which is `y`.
+    /// Noise of row `y`, which must be the next one.
     fn row(&mut self, y: usize) -> &[f32] {
         let window = self.model.parameters.window.max(1);
         self.add(y + window - 1, 1.0);

@@ -1,4 +1,4 @@
-//! Joint encoders, torque sensors and the position of a gripper: in steps, with
+//! Joint encoders, torque sensors and the position of a gripper, with quantisation and
 //! noise.
 
 use crate::error::{BadParameter, Bounds};
@@ -10,13 +10,13 @@ use crate::parameters::Section;
 pub struct EncoderParameters {
     /// Step of a joint position, rad.
     pub position_step: f64,
-    /// Offset of each joint's zero, deviation, rad.
+    /// Offset of each joint's zero, standard deviation, rad.
     pub zero: f64,
-    /// Noise of a joint velocity, deviation, rad/s.
+    /// Noise of a joint velocity, standard deviation, rad/s.
     pub velocity_noise: f64,
-    /// Noise of a joint torque, deviation, N·m.
+    /// Noise of a joint torque, standard deviation, N·m.
     pub torque_noise: f64,
-    /// Offset of a joint torque, deviation, N·m.
+    /// Offset of a joint torque, standard deviation, N·m.
     pub torque_offset: f64,
     /// Step of the gripper's opening, m.
     pub opening_step: f64,
@@ -35,7 +35,7 @@ impl EncoderParameters {
     }
 }
 
-/// What is true of the arm, from base to hand, and of the gripper.
+/// True state of the arm, from base to hand, and of the gripper.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Joints {
     /// rad.
@@ -48,7 +48,7 @@ pub struct Joints {
     pub opening: f64,
 }
 
-/// Encoders at work. Without a state: a sample follows from tick and truth.
+/// The encoder model. Stateless: a sample depends only on tick and true state.
 #[derive(Clone, Debug)]
 pub struct Encoders {
     parameters: EncoderParameters,
@@ -57,8 +57,8 @@ pub struct Encoders {
 }
 
 impl Encoders {
-    /// Sensors whose noise follows from `seed`, `strength` times as bad as their
-    /// parameters say.
+    /// Sensors whose noise depends on `seed`, with `strength` times the errors of their
+    /// parameters.
     #[must_use]
     pub fn new(parameters: EncoderParameters, seed: u64, strength: f64) -> Self {
         Self {
@@ -68,12 +68,12 @@ impl Encoders {
         }
     }
 
-    /// What they tell at a tick.
+    /// The measured values at a tick.
     #[must_use]
     pub fn measure(&self, tick: u64, truth: &Joints) -> Joints {
         let (p, k) = (&self.parameters, self.strength);
         let mut noise = Random::new(self.seed, [tick, 1]);
-        // Of this specimen, and of this joint.
+        // Constant per specimen and joint.
         let fixed = |joint: usize, what: u64| {
             Random::new(self.seed, [u64::MAX - what, joint as u64]).normal()
         };
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_come_in_steps_and_torques_with_the_stated_noise() {
+    fn positions_are_quantised_and_torques_have_the_given_noise() {
         let truth = Joints {
             positions: vec![0.12345, -1.5],
             velocities: vec![0.1, 0.0],
@@ -135,10 +135,10 @@ mod tests {
         let encoders = Encoders::new(parameters(), 3, 1.0);
         let all: Vec<_> = (0..4000).map(|t| encoders.measure(t, &truth)).collect();
         for sample in &all {
-            for (told, exact) in sample.positions.iter().zip(&truth.positions) {
-                let steps = told / 0.001;
+            for (measured, exact) in sample.positions.iter().zip(&truth.positions) {
+                let steps = measured / 0.001;
                 assert!((steps - steps.round()).abs() < 1e-6);
-                assert!((told - exact).abs() < 0.01);
+                assert!((measured - exact).abs() < 0.01);
             }
         }
         let torque: Vec<f64> = all.iter().map(|s| s.efforts[0]).collect();

@@ -1,11 +1,10 @@
-//! What is wrong with a parameter file: file, line, key, what was found, what is
-//! allowed.
+//! Errors in a parameter file: file, line, key, value found, allowed values.
 
 use std::fmt;
 
-/// A mistake in a parameter file.
+/// An error in a parameter file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{line}: `{key}` is {found}, allowed is {allowed}")]
+#[error("{file}:{line}: `{key}` is {found}; allowed: {allowed}")]
 pub struct BadParameter {
     /// Path below the assets folder.
     pub file: String,
@@ -13,13 +12,13 @@ pub struct BadParameter {
     pub line: usize,
     /// The key, for example `depth.baseline`.
     pub key: String,
-    /// What stands there.
+    /// Value found.
     pub found: String,
-    /// What may stand there, and so the cure.
+    /// Allowed values.
     pub allowed: String,
 }
 
-/// Least and greatest value of a parameter, in its unit.
+/// Smallest and largest value of a parameter, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds(pub f64, pub f64);
 

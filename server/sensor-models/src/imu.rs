@@ -1,18 +1,18 @@
-//! An inertial measurement unit: white noise and a bias that walks. El-Sheimy, Hou
-//! and Niu 2008: at short times the noise, at long ones the walk.
+//! An inertial measurement unit: white noise and a bias with a random walk (El-Sheimy,
+//! Hou and Niu 2008). The noise dominates at short times, the walk at long ones.
 
 use crate::error::{BadParameter, Bounds};
 use crate::noise::Random;
 use crate::parameters::Section;
 
-/// Parameters of one of its two triads.
+/// Parameters of one triad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriadParameters {
     /// Density of the white noise, unit/√Hz.
     pub density: f64,
-    /// Bias when it is switched on, deviation, unit.
+    /// Bias after switching on, standard deviation, unit.
     pub bias: f64,
-    /// Walk of the bias, unit/√s.
+    /// Random walk of the bias, unit/√s.
     pub walk: f64,
 }
 
@@ -45,19 +45,19 @@ impl ImuParameters {
 /// Ticks per second.
 const TICKS: f64 = wheelarm_proto::PHYSICS_HZ as f64;
 
-/// An IMU at work.
+/// State of an IMU.
 #[derive(Clone, Debug)]
 pub struct ImuModel {
     parameters: [TriadParameters; 2],
     seed: u64,
     strength: f64,
-    /// Bias of each axis, and the tick at which it was so.
+    /// Bias of each axis, and its tick.
     bias: Option<([[f64; 3]; 2], u64)>,
 }
 
 impl ImuModel {
-    /// An IMU whose noise follows from `seed`, `strength` times as bad as its
-    /// parameters say.
+    /// An IMU whose noise depends on `seed`, with `strength` times the errors of its
+    /// parameters.
     #[must_use]
     pub fn new(parameters: ImuParameters, seed: u64, strength: f64) -> Self {
         Self {
@@ -68,13 +68,13 @@ impl ImuModel {
         }
     }
 
-    /// Switched off and on again.
+    /// Switches it off and on again.
     pub fn restart(&mut self) {
         self.bias = None;
     }
 
-    /// Angular velocity (rad/s) and specific force (m/s²) as it tells them at a
-    /// tick; `rate` is that of its samples, Hz. Ticks must not fall.
+    /// Measured angular velocity (rad/s) and specific force (m/s²) at a tick; `rate` is
+    /// the sample rate, Hz. Ticks must not decrease.
     pub fn measure(&mut self, tick: u64, rate: f64, truth: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
         let (mut bias, last) = self.bias.unwrap_or_else(|| {
             let mut random = Random::new(self.seed, [0, u64::MAX]);
@@ -120,8 +120,8 @@ mod tests {
     fn run(seed: u64, seconds: u64) -> Vec<f64> {
         let mut imu = ImuModel::new(parameters(), seed, 1.0);
         let ticks = (0..seconds * 240).step_by(2);
-        let told = ticks.map(|t| imu.measure(t, 120.0, [[0.0; 3]; 2])[0][1]);
-        told.collect()
+        let samples = ticks.map(|t| imu.measure(t, 120.0, [[0.0; 3]; 2])[0][1]);
+        samples.collect()
     }
 
     /// Allan deviation of samples at 120 Hz, averaged over `seconds`.
@@ -136,15 +136,15 @@ mod tests {
     }
 
     #[test]
-    fn at_short_times_it_is_white_and_at_long_ones_the_bias_walks() {
+    fn noise_is_white_at_short_times_and_a_random_walk_at_long_times() {
         let all = run(5, 6000);
-        // Density/√τ; the walk adds little yet.
+        // Density/√τ; the walk is still negligible.
         let short = allan(&all, 0.025);
         assert!(
             (short / (1e-4 / 0.025_f64.sqrt()) - 1.0).abs() < 0.1,
             "{short}"
         );
-        // K·√(τ/3): four times as long, twice as much.
+        // K·√(τ/3): doubles when the time is four times as long.
         for seconds in [5.0, 20.0] {
             let found = allan(&all, seconds);
             let expected = 1e-3 * (seconds / 3.0_f64).sqrt();
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_seed_gives_the_same_bits_and_a_restart_begins_anew() {
+    fn the_same_seed_gives_the_same_bits_also_after_a_restart() {
         assert_eq!(run(5, 2), run(5, 2));
         assert_ne!(run(5, 2), run(6, 2));
         let mut imu = ImuModel::new(parameters(), 5, 1.0);

@@ -1,11 +1,10 @@
-//! Sensor models: functions from what is true (a picture, joint positions, wheel
-//! angles, the motion of the chair) to what a real sensor would tell of it, with
-//! the parameters of `assets/sensors` and noise that follows from a seed.
+//! Sensor models: functions from true values (an image, joint positions, wheel angles,
+//! the motion of the chair) to the measurements of a real sensor. Their parameters are
+//! in `assets/sensors`, their noise comes from a seed.
 //!
-//! Pure: no clock, no file, no network, no renderer, nothing of the server. The
-//! same truth, parameters and seed give the same bits on any machine: noise comes
-//! from integers and tables, and what is computed per pixel is adding,
-//! multiplying and dividing.
+//! Pure: no clock, no file, no network, no renderer, independent of the server. The
+//! same input, parameters and seed give the same bits on any machine: noise comes from
+//! integers and tables, and per-pixel computations only add, multiply and divide.
 
 mod block;
 pub mod color;
@@ -13,16 +12,16 @@ pub mod delay;
 pub mod depth;
 pub mod encoders;
 mod error;
+pub mod exact_image;
 pub mod imu;
 pub mod model;
 pub mod noise;
 pub mod odometry;
 mod parameters;
-pub mod picture;
 pub mod surface;
 mod transform;
 
 pub use error::{BadParameter, Bounds};
+pub use exact_image::{Exact, Lens};
 pub use model::Model;
-pub use picture::{Exact, Lens};
 pub use surface::{Surface, Surfaces};

@@ -1,4 +1,4 @@
-//! What one parameter file describes: a table for each sensor that it has.
+//! Contents of a parameter file: one table per sensor.
 
 use crate::color::ColorParameters;
 use crate::delay::Delay;
@@ -12,7 +12,7 @@ use crate::parameters::Reader;
 /// Folder of the parameter files, below the assets folder.
 pub const FOLDER: &str = "sensors";
 
-/// Greatest strength of a model; 1 is as its file says.
+/// Largest strength of a model; 1 is as in its file.
 pub const MAX_STRENGTH: f64 = 3.0;
 
 /// Sensors of one device.
@@ -28,16 +28,15 @@ pub struct Model {
     pub odometry: Option<OdometryParameters>,
     /// Encoders, torque sensors and the gripper's position.
     pub encoders: Option<EncoderParameters>,
-    /// From the gate to the control of the robot.
+    /// Latency between the command gate and the robot's control.
     pub command: Option<Delay>,
 }
 
 impl Model {
-    /// Reads the text of a parameter file; `file` is its path below the assets
-    /// folder.
+    /// Parses a parameter file; `file` is its path below the assets folder.
     ///
     /// # Errors
-    /// [`BadParameter`] with file, line, key, what was found and what is allowed.
+    /// [`BadParameter`] with file, line, key, value found and allowed values.
     pub fn read(file: &str, text: &str) -> Result<Self, BadParameter> {
         fn table<T>(
             reader: &mut Reader<'_>,
@@ -64,9 +63,9 @@ impl Model {
         Ok(model)
     }
 
-    /// Whether it takes the pictures of a camera.
+    /// Whether it uses the images of a camera.
     #[must_use]
-    pub fn takes_pictures(&self) -> bool {
+    pub fn uses_images(&self) -> bool {
         self.color.is_some() || self.depth.is_some()
     }
 }
@@ -86,14 +85,14 @@ angle_step = { value = 1e-3, unit = "rad", source = "guess" }
 "#;
 
     #[test]
-    fn a_file_is_read_as_it_stands() {
+    fn a_file_is_parsed() {
         let model = Model::read("sensors/odometry.toml", GOOD).unwrap();
         assert_eq!(model.odometry.unwrap().slip, 0.002);
-        assert!(model.imu.is_none() && !model.takes_pictures());
+        assert!(model.imu.is_none() && !model.uses_images());
     }
 
     #[test]
-    fn a_mistake_is_told_with_line_key_and_cure() {
+    fn errors_include_line_key_and_fix() {
         let cases = [
             (
                 "\"guess: a tyre loses pressure\"",
@@ -145,13 +144,13 @@ angle_step = { value = 1e-3, unit = "rad", source = "guess" }
         for (good, bad, line, key, word) in cases {
             assert!(GOOD.contains(good), "{good}");
             let text = GOOD.replacen(good, bad, 1);
-            let told = Model::read("sensors/odometry.toml", &text)
+            let error = Model::read("sensors/odometry.toml", &text)
                 .unwrap_err()
                 .to_string();
             let place = format!("sensors/odometry.toml:{line}: `{key}`");
             assert!(
-                told.starts_with(&place) && told.contains(word),
-                "{bad}: {told}"
+                error.starts_with(&place) && error.contains(word),
+                "{bad}: {error}"
             );
         }
     }

@@ -1,25 +1,23 @@
-//! Seeded noise: 64 random bits from a counter, and normal variates from a table,
-//! so that a pixel costs a multiplication and the bits are the same everywhere.
+//! Seeded noise: 64 random bits from a counter, and normal variates from a table, so
+//! that a pixel costs one multiplication and the bits are the same everywhere.
 
 use wheelarm_proto::exact;
+use wheelarm_proto::random::{SplitMix64, open_fraction};
 
 /// Entries of the table of the normal distribution.
 const ENTRIES: usize = 1 << 12;
 
-/// Random bits that follow from what they are keyed by: SplitMix64 (Steele, Lea
-/// and Flood 2014).
+/// Random bits that depend only on seed and key (SplitMix64).
 #[derive(Clone, Debug)]
-pub struct Random {
-    state: u64,
-}
+pub struct Random(SplitMix64);
 
 impl Random {
-    /// Bits of one use: a seed, and what else tells uses apart.
+    /// The generator of one use, distinguished by `key`.
     #[must_use]
     pub fn new(seed: u64, key: [u64; 2]) -> Self {
-        let mut random = Self { state: seed };
+        let mut random = Self(SplitMix64(seed));
         for part in key {
-            random.state = random.bits() ^ part.wrapping_mul(0xd6e8_feb8_6659_fd93);
+            random.0 = SplitMix64(random.bits() ^ part.wrapping_mul(0xd6e8_feb8_6659_fd93));
         }
         random
     }
@@ -27,16 +25,12 @@ impl Random {
     /// The next 64 bits.
     #[inline]
     pub fn bits(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
-    /// Uniform in 0 to 1, both out of reach.
+    /// Uniform in 0 to 1, both excluded.
     pub fn uniform(&mut self) -> f64 {
-        ((self.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        open_fraction(self.bits())
     }
 
     /// Standard normal, by Box and Muller (1958).
@@ -46,25 +40,17 @@ impl Random {
     }
 }
 
-/// The number that a name stands for in keys: FNV-1a, 64 bits.
-#[must_use]
-pub fn key_of(name: &str) -> u64 {
-    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
-}
-
-/// Quantiles of the standard normal distribution, as many as 12 bits tell apart:
-/// mean 0, deviation 1, nothing beyond 3.7.
+/// Quantiles of the standard normal distribution, indexed by 12 bits: mean 0, standard
+/// deviation 1, nothing beyond 3.7.
 #[derive(Clone, Debug)]
 pub struct NormalTable(Vec<f32>);
 
 impl NormalTable {
-    /// The table. Its values lie where a fine sum of the density says.
+    /// The table, computed from a fine sum of the density.
     #[must_use]
     pub fn new() -> Self {
-        // The density is summed from -4 to 4 by trapezoids, exp being 1 / e^x by
-        // powf of the pure library.
+        // The density is summed from -4 to 4 by trapezoids; exp is computed as 1 / e^x
+        // by powf of the pure library.
         const STEPS: usize = 1 << 14;
         let at = |i: usize| -4.0 + 8.0 * i as f64 / STEPS as f64;
         let density = |x: f64| exact::powf(std::f64::consts::E, -0.5 * x * x);
@@ -87,10 +73,10 @@ impl NormalTable {
         Self(raw.iter().map(|x| (x / deviation) as f32).collect())
     }
 
-    /// The variate that the lowest 12 bits name.
+    /// The variate indexed by the lowest 12 bits.
     #[inline]
     #[must_use]
-    pub fn at(&self, bits: u64) -> f32 {
+    pub fn variate(&self, bits: u64) -> f32 {
         self.0[(bits & (ENTRIES as u64 - 1)) as usize]
     }
 }
@@ -101,21 +87,21 @@ impl Default for NormalTable {
     }
 }
 
-/// Normal variates in a row, long enough that nobody sees where it begins again:
-/// whoever starts at a random place reads them one after the other.
+/// A long sequence of normal variates that is read from a random position; its length
+/// hides the repetition.
 #[derive(Clone, Debug)]
 pub struct NormalTape(Vec<f32>);
 
-/// Variates of a tape.
+/// Length of a tape.
 const TAPE: usize = 1 << 16;
 
 impl NormalTape {
-    /// A tape that follows from a seed; from it so many can be read at once.
+    /// A tape that depends on a seed; up to `longest` variates can be read at once.
     #[must_use]
     pub fn new(seed: u64, most: usize) -> Self {
         let table = NormalTable::new();
         let mut random = Random::new(seed, [u64::MAX, TAPE as u64]);
-        let mut tape: Vec<f32> = (0..TAPE).map(|_| table.at(random.bits())).collect();
+        let mut tape: Vec<f32> = (0..TAPE).map(|_| table.variate(random.bits())).collect();
         for i in 0..most {
             tape.push(tape[i]);
         }
@@ -123,7 +109,7 @@ impl NormalTape {
     }
 
     /// As [`NormalTape::new`], each variate the mean over `window` neighbors, scaled to
-    /// deviation 1: their correlation falls linearly to 0 at `window`.
+    /// standard deviation 1: their correlation decreases linearly to 0 at `window`.
     #[must_use]
     pub fn averaged(seed: u64, most: usize, window: usize) -> Self {
         let Self(plain) = Self::new(seed, 0);
@@ -133,7 +119,7 @@ impl NormalTape {
         Self((0..TAPE + most).map(|i| mean(i % TAPE)).collect())
     }
 
-    /// `count` variates from a place that random bits name.
+    /// `count` variates from a position given by random bits.
     #[must_use]
     pub fn read(&self, bits: u64, count: usize) -> &[f32] {
         let from = (bits % TAPE as u64) as usize;
@@ -150,7 +136,7 @@ mod tests {
         let table = NormalTable::new();
         let mut random = Random::new(1, [2, 3]);
         let all: Vec<f64> = (0..200_000)
-            .map(|_| f64::from(table.at(random.bits())))
+            .map(|_| f64::from(table.variate(random.bits())))
             .collect();
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let moment = |k: i32| all.iter().map(|x| x.powi(k)).sum::<f64>() / all.len() as f64;
@@ -172,6 +158,5 @@ mod tests {
             assert!(all[..i].iter().all(|b| a != b));
         }
         assert_eq!(first(5, [6, 7]), first(5, [6, 7]));
-        assert_ne!(key_of("gen3_depth"), key_of("gen3_color"));
     }
 }

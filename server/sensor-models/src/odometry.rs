@@ -1,5 +1,5 @@
-//! Wheel odometry with wheels that are not as large, and not as far apart, as the
-//! robot believes, and that slip. Borenstein and Feng 1996.
+//! Wheel odometry with errors of the wheel radii and the track, and with slip
+//! (Borenstein and Feng 1996).
 
 use wheelarm_proto::exact;
 
@@ -10,11 +10,11 @@ use crate::parameters::Section;
 /// Parameters of wheel odometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OdometryParameters {
-    /// Error of each wheel's radius, deviation, as a part.
+    /// Relative error of each wheel's radius, standard deviation.
     pub radius: f64,
-    /// Error of the track, deviation, as a part.
+    /// Relative error of the track, standard deviation.
     pub track: f64,
-    /// Slip of a wheel over a way s: deviation slip·√s, √m.
+    /// Slip of a wheel over a distance s: standard deviation slip·√s, √m.
     pub slip: f64,
     /// Step of a wheel's angle, rad.
     pub angle_step: f64,
@@ -32,9 +32,9 @@ impl OdometryParameters {
     }
 }
 
-/// What odometry tells.
+/// Measured odometry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Told {
+pub struct OdometryReading {
     /// Position in the odometry frame, m.
     pub position: [f64; 2],
     /// Heading, rad.
@@ -45,22 +45,22 @@ pub struct Told {
     pub angular: f64,
 }
 
-/// Odometry at work.
+/// State of the odometry.
 #[derive(Clone, Debug)]
 pub struct OdometryModel {
     parameters: OdometryParameters,
     seed: u64,
     strength: f64,
-    /// Believed radii of the left and the right wheel, and believed track, m.
+    /// Assumed radii of the left and the right wheel, and assumed track, m.
     radii: [f64; 2],
     track: f64,
     last: Option<[f64; 2]>,
-    told: Told,
+    reading: OdometryReading,
 }
 
 impl OdometryModel {
-    /// Odometry of wheels of `radius` that stand `track` apart, m, whose errors
-    /// follow from `seed`, `strength` times as bad as the parameters say.
+    /// Odometry of wheels of `radius` with the given `track`, m, whose errors depend on
+    /// `seed`, with `strength` times the errors of the parameters.
     #[must_use]
     pub fn new(
         parameters: OdometryParameters,
@@ -80,19 +80,19 @@ impl OdometryModel {
             seed,
             strength,
             last: None,
-            told: Told::default(),
+            reading: OdometryReading::default(),
         }
     }
 
-    /// Begins anew where the chair stands.
+    /// Restarts at the chair's pose.
     pub fn restart(&mut self) {
         self.last = None;
-        self.told = Told::default();
+        self.reading = OdometryReading::default();
     }
 
-    /// What it tells after the wheels' angles (rad, unwrapped, left and right) at
-    /// a tick, with their speeds (rad/s).
-    pub fn update(&mut self, tick: u64, angles: [f64; 2], speeds: [f64; 2]) -> Told {
+    /// The reading after the wheels' angles (rad, unwrapped, left and right) at a tick,
+    /// with their speeds (rad/s).
+    pub fn update(&mut self, tick: u64, angles: [f64; 2], speeds: [f64; 2]) -> OdometryReading {
         let step = self.strength * self.parameters.angle_step;
         let angles = angles.map(|a| {
             if step > 0.0 {
@@ -110,16 +110,16 @@ impl OdometryModel {
             };
             let (left, right) = (way(0), way(1));
             let (forward, turn) = ((right + left) / 2.0, (right - left) / self.track);
-            let (sin, cos) = exact::sin_cos(self.told.heading + turn / 2.0);
-            self.told.position[0] += forward * cos;
-            self.told.position[1] += forward * sin;
-            self.told.heading += turn;
+            let (sin, cos) = exact::sin_cos(self.reading.heading + turn / 2.0);
+            self.reading.position[0] += forward * cos;
+            self.reading.position[1] += forward * sin;
+            self.reading.heading += turn;
         }
         self.last = Some(angles);
         let [left, right] = [0, 1].map(|i| speeds[i] * self.radii[i]);
-        self.told.linear = (right + left) / 2.0;
-        self.told.angular = (right - left) / self.track;
-        self.told
+        self.reading.linear = (right + left) / 2.0;
+        self.reading.angular = (right - left) / self.track;
+        self.reading
     }
 }
 
@@ -129,16 +129,16 @@ mod tests {
 
     const WHEELS: [f64; 2] = [0.17, 0.5];
 
-    /// Straight on for some metres, told end.
-    fn straight(parameters: OdometryParameters, seed: u64, metres: f64) -> Told {
+    /// Drives straight for some metres; returns the final reading.
+    fn straight(parameters: OdometryParameters, seed: u64, metres: f64) -> OdometryReading {
         let mut odometry = OdometryModel::new(parameters, WHEELS, seed, 1.0);
         let steps = (metres / 0.01) as u64;
-        let mut told = Told::default();
+        let mut reading = OdometryReading::default();
         for tick in 0..=steps {
             let angle = tick as f64 * 0.01 / WHEELS[0];
-            told = odometry.update(tick, [angle; 2], [1.0; 2]);
+            reading = odometry.update(tick, [angle; 2], [1.0; 2]);
         }
-        told
+        reading
     }
 
     fn deviation(of: impl Fn(u64) -> f64) -> f64 {
@@ -155,7 +155,7 @@ mod tests {
     };
 
     #[test]
-    fn wrong_radii_bend_the_way_in_proportion_and_slip_by_its_root() {
+    fn heading_error_grows_linearly_by_radii_and_with_the_root_by_slip() {
         let radii = OdometryParameters {
             radius: 0.001,
             ..NONE
@@ -168,7 +168,7 @@ mod tests {
             deviation(|seed| straight(parameters, seed, metres).heading)
         };
         for metres in [1.0_f64, 4.0] {
-            // (right - left)/track: two radii, each off by 0.1 %.
+            // (right - left)/track: two radii, each with an error of 0.1 %.
             let expected = 2.0_f64.sqrt() * 0.001 * metres / WHEELS[1];
             let found = heading(radii, metres);
             assert!(
@@ -185,9 +185,9 @@ mod tests {
     }
 
     #[test]
-    fn without_errors_it_tells_the_truth_and_with_them_what_the_seed_says() {
-        let told = straight(NONE, 1, 2.0);
-        assert!((told.position[0] - 2.0).abs() < 1e-9 && told.heading.abs() < 1e-12);
+    fn odometry_is_exact_without_errors_and_depends_on_the_seed() {
+        let reading = straight(NONE, 1, 2.0);
+        assert!((reading.position[0] - 2.0).abs() < 1e-9 && reading.heading.abs() < 1e-12);
         let all = OdometryParameters {
             radius: 0.01,
             track: 0.01,

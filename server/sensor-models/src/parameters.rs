@@ -1,5 +1,5 @@
-//! Reads a parameter file: tables of parameters, each `{ value, unit, source }`.
-//! A parameter without a source is refused: it names one, or says "guess".
+//! Parses a parameter file: tables of parameters, each `{ value, unit, source }`. A
+//! parameter without a source is rejected: it may be "guess".
 
 use std::ops::Range;
 
@@ -8,16 +8,16 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{BadParameter, Bounds};
 
-/// Fewest letters of a source: as many as "guess" has.
+/// Smallest length of a source: that of "guess".
 const SOURCE: usize = 5;
 
-/// A parameter file that is being read.
+/// A parameter file that is being parsed.
 pub(crate) struct Reader<'a> {
     place: Place<'a>,
     tables: DeTable<'a>,
 }
 
-/// One table of it.
+/// One table of the file.
 pub(crate) struct Section<'a> {
     place: Place<'a>,
     name: String,
@@ -45,29 +45,29 @@ impl Place<'_> {
 }
 
 impl<'a> Reader<'a> {
-    /// Takes a file apart. `file` is its path below the assets folder.
+    /// Parses a file; `file` is its path below the assets folder.
     pub fn new(file: &'a str, text: &'a str) -> Result<Self, BadParameter> {
         let place = Place { file, text };
         let mut tables = DeTable::parse(text)
             .map_err(|e| {
                 let at = e.span().unwrap_or(0..0);
-                let found = format!("not readable: {}", e.message());
+                let found = format!("invalid TOML: {}", e.message());
                 place.bad("(file)", &at, found, "TOML")
             })?
             .into_inner();
         for key in ["origin", "license"] {
-            let told = tables.remove(key);
-            let at = told.as_ref().map_or(0..0, Spanned::span);
-            let told = told.as_ref().and_then(|v| v.as_ref().as_str());
-            if told.unwrap_or_default().trim().is_empty() {
-                let allowed = "where the parameters come from, and their licence";
+            let entry = tables.remove(key);
+            let at = entry.as_ref().map_or(0..0, Spanned::span);
+            let entry = entry.as_ref().and_then(|v| v.as_ref().as_str());
+            if entry.unwrap_or_default().trim().is_empty() {
+                let allowed = "the origin of the parameters, and their licence";
                 return Err(place.bad(key, &at, "absent or empty".to_owned(), allowed));
             }
         }
         Ok(Self { place, tables })
     }
 
-    /// Takes a table out, where the file has it.
+    /// Takes a table, if the file has it.
     pub fn section(&mut self, name: &str) -> Result<Option<Section<'a>>, BadParameter> {
         let Some(value) = self.tables.remove(name) else {
             return Ok(None);
@@ -87,7 +87,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Refuses what nobody took.
+    /// Rejects unused tables.
     pub fn end(self, known: &str) -> Result<(), BadParameter> {
         match self.tables.keys().next() {
             None => Ok(()),
@@ -105,13 +105,13 @@ impl<'a> Section<'a> {
         self.place.bad(&key, at, found, allowed)
     }
 
-    /// Names of the parameters that nobody took yet.
+    /// Names of the parameters that are not used yet.
     pub fn keys(&self) -> Vec<String> {
         let keys = self.entries.keys();
         keys.map(|key| key.as_ref().to_string()).collect()
     }
 
-    /// The value of a parameter whose unit is `unit`, and where it stands.
+    /// The value of a parameter with the unit `unit`, and its place.
     fn take(&mut self, key: &str, unit: &str) -> Result<(DeValue<'a>, Range<usize>), BadParameter> {
         const FORM: &str = "{ value = …, unit = \"…\", source = \"…\" }";
         let Some(entry) = self.entries.remove(key) else {
@@ -131,7 +131,7 @@ impl<'a> Section<'a> {
             value.and_then(|v| v.as_str().map(str::to_owned))
         };
         let (value, source) = (entry.remove("value"), text(entry.remove("source")));
-        let told = text(entry.remove("unit"));
+        let given_unit = text(entry.remove("unit"));
         if let Some(other) = entry.keys().next() {
             let found = format!("with a key `{}`", other.as_ref());
             return Err(self.bad(key, &other.span(), found, FORM));
@@ -142,8 +142,8 @@ impl<'a> Section<'a> {
             let allowed = "a source, or \"guess\" and why";
             return Err(self.bad(key, &at, found, allowed));
         }
-        if told.as_deref() != Some(unit) {
-            let found = format!("in {:?}", told.unwrap_or_default());
+        if given_unit.as_deref() != Some(unit) {
+            let found = format!("in {:?}", given_unit.unwrap_or_default());
             return Err(self.bad(key, &at, found, &format!("in {unit:?}")));
         }
         match value {
@@ -162,7 +162,7 @@ impl<'a> Section<'a> {
             .ok_or_else(|| self.bad(key, &at, words(&value), &format!("{bounds} ({unit})")))
     }
 
-    /// So many numbers within bounds.
+    /// `N` numbers within bounds.
     pub fn numbers<const N: usize>(
         &mut self,
         key: &str,
@@ -184,14 +184,14 @@ impl<'a> Section<'a> {
         all.ok_or_else(|| self.bad(key, &at, words(&value), &allowed))
     }
 
-    /// Refuses parameters that nobody took.
+    /// Rejects unused parameters.
     pub fn end(self) -> Result<(), BadParameter> {
         match self.entries.keys().next() {
             None => Ok(()),
             Some(key) => Err(self.bad(
                 key.as_ref(),
                 &key.span(),
-                "a parameter that this model has not".to_owned(),
+                "a parameter that this model does not have".to_owned(),
                 "none of this name: correct it, or leave it out",
             )),
         }

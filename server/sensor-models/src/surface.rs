@@ -1,5 +1,5 @@
-//! What an infrared stereo camera gets back from a surface: a class per material,
-//! and per instance of a scene the class of most of what is seen of it.
+//! Response of a surface to an infrared stereo camera: a class per material, and per
+//! instance of a scene the class with the largest visible area.
 
 use std::collections::BTreeMap;
 
@@ -9,16 +9,16 @@ use crate::parameters::Reader;
 /// Classes of surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Surface {
-    /// Scatters light: most things.
+    /// Scatters light: most surfaces.
     #[default]
     Matte,
-    /// Lets light through.
+    /// Transmits light.
     Glass,
-    /// Shows what stands before it.
+    /// Reflects its environment.
     Mirror,
     /// Curved and shiny metal.
     Chrome,
-    /// Swallows light.
+    /// Absorbs light.
     Black,
 }
 
@@ -45,7 +45,7 @@ impl Surface {
     }
 }
 
-/// Where the table of materials stands, below the assets folder.
+/// Path of the table of materials, below the assets folder.
 pub const FILE: &str = "sensors/surfaces.toml";
 
 /// The table of materials: the class of each that is not matte.
@@ -53,8 +53,8 @@ pub const FILE: &str = "sensors/surfaces.toml";
 pub struct Surfaces(BTreeMap<String, Surface>);
 
 impl Surfaces {
-    /// Reads the text of `sensors/surfaces.toml`: tables `glass`, `mirror`,
-    /// `chrome` and `black`, of materials with their share of the class, 0 or 1.
+    /// Parses `sensors/surfaces.toml`: tables `glass`, `mirror`, `chrome` and `black`,
+    /// with materials and their share of the class, 0 or 1.
     ///
     /// # Errors
     /// [`BadParameter`] with file, line and key.
@@ -78,22 +78,22 @@ impl Surfaces {
 
     /// The class of a material.
     #[must_use]
-    pub fn of(&self, material: &str) -> Surface {
+    pub fn class_of(&self, material: &str) -> Surface {
         self.0.get(material).copied().unwrap_or_default()
     }
 
-    /// Materials that the table names.
+    /// Materials in the table.
     pub fn materials(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }
 
-    /// The class of an instance that shows materials with areas: the class of
-    /// the greatest area.
+    /// The class of an instance, given its materials and their areas: that of the
+    /// largest area.
     #[must_use]
     pub fn of_instance<'a>(&self, shown: impl IntoIterator<Item = (&'a str, f64)>) -> Surface {
         let mut areas = [0.0; Surface::ALL.len()];
         for (material, area) in shown {
-            areas[self.of(material) as usize] += area;
+            areas[self.class_of(material) as usize] += area;
         }
         let mut best = Surface::Matte;
         for class in Surface::ALL {

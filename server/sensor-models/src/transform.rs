@@ -1,6 +1,6 @@
-//! The cosine transform of 8×8 blocks by Arai, Agui and Nakajima (1988), four
-//! blocks at a time, one in each lane: five multiplications for eight values. What
-//! it leaves out is a factor per coefficient, which [`factor`] tells.
+//! The cosine transform of 8×8 blocks by Arai, Agui and Nakajima (1988), four blocks at
+//! a time, one in each lane: five multiplications for eight values. Coefficients are
+//! scaled by [`factor`].
 
 use wheelarm_proto::exact;
 use wide::f32x4;
@@ -8,10 +8,10 @@ use wide::f32x4;
 /// Four blocks, by row and column.
 pub(crate) type Blocks = [[f32x4; 8]; 8];
 
-/// No blocks yet.
+/// Zero blocks.
 pub(crate) const EMPTY: Blocks = [[f32x4::ZERO; 8]; 8];
 
-/// cos(π/4), cos(3π/8), and what else the flow graph multiplies by.
+/// cos(π/4), cos(3π/8), and the other constants of the flow graph.
 const FORWARD: [f32; 4] = [
     std::f32::consts::FRAC_1_SQRT_2,
     0.382_683_43,
@@ -25,8 +25,8 @@ const BACKWARD: [f32; 4] = [
     2.613_126,
 ];
 
-/// By how much more [`forward`] gives of coefficient (v, u) than the orthonormal
-/// transform, and by how much less [`backward`] wants of it, times 8.
+/// Scale of coefficient (v, u) in the output of [`forward`] relative to the orthonormal
+/// transform; [`backward`] expects the inverse scale. Times 8.
 pub(crate) fn factor(v: usize, u: usize) -> f64 {
     let of = |k: usize| match k {
         0 => 1.0,
@@ -43,7 +43,7 @@ pub(crate) fn forward(blocks: &mut Blocks) {
     columns(blocks, forward_line);
 }
 
-/// Blocks of scaled coefficients, in place.
+/// Blocks from scaled coefficients, in place.
 pub(crate) fn backward(blocks: &mut Blocks) {
     columns(blocks, backward_line);
     for row in blocks.iter_mut() {
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn coefficients_are_those_of_the_definition_by_their_factor() {
+    fn coefficients_match_the_definition_up_to_their_factor() {
         let (given, mut made) = (blocks(), blocks());
         forward(&mut made);
         let cos = |x: usize, u: usize| {
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_back_gives_the_blocks() {
+    fn the_inverse_transform_restores_the_blocks() {
         let (given, mut made) = (blocks(), blocks());
         forward(&mut made);
         // Over 8 f to the orthonormal coefficient, times f / 8 to the scaled one.

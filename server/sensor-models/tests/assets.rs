@@ -1,5 +1,4 @@
-//! The parameter files that ship: each can be read, says something, and names
-//! materials that there are.
+//! The bundled parameter files: each is valid, not empty, and names existing materials.
 
 use std::path::{Path, PathBuf};
 
@@ -29,18 +28,18 @@ fn every_file_is_a_model_with_a_source_for_every_parameter() {
     names.sort();
     assert!(names.len() >= 6, "{names:?}");
 
-    // What a source is, the reader decides; that it asks for one is shown here.
+    // The parser requires a source.
     let whole = text("sensors/imu.toml");
     for line in whole.lines().filter(|l| l.contains("source = \"")) {
         let source = line.split("source = \"").nth(1).unwrap();
         let without = whole.replacen(source, "\" }", 1);
-        let told = Model::read("sensors/imu.toml", &without).unwrap_err();
-        assert!(told.to_string().contains("source"), "{told}");
+        let error = Model::read("sensors/imu.toml", &without).unwrap_err();
+        assert!(error.to_string().contains("source"), "{error}");
     }
 }
 
 #[test]
-fn surfaces_are_of_materials_that_there_are() {
+fn surfaces_refer_to_existing_materials() {
     let surfaces = Surfaces::read(&text(surface::FILE)).unwrap();
     let materials = text("materials/home.toml");
     for name in surfaces.materials() {
@@ -48,9 +47,9 @@ fn surfaces_are_of_materials_that_there_are() {
         assert!(materials.contains(&line), "no material {name} in home.toml");
     }
     for class in &Surface::ALL[1..] {
-        assert!(surfaces.materials().any(|m| surfaces.of(m) == *class));
+        assert!(surfaces.materials().any(|m| surfaces.class_of(m) == *class));
     }
-    // Most of what is seen decides.
+    // The largest visible area decides.
     let shown = [("glass", 1.0), ("oak", 3.0), ("glass_green", 1.5)];
     assert_eq!(surfaces.of_instance(shown), Surface::Matte);
     let shown = [("glass", 1.0), ("oak", 2.0), ("glass_green", 1.5)];

@@ -1,15 +1,15 @@
-//! How finely curves are cut, and which triangles are too thin to keep.
+//! Level of detail of curves, and removal of degenerate triangles.
 
 use wheelarm_proto::exact;
 
 use super::TriMesh;
 
-/// How finely curves are cut.
+/// Level of detail of curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
     /// At most 0.3 mm between a curve and its chords, 48 chords around.
     Full,
-    /// At most 3 mm, 16 chords around: far away and in shadow maps.
+    /// At most 3 mm, 16 chords around: for distant views and shadow maps.
     Coarse,
 }
 
@@ -29,7 +29,7 @@ impl Detail {
     }
 }
 
-/// Removes triangles without area (poles, full roundings).
+/// Removes triangles with zero area (poles, full roundings).
 pub(super) fn drop_slivers(mesh: &mut TriMesh) {
     let positions = &mesh.positions;
     mesh.indices = mesh

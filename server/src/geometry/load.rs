@@ -1,6 +1,5 @@
-//! Mesh files: OBJ as it is (z up), glTF turned from its y up. Geometry only:
-//! materials, animations and skins of the file are left aside. What else of a file is
-//! left out is named in the log.
+//! Loads mesh files: OBJ with z up, glTF converted from y up. Only geometry is used:
+//! materials, animations and skins are ignored. Other ignored content is logged.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -13,10 +12,10 @@ use super::detail::drop_slivers;
 use super::load_normals::{box_uvs, crease_normals};
 use super::mesh::{MAX_TRIANGLES, MeshError};
 
-/// Reads an OBJ, glTF or GLB file: all its objects together, metres, z up.
+/// Reads an OBJ, glTF or GLB file: all its objects merged, metres, z up.
 ///
-/// Missing normals are made with edges sharp above 40 degrees, missing texture
-/// coordinates by projection along the largest part of the normal.
+/// Missing normals are computed with edges sharp above 40 degrees, missing texture
+/// coordinates by projection along the largest component of the normal.
 ///
 /// # Errors
 /// When the file cannot be read or parsed, has no triangles, too many, or a
@@ -39,7 +38,8 @@ pub fn load(path: &Path) -> Result<TriMesh, MeshError> {
     finish(path, soup)
 }
 
-/// Triangles as they come; `normals` and `uvs` are empty or as long as `positions`.
+/// Unindexed data in file order; `normals` and `uvs` are empty or as long as
+/// `positions`.
 #[derive(Default)]
 struct Soup {
     positions: Vec<[f32; 3]>,
@@ -51,7 +51,7 @@ struct Soup {
 }
 
 impl Soup {
-    /// Appends one object; what it lacks is noted and made for the whole file later.
+    /// Appends one object; missing data is computed for the whole file later.
     fn append(
         &mut self,
         positions: impl Iterator<Item = [f32; 3]>,
@@ -94,12 +94,12 @@ fn malformed(path: &Path, reason: impl Into<String>) -> MeshError {
     }
 }
 
-/// Statements of an OBJ file that are read, or that say nothing of the surface.
+/// Known statements of an OBJ file, including those without effect on the surface.
 const OBJ_STATEMENTS: [&str; 10] = ["v", "vn", "vt", "f", "o", "g", "s", "usemtl", "mtllib", ""];
 
-/// The text of an OBJ file as the library takes it: without the mark before UTF-8, lines
-/// continued by a backslash joined, other encodings than UTF-8 (of names and comments)
-/// replaced. Counts the statements that are left out.
+/// The text of an OBJ file for the parser: without byte order mark, continued lines
+/// joined, other encodings than UTF-8 (in names and comments) replaced. Counts ignored
+/// statements.
 fn obj_text(path: &Path, bytes: &[u8]) -> Result<String, MeshError> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(malformed(
@@ -119,7 +119,7 @@ fn obj_text(path: &Path, bytes: &[u8]) -> Result<String, MeshError> {
     }
     if !left_out.is_empty() {
         tracing::warn!(
-            "mesh {}: left out (statement: count): {left_out:?}",
+            "mesh {}: ignored statements (statement: count): {left_out:?}",
             path.display()
         );
     }
@@ -154,7 +154,7 @@ fn load_obj(path: &Path) -> Result<Soup, MeshError> {
     Ok(soup)
 }
 
-/// A binary file tells its length, its header of 12 bytes included; the library
+/// A binary file contains its length, including its header of 12 bytes; the parser
 /// subtracts those unchecked.
 pub(crate) fn check_glb_length(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
     const HEADER: u32 = 12;
@@ -180,7 +180,7 @@ fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
             let data = match buffer.source() {
                 gltf::buffer::Source::Bin => blob
                     .take()
-                    .ok_or_else(|| malformed(path, "names a binary chunk that it does not have"))?,
+                    .ok_or_else(|| malformed(path, "refers to a missing binary chunk"))?,
                 gltf::buffer::Source::Uri(uri) => read_uri(path, uri)?,
             };
             if data.len() < buffer.length() {
@@ -214,7 +214,7 @@ fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
     let mut soup = Soup::default();
     let mut pending: Vec<_> = scene.nodes().map(|n| (n, z_up_from_y_up)).collect();
     pending.reverse();
-    // A scene is a tree: the walk ends, and no node is multiplied by the ways to it.
+    // A scene must be a tree: then the traversal ends and each node is visited once.
     let mut reached = BTreeSet::new();
     while let Some((node, world_from_parent)) = pending.pop() {
         if !reached.insert(node.index()) {
@@ -240,7 +240,7 @@ fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
                     add_primitive(path, &mut soup, &primitive, &buffers, &world_from_node)?;
                 if let Some(why) = left_out {
                     tracing::warn!(
-                        "mesh {}: primitive {} of mesh {} is left out: {why}",
+                        "mesh {}: primitive {} of mesh {} is ignored: {why}",
                         path.display(),
                         primitive.index(),
                         mesh.name()
@@ -258,14 +258,14 @@ fn load_gltf(path: &Path) -> Result<Soup, MeshError> {
         .count();
     if unused > 0 {
         tracing::warn!(
-            "mesh {}: {unused} nodes with a mesh are left out: the default scene does not name them",
+            "mesh {}: {unused} nodes with a mesh are ignored: the default scene does not contain them",
             path.display()
         );
     }
     Ok(soup)
 }
 
-/// Appends a primitive; what it consists of where that is left out.
+/// Appends a primitive; returns a description when its type is ignored.
 fn add_primitive(
     path: &Path,
     soup: &mut Soup,
@@ -288,8 +288,8 @@ fn add_primitive(
         .map(|p| world_from_node.transform_point(&Point3::from(p)).into())
         .collect();
     let turn = world_from_node.fixed_view::<3, 3>(0, 0).into_owned();
-    // A node that scales a direction to nothing makes its surface flat: the normals of
-    // the file do not apply, and triangles without an area are dropped later.
+    // A node with a zero scale makes its surface flat: the file's normals do not apply,
+    // and triangles without area are dropped later.
     let normal_turn = turn.try_inverse().map(|inverse| inverse.transpose());
     let normals = reader.read_normals().zip(normal_turn);
     let normals = normals.map(|(normals, turn)| {
@@ -338,7 +338,7 @@ fn triangles(mode: gltf::mesh::Mode, mut corners: Vec<u32>) -> Vec<u32> {
     }
 }
 
-/// Bytes of a buffer: beside the file, or within it as base64.
+/// Bytes of a buffer: a file next to this one, or embedded base64.
 fn read_uri(path: &Path, uri: &str) -> Result<Vec<u8>, MeshError> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (_, text) = data
@@ -350,7 +350,7 @@ fn read_uri(path: &Path, uri: &str) -> Result<Vec<u8>, MeshError> {
     if uri.contains("://") {
         return Err(malformed(
             path,
-            format!("the buffer {uri:?} is not beside the file; export one with its buffers"),
+            format!("the buffer {uri:?} is not next to the file; export it with its buffers"),
         ));
     }
     let name = decode_percent(uri).ok_or_else(|| {
@@ -360,7 +360,7 @@ fn read_uri(path: &Path, uri: &str) -> Result<Vec<u8>, MeshError> {
         )
     })?;
     let (beside, literal) = (path.with_file_name(name), path.with_file_name(uri));
-    // Some exporters encode nothing, and their names may contain a percent sign.
+    // Some exporters do not encode names, which may contain a percent sign.
     let found = match beside.exists() {
         true => beside,
         false if literal.exists() => literal,
@@ -443,7 +443,10 @@ fn finish(path: &Path, soup: Soup) -> Result<TriMesh, MeshError> {
     {
         return Err(malformed(
             path,
-            format!("names vertex {index}, it has only {}", soup.positions.len()),
+            format!(
+                "refers to vertex {index}, but there are only {}",
+                soup.positions.len()
+            ),
         ));
     }
     let bad_normal = |n: &[f32; 3]| {

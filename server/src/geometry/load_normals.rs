@@ -1,4 +1,4 @@
-//! Normals and texture coordinates for meshes that come without.
+//! Normals and texture coordinates for meshes without them.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ const SHARP_COSINE: f32 = 0.766;
 pub(super) fn crease_normals(mesh: &TriMesh) -> TriMesh {
     let point = |i: u32| Vector3::from(mesh.positions[i as usize]);
     let (triangles, _) = mesh.indices.as_chunks::<3>();
-    // Longer than one for larger faces: the area weighs the average.
+    // Not normalised: larger faces have more weight in the average.
     let faces: Vec<Vector3<f32>> = triangles
         .iter()
         .map(|&[a, b, c]| (point(b) - point(a)).cross(&(point(c) - point(a))))

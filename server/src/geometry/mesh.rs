@@ -1,6 +1,6 @@
-//! Triangles of every shape. Closed surfaces, counter-clockwise from outside;
+//! Triangulation of every shape. Closed surfaces, counter-clockwise from outside;
 //! texture coordinates in metres, `u` around or to the right and `v` upwards.
-//! Nothing here chooses colours.
+//! Independent of colours.
 
 use std::path::{Path, PathBuf};
 
@@ -12,25 +12,25 @@ pub use super::load::load;
 use super::mesh_revolve::{Profile, revolve};
 use super::{Shape, TriMesh};
 
-/// Greatest number of triangles of one mesh file.
+/// Largest number of triangles of one mesh file.
 ///
 /// The whole home has a budget of 95 000, see ARCHITECTURE.md.
 pub const MAX_TRIANGLES: usize = 200_000;
 
-/// Why there are no triangles.
+/// Why a shape cannot be triangulated.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
-    /// The file cannot be read.
+    /// An unreadable file.
     #[error(
-        "mesh {path}: cannot be read ({reason}); check the path, it is relative to the assets folder"
+        "mesh {path}: cannot be read ({reason}); check the path, which is relative to the assets folder"
     )]
     Unreadable {
         /// File.
         path: PathBuf,
-        /// Answer of the operating system.
+        /// Message of the operating system.
         reason: String,
     },
-    /// Neither OBJ nor glTF by its name.
+    /// An unknown file extension.
     #[error(
         "mesh {path}: extension '{extension}' is not known, expected obj, gltf or glb; convert the file"
     )]
@@ -40,7 +40,7 @@ pub enum MeshError {
         /// Its extension.
         extension: String,
     },
-    /// The file is damaged or uses something that is not supported.
+    /// A damaged or unsupported file.
     #[error("mesh {path}: {reason}")]
     Malformed {
         /// File.
@@ -48,13 +48,13 @@ pub enum MeshError {
         /// What is wrong.
         reason: String,
     },
-    /// Only points and lines.
+    /// A file without triangles.
     #[error("mesh {path}: has no triangles; export faces")]
     Empty {
         /// File.
         path: PathBuf,
     },
-    /// A coordinate is NaN or infinite.
+    /// A non-finite coordinate.
     #[error("mesh {path}: vertex {vertex} is not finite ({position:?}); repair the file")]
     NotFinite {
         /// File.
@@ -64,7 +64,7 @@ pub enum MeshError {
         /// Its position.
         position: [f32; 3],
     },
-    /// More triangles than the cameras can draw in time.
+    /// Too many triangles to render in time.
     #[error("mesh {path}: {count} triangles, at most {MAX_TRIANGLES} are accepted; decimate it")]
     TooManyTriangles {
         /// File.
@@ -72,7 +72,7 @@ pub enum MeshError {
         /// Triangles in the file.
         count: usize,
     },
-    /// Sizes that make no solid.
+    /// Sizes of an impossible solid.
     #[error("shape {shape}: {reason}")]
     BadShape {
         /// The shape as written.
@@ -85,12 +85,12 @@ pub enum MeshError {
 /// Triangles of a shape in its own frame, metres. Mesh files are looked up below `assets_dir`.
 ///
 /// # Errors
-/// When a size is not positive and finite, or a mesh file cannot be used.
+/// When a size is not positive and finite, or a mesh file is unusable.
 pub fn build(shape: &Shape, assets_dir: &Path) -> Result<TriMesh, MeshError> {
     build_detail(shape, assets_dir, Detail::Full)
 }
 
-/// As [`build`], with a choice of detail; mesh files come as they are.
+/// As [`build`], with a level of detail; mesh files are used as they are.
 ///
 /// # Errors
 /// As [`build`].
@@ -153,7 +153,7 @@ fn turned(points: &[[f64; 2]], detail: Detail) -> TriMesh {
     revolve(&Profile::closed(points.to_vec()), detail)
 }
 
-/// Refuses sizes that make no solid.
+/// Rejects sizes of an impossible solid.
 fn check(shape: &Shape) -> Result<(), MeshError> {
     let bad = |reason: String| {
         Err(MeshError::BadShape {
@@ -301,7 +301,7 @@ fn rounded_cuboid(half: &[f64; 3], radius: f64, detail: Detail) -> TriMesh {
     } else {
         1
     };
-    // The first and the last part of each edge bend; the middle is flat.
+    // The first and the last part of each edge are rounded; the middle is flat.
     let mut knots: Vec<f64> = (0..=steps)
         .map(|i| 0.25 * f64::from(i) / f64::from(steps))
         .collect();
@@ -309,7 +309,7 @@ fn rounded_cuboid(half: &[f64; 3], radius: f64, detail: Detail) -> TriMesh {
     grid_box(half, radius, &knots)
 }
 
-/// Six grids. Knots in 0..0.25 run over the first rounding, 0.75..1 over the last.
+/// Six grids. Knots in 0..0.25 cover the first rounding, 0.75..1 the last.
 fn grid_box(half: &[f64; 3], radius: f64, knots: &[f64]) -> TriMesh {
     let mut mesh = TriMesh::default();
     let along = |knot: f64, h: f64| -> f64 {

@@ -5,19 +5,19 @@ use wheelarm_proto::exact;
 use super::TriMesh;
 use super::detail::{Detail, drop_slivers};
 
-/// Points `[radius, z]` in metres along which the surface runs, solid on the left.
+/// Points `[radius, z]` in metres along the surface, with the solid on the left.
 pub(super) struct Profile {
     points: Vec<[f64; 2]>,
-    /// Normals at the points bend smoothly whatever the angle.
+    /// Normals at the points are smooth at any angle.
     smooth: bool,
 }
 
-/// Edges that bend by more than this stay sharp, radians (40 degrees).
+/// Edges with a larger angle stay sharp, radians (40 degrees).
 const SHARP: f64 = 0.7;
 
 impl Profile {
-    /// A profile whose edges are smooth where they bend by less than 40 degrees.
-    /// Open ends are closed by discs; the direction is turned so that outside is outside.
+    /// A profile whose edges are smooth below 40 degrees. Open ends are closed by
+    /// discs; the direction is corrected so that normals point outwards.
     pub(super) fn closed(mut points: Vec<[f64; 2]>) -> Self {
         points.dedup();
         let ring = points.len() > 3 && points.first() == points.last();
@@ -29,7 +29,7 @@ impl Profile {
                 points.push([0.0, z]);
             }
         }
-        // Twice the volume over pi: positive when the solid is on the left.
+        // Twice the volume divided by pi: positive when the solid is on the left.
         let volume: f64 = points
             .windows(2)
             .map(|w| (w[0][0] + w[1][0]).powi(2) * (w[1][1] - w[0][1]))
@@ -52,8 +52,8 @@ impl Profile {
     }
 }
 
-/// Turns the profile about z. `u` is the arc at the greatest radius and `v`
-/// the length along the profile; discs have `x` and `y`.
+/// Rotates the profile about z. `u` is the arc length at the largest radius and `v` the
+/// length along the profile; discs use `x` and `y`.
 pub(super) fn revolve(profile: &Profile, detail: Detail) -> TriMesh {
     let points = &profile.points;
     let widest = points.iter().map(|p| p[0]).fold(0.0, f64::max);
@@ -88,7 +88,7 @@ pub(super) fn revolve(profile: &Profile, detail: Detail) -> TriMesh {
         } else if ring {
             normals.last().copied()
         } else {
-            // At the axis the other side mirrors this one.
+            // At the axis the profile is mirrored.
             Some([-n[0], n[1]])
         };
         let after = if i + 1 < normals.len() {

@@ -1,4 +1,4 @@
-//! Laws of every mesh: closed, right side out, the right volume, unit normals.
+//! Tests of every mesh: closed, outward orientation, correct volume, unit normals.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,7 +17,7 @@ fn volume(mesh: &TriMesh) -> f64 {
         .sum()
 }
 
-/// Every edge is met once in each direction: no hole, no flipped triangle.
+/// Every edge occurs once in each direction: no hole, no flipped triangle.
 fn is_closed(mesh: &TriMesh) -> bool {
     let key = |i: u32| mesh.positions[i as usize].map(|x| (f64::from(x) * 1e6).round() as i64);
     let mut edges: BTreeMap<_, i32> = BTreeMap::new();
@@ -46,7 +46,7 @@ fn every_shape_is_a_closed_solid_of_the_right_volume() {
                 half: [0.1, 0.2, 0.3],
                 radius: 0.02,
             },
-            // Core, six slabs, twelve quarter cylinders, one ball.
+            // Core, six slabs, twelve quarter cylinders, one sphere.
             0.16 * 0.36 * 0.56
                 + 2.0 * 0.02 * (0.16 * 0.36 + 0.16 * 0.56 + 0.36 * 0.56)
                 + PI * 0.02f64.powi(2) * (0.16 + 0.36 + 0.56)
@@ -85,14 +85,14 @@ fn every_shape_is_a_closed_solid_of_the_right_volume() {
             frustum(0.03, 0.039, 0.105) - frustum(0.027, 0.036, 0.102),
         ),
         (
-            // From the top down and open: turned and closed.
+            // From the top down and open: reversed and closed.
             Shape::Lathe {
                 profile: vec![[0.02, 0.3], [0.05, 0.1], [0.05, 0.0]],
             },
             frustum(0.05, 0.02, 0.2) + PI * 0.0025 * 0.1,
         ),
         (
-            // A ring that never meets the axis.
+            // A ring that does not touch the axis.
             Shape::Lathe {
                 profile: vec![[0.2, 0.0], [0.3, 0.0], [0.3, 0.1], [0.2, 0.1], [0.2, 0.0]],
             },
@@ -192,7 +192,7 @@ fn an_obj_file_without_normals_gets_sharp_ones() {
 }
 
 #[test]
-fn a_gltf_file_is_turned_from_y_up_and_placed_by_its_nodes() {
+fn a_gltf_file_is_converted_from_y_up_and_posed_by_its_nodes() {
     // One triangle (0,0,0) (1,0,0) (0,1,0) in a node moved by (0, 2, 0).
     let mut bytes = Vec::new();
     for x in [0f32, 0., 0., 1., 0., 0., 0., 1., 0.] {
@@ -255,7 +255,7 @@ fn unusable_files_are_named_with_the_reason() {
     fs::remove_dir_all(dir).unwrap();
 }
 
-/// A cube of 6 cm as the importer takes it from any exporter.
+/// A cube of 6 cm, as imported from any exporter.
 fn is_cube(path: &Path) {
     let mesh = load(path).unwrap();
     assert_eq!(mesh.indices.len(), 36, "{}", path.display());
@@ -371,7 +371,7 @@ fn gltf_strips_fans_and_encoded_names_are_read_and_node_graphs_end() {
         fs::write(&path, file(mode, r#"[{"mesh":0}]"#)).unwrap();
         is_cube(&path);
     }
-    // A node of no size adds nothing.
+    // A node with zero scale adds nothing.
     let hidden = r#"[{"mesh":0,"children":[1]},{"mesh":0,"scale":[0,0,0]}]"#;
     fs::write(&path, file(5, hidden)).unwrap();
     is_cube(&path);

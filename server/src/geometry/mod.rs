@@ -1,5 +1,5 @@
-//! Shapes and triangle meshes: plain data that scene, robot, physics and
-//! cameras share. Nothing here knows how a shape collides or is drawn.
+//! Shapes and triangle meshes: plain data shared by scene, robot, physics and cameras,
+//! independent of collision and rendering.
 
 mod detail;
 mod load;
@@ -44,9 +44,9 @@ pub enum Shape {
         /// Of the cylindrical part.
         half_height: f64,
     },
-    /// Ball.
+    /// Sphere.
     Sphere {
-        /// Of the ball.
+        /// Of the sphere.
         radius: f64,
     },
     /// Truncated cone about z, centred.
@@ -58,7 +58,7 @@ pub enum Shape {
         /// Along the axis.
         half_height: f64,
     },
-    /// Open cup about z standing on z = 0: collides as wall pieces and a floor.
+    /// Open cup about z with its base at z = 0: collides as wall pieces and a floor.
     Cup {
         /// Outside, at the floor.
         bottom_radius: f64,
@@ -69,7 +69,7 @@ pub enum Shape {
         /// Thickness.
         wall: f64,
     },
-    /// Surface of revolution about z; drawn only.
+    /// Surface of revolution about z; for visuals only.
     Lathe {
         /// Points `[radius, z]`.
         profile: Vec<[f64; 2]>,
@@ -83,7 +83,7 @@ pub enum Shape {
     },
 }
 
-/// A shape at a place.
+/// A shape at a pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Pose of the shape in its body (body_from_shape).
@@ -105,7 +105,7 @@ pub struct TriMesh {
     pub indices: Vec<u32>,
 }
 
-/// What a surface looks like. Colours are sRGB, 0 to 1.
+/// Appearance of a surface. Colours are sRGB, 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in assets/materials.
@@ -116,20 +116,20 @@ pub struct Material {
     pub roughness: f32,
     /// 0 dielectric, 1 metal.
     pub metallic: f32,
-    /// Light given off, as a fraction of the base colour.
+    /// Emitted light, as a fraction of the base colour.
     pub emission: f32,
     /// Procedural texture that multiplies the colour.
     pub texture: Option<Texture>,
-    /// Materials of one family stand in for each other under a look.
+    /// Materials of one family may replace each other in a look.
     pub family: Option<Family>,
-    /// Share of the light that goes through, where a look is drawn.
+    /// Share of transmitted light, with a look.
     pub transmission: f32,
 }
 
-/// Kinds of materials.
+/// Families of materials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are self-explanatory")]
 pub enum Family {
     Wall,
     Ceiling,
@@ -147,7 +147,7 @@ pub enum Family {
     Plant,
     /// Shades of lamps.
     Lamp,
-    /// What is seen through the windows.
+    /// The view through the windows.
     Outdoors,
 }
 
@@ -181,16 +181,16 @@ impl Family {
 pub struct Texture {
     /// Pattern name: `planks`, `tiles`, `plaster`, `wood`, `fabric`, `marble`, `label`, ….
     pub pattern: String,
-    /// Metres of surface that one repetition covers.
+    /// Metres of surface per repetition.
     pub metres: f32,
 }
 
-/// A part that is drawn.
+/// A rendered part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visual {
-    /// Place and shape.
+    /// Pose and shape.
     pub part: Part,
-    /// Look.
+    /// Material.
     pub material: Material,
 }
 

@@ -1,7 +1,7 @@
-//! A stuffed toy as lobes that flow into each other, and the skin around them.
+//! A stuffed toy as a union of smoothly blended lobes, and its skin.
 //!
-//! The skin is the zero surface of one distance function; the same function
-//! tells `tetrahedra` where the flesh is. Nothing here knows how soft it is.
+//! The skin is the zero surface of a distance function, which `tetrahedra` also uses
+//! for the volume. Independent of the elasticity.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -14,20 +14,20 @@ pub struct Lobe {
     pub pose: Isometry3<f64>,
     /// Semi-axes along the lobe's x, y, z, metres.
     pub radii: [f64; 3],
-    /// Over which distance it flows into the lobes before it, metres.
+    /// Blending distance to the previous lobes, metres.
     pub blend: f64,
-    /// Look of the skin that lies nearest to this lobe.
+    /// Material of the skin closest to this lobe.
     pub material: Material,
 }
 
-/// A toy: its lobes, in the order in which they are joined.
+/// A toy: its lobes, in the order of the union.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plush {
     /// At least one.
     pub lobes: Vec<Lobe>,
 }
 
-/// The surface of a toy at rest.
+/// The surface of a toy in its rest shape.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Skin {
     /// Vertices in the toy's frame, metres.
@@ -39,7 +39,7 @@ pub struct Skin {
 }
 
 impl Lobe {
-    /// Nearly the signed distance, negative inside, metres (Quilez, "Ellipsoid SDF").
+    /// Approximate signed distance, negative inside, metres (Quilez, "Ellipsoid SDF").
     fn distance(&self, point: &Point3<f64>) -> f64 {
         let p = self.pose.inverse_transform_point(point).coords;
         let r = Vector3::from(self.radii);
@@ -53,7 +53,7 @@ impl Lobe {
 }
 
 impl Plush {
-    /// Nearly the signed distance to the skin, negative inside, metres.
+    /// Approximate signed distance to the skin, negative inside, metres.
     #[must_use]
     pub fn distance(&self, point: &Point3<f64>) -> f64 {
         self.lobes.iter().fold(f64::INFINITY, |whole, lobe| {
@@ -73,7 +73,7 @@ impl Plush {
         gradient(|p| self.distance(p), point)
     }
 
-    /// The point of the skin near a point, by Newton steps along the slope.
+    /// The closest point of the skin, by Newton steps along the gradient.
     #[must_use]
     pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
         let mut p = *point;
@@ -84,7 +84,7 @@ impl Plush {
         p
     }
 
-    /// Corners of a box around all lobes, metres.
+    /// Corners of the bounding box of all lobes, metres.
     #[must_use]
     pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
         let mut low = Point3::from([f64::INFINITY; 3]);
@@ -102,7 +102,8 @@ impl Plush {
         (low, high)
     }
 
-    /// Triangles about `pitch` metres wide (surface nets, Gibson 1998).
+    /// Triangles with an edge length of about `pitch` metres (surface nets, Gibson
+    /// 1998).
     #[must_use]
     pub fn skin(&self, pitch: f64) -> Skin {
         let (low, high) = self.bounds();
@@ -156,8 +157,8 @@ impl Plush {
         skin
     }
 
-    /// Moves the vertices at which two materials meet along the skin to where
-    /// both are equally near, so that the seams are no staircases.
+    /// Moves the vertices between two materials along the skin to where both lobes are
+    /// equally close, for smooth seams.
     fn sew(&self, skin: &mut Skin, pitch: f64) {
         let looks: Vec<usize> = self.lobes.iter().map(|lobe| self.look(lobe)).collect();
         let mut meeting = vec![[usize::MAX; 2]; skin.positions.len()];
@@ -191,7 +192,7 @@ impl Plush {
         }
     }
 
-    /// The first lobe that looks like this one.
+    /// The first lobe with the same material.
     fn look(&self, lobe: &Lobe) -> usize {
         let same = |other: &Lobe| other.material == lobe.material;
         self.lobes.iter().position(same).unwrap_or(0)
@@ -211,7 +212,7 @@ impl Skin {
         Point3::from((a + b + c) / 3.0)
     }
 
-    /// Part of the surface that belongs to each vertex, m².
+    /// Surface area of each vertex, m².
     #[must_use]
     pub fn areas(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.positions.len()];
@@ -225,7 +226,7 @@ impl Skin {
         areas
     }
 
-    /// Unit normals of the vertices, wherever they have gone.
+    /// Unit normals of the vertices at their present positions.
     #[must_use]
     pub fn normals(&self, positions: &[Point3<f64>]) -> Vec<Vector3<f64>> {
         let mut normals = vec![Vector3::zeros(); positions.len()];
@@ -242,7 +243,7 @@ impl Skin {
         normals
     }
 
-    /// Volume that a closed skin encloses, m³.
+    /// Volume enclosed by a closed skin, m³.
     #[must_use]
     pub fn volume(&self) -> f64 {
         let part = |t: &[u32; 3]| {
@@ -252,7 +253,7 @@ impl Skin {
         self.triangles.iter().map(part).sum()
     }
 
-    /// The triangles of some lobes with their own vertices, at rest.
+    /// The triangles of some lobes with their own vertices, in the rest shape.
     #[must_use]
     pub fn part(&self, of: impl Fn(usize) -> bool) -> TriMesh {
         let normals = self.normals(&self.positions);
@@ -283,7 +284,7 @@ fn gradient(field: impl Fn(&Point3<f64>) -> f64, at: &Point3<f64>) -> Vector3<f6
     })
 }
 
-/// Texture coordinates by the two axes that the surface faces least, metres.
+/// Texture coordinates along the two axes most parallel to the surface, metres.
 fn unrolled(p: &Point3<f64>, n: &Vector3<f64>) -> [f32; 2] {
     let face = n.iamax();
     [p[(face + 1) % 3] as f32, p[(face + 2) % 3] as f32]
@@ -300,7 +301,7 @@ fn each(count: [usize; 3], mut f: impl FnMut([usize; 3])) {
     }
 }
 
-/// Mean of the points at which the surface crosses the edges of a grid cell.
+/// Mean of the points at which the surface intersects the edges of a grid cell.
 fn crossing(
     c: [usize; 3],
     field: &[f64],

@@ -1,5 +1,5 @@
-//! Tetrahedra that fill a solid: a lattice of cubes, five in each, whose outer
-//! nodes are moved onto the surface. Nothing here knows a material.
+//! Tetrahedra that fill a solid: a lattice of cubes, five in each, whose outer nodes
+//! are moved onto the surface. Independent of the material.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::plush::Plush;
 
-/// A solid cut into tetrahedra.
+/// A tetrahedral mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tetrahedra {
     /// Corners, metres.
@@ -21,12 +21,12 @@ pub struct Tetrahedra {
 pub struct Embedded {
     /// Index of the tetrahedron.
     pub cell: usize,
-    /// Weights of its corners; their sum is 1, outside the tetrahedron some are negative.
+    /// Weights of its corners; their sum is 1, some are negative for a point outside.
     pub weights: [f64; 4],
 }
 
-/// The corner tetrahedra and the middle one of a cube whose corners are
-/// numbered x + 2 y + 4 z; neighbouring cubes take turns.
+/// The corner tetrahedra and the central one of a cube with corners numbered x + 2 y +
+/// 4 z; neighbouring cubes alternate.
 const EVEN: [[usize; 4]; 5] = [
     [0, 3, 5, 6],
     [1, 0, 3, 5],
@@ -41,12 +41,12 @@ const ODD: [[usize; 4]; 5] = [
     [5, 1, 4, 7],
     [6, 2, 4, 7],
 ];
-/// Cubes filled to this part at least are taken.
+/// Smallest filled share of a cube that is kept.
 const FILLED: f64 = 0.4;
-/// Samples along each edge of a cube that decide how full it is.
+/// Samples along each edge of a cube to compute its filled share.
 const SAMPLES: usize = 4;
-/// A tetrahedron may lose all but this part of its lattice volume when its
-/// corners move onto the surface.
+/// Smallest share of its lattice volume that a tetrahedron keeps when its corners move
+/// onto the surface.
 const THINNEST: f64 = 0.3;
 
 type Cube = [i32; 3];
@@ -63,11 +63,11 @@ impl Tetrahedra {
                 }
             }
         }
-        Self::of_cubes(&cubes, &Point3::origin(), pitch).0
+        Self::from_cubes(&cubes, &Point3::origin(), pitch).0
     }
 
-    /// The tet mesh of a toy, in cubes of `pitch` metres; parts that hang on by
-    /// less than a face are left out.
+    /// The tetrahedral mesh of a toy, in cubes of `pitch` metres; parts that are not
+    /// connected by a face are dropped.
     #[must_use]
     pub fn tet_mesh(toy: &Plush, pitch: f64) -> Self {
         let (low, high) = toy.bounds();
@@ -88,13 +88,13 @@ impl Tetrahedra {
             }
         }
         let cubes = largest_piece(&cubes);
-        let (mut mesh, outer) = Self::of_cubes(&cubes, &origin, pitch);
+        let (mut mesh, outer) = Self::from_cubes(&cubes, &origin, pitch);
         mesh.move_onto(toy, &outer, pitch);
         mesh
     }
 
-    /// The cells of cubes, and for each node whether it lies on their surface.
-    fn of_cubes(cubes: &BTreeSet<Cube>, origin: &Point3<f64>, pitch: f64) -> (Self, Vec<bool>) {
+    /// The cells of cubes, and whether each node is on their surface.
+    fn from_cubes(cubes: &BTreeSet<Cube>, origin: &Point3<f64>, pitch: f64) -> (Self, Vec<bool>) {
         let mut mesh = Self::default();
         let mut known: BTreeMap<Cube, usize> = BTreeMap::new();
         let mut around: Vec<usize> = Vec::new();
@@ -173,7 +173,7 @@ impl Tetrahedra {
         Matrix3::from_columns(&[b - a, c - a, d - a])
     }
 
-    /// The cells in which points lie, or which they are nearest to.
+    /// The cells that contain points, or are closest to them.
     #[must_use]
     pub fn embed(&self, points: &[Point3<f64>]) -> Vec<Embedded> {
         let inverses: Vec<Matrix3<f64>> = self
@@ -202,7 +202,7 @@ impl Tetrahedra {
     }
 }
 
-/// Part of a cube that lies inside the toy.
+/// Share of a cube inside the toy.
 fn filled(toy: &Plush, origin: &Point3<f64>, pitch: f64, cube: Cube) -> f64 {
     let mut inside = 0.0;
     let step = pitch / SAMPLES as f64;
@@ -218,7 +218,7 @@ fn filled(toy: &Plush, origin: &Point3<f64>, pitch: f64, cube: Cube) -> f64 {
     inside / SAMPLES.pow(3) as f64
 }
 
-/// The largest set of cubes that hang together by faces.
+/// The largest set of cubes connected by faces.
 fn largest_piece(cubes: &BTreeSet<Cube>) -> BTreeSet<Cube> {
     let mut left = cubes.clone();
     let mut largest = BTreeSet::new();

@@ -1,6 +1,6 @@
-//! Pictures of surfaces, which repeat without a seam, and of labels: PNG files
-//! below `assets/textures`. Colours multiply the material's; a label is a whole
-//! picture and stands for the colour itself.
+//! Texture images, which repeat without a seam, and label images: PNG files below
+//! `assets/textures`. Colours multiply the material's; a label is a complete image that
+//! replaces the colour.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -9,21 +9,21 @@ use std::path::{Path, PathBuf};
 /// Pixels along each side.
 pub const SIZE: usize = 512;
 
-/// Halvings down to one pixel, the full size included.
+/// Mipmap levels down to one pixel, the full size included.
 pub const LEVELS: usize = 10;
 
-/// A picture that cannot be used.
+/// An invalid image.
 #[derive(Debug, thiserror::Error)]
 pub enum TextureError {
-    /// The file is missing or damaged.
+    /// A missing or damaged file.
     #[error("{path}: cannot be read ({reason}); put a PNG file there")]
     Read {
         /// The file.
         path: PathBuf,
-        /// The reader's words.
+        /// Message of the decoder.
         reason: String,
     },
-    /// Another size or another kind of pixels.
+    /// Another size or pixel format.
     #[error(
         "{path}: {found}, expected {SIZE}x{SIZE} pixels of 8 bits, grey or RGB; convert it to that"
     )]
@@ -35,7 +35,7 @@ pub enum TextureError {
     },
 }
 
-/// Names (without `.png`) of all pictures below the assets folder, sorted.
+/// Names (without `.png`) of all images below the assets folder, sorted.
 #[must_use]
 pub fn names(assets: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(assets.join("textures"));
@@ -49,31 +49,31 @@ pub fn names(assets: &Path) -> Vec<String> {
     names
 }
 
-/// Is it the picture of a label: fitted to the height of its body, replacing the colour?
+/// Whether it is a label: fitted to the height of its body, replacing the colour.
 #[must_use]
 pub fn is_label(pattern: &str) -> bool {
     pattern.starts_with("label_")
 }
 
-/// Has it a grain along `u` that should follow the longer side of a board?
+/// Whether it has a grain along `u` that follows the longer side of a board.
 #[must_use]
 pub fn has_grain(pattern: &str) -> bool {
     matches!(pattern, "wood" | "brushed")
 }
 
-/// A picture with its halvings.
+/// An image with its mipmaps.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Picture {
-    /// RGBA bytes from the largest to the 1 x 1 level; the first row is `v = 0`.
-    /// A value is the square root of the linear colour.
+pub struct Image {
+    /// RGBA bytes from the largest to the 1 x 1 level; the first row is `v = 0`. A
+    /// value is the square root of the linear colour.
     pub levels: Vec<Vec<u8>>,
 }
 
 /// Reads `textures/NAME.png` below the assets folder.
 ///
 /// # Errors
-/// When the file cannot be read or has another size or kind of pixels.
-pub fn load(assets: &Path, name: &str) -> Result<Picture, TextureError> {
+/// When the file cannot be read or has another size or pixel format.
+pub fn load(assets: &Path, name: &str) -> Result<Image, TextureError> {
     let path = assets.join(format!("textures/{name}.png"));
     let broken = |reason: String| TextureError::Read {
         path: path.clone(),
@@ -108,14 +108,14 @@ pub fn load(assets: &Path, name: &str) -> Result<Picture, TextureError> {
         [grey] => [grey; 3],
         _ => [0; 3],
     };
-    // Files begin at the top.
+    // Files start at the top row.
     let rows = bytes.chunks_exact(SIZE * channels).rev();
     let pixels = rows.flat_map(|row| row.chunks_exact(channels).map(pixel));
-    Ok(halved(pixels.collect()))
+    Ok(with_mipmaps(pixels.collect()))
 }
 
-/// A picture with its halvings, from rows that begin at `v = 0`.
-fn halved(pixels: Vec<[u8; 3]>) -> Picture {
+/// An image with its mipmaps, from rows that start at `v = 0`.
+fn with_mipmaps(pixels: Vec<[u8; 3]>) -> Image {
     let linear = |c: u8| (f32::from(c) / 255.0).powi(2);
     let mut linear: Vec<[f32; 3]> = pixels.iter().map(|p| p.map(linear)).collect();
     let mut levels = Vec::with_capacity(LEVELS);
@@ -124,7 +124,7 @@ fn halved(pixels: Vec<[u8; 3]>) -> Picture {
         let level: Vec<[u8; 4]> = linear.iter().map(|c| bytes(*c)).collect();
         levels.push(level.into_flattened());
         if side == 1 {
-            return Picture { levels };
+            return Image { levels };
         }
         let half = side / 2;
         linear = (0..half * half)
@@ -153,13 +153,13 @@ mod tests {
     }
 
     #[test]
-    fn pictures_repeat_without_a_seam_and_are_not_flat() {
+    fn images_repeat_without_a_seam_and_are_not_flat() {
         let names = names(&assets());
         assert!(names.len() >= 16, "{names:?}");
         for name in names {
-            let picture = load(&assets(), &name).unwrap_or_else(|error| panic!("{error}"));
-            assert_eq!(picture.levels.len(), LEVELS);
-            let top = &picture.levels[0];
+            let image = load(&assets(), &name).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(image.levels.len(), LEVELS);
+            let top = &image.levels[0];
             let pixel = |x: usize, y: usize| &top[(y * SIZE + x) * 4..][..3];
             let step = |a: &[u8], b: &[u8]| -> f64 {
                 a.iter()
@@ -193,33 +193,37 @@ mod tests {
     }
 
     #[test]
-    fn a_level_holds_the_bytes_of_its_file_from_the_bottom_up() {
-        let picture = halved(
+    fn the_first_level_contains_the_bytes_of_the_file_from_the_bottom_up() {
+        let image = with_mipmaps(
             (0..SIZE * SIZE)
                 .map(|i| [(i % 256) as u8, (i / SIZE % 256) as u8, 7])
                 .collect(),
         );
-        for (i, pixel) in picture.levels[0].chunks_exact(4).enumerate() {
+        for (i, pixel) in image.levels[0].chunks_exact(4).enumerate() {
             assert_eq!(pixel, [(i % 256) as u8, (i / SIZE % 256) as u8, 7, 255]);
         }
-        assert_eq!(picture.levels[LEVELS - 1].len(), 4);
+        assert_eq!(image.levels[LEVELS - 1].len(), 4);
     }
 
     #[test]
-    fn a_file_that_is_no_such_picture_is_refused_with_the_cure() {
+    fn an_invalid_image_file_is_rejected_with_the_fix() {
         let folder = std::env::temp_dir().join(format!("textures{}", std::process::id()));
         std::fs::create_dir_all(folder.join("textures")).unwrap();
-        let told = |name: &str| load(&folder, name).unwrap_err().to_string();
-        assert!(told("none").contains("put a PNG file there"));
-        std::fs::write(folder.join("textures/text.png"), "not a picture").unwrap();
-        assert!(told("text").contains("cannot be read"), "{}", told("text"));
+        let message = |name: &str| load(&folder, name).unwrap_err().to_string();
+        assert!(message("none").contains("put a PNG file there"));
+        std::fs::write(folder.join("textures/text.png"), "not an image").unwrap();
+        assert!(
+            message("text").contains("cannot be read"),
+            "{}",
+            message("text")
+        );
         let file = File::create(folder.join("textures/small.png")).unwrap();
         let mut encoder = png::Encoder::new(file, 2, 2);
         encoder.set_color(png::ColorType::Rgba);
         let mut writer = encoder.write_header().unwrap();
         writer.write_image_data(&[9; 16]).unwrap();
         drop(writer);
-        let small = told("small");
+        let small = message("small");
         assert!(
             small.contains("2x2") && small.contains("512x512"),
             "{small}"

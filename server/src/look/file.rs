@@ -1,5 +1,5 @@
-//! `assets/looks/SCENE.toml`: skies, families of materials, places of decoration.
-//! Whatever is wrong is refused with the line.
+//! `assets/looks/SCENE.toml`: skies, material families, places of decoration. Errors
+//! name the line.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,7 +17,7 @@ use crate::scene::{Place, SceneError, parse, provenance};
 pub(super) struct LookFile {
     origin: String,
     license: String,
-    /// Where reflections stand, metres in `house`.
+    /// Centre of the reflections, metres in `house`.
     pub centre: [f64; 3],
     /// Lowest and highest corner of the room, metres in `house`.
     pub room: [[f64; 3]; 2],
@@ -30,7 +30,7 @@ pub(super) struct LookFile {
     pub decoration: Vec<Spot>,
 }
 
-/// Panes through which the sky is seen.
+/// Window panes that show the sky.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Window {
@@ -40,12 +40,12 @@ pub(super) struct Window {
     pub size: [f64; 2],
 }
 
-/// A sky and what the light is like below it.
+/// A sky and the light below it.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Sky {
     name: String,
-    /// Drawn at this strength and above.
+    /// Used at this strength and above.
     #[serde(deserialize_with = "strength")]
     pub strength: u32,
     #[serde(deserialize_with = "intensity")]
@@ -63,7 +63,7 @@ pub(super) struct Sky {
     pub lamps: f32,
 }
 
-/// What the members of a family may look like.
+/// Materials of a family.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Palette {
@@ -71,7 +71,7 @@ pub(super) struct Palette {
     pub colors: Vec<Color>,
     #[serde(default)]
     pub textures: Vec<Pattern>,
-    /// How often a member has no texture, 0 to 1.
+    /// Share of members without texture, 0 to 1.
     #[serde(default, deserialize_with = "fraction")]
     pub plain: f32,
     #[serde(deserialize_with = "fractions")]
@@ -97,7 +97,7 @@ pub(super) struct Spot {
     pub size: [f64; 2],
 }
 
-/// What decorates.
+/// Kind of decoration.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -105,7 +105,7 @@ pub enum Kind {
     Picture,
     /// On the floor.
     Rug,
-    /// On something high.
+    /// On a high surface.
     Plant,
     /// Below the ceiling.
     Lamp,
@@ -226,7 +226,7 @@ pub(super) fn load(assets: &Path, scene: &str) -> Result<LookFile, SceneError> {
     if !file.sky.iter().any(|sky| sky.strength == 1) {
         return Err(place.key("sky").wrong(
             "without one of strength 1",
-            "one sky or more of strength 1",
+            "at least one sky of strength 1",
             "give a sky strength = 1",
         ));
     }
@@ -236,7 +236,7 @@ pub(super) fn load(assets: &Path, scene: &str) -> Result<LookFile, SceneError> {
             return Err(place.key("centre").wrong(
                 format!("{:?}", file.centre),
                 format!("a point inside the room, {:?}", file.room),
-                "put it there",
+                "move it inside",
             ));
         }
     }
@@ -248,7 +248,7 @@ pub(super) fn load(assets: &Path, scene: &str) -> Result<LookFile, SceneError> {
                 return Err(place.wrong(
                     format!("{:?}", pattern.pattern),
                     format!("one of {}", known.join(", ")),
-                    "put the picture into assets/textures, or name one that is there",
+                    "put the image into assets/textures, or name one that is there",
                 ));
             }
         }

@@ -14,14 +14,13 @@ pub(super) struct Light {
     pub lighting: Lighting,
     pub irradiance: Irradiance,
     pub lamps: [Option<[f32; 3]>; MOST_LAMPS],
-    /// Sky as it is seen through a window, linear.
+    /// Sky as seen through a window, linear.
     pub pane: [f32; 3],
     pub outdoors: f32,
 }
 
 impl Light {
-    /// Colour by which the world outside is seen, sRGB: at most 1, darker below a
-    /// dark sky.
+    /// Colour factor of the view outside, sRGB: at most 1, darker for a dark sky.
     pub fn outdoors_color(&self) -> [f32; 3] {
         let brightest = self.pane.into_iter().fold(1e-3, f32::max);
         let level = self.outdoors.min(1.0).sqrt();
@@ -29,23 +28,23 @@ impl Light {
     }
 }
 
-/// Farthest turn of the sun at the greatest strength, degrees.
+/// Largest rotation of the sun at the largest strength, degrees.
 const SUN_TURN_DEG: f64 = 65.0;
-/// Share of the light from all around that comes from the windows.
+/// Share of the ambient light that comes from the windows.
 const FROM_WINDOWS: f32 = 0.35;
-/// How much brighter a sky is than its colour.
+/// Brightness of a sky relative to its colour.
 const PANE: f32 = 1.6;
-/// Stops of exposure at the greatest strength.
+/// Stops of exposure at the largest strength.
 const STOPS: f64 = 0.7;
-/// Change of red and blue by the white balance at the greatest strength.
+/// Change of red and blue by the white balance at the largest strength.
 const BALANCE: f64 = 0.10;
-/// Light of a lamp at one metre.
+/// Intensity of a lamp at one metre.
 const LAMP: f32 = 0.55;
 
 pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
     let plain = Light {
         lighting: scene,
-        irradiance: Irradiance::of(scene.sky, scene.ground),
+        irradiance: Irradiance::hemispheric(scene.sky, scene.ground),
         lamps: [None; MOST_LAMPS],
         pane: [1.0; 3],
         outdoors: 1.0,
@@ -86,7 +85,7 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
         ground: around(scene.ground),
     };
     let rest = |c: [f32; 3]| c.map(|c| c * (1.0 - FROM_WINDOWS));
-    let mut irradiance = Irradiance::of(rest(lighting.sky), rest(lighting.ground));
+    let mut irradiance = Irradiance::hemispheric(rest(lighting.sky), rest(lighting.ground));
     let centre = Point3::from(file.centre);
     for window in &file.window {
         let to: Vector3<f64> = Point3::from(window.at) - centre;
@@ -111,7 +110,7 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
     }
 }
 
-/// What every light is multiplied by.
+/// Factor on all light.
 pub(super) fn exposure(look: &Look) -> [f32; 3] {
     if look.exposure == 0 {
         return [1.0; 3];
@@ -127,7 +126,7 @@ pub(super) fn exposure(look: &Look) -> [f32; 3] {
     balance.map(|b| (b * gain) as f32)
 }
 
-/// Linear sRGB of a black body at 2000, 3000, … 9000 K, brightest part 1 (after
+/// Linear sRGB of a black body at 2000, 3000, … 9000 K, largest component 1 (after
 /// Mitchell Charity's table of black-body colours).
 const BLACK_BODY: [[f32; 3]; 8] = [
     [1.0, 0.25, 0.01],
@@ -140,8 +139,8 @@ const BLACK_BODY: [[f32; 3]; 8] = [
     [0.66, 0.73, 1.0],
 ];
 
-/// Colour of a light of this temperature as a camera sees it that is half
-/// balanced to it: linear, the mean of its parts is 1.
+/// Colour of a light of this temperature for a camera that is half balanced to it:
+/// linear, with mean 1.
 fn kelvin(temperature: f64) -> [f32; 3] {
     let at = ((temperature - 2000.0) / 1000.0).clamp(0.0, 6.999);
     let (row, t) = (at as usize, at.fract() as f32);

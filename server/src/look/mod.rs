@@ -1,6 +1,6 @@
-//! Looks: one run under other light, materials and exposure. Pure: from a seed,
-//! strengths and a file below `assets/looks` to what the cameras see. Nothing here
-//! reaches the physics.
+//! Visual randomization (looks): one scene with other light, materials and exposure. A
+//! pure function of a seed, strengths and a file below `assets/looks`; it does not
+//! affect the physics.
 
 mod camera;
 mod file;
@@ -27,7 +27,7 @@ use crate::scene::{Lighting, Scene, SceneError};
 use file::LookFile;
 use irradiance::times;
 
-/// A lamp that is on.
+/// An active lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
     /// In `house`, metres.
@@ -36,35 +36,35 @@ pub struct Lamp {
     pub color: [f32; 3],
 }
 
-/// A look, drawn.
+/// A sampled look.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct SampledLook {
     look: Look,
     file: LookFile,
-    /// Direct light, and what the sky gives; exposure is in it.
+    /// Direct light and sky light, including exposure.
     pub lighting: Lighting,
-    /// Light from all around.
+    /// Ambient light.
     pub irradiance: Irradiance,
-    /// What smooth surfaces mirror.
+    /// Reflections on smooth surfaces.
     pub reflection: Reflection,
-    /// Lamps of the scene that are on, by the order in which they stand there;
-    /// more than there are are not used. Colour times intensity, linear.
+    /// Active lamps of the scene, in the scene's order; surplus entries are unused.
+    /// Colour times intensity, linear.
     lamps: [Option<[f32; 3]>; MOST_LAMPS],
-    /// What shines of itself is brighter by this.
+    /// Brightness factor of emissive surfaces.
     gain: f32,
-    /// What is seen through the windows shines by this, and has this colour, sRGB.
+    /// Brightness factor of the view through the windows, and its colour, sRGB.
     outdoors: f32,
     outdoors_color: [f32; 3],
-    /// What stands or hangs beside the furniture.
+    /// Decoration in addition to the furniture.
     pub decoration: Vec<Decoration>,
 }
 
-impl Drawn {
-    /// Draws a look of a scene from `looks/SCENE.toml`.
+impl SampledLook {
+    /// Samples a look of a scene from `looks/SCENE.toml`.
     ///
     /// # Errors
-    /// [`SceneError`] with the file, the line or key, what was found and what is
-    /// allowed.
+    /// [`SceneError`] with the file, the line or key, the value found and the allowed
+    /// values.
     pub fn new(look: Look, scene: &Scene, assets: &Path) -> Result<Self, SceneError> {
         let file = file::load(assets, &scene.name)?;
         let light = light::draw(&look, &file, scene.lighting);
@@ -91,41 +91,42 @@ impl Drawn {
         Ok(drawn)
     }
 
-    /// The material that furniture of `material` has. Its transparency stays.
+    /// The material of furniture with `material` in this look. Its transparency is
+    /// unchanged.
     #[must_use]
     pub fn furniture(&self, material: &Material) -> Material {
-        let mut seen = palette::swapped(&self.look, &self.file, material);
-        seen.emission *= self.gain;
-        match seen.family {
+        let mut replaced = palette::swapped(&self.look, &self.file, material);
+        replaced.emission *= self.gain;
+        match replaced.family {
             Some(Family::Outdoors) => {
-                seen.emission *= self.outdoors.min(1.0);
+                replaced.emission *= self.outdoors.min(1.0);
                 let tint = self.outdoors_color;
-                seen.color = std::array::from_fn(|k| seen.color[k] * tint[k]);
+                replaced.color = std::array::from_fn(|k| replaced.color[k] * tint[k]);
             }
-            // Which lamp is on is said where they stand.
-            Some(Family::Lamp) if self.look.light > 0 => seen.emission = 0.0,
+            // Active lamps are listed separately.
+            Some(Family::Lamp) if self.look.light > 0 => replaced.emission = 0.0,
             _ => {}
         }
-        seen
+        replaced
     }
 
-    /// The material that robot and objects have: their own.
+    /// The material of robot and objects: unchanged.
     #[must_use]
-    pub fn kept(&self, material: &Material) -> Material {
+    pub fn unchanged(&self, material: &Material) -> Material {
         Material {
             emission: material.emission * self.gain,
             ..material.clone()
         }
     }
 
-    /// The light of the lamp of this number, if it is on.
+    /// The light of the lamp with this number, if it is active.
     #[must_use]
     pub fn lamp(&self, number: usize, at: Point3<f32>) -> Option<Lamp> {
         let color = self.lamps.get(number).copied().flatten()?;
         Some(Lamp { at, color })
     }
 
-    /// How bright the shade of a lamp is that is on.
+    /// Brightness of the shade of an active lamp.
     #[must_use]
     pub fn lamp_glow(&self) -> f32 {
         0.9 * self.gain

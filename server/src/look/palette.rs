@@ -1,27 +1,28 @@
-//! Materials by families, and decoration.
+//! Materials by family, and decoration.
 
 use super::file::{Color, Kind, LookFile, Palette, Pattern, Spot};
 use super::random::{Random, Row};
 use super::setting::{Look, share_of};
 use crate::geometry::{Family, Material, Texture};
+use wheelarm_proto::random::fnv1a_32;
 
-/// A thing that is drawn and touched by nothing.
+/// A rendered object without collision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decoration {
-    /// What it is.
+    /// Kind.
     pub kind: Kind,
-    /// Middle of its back (pictures) or of its foot, in `house`, metres.
+    /// Middle of its back (wall pictures) or of its foot, in `house`, metres.
     pub at: [f64; 3],
-    /// Where it looks, radians from east.
+    /// Direction that it faces, radians from east.
     pub along: f64,
-    /// Width and height, metres; of rugs both lie on the floor.
+    /// Width and height, metres; rugs are flat on the floor.
     pub size: [f64; 2],
-    /// Its materials: frame or pot or shade, picture or leaves or border.
+    /// Its materials: frame or pot or shade, image or leaves or border.
     pub materials: [Material; 2],
 }
 
-/// The material that a member of a family has under a look: the same for the same
-/// material, wherever it is.
+/// The material that replaces a member of a family in a look, the same for all uses of
+/// that material.
 pub(super) fn swapped(look: &Look, file: &LookFile, material: &Material) -> Material {
     let Some(family) = material.family else {
         return material.clone();
@@ -31,14 +32,14 @@ pub(super) fn swapped(look: &Look, file: &LookFile, material: &Material) -> Mate
         Family::Lamp | Family::Outdoors => 0,
         _ => look.materials,
     };
-    let mut random = Random::new(look.seed, Row::Material, hash(&material.name));
+    let mut random = Random::new(look.seed, Row::Material, fnv1a_32(&material.name));
     let changes = random.share() < share_of(strength);
     let (Some(palette), true) = (file.family.get(&family), changes) else {
         return material.clone();
     };
     let texture = random.share();
     let mut new = drawn(palette, &mut random, material);
-    // At the least strength colours change alone.
+    // At the smallest strength only colours change.
     if strength < 2 {
         new.texture = material.texture.clone();
     } else if texture < f64::from(palette.plain) && !palette.textures.is_empty() {
@@ -47,7 +48,7 @@ pub(super) fn swapped(look: &Look, file: &LookFile, material: &Material) -> Mate
     new
 }
 
-/// One of a palette; what it has no textures for keeps its own.
+/// A sampled material of a palette; properties that the palette lacks are unchanged.
 fn drawn(palette: &Palette, random: &mut Random, material: &Material) -> Material {
     let color = random.one_of(&palette.colors).map(|Color(color)| *color);
     let texture = random
@@ -64,14 +65,7 @@ fn drawn(palette: &Palette, random: &mut Random, material: &Material) -> Materia
     }
 }
 
-/// FNV-1a of a name.
-fn hash(name: &str) -> u32 {
-    name.bytes().fold(0x811c_9dc5, |hash, byte| {
-        (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193)
-    })
-}
-
-/// What decorates the places of the file.
+/// The decoration at the places of the file.
 pub(super) fn decoration(look: &Look, file: &LookFile) -> Vec<Decoration> {
     if look.decoration == 0 {
         return Vec::new();

@@ -2,12 +2,12 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use wheelarm_proto::random::fraction;
 
-/// Random numbers of a look: a row for each thing that is drawn, so that none
-/// depends on another.
+/// Random numbers of a look: an independent stream per sampled object.
 pub(super) struct Random(ChaCha8Rng);
 
-/// What is drawn from a row of its own.
+/// Uses with independent streams.
 #[derive(Clone, Copy)]
 pub(super) enum Row {
     Light,
@@ -16,7 +16,7 @@ pub(super) enum Row {
     Decoration,
     Camera,
     Lens,
-    /// By the hash of its name.
+    /// Numbered by the hash of its name.
     Material,
 }
 
@@ -27,9 +27,9 @@ impl Random {
         Self(random)
     }
 
-    /// 0 to 1, from 53 bits: independent of any library's sampling.
+    /// Uniform in 0 to 1; does not depend on a library's sampling.
     pub(super) fn share(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+        fraction(self.0.next_u64())
     }
 
     pub(super) fn range(&mut self, [low, high]: [f64; 2]) -> f64 {

@@ -1,4 +1,4 @@
-//! What smooth surfaces mirror: a room with windows, drawn for a sky.
+//! Reflections of smooth surfaces: a room with windows, rendered for a sky.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,11 +6,11 @@ use super::file::LookFile;
 use super::irradiance::times;
 use super::light::Light;
 
-/// What is around, as an octahedral picture, each level for rougher surfaces.
+/// The environment as an octahedral image, with levels for rougher surfaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reflection {
-    /// RGBA from the largest level on, each half as wide as the one before. A
-    /// value is the square root of the light as a share of 6.
+    /// RGBA from the largest level on, each half as wide as the previous one. A value
+    /// is the square root of the light as a share of 6.
     pub levels: Vec<Vec<u8>>,
 }
 
@@ -19,7 +19,7 @@ impl Reflection {
     pub const SIDE: usize = SIDE;
 }
 
-/// Light of a value of 255; the shader has it too.
+/// Light of a value of 255; the shader uses the same constant.
 const BRIGHTEST: f32 = 6.0;
 const SIDE: usize = 64;
 /// Sharpness of each level after the first, as a power of the cosine.
@@ -32,8 +32,8 @@ pub(super) fn drawn(file: &LookFile, light: &Light, gain: [f32; 3]) -> Reflectio
         .map(|d| times(around(file, light, d), gain))
         .collect();
     let mut levels = vec![bytes(&sharp)];
-    // What the blurred levels are made of: every other pixel each way, and how
-    // much of all around it stands for.
+    // Input of the blurred levels: every other pixel in each direction, and its solid
+    // angle.
     let half = SIDE / 2;
     let sources: Vec<(Vector3<f32>, f32, [f32; 3])> = self::directions(half)
         .into_iter()
@@ -48,7 +48,8 @@ pub(super) fn drawn(file: &LookFile, light: &Light, gain: [f32; 3]) -> Reflectio
                     .sum();
                 0.25 * sum
             });
-            // An octahedral pixel is smaller where the octahedron is nearer.
+            // An octahedral pixel covers a smaller solid angle where the octahedron is
+            // closer.
             let near = d.x.abs() + d.y.abs() + d.z.abs();
             (d, near * near * near, mean)
         })
@@ -83,7 +84,7 @@ fn bytes(light: &[[f32; 3]]) -> Vec<u8> {
     light.iter().flat_map(pixel).collect()
 }
 
-/// Directions of the pixels of an octahedral picture, row by row.
+/// Directions of the pixels of an octahedral image, row by row.
 fn directions(side: usize) -> Vec<Vector3<f32>> {
     let at = |i: usize| (i as f32 + 0.5) / side as f32 * 2.0 - 1.0;
     let direction = |i: usize| {
@@ -96,7 +97,7 @@ fn directions(side: usize) -> Vec<Vector3<f32>> {
     (0..side * side).map(direction).collect()
 }
 
-/// Linear colours of walls, ceiling and floor, and of what stands before the walls.
+/// Linear colours of walls, ceiling and floor, and of the furniture along the walls.
 const WALL: [f32; 3] = [0.75, 0.72, 0.66];
 const CEILING: [f32; 3] = [0.85, 0.84, 0.80];
 const FLOOR: [f32; 3] = [0.40, 0.26, 0.14];
@@ -106,16 +107,16 @@ const FURNITURE: [[f32; 3]; 4] = [
     [0.16, 0.19, 0.22],
     [0.75, 0.72, 0.66],
 ];
-/// The furniture is as high, metres.
+/// Height of the furniture, metres.
 const HEIGHT: f64 = 0.9;
-/// And as wide.
+/// Depth of the furniture, metres.
 const WIDTH: f64 = 0.8;
-/// A window outshines the wall beside it.
+/// Brightness of a window relative to the wall.
 const WINDOW: f32 = 3.2;
-/// So does a lamp, half as wide as this, metres.
+/// Half the width of a lamp is half of this, metres.
 const LAMP: f64 = 0.22;
 
-/// What is seen in a direction from the middle of the room: a box with windows.
+/// The colour in a direction from the middle of the room: a box with windows.
 fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
     let centre = Point3::from(file.centre);
     let d = d.cast::<f64>();
@@ -130,7 +131,7 @@ fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
     }
     let hit = centre + d * way;
     let inwards: Vector3<f32> = Vector3::ith(side, if d[side] > 0.0 { -1.0 } else { 1.0 });
-    let reaches = light.irradiance.at(&inwards);
+    let reaches = light.irradiance.evaluate(&inwards);
     if side == 2 {
         if d.z > 0.0 {
             let lamp = light.lamps.iter().flatten().next();
@@ -146,7 +147,7 @@ fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
         let at = Point3::from(window.at);
         let across = (hit[1 - side] - at[1 - side]).abs() < 0.5 * window.size[0];
         let up = (hit.z - at.z).abs() < 0.5 * window.size[1];
-        // Bars divide it.
+        // Window bars.
         let bar = ((hit[1 - side] - at[1 - side]).abs() - 0.4).abs() < 0.035;
         if across && up && !bar && (hit[side] - at[side]).abs() < 0.3 {
             return light.pane.map(|c| c * WINDOW);

@@ -1,9 +1,9 @@
-//! What a look varies and how strongly.
+//! Axes of a look and their strengths.
 
-/// What is varied, each from 0 (off) to [`STRONGEST`].
+/// Strengths of the axes, each from 0 (off) to [`STRONGEST`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
-    /// Seed of all draws.
+    /// Seed of all samples.
     pub seed: u64,
     /// Sun, sky, lamps and their colours.
     pub light: u8,
@@ -13,19 +13,19 @@ pub struct Look {
     pub materials: u8,
     /// Exposure and white balance.
     pub exposure: u8,
-    /// Things that touch nothing.
+    /// Decoration without collision.
     pub decoration: u8,
-    /// Places of the robot's cameras.
+    /// Mounts of the robot's cameras.
     pub camera: u8,
     /// Focal lengths of the robot's cameras.
     pub lens: u8,
 }
 
-/// Greatest strength.
+/// Largest strength.
 pub const STRONGEST: u8 = 3;
 
 impl Look {
-    /// Whether the pictures are drawn as without a look.
+    /// Whether images are rendered as without a look.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         let axes = [
@@ -39,7 +39,7 @@ impl Look {
     }
 }
 
-/// A strength as a share of the strongest.
+/// A strength relative to the largest one.
 pub(super) fn share_of(strength: u8) -> f64 {
     f64::from(strength.min(STRONGEST)) / f64::from(STRONGEST)
 }

@@ -1,4 +1,4 @@
-//! Looks are pure: the same for the same seed, and within their bounds.
+//! Looks are deterministic for a seed and within their bounds.
 
 use std::collections::BTreeSet;
 
@@ -22,13 +22,13 @@ fn look(seed: u64, strength: u8) -> Look {
     }
 }
 
-fn drawn(look: Look) -> Drawn {
+fn drawn(look: Look) -> SampledLook {
     let scene = Scene::load(&assets(), "home").unwrap();
-    Drawn::new(look, &scene, &assets()).unwrap()
+    SampledLook::new(look, &scene, &assets()).unwrap()
 }
 
 #[test]
-fn a_look_is_the_same_every_time_and_no_axis_depends_on_another() {
+fn a_look_is_deterministic_and_its_axes_are_independent() {
     let all = look(5, 2);
     assert_eq!(drawn(all), drawn(all));
     assert_ne!(drawn(all).lighting, drawn(look(6, 2)).lighting);
@@ -50,30 +50,30 @@ fn a_look_is_the_same_every_time_and_no_axis_depends_on_another() {
 }
 
 #[test]
-fn what_is_off_stays_as_the_files_say() {
+fn axes_that_are_off_change_nothing() {
     let home = Scene::load(&assets(), "home").unwrap();
     let exposure = Look {
         seed: 3,
         exposure: 3,
         ..Look::default()
     };
-    let seen = drawn(exposure);
-    assert!(seen.decoration.is_empty());
-    assert_eq!(seen.lighting.sun_direction, home.lighting.sun_direction);
+    let sampled = drawn(exposure);
+    assert!(sampled.decoration.is_empty());
+    assert_eq!(sampled.lighting.sun_direction, home.lighting.sun_direction);
     for body in &home.furniture {
         for visual in &body.visual {
             let was = &visual.material;
-            let is = seen.furniture(was);
+            let is = sampled.furniture(was);
             assert_eq!((is.color, &is.texture), (was.color, &was.texture));
         }
     }
-    // A floor that looks up takes the sky, a ceiling the ground.
-    let plain = Irradiance::of(home.lighting.sky, home.lighting.ground);
+    // A floor receives the sky, a ceiling the ground.
+    let plain = Irradiance::hemispheric(home.lighting.sky, home.lighting.ground);
     for (n, light) in [
         (Vector3::z(), home.lighting.sky),
         (-Vector3::z(), home.lighting.ground),
     ] {
-        let found = plain.at(&n);
+        let found = plain.evaluate(&n);
         assert!(
             (0..3).all(|k| (found[k] - light[k]).abs() < 1e-6),
             "{found:?}"
@@ -81,7 +81,7 @@ fn what_is_off_stays_as_the_files_say() {
     }
 }
 
-/// As the shader shows it.
+/// As the shader displays it.
 fn displayed(c: f32) -> f32 {
     (c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06)
 }
@@ -100,7 +100,7 @@ fn no_look_clips_a_white_wall_or_leaves_it_black() {
             for k in 0..3 {
                 for sign in [1.0, -1.0] {
                     let n: Vector3<f32> = Vector3::ith(k, sign);
-                    let around = irradiance.at(&n);
+                    let around = irradiance.evaluate(&n);
                     let sun = Vector3::from(light.lighting.sun_direction).dot(&n).max(0.0);
                     for c in 0..3 {
                         let shade = displayed(0.85 * 0.7 * around[c]);
@@ -128,12 +128,12 @@ fn strong_looks_show_every_sky_and_stay_in_their_families() {
     let mut panes = BTreeSet::new();
     let mut floors = BTreeSet::new();
     for seed in 0..60 {
-        let seen = drawn(look(seed, 3));
-        panes.insert((seen.outdoors * 1e4) as i64);
+        let sampled = drawn(look(seed, 3));
+        panes.insert((sampled.outdoors * 1e4) as i64);
         for body in &home.furniture {
             for visual in &body.visual {
                 let was = &visual.material;
-                let is = seen.furniture(was);
+                let is = sampled.furniture(was);
                 assert_eq!((is.family, is.transmission), (was.family, was.transmission));
                 assert_eq!(is.metallic, was.metallic);
                 if was.family == Some(Family::Outdoors) {
@@ -152,21 +152,21 @@ fn strong_looks_show_every_sky_and_stay_in_their_families() {
                 }
             }
         }
-        // The same material looks the same wherever it is.
+        // The same material has the same replacement everywhere.
         let oak = &home.furniture[home.furniture_named("coffee_table").unwrap()].visual[0].material;
-        assert_eq!(seen.furniture(oak), seen.furniture(&oak.clone()));
+        assert_eq!(sampled.furniture(oak), sampled.furniture(&oak.clone()));
     }
     assert!(panes.len() > 30 && floors.len() == 4, "{floors:?}");
 }
 
 #[test]
-fn the_mirrored_room_is_brighter_at_the_windows_and_smoother_level_by_level() {
-    let seen = drawn(look(1, 1));
+fn the_reflection_is_brighter_at_the_windows_and_smoother_at_each_level() {
+    let sampled = drawn(look(1, 1));
     let contrast = |level: &Vec<u8>| {
         let values = level.as_chunks::<4>().0.iter().map(|p| p[1]);
         values.clone().max().unwrap() - values.min().unwrap()
     };
-    let levels = &seen.reflection.levels;
+    let levels = &sampled.reflection.levels;
     let sides: Vec<usize> = levels.iter().map(|level| level.len() / 4).collect();
     assert_eq!(sides, [64 * 64, 32 * 32, 16 * 16, 8 * 8, 4 * 4]);
     let contrasts: Vec<u8> = levels.iter().map(contrast).collect();
@@ -175,12 +175,12 @@ fn the_mirrored_room_is_brighter_at_the_windows_and_smoother_level_by_level() {
 }
 
 #[test]
-fn a_file_with_a_mistake_is_answered_with_line_key_found_and_allowed() {
+fn errors_in_a_file_name_line_key_value_and_allowed_values() {
     let folder = std::env::temp_dir().join(format!("looks{}", std::process::id()));
     std::fs::create_dir_all(folder.join("looks")).unwrap();
     std::fs::create_dir_all(folder.join("textures")).unwrap();
     let good = std::fs::read_to_string(assets().join("looks/home.toml")).unwrap();
-    let told = |from: &str, to: &str| {
+    let error_of = |from: &str, to: &str| {
         assert!(good.contains(from), "{from}");
         let text = good.replacen(from, to, 1);
         std::fs::write(folder.join("looks/home.toml"), text).unwrap();
@@ -214,23 +214,23 @@ fn a_file_with_a_mistake_is_answered_with_line_key_found_and_allowed() {
             ["kind = \"sofa\"", "`picture`, `rug`"],
         ),
     ] {
-        let told = told(from, to);
+        let message = error_of(from, to);
         assert!(
-            told.contains("looks/home.toml") && told.contains("line"),
-            "{told}"
+            message.contains("looks/home.toml") && message.contains("line"),
+            "{message}"
         );
-        assert!(words.iter().all(|w| told.contains(w)), "{told}");
+        assert!(words.iter().all(|w| message.contains(w)), "{message}");
     }
-    let told = told("origin", "origin");
+    let message = error_of("origin", "origin");
     assert!(
-        told.contains("family.wall.textures") && told.contains("\"plaster\""),
-        "{told}"
+        message.contains("family.wall.textures") && message.contains("\"plaster\""),
+        "{message}"
     );
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]
-fn fruit_and_flowers_never_wear_fabric() {
+fn fruit_and_flowers_never_have_fabric() {
     let home = Scene::load(&assets(), "home").unwrap();
     for (name, family) in [
         ("fruit_bowl", Family::Fruit),
@@ -251,9 +251,9 @@ fn fruit_and_flowers_never_wear_fabric() {
         );
         let colors: BTreeSet<_> = (0..40)
             .map(|seed| drawn(look(seed, 3)).furniture(balls[0]))
-            .map(|seen| {
-                assert_eq!(seen.texture, None, "{name}");
-                seen.color.map(f32::to_bits)
+            .map(|material| {
+                assert_eq!(material.texture, None, "{name}");
+                material.color.map(f32::to_bits)
             })
             .collect();
         assert!(colors.len() > 3, "{name}");

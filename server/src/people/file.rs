@@ -1,4 +1,4 @@
-//! How the files of `assets/people` look: one struct per table.
+//! Layout of the files of `assets/people`: one struct per table.
 
 use std::collections::BTreeMap;
 
@@ -101,7 +101,7 @@ pub(super) struct PostureTable {
     pub joints: BTreeMap<String, [f64; 3]>,
 }
 
-/// `postures.toml`: what each means.
+/// Meaning of a posture in `postures.toml`.
 #[derive(Debug, Deserialize)]
 pub(super) struct PostureList {
     #[serde(rename = "origin")]
@@ -122,7 +122,7 @@ impl PostureList {
         self.posture.keys().map(String::as_str)
     }
 
-    /// The posture at a part, 0 to 1, of all shares.
+    /// The posture at a cumulative share, 0 to 1.
     pub(super) fn at_share(&self, part: f64) -> &str {
         let all: f64 = self.posture.values().map(|p| p.share).sum();
         let mut left = part * all;
@@ -141,7 +141,7 @@ impl PostureList {
 /// `looks.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Looks {
+pub(super) struct LooksFile {
     #[serde(rename = "origin")]
     _origin: String,
     #[serde(rename = "license")]

@@ -1,10 +1,10 @@
-//! Files of `assets/people`: which there are, and how they are named.
+//! Files of `assets/people` and their names.
 
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use super::setting::DrawnPerson;
+use super::setting::SampledPerson;
 use crate::scene::{Place, SceneError, parse};
 
 /// Folder of all people, below the assets.
@@ -15,13 +15,13 @@ pub(super) fn read<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T, 
     parse(assets, path)
 }
 
-/// Bodies that there are, sorted.
+/// Available bodies, sorted.
 pub(super) fn bodies(assets: &Path) -> Result<Vec<String>, SceneError> {
     let folder = assets.join(FOLDER);
     let unreadable = |source| SceneError::Read {
         path: folder.clone(),
         source,
-        cure: "start from the folder that holds `assets`, or name it".to_owned(),
+        cure: "start from the folder that contains `assets`, or name it".to_owned(),
     };
     let mut names = Vec::new();
     for entry in std::fs::read_dir(&folder).map_err(unreadable)? {
@@ -35,21 +35,25 @@ pub(super) fn bodies(assets: &Path) -> Result<Vec<String>, SceneError> {
     Ok(names)
 }
 
-/// A name that must be one of those that there are.
-pub(super) fn known<'a>(what: &str, told: &'a str, names: &[&str]) -> Result<&'a str, SceneError> {
-    match names.contains(&told) {
-        true => Ok(told),
+/// A name that must be an available one.
+pub(super) fn find_known<'a>(
+    what: &str,
+    name: &'a str,
+    names: &[&str],
+) -> Result<&'a str, SceneError> {
+    match names.contains(&name) {
+        true => Ok(name),
         false => Err(Place::file("scenario").key(what).wrong(
-            format!("{:?}", wheelarm_proto::check::beginning(told)),
+            format!("{:?}", wheelarm_proto::check::beginning(name)),
             format!("one of {}", names.join(", ")),
-            "name one of them, or leave it out to have it drawn (`any` for a body)",
+            "name one of them, or leave it out to sample it (`any` for a body)",
         )),
     }
 }
 
 /// Text files of a person, below the assets folder, sorted.
 #[must_use]
-pub fn files(of: &DrawnPerson) -> Vec<String> {
+pub fn files(of: &SampledPerson) -> Vec<String> {
     vec![
         format!("{FOLDER}/{}/person.toml", of.body),
         format!("{FOLDER}/{}/postures.toml", of.body),

@@ -1,29 +1,29 @@
-//! A drawn person, read from `assets/people` and checked.
+//! Loads a sampled person from `assets/people` and validates it.
 
 use std::path::Path;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
-use super::file::{Looks, PersonFile, PostureTable, PosturesFile};
+use super::file::{LooksFile, PersonFile, PostureTable, PosturesFile};
 use super::folder::{FOLDER, read};
-use super::mesh::{Raw, SkinnedMesh};
+use super::mesh::{MeshFile, SkinnedMesh};
 use super::motion::HeadLimits;
 use super::part::{BodyPart, CAPSULES};
-use super::setting::DrawnPerson;
+use super::setting::SampledPerson;
 use super::skeleton::Skeleton;
 use super::{Capsule, Landmark, Lap, Person};
 use crate::geometry::{Material, Texture};
 use crate::scene::{Place, SceneError, provenance};
 
-/// Heaviest and lightest, kg. [choice: what a chair carries]
+/// Lowest and highest mass, kg. [choice: what a chair carries]
 const MASS: [f64; 2] = [20.0, 200.0];
 
 impl Person {
-    /// Reads who was drawn.
+    /// Loads the sampled person.
     ///
     /// # Errors
-    /// [`SceneError`] that names the file, the key and the cure.
-    pub fn load(assets: &Path, drawn: DrawnPerson) -> Result<Self, SceneError> {
+    /// [`SceneError`] that names the file, the key and the fix.
+    pub fn load(assets: &Path, drawn: SampledPerson) -> Result<Self, SceneError> {
         let path = format!("{FOLDER}/{}/person.toml", drawn.body);
         let place = Place::file(&path);
         let person: PersonFile = read(assets, &path)?;
@@ -37,10 +37,10 @@ impl Person {
             posture_place.key("posture").wrong(
                 format!("{:?}", drawn.posture),
                 format!("one of {}", names.join(", ")),
-                "this body has no such posture: name another",
+                "this body does not have this posture: name another",
             )
         })?;
-        let looks: Looks = read(assets, &format!("{FOLDER}/looks.toml"))?;
+        let looks: LooksFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
         let file = format!("{FOLDER}/{}/{}", drawn.body, person.mesh);
         let broken = |words: String| {
             Place::file(&file).wrong(
@@ -49,7 +49,7 @@ impl Person {
                 "make it again: make people",
             )
         };
-        let raw = Raw::read(&assets.join(&file)).map_err(broken)?;
+        let raw = MeshFile::read(&assets.join(&file)).map_err(broken)?;
         if raw.joints != person.joints {
             return Err(broken("other joints than person.toml".to_owned()));
         }
@@ -133,7 +133,7 @@ impl Person {
 }
 
 fn skeleton(
-    raw: &Raw,
+    raw: &MeshFile,
     person: &PersonFile,
     posture: &PostureTable,
     place: &Place,
@@ -176,7 +176,7 @@ fn capsules(
         let place = place.entry("capsule", i);
         let joint = joint(&table.joint, "capsule.joint")?;
         let end = |key: &str, at: [f64; 3]| place.key(key).position(at).map(Point3::from);
-        let part = BodyPart::of(&table.part).ok_or_else(|| {
+        let part = BodyPart::from_name(&table.part).ok_or_else(|| {
             let found = format!("{:?}", table.part);
             place
                 .key("part")
@@ -196,8 +196,8 @@ fn capsules(
     capsules.collect()
 }
 
-/// A material of the mesh under the drawn look.
-fn material(looks: &Looks, drawn: &DrawnPerson, name: &str) -> Option<Material> {
+/// A material of the mesh with the sampled appearance.
+fn material(looks: &LooksFile, drawn: &SampledPerson, name: &str) -> Option<Material> {
     let table = looks.material.get(name)?;
     let skin = looks.skin.iter().find(|s| s.name == drawn.skin)?;
     let hair = looks.hair.iter().find(|h| h.name == drawn.hair)?;
@@ -215,7 +215,7 @@ fn material(looks: &Looks, drawn: &DrawnPerson, name: &str) -> Option<Material> 
         "shoes" => &clothes.shoes,
         _ => table.color.as_ref()?,
     };
-    // Short sleeves are skin.
+    // Bare forearms have the skin's material.
     let table = match name == "sleeves" && bare {
         true => looks.material.get("skin")?,
         false => table,

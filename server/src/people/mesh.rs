@@ -1,5 +1,4 @@
-//! The mesh of a person: skinned vertices, and triangles by part of the body and
-//! material.
+//! The mesh of a person: skinned vertices, and triangles by body part and material.
 
 use std::path::Path;
 
@@ -10,10 +9,10 @@ use super::part::BodyPart;
 use super::skeleton::Skeleton;
 use crate::geometry::{Material, TriMesh, box_uvs};
 
-/// Vertices with their joints, and what is drawn of them.
+/// Vertices with their joints, and the surfaces to render.
 #[derive(Clone, Debug)]
 pub struct SkinnedMesh {
-    /// At rest, metres.
+    /// Rest positions, metres.
     points: Vec<Point3<f64>>,
     normals: Vec<Vector3<f64>>,
     /// Joints and weights of each vertex; weights sum to 1.
@@ -27,14 +26,14 @@ pub struct SkinnedMesh {
 pub struct Surface {
     /// Part of the body.
     pub part: BodyPart,
-    /// Look.
+    /// Material.
     pub material: Material,
     /// Three vertices each.
     pub triangles: Vec<[usize; 3]>,
 }
 
-/// As a file tells it.
-pub(super) struct Raw {
+/// Contents of a mesh file.
+pub(super) struct MeshFile {
     pub points: Vec<Point3<f64>>,
     pub normals: Vec<Vector3<f64>>,
     pub weights: Vec<[(usize, f64); 4]>,
@@ -43,29 +42,29 @@ pub(super) struct Raw {
     /// Names of the joints.
     pub joints: Vec<String>,
     pub parents: Vec<Option<usize>>,
-    /// Places at rest.
+    /// Rest positions.
     pub rest: Vec<Point3<f64>>,
 }
 
-/// From glTF's axes (x left, y up, z forward) to ours.
+/// Converts from glTF's axes (x left, y up, z forward) to ours.
 fn ours(v: [f32; 3]) -> Vector3<f64> {
     Vector3::new(v[2], v[0], v[1]).cast()
 }
 
-impl Raw {
+impl MeshFile {
     /// Reads a binary glTF with one skinned mesh.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// What is wrong with the file.
     pub(super) fn read(path: &Path) -> Result<Self, String> {
         let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
         crate::geometry::check_glb_length(path, &bytes).map_err(|e| e.to_string())?;
         let gltf::Gltf { document, blob } =
-            gltf::Gltf::from_slice(&bytes).map_err(|e| format!("no valid glTF file ({e})"))?;
+            gltf::Gltf::from_slice(&bytes).map_err(|e| format!("not a valid glTF file ({e})"))?;
         let blob = blob.ok_or("it has no binary chunk")?;
         let short = |buffer: gltf::Buffer<'_>| buffer.length() > blob.len();
         if document.buffers().count() != 1 || document.buffers().any(short) {
-            return Err("its binary chunk is not whole".to_owned());
+            return Err("its binary chunk is incomplete".to_owned());
         }
         let skin = document.skins().next().ok_or("it has no skin")?;
         let nodes: Vec<gltf::Node<'_>> = skin.joints().collect();
@@ -134,7 +133,7 @@ impl Raw {
             return Err("a vertex is not finite, or lacks a normal or weights".to_owned());
         }
         if outside.into_iter().any(|&vertex| vertex >= count) || !weights.iter().all(sums) {
-            return Err("a triangle or a weight names what is not there".to_owned());
+            return Err("a triangle or a weight has an invalid index".to_owned());
         }
         Ok(Self {
             points,
@@ -152,10 +151,10 @@ impl Raw {
 }
 
 impl SkinnedMesh {
-    /// The mesh with the materials that `material` knows by name; the face lies
-    /// before `face_from`, in the frame of the joint `head`.
+    /// The mesh with the materials that `material` returns by name; the face is in
+    /// front of `face_from`, in the frame of the joint `head`.
     pub(super) fn new(
-        raw: Raw,
+        raw: MeshFile,
         head: usize,
         face_from: f64,
         material: impl Fn(&str) -> Option<Material>,
@@ -173,7 +172,7 @@ impl SkinnedMesh {
                 material(name).ok_or_else(|| format!("looks.toml has no material {name:?}"))?;
             for triangle in triangles {
                 let joint = main(triangle[0]);
-                let of = BodyPart::of(&raw.joints[joint]);
+                let of = BodyPart::from_name(&raw.joints[joint]);
                 let middle: f64 = triangle.iter().map(|&v| raw.points[v].x).sum::<f64>() / 3.0;
                 let part = match (name.as_str(), of) {
                     ("lips" | "mouth", _) => BodyPart::Mouth,
@@ -183,7 +182,10 @@ impl SkinnedMesh {
                     }
                     (_, Some(part)) => part,
                     (_, None) => {
-                        return Err(format!("the joint {:?} is of no part", raw.joints[joint]));
+                        return Err(format!(
+                            "the joint {:?} belongs to no part",
+                            raw.joints[joint]
+                        ));
                     }
                 };
                 let same = |s: &&mut Surface| s.part == part && s.material == look;
@@ -206,13 +208,13 @@ impl SkinnedMesh {
         })
     }
 
-    /// How many vertices.
+    /// Number of vertices.
     #[must_use]
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no vertices.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
@@ -227,7 +229,7 @@ impl SkinnedMesh {
             .any(|(joint, w)| *w > 0.0 && skeleton.moves(*joint))
     }
 
-    /// Place and normal of vertices in the frame of the chair.
+    /// Positions and normals of vertices in the frame of the chair.
     pub fn posed<'a>(
         &'a self,
         vertices: impl Iterator<Item = usize> + 'a,
@@ -248,8 +250,8 @@ impl SkinnedMesh {
         })
     }
 
-    /// A surface as triangles with the head straight, and which vertex each of its
-    /// vertices is.
+    /// A surface as triangles with a straight head, and the index of each of its
+    /// vertices.
     #[must_use]
     pub fn part(&self, surface: &Surface, skeleton: &Skeleton) -> (TriMesh, Vec<usize>) {
         let mut known = std::collections::BTreeMap::new();

@@ -1,17 +1,17 @@
-//! Who sits in the chair: bodies, postures and clothes of `assets/people`, drawn by a
-//! seed, posed, with what physics, pictures and clients need to know of them.
+//! The person in the chair: bodies, postures and clothes of `assets/people`, sampled by
+//! a seed and posed, as data for physics, images and clients.
 //!
-//! Names neither rapier nor wgpu. A [`Person`] never changes; what moves (head and
-//! jaw) follows from a seed and the tick alone (`motion`). All places are in the
-//! frame of the chair, `wheelchair_root`, unless they say otherwise.
+//! Uses neither rapier nor wgpu. A [`Person`] is immutable; motion (head and jaw)
+//! depends only on a seed and the tick (`motion`). Positions are in the frame of the
+//! chair, `wheelchair_root`, unless noted otherwise.
 
-mod draw;
 mod file;
 mod folder;
 mod load;
 mod mesh;
 mod motion;
 mod part;
+mod person_sampling;
 mod random;
 mod setting;
 mod skeleton;
@@ -22,15 +22,15 @@ pub use folder::files;
 pub use mesh::{SkinnedMesh, Surface};
 pub use motion::{HeadLimits, HeadPose, Motion};
 pub use part::{BodyPart, CAPSULES, PARTS, person_part};
-pub use setting::{DrawnPerson, PersonSetting};
+pub use setting::{PersonSetting, SampledPerson};
 pub use skeleton::Skeleton;
 
-/// A person who sits.
+/// A seated person.
 #[derive(Clone, Debug)]
 pub struct Person {
-    /// Who, how, and in what.
-    pub drawn: DrawnPerson,
-    /// The body in words.
+    /// Identity, posture and clothes.
+    pub drawn: SampledPerson,
+    /// Description of the body.
     pub words: String,
     /// Sole to crown, metres.
     pub stature: f64,
@@ -40,21 +40,21 @@ pub struct Person {
     pub com: Point3<f64>,
     /// Inertia about the centre of mass, kg·m².
     pub inertia: Matrix3<f64>,
-    /// Seat over the foot plate, metres.
+    /// Height of the seat above the foot plate, metres.
     pub seat_height: f64,
-    /// How much thicker the seat is than the chair's own, metres.
+    /// Additional thickness of the seat, metres.
     pub cushion: f64,
-    /// For contact, in the order of [`CAPSULES`].
+    /// Collision capsules, in the order of [`CAPSULES`].
     pub capsules: Vec<Capsule>,
-    /// How far the mesh may stand out of the capsules, metres.
+    /// How far the mesh may extend beyond the capsules, metres.
     pub margin: f64,
-    /// Where a thing may lie in the lap.
+    /// Area of the lap where an object may rest.
     pub lap: Lap,
     /// Between the lips.
     pub mouth: Landmark,
     /// Joints in the posture.
     pub skeleton: Skeleton,
-    /// What is drawn.
+    /// Rendered mesh.
     pub mesh: SkinnedMesh,
     /// Range of head and jaw.
     pub limits: HeadLimits,
@@ -65,15 +65,15 @@ pub struct Person {
 pub struct Capsule {
     /// Its name, for example `left_forearm`.
     pub name: String,
-    /// Part of the body that it belongs to.
+    /// Its body part.
     pub part: BodyPart,
-    /// Joint that carries it, index into the skeleton.
+    /// Its joint, index into the skeleton.
     pub joint: usize,
     /// Its ends, in the frame of the joint.
     pub ends: [Point3<f64>; 2],
     /// Metres.
     pub radius: f64,
-    /// It moves with the head.
+    /// Whether it moves with the head.
     pub moves: bool,
 }
 
@@ -86,14 +86,14 @@ pub struct Landmark {
     pub at: Point3<f64>,
 }
 
-/// A mouth with what moves it.
+/// A mouth with the joints that move it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mouth {
     skeleton: Skeleton,
     at: Landmark,
 }
 
-/// Where a thing may lie in the lap.
+/// Area of the lap where an object may rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lap {
     /// Middle of the upper side.
@@ -103,21 +103,21 @@ pub struct Lap {
 }
 
 impl Person {
-    /// Ends of a capsule with the head as told.
+    /// Ends of a capsule for a pose of the head.
     #[must_use]
     pub fn ends(&self, capsule: &Capsule, head: &HeadPose) -> [Point3<f64>; 2] {
         let pose = self.skeleton.joint(capsule.joint, head);
         capsule.ends.map(|end| pose * end)
     }
 
-    /// Frame of the mouth with the head as told: origin between the lips, x out of
-    /// the mouth, z up.
+    /// Frame of the mouth for a pose of the head: origin between the lips, x out of the
+    /// mouth, z up.
     #[must_use]
     pub fn mouth(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
-        self.mouth.on(&self.skeleton, head)
+        self.mouth.frame(&self.skeleton, head)
     }
 
-    /// The mouth with what moves it, without the rest of the body.
+    /// The mouth with the joints that move it, without the rest of the body.
     #[must_use]
     pub fn own_mouth(&self) -> Mouth {
         Mouth {
@@ -128,17 +128,17 @@ impl Person {
 }
 
 impl Landmark {
-    /// Frame of the landmark, turned as its joint is, with the head as told.
-    fn on(&self, skeleton: &Skeleton, head: &HeadPose) -> nalgebra::Isometry3<f64> {
+    /// Frame of the landmark, rotated like its joint, for a pose of the head.
+    fn frame(&self, skeleton: &Skeleton, head: &HeadPose) -> nalgebra::Isometry3<f64> {
         skeleton.joint(self.joint, head) * nalgebra::Translation3::from(self.at.coords)
     }
 }
 
 impl Mouth {
-    /// Frame of the mouth with the head as told, see [`Person::mouth`].
+    /// Frame of the mouth for a pose of the head, see [`Person::mouth`].
     #[must_use]
-    pub fn with(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
-        self.at.on(&self.skeleton, head)
+    pub fn frame(&self, head: &HeadPose) -> nalgebra::Isometry3<f64> {
+        self.at.frame(&self.skeleton, head)
     }
 }
 

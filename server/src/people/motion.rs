@@ -1,11 +1,11 @@
-//! Motion of head and jaw: a track that follows from a seed and the tick alone, so
-//! that no state holds it.
+//! Motion of head and jaw: a track that depends only on a seed and the tick, so that it
+//! is not part of any state.
 
 use wheelarm_proto::PHYSICS_HZ;
 
 use super::random::uniform;
 
-/// How head and jaw are turned beside the posture, rad.
+/// Rotation of head and jaw relative to the posture, rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct HeadPose {
     /// To the left.
@@ -18,7 +18,7 @@ pub struct HeadPose {
     pub jaw: f64,
 }
 
-/// What a motion may add to a posture, rad.
+/// Range of the motion relative to a posture, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadLimits {
     /// To either side.
@@ -36,42 +36,43 @@ pub struct HeadLimits {
 /// The motion of one person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// What is drawn follows from it.
+    /// Seed of the motion.
     pub seed: u64,
-    /// 0 sits still, 1 as people do who wait.
+    /// 0 is motionless, 1 like a waiting person.
     pub strength: f64,
-    /// The mouth stays open, as of who waits for a sip.
+    /// The mouth stays open, as if waiting for a sip.
     pub mouth_open: bool,
     /// Range.
     pub limits: HeadLimits,
 }
 
-/// Ticks between two aims of the head. [choice: 1.5 s]
+/// Ticks between two target orientations of the head. [choice: 1.5 s]
 const AIM: u64 = PHYSICS_HZ * 3 / 2;
-/// Part of the way to the next aim that is a motion, the rest is rest. [choice]
+/// Share of the interval that is motion; the rest is a pause. [choice]
 const TURN: f64 = 0.5;
-/// Part of the range that is used at strength 1: yaw, pitch, roll. [choice]
+/// Share of the range used at strength 1: yaw, pitch, roll. [choice]
 const USED: [f64; 3] = [0.4, 0.3, 0.3];
-/// Windows in which one may talk, and half of a syllable, ticks. [choice: 6 s, 0.2 s]
+/// Length of windows with possible speech, and half of a syllable, ticks. [choice: 6 s,
+/// 0.2 s]
 const TALK: u64 = PHYSICS_HZ * 6;
 const SYLLABLE: u64 = PHYSICS_HZ / 5;
-/// Part of the windows in which one talks; how far the jaw goes at most then.
+/// Share of windows with speech; largest opening of the jaw then.
 const TALK_SHARE: f64 = 0.3;
 const TALK_JAW: f64 = 0.4;
-/// How far the mouth is open that waits, and how long it takes to open, ticks.
+/// Opening of a waiting mouth, and the time to open it, ticks.
 const WAITING_JAW: f64 = 0.8;
 const OPENING: f64 = PHYSICS_HZ as f64;
 
-/// From 0 to 1 with no speed at both ends.
+/// From 0 to 1 with zero speed at both ends.
 fn smooth(part: f64) -> f64 {
     let part = part.clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part)
 }
 
 impl Motion {
-    /// Where head and jaw are at a physics tick; straight and shut at tick 0.
+    /// Orientation of head and jaw at a physics tick; straight and shut at tick 0.
     #[must_use]
-    pub fn at(&self, tick: u64) -> HeadPose {
+    pub fn head_pose(&self, tick: u64) -> HeadPose {
         let l = &self.limits;
         let pitch = self.turn(2, tick) * USED[1];
         HeadPose {
@@ -93,7 +94,7 @@ impl Motion {
         self.strength * (from + (to - from) * smooth(part / TURN))
     }
 
-    /// Part of the jaw's range.
+    /// Share of the jaw's range.
     fn jaw(&self, tick: u64) -> f64 {
         if self.mouth_open {
             return WAITING_JAW * smooth(tick as f64 / OPENING);
@@ -103,7 +104,7 @@ impl Motion {
         if !talks || self.strength == 0.0 {
             return 0.0;
         }
-        // Shut at the ends of every syllable, hence at those of the window.
+        // Shut at the ends of every syllable, and therefore of the window.
         let (syllable, within) = (tick / SYLLABLE, tick % SYLLABLE);
         let part = within as f64 / SYLLABLE as f64;
         let open = smooth(1.0 - (2.0 * part - 1.0).abs());

@@ -1,4 +1,4 @@
-//! Parts of a body, as ids, labels and forces tell them.
+//! Body parts, for IDs, labels and forces.
 
 /// A part of a body.
 #[derive(
@@ -9,7 +9,7 @@ pub enum BodyPart {
     Head,
     /// The face.
     Face,
-    /// The mouth: a part of the face with an id of its own.
+    /// The mouth: a part of the face with its own ID.
     Mouth,
     /// Neck and torso.
     Torso,
@@ -17,7 +17,7 @@ pub enum BodyPart {
     Arms,
     /// Hands.
     Hands,
-    /// The thighs of who sits.
+    /// The thighs of a seated person.
     Lap,
     /// Legs below the knee, and feet.
     Legs,
@@ -36,7 +36,7 @@ pub const PARTS: [BodyPart; 8] = [
 ];
 
 impl BodyPart {
-    /// Word, for example `hands`.
+    /// Name, for example `hands`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -51,14 +51,14 @@ impl BodyPart {
         }
     }
 
-    /// Place in [`PARTS`].
+    /// Index in [`PARTS`].
     #[must_use]
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// Of a capsule or a joint, by its name; `None` for what is neither.
-    pub(super) fn of(name: &str) -> Option<Self> {
+    /// From the name of a capsule or a joint; `None` for others.
+    pub(super) fn from_name(name: &str) -> Option<Self> {
         let word = name
             .strip_prefix("left_")
             .or(name.strip_prefix("right_"))
@@ -78,16 +78,15 @@ impl BodyPart {
     }
 }
 
-/// What a capsule of the person is called where bodies are named, by its place in
-/// [`CAPSULES`].
+/// Name of a capsule where bodies are named, by its index in [`CAPSULES`].
 #[must_use]
 pub fn person_part(capsule: usize) -> String {
     let name = CAPSULES.get(capsule).copied().unwrap_or_default();
     format!("person_{name}")
 }
 
-/// Names of the capsules of every body, in their order: `BodyRef::Person` is a place
-/// in it.
+/// Names of the capsules of every body, in order: `BodyRef::Person` is an index into
+/// it.
 pub const CAPSULES: [&str; 28] = [
     "head",
     "face",

@@ -1,6 +1,6 @@
-//! Who is to sit in the chair, and who does.
+//! The requested and the sampled person in the chair.
 
-/// Who is to sit in the chair, as a scenario says it. What is empty is drawn.
+/// The requested person. Empty fields are sampled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PersonSetting {
     /// Folder below `assets/people`.
@@ -13,17 +13,17 @@ pub struct PersonSetting {
     pub hair: String,
     /// Clothes.
     pub clothes: String,
-    /// Seed of what is drawn and of the motion; `None`: the scenario's.
+    /// Seed of samples and motion; `None`: the scenario's.
     pub seed: Option<u64>,
-    /// How much the head moves, 0 to 1; `None`: as the task says, or 1.
+    /// Strength of the head's motion, 0 to 1; `None`: the task's, or 1.
     pub motion: Option<f64>,
     /// The mouth opens and stays open.
     pub mouth_open: bool,
-    /// Speed and force of arm, gripper and chair are bounded beside the person
+    /// Speed and force of arm, gripper and chair are limited near the person
     /// (`sim/person_guard`). On by default.
     pub guard: bool,
-    /// What was drawn.
-    pub drawn: Option<DrawnPerson>,
+    /// Sampled values.
+    pub drawn: Option<SampledPerson>,
 }
 
 impl Default for PersonSetting {
@@ -43,9 +43,9 @@ impl Default for PersonSetting {
     }
 }
 
-/// Who sits there.
+/// A sampled person.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct DrawnPerson {
+pub struct SampledPerson {
     /// Folder below `assets/people`.
     pub body: String,
     /// Posture.

@@ -7,24 +7,24 @@ use super::motion::HeadPose;
 /// Joints in the frame of the chair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
-    /// Parents stand before children.
+    /// Parents precede children.
     parents: Vec<Option<usize>>,
-    /// Places at rest.
+    /// Rest positions.
     rest: Vec<Point3<f64>>,
-    /// Rotations against the parents in the posture.
+    /// Rotations relative to the parents in the posture.
     turns: Vec<UnitQuaternion<f64>>,
     /// chair_from_joint in the posture.
     posed: Vec<Isometry3<f64>>,
     /// Joints that share the head's motion, with their shares.
     neck: [(usize, f64); 3],
     jaw: usize,
-    /// Joints that head or jaw move.
+    /// Joints that move with head or jaw.
     moving: Vec<bool>,
 }
 
 impl Skeleton {
-    /// Joints with their parents and places at rest, `turns` against the parents, and
-    /// the place of the root.
+    /// Joints with their parents and rest positions, `turns` relative to the parents,
+    /// and the position of the root.
     pub(super) fn new(
         parents: Vec<Option<usize>>,
         rest: Vec<Point3<f64>>,
@@ -57,13 +57,13 @@ impl Skeleton {
         }
     }
 
-    /// How many joints.
+    /// Number of joints.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rest.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no joints.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rest.is_empty()
@@ -75,13 +75,13 @@ impl Skeleton {
         self.moving.get(joint).copied().unwrap_or_default()
     }
 
-    /// Place of a joint at rest, in the frame of the body at rest.
+    /// Rest position of a joint, in the frame of the body at rest.
     #[must_use]
     pub fn rest(&self, joint: usize) -> Point3<f64> {
         self.rest[joint]
     }
 
-    /// chair_from_joint with the head as told.
+    /// chair_from_joint for a pose of the head.
     #[must_use]
     pub fn joint(&self, joint: usize, head: &HeadPose) -> Isometry3<f64> {
         if !self.moving[joint] {
@@ -97,7 +97,7 @@ impl Skeleton {
         }
     }
 
-    /// All of them.
+    /// chair_from_joint of all joints.
     #[must_use]
     pub fn joints(&self, head: &HeadPose) -> Vec<Isometry3<f64>> {
         (0..self.len())
@@ -105,7 +105,7 @@ impl Skeleton {
             .collect()
     }
 
-    /// What the motion adds to a joint's own rotation.
+    /// Rotation of a joint by the motion.
     fn extra(&self, joint: usize, head: &HeadPose) -> UnitQuaternion<f64> {
         let about = |axis: Vector3<f64>, angle: f64| UnitQuaternion::from_scaled_axis(axis * angle);
         if joint == self.jaw {

@@ -1,4 +1,4 @@
-//! What is drawn, and that every body sits as its files say.
+//! Tests of sampling, and of every body in every posture.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,12 +10,13 @@ pub(crate) fn assets() -> PathBuf {
 }
 
 #[test]
-fn the_seed_draws_everybody_and_a_name_is_taken() {
+fn the_seed_samples_every_body_and_given_names_are_used() {
     let any = PersonSetting::default();
-    let drawn = (0..300).map(|seed| any.draw(&assets(), seed).expect("a person"));
-    let drawn: Vec<DrawnPerson> = drawn.collect();
-    assert_eq!(drawn[7], any.draw(&assets(), 7).unwrap());
-    let all = |of: fn(&DrawnPerson) -> &String| drawn.iter().map(of).collect::<BTreeSet<_>>().len();
+    let drawn = (0..300).map(|seed| any.sample(&assets(), seed).expect("a person"));
+    let drawn: Vec<SampledPerson> = drawn.collect();
+    assert_eq!(drawn[7], any.sample(&assets(), 7).unwrap());
+    let all =
+        |of: fn(&SampledPerson) -> &String| drawn.iter().map(of).collect::<BTreeSet<_>>().len();
     assert_eq!((all(|d| &d.body), all(|d| &d.posture)), (14, 13));
     assert_eq!((all(|d| &d.skin), all(|d| &d.clothes)), (8, 10));
     let lap = drawn.iter().filter(|d| d.posture == "hands_in_lap").count();
@@ -29,20 +30,20 @@ fn the_seed_draws_everybody_and_a_name_is_taken() {
         seed: Some(3),
         ..any.clone()
     };
-    let first = named.draw(&assets(), 5).unwrap();
+    let first = named.sample(&assets(), 5).unwrap();
     assert_eq!(first.body, "man_p95");
-    assert_eq!(first, named.draw(&assets(), 6).unwrap());
-    // Who was told is taken, whatever would be drawn.
-    let told = PersonSetting {
+    assert_eq!(first, named.sample(&assets(), 6).unwrap());
+    // Given values are used instead of sampled ones.
+    let given = PersonSetting {
         drawn: Some(drawn[0].clone()),
         ..any
     };
-    assert_eq!(told.draw(&assets(), 99).unwrap(), drawn[0]);
+    assert_eq!(given.sample(&assets(), 99).unwrap(), drawn[0]);
     let wrong = PersonSetting {
         posture: "handstand".into(),
         ..PersonSetting::default()
     };
-    let words = wrong.draw(&assets(), 0).unwrap_err().to_string();
+    let words = wrong.sample(&assets(), 0).unwrap_err().to_string();
     assert!(
         words.contains("handstand") && words.contains("hands_in_lap"),
         "{words}"
@@ -50,8 +51,8 @@ fn the_seed_draws_everybody_and_a_name_is_taken() {
 }
 
 #[test]
-fn the_mesh_lies_in_the_capsules_and_the_head_turns_about_the_neck() {
-    let drawn = PersonSetting::default().draw(&assets(), 4).unwrap();
+fn the_mesh_is_inside_the_capsules_and_the_head_turns_about_the_neck() {
+    let drawn = PersonSetting::default().sample(&assets(), 4).unwrap();
     let person = Person::load(&assets(), drawn).expect("a person");
     let straight = HeadPose::default();
     let turned = HeadPose {
@@ -99,7 +100,7 @@ fn the_mesh_lies_in_the_capsules_and_the_head_turns_about_the_neck() {
 }
 
 #[test]
-fn the_head_begins_straight_moves_smoothly_within_its_range_and_the_mouth_opens() {
+fn the_head_starts_straight_moves_smoothly_in_range_and_the_mouth_opens() {
     let limits = HeadLimits {
         yaw: 0.9,
         up: 0.4,
@@ -113,8 +114,8 @@ fn the_head_begins_straight_moves_smoothly_within_its_range_and_the_mouth_opens(
         mouth_open: false,
         limits,
     };
-    assert_eq!(motion.at(0), HeadPose::default());
-    let all: Vec<HeadPose> = (0..240 * 60).map(|tick| motion.at(tick)).collect();
+    assert_eq!(motion.head_pose(0), HeadPose::default());
+    let all: Vec<HeadPose> = (0..240 * 60).map(|tick| motion.head_pose(tick)).collect();
     let most = |of: fn(&HeadPose) -> f64| all.iter().map(of).map(f64::abs).fold(0.0, f64::max);
     assert!(most(|h| h.yaw) > 0.2 && most(|h| h.yaw) < 0.9);
     assert!(most(|h| h.pitch) > 0.05 && most(|h| h.pitch) < 0.4);
@@ -130,19 +131,19 @@ fn the_head_begins_straight_moves_smoothly_within_its_range_and_the_mouth_opens(
         mouth_open: true,
         ..motion
     };
-    let open = waits.at(1000);
+    let open = waits.head_pose(1000);
     assert!((open.jaw - 0.28).abs() < 1e-9 && open.yaw == 0.0);
-    assert_eq!(waits.at(3000), open);
-    assert_eq!(motion.at(777), motion.at(777));
+    assert_eq!(waits.head_pose(3000), open);
+    assert_eq!(motion.head_pose(777), motion.head_pose(777));
     let other = Motion { seed: 6, ..motion };
-    assert_ne!(motion.at(777), other.at(777));
+    assert_ne!(motion.head_pose(777), other.head_pose(777));
 }
 
-/// Lighter skin burns out to white in the sun.
+/// Lighter skin is overexposed in the sun.
 #[test]
-fn no_skin_is_lighter_than_measured_skin() {
+fn no_skin_is_lighter_than_measured() {
     let path = format!("{}/looks.toml", folder::FOLDER);
-    let looks: file::Looks = folder::read(&assets(), &path).unwrap();
+    let looks: file::LooksFile = folder::read(&assets(), &path).unwrap();
     assert!(looks.skin.len() >= 8);
     for skin in &looks.skin {
         let channel = |k: usize| {

@@ -1,7 +1,7 @@
-//! URDF and `robot.toml` become a validated [`RobotModel`].
+//! Loads URDF and `robot.toml` into a validated [`RobotModel`].
 //!
-//! All doubt ends here: what loads has every joint and link that the rest of
-//! the server names, sane limits and possible inertias.
+//! A loaded model has every joint and link that the rest of the server uses, sane
+//! limits and physical inertias.
 
 mod elements;
 
@@ -13,15 +13,15 @@ use super::settings::{File, FrameRole, Settings};
 use super::{Joint, JointKind, Link, PAD, RobotModel};
 use crate::geometry::Shape;
 
-/// Who needs a joint or a link.
+/// Users of a joint or a link, for messages.
 const RECORDED: &str = "robot.toml records";
 const NAMED: &str = "robot.toml names";
-/// How far the stroke may be from what the linkage opens, metres.
+/// Tolerance between the stroke and the linkage's opening, metres.
 const STROKE_TOLERANCE: f64 = 1e-3;
-/// How far the track may be from that of the driven wheels, metres.
+/// Tolerance between the track and that of the driven wheels, metres.
 const TRACK_TOLERANCE: f64 = 1e-3;
 
-/// Why a robot did not load.
+/// Why a robot cannot be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum RobotError {
     /// A file cannot be read.
@@ -32,8 +32,8 @@ pub enum RobotError {
         /// Cause.
         source: std::io::Error,
     },
-    /// There is no such robot.
-    #[error("no robot {name:?}: robots there are: {known}")]
+    /// Unknown robot.
+    #[error("unknown robot {name:?}: available: {known}")]
     Unknown {
         /// Name.
         name: String,
@@ -56,7 +56,7 @@ pub enum RobotError {
         /// Cause.
         source: Box<urdf_rs::UrdfError>,
     },
-    /// Something that the server names is not there.
+    /// A name that does not exist.
     #[error("{path} has no {kind} `{name}`, which {user}; add it")]
     Missing {
         /// File.
@@ -65,10 +65,10 @@ pub enum RobotError {
         kind: &'static str,
         /// Name.
         name: String,
-        /// Who needs it.
+        /// Where the name is used.
         user: &'static str,
     },
-    /// Something is there that cannot be.
+    /// An invalid value.
     #[error("{path}: {object}: {found}, expected {expected}")]
     Invalid {
         /// File.
@@ -77,7 +77,7 @@ pub enum RobotError {
         object: String,
         /// What was found.
         found: String,
-        /// What would be right.
+        /// Allowed values.
         expected: String,
     },
 }
@@ -87,8 +87,8 @@ impl RobotModel {
     /// the URDF beside it.
     ///
     /// # Errors
-    /// A [`RobotError`] that names the file, the object, what was found and
-    /// what would be right.
+    /// A [`RobotError`] that names the file, the object, the value found and the
+    /// allowed values.
     pub fn load(assets_dir: &Path, name: &str) -> Result<RobotModel, RobotError> {
         let folder = format!("robots/{name}");
         let toml_path = assets_dir.join(&folder).join("robot.toml");
@@ -157,7 +157,7 @@ fn read(path: &Path) -> Result<String, RobotError> {
     })
 }
 
-/// The two files while they are turned into a model.
+/// The two files during loading.
 struct Reader<'a> {
     assets_dir: &'a Path,
     folder: &'a str,
@@ -207,7 +207,7 @@ impl Reader<'_> {
         Ok(model)
     }
 
-    /// Links and joints with parents before children, in the order of the file.
+    /// Links and joints with parents before children, in file order.
     fn tree(&self) -> Result<(Vec<Link>, Vec<Joint>), RobotError> {
         let robot = self.robot;
         let is_child = |name: &str| robot.joints.iter().any(|joint| joint.child.link == name);
@@ -237,7 +237,7 @@ impl Reader<'_> {
         };
         let mut links = vec![self.link(find(root_name)?)?];
         let mut joints = Vec::new();
-        // Depth first: the stack holds (parent index, joint).
+        // Depth first: the stack contains (parent index, joint).
         let below = |parent: usize, name: &str| {
             robot
                 .joints
@@ -314,7 +314,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The joints and links that `robot.toml` names, by their roles.
+    /// The joints and links named in `robot.toml`, by their roles.
     fn roles(
         &self,
         links: &[Link],
@@ -372,7 +372,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Everything that is named is there, once.
+    /// Checks that every name exists exactly once.
     fn check_names(&self, model: &RobotModel) -> Result<(), RobotError> {
         for camera in &model.settings.cameras {
             if model.link(&camera.link).is_none() {
@@ -439,8 +439,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The wheels stand where the settings say, left and right, and the gripper
-    /// closes within its joint's limits.
+    /// Checks that the wheels are at the configured positions, left and right, and the
+    /// gripper closes within its joint's limits.
     fn check_numbers(&self, model: &RobotModel) -> Result<(), RobotError> {
         let (settings, roles) = (&model.settings, &model.roles);
         let poses = model.link_poses(&vec![0.0; model.joints.len()]);
@@ -485,9 +485,9 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// From the arm's base to the end effector: the joints of the role arm in
-    /// this order, and nothing else that moves. The hand's linkage opens as far
-    /// as its stroke says.
+    /// Checks the chain from the arm's base to the end effector: only the joints of
+    /// role arm move, in this order. Checks that the linkage's opening matches the
+    /// stroke.
     fn check_arm(&self, model: &RobotModel) -> Result<(), RobotError> {
         let (settings, roles) = (&model.settings, &model.roles);
         let names = |joints: &[usize]| {
@@ -552,7 +552,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// What hangs below a moving joint weighs something.
+    /// Checks that all bodies below a moving joint have mass.
     fn check_masses(&self, model: &RobotModel) -> Result<(), RobotError> {
         let mut mass: Vec<f64> = model
             .links
@@ -568,7 +568,7 @@ impl Reader<'_> {
                     "an inertial element",
                 ));
             }
-            // Mass behind a fixed joint belongs to the parent.
+            // Mass behind a fixed joint is part of the parent.
             if joint.kind == JointKind::Fixed {
                 mass[joint.parent] += below;
             }

@@ -1,5 +1,5 @@
-//! The robot as a model: URDF, kinematics and control laws. Pure: no physics,
-//! no drawing, no network.
+//! The robot as a model: URDF, kinematics and control laws, without physics, rendering
+//! and network.
 
 mod load;
 mod outline;
@@ -21,7 +21,7 @@ pub use settings::{
     SeatSettings, Settings,
 };
 
-/// A robot read from a URDF and its `robot.toml`.
+/// A robot loaded from a URDF and its `robot.toml`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotModel {
     /// Name: that of its folder.
@@ -30,13 +30,13 @@ pub struct RobotModel {
     pub urdf: String,
     /// The URDF itself.
     pub urdf_text: String,
-    /// Links; index 0 is the root, the chair. Parents stand before children.
+    /// Links; index 0 is the root, the chair. Parents precede children.
     pub links: Vec<Link>,
     /// Joints; joint `i` has child link `i + 1`.
     pub joints: Vec<Joint>,
-    /// Numbers of `robot.toml`.
+    /// Values of `robot.toml`.
     pub settings: Settings,
-    /// Which joint and link is for what.
+    /// Joints and links by role.
     pub roles: Roles,
 }
 
@@ -59,8 +59,8 @@ impl RobotModel {
         self.link_poses(&vec![0.0; self.joints.len()])[self.roles.arm_base]
     }
 
-    /// Joints from `ancestor` down to `link`, in this order; `None` when `link`
-    /// does not hang below `ancestor`.
+    /// Joints from `ancestor` down to `link`, in this order; `None` when `link` is not
+    /// below `ancestor`.
     #[must_use]
     pub fn chain(&self, ancestor: usize, link: usize) -> Option<Vec<usize>> {
         let mut joints = Vec::new();
@@ -93,18 +93,18 @@ pub struct Link {
     pub name: String,
     /// Mass properties; `None` for massless frames.
     pub inertial: Option<Inertial>,
-    /// Shapes that touch, in the link frame.
+    /// Colliding shapes, in the link frame.
     pub collision: Vec<Collider>,
-    /// Shapes that are drawn, in the link frame.
+    /// Rendered shapes, in the link frame.
     pub visual: Vec<Visual>,
 }
 
-/// A shape of a link that touches. The flat faces of the fingers are named [`PAD`].
+/// A colliding shape of a link. The flat faces of the fingers are named [`PAD`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collider {
     /// Name, unique on its link.
     pub name: String,
-    /// Place and shape in the link frame.
+    /// Pose and shape in the link frame.
     pub part: Part,
 }
 
@@ -122,10 +122,10 @@ pub struct Inertial {
     pub inertia: Matrix3<f64>,
 }
 
-/// How a joint moves.
+/// Type of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
-    /// Does not.
+    /// Does not move.
     Fixed,
     /// Turns within limits.
     Revolute,
@@ -140,7 +140,7 @@ pub enum JointKind {
 pub struct Joint {
     /// Name.
     pub name: String,
-    /// How it moves.
+    /// Type.
     pub kind: JointKind,
     /// Parent link.
     pub parent: usize,
@@ -179,12 +179,12 @@ impl Joint {
 /// Limits of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Least position, rad or m; `-inf` without limit.
+    /// Lower position, rad or m; `-inf` without limit.
     pub lower: f64,
-    /// Greatest position, rad or m; `inf` without limit.
+    /// Upper position, rad or m; `inf` without limit.
     pub upper: f64,
-    /// Greatest speed, rad/s or m/s.
+    /// Largest speed, rad/s or m/s.
     pub velocity: f64,
-    /// Greatest torque or force, N·m or N.
+    /// Largest torque or force, N·m or N.
     pub effort: f64,
 }

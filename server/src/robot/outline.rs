@@ -5,13 +5,13 @@ use nalgebra::{Point3, Translation3, Vector3};
 use super::{ARM_JOINTS, RobotModel};
 use crate::geometry::bounds;
 
-/// Corners of boxes stand out of round shapes by about this much, metres.
+/// Corners of bounding boxes extend beyond round shapes by about this much, metres.
 const SLACK: f64 = 0.02;
 
 impl RobotModel {
-    /// Whether the robot with its arm at these positions, rad, lies within its
-    /// outlines, which were taken with the arm at home: what drives past
-    /// something at home does so with this arm too.
+    /// Whether the robot with its arm at these positions, rad, is within its outlines,
+    /// which were measured with the arm at home. If so, it can drive wherever it can
+    /// with the arm at home.
     #[must_use]
     pub fn is_within_outlines(&self, arm: &[f64; ARM_JOINTS]) -> bool {
         let mut positions = vec![0.0; self.joints.len()];
@@ -44,7 +44,7 @@ impl RobotModel {
             })
     }
 
-    /// Whether a point in the root frame lies within the outline of its height.
+    /// Whether a point in the root frame is within the outline at its height.
     fn is_point_within(&self, point: &Point3<f64>) -> bool {
         let mut outlines = self.settings.outlines.iter();
         let outline = outlines.find(|outline| point.z <= outline.top);

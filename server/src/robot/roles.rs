@@ -1,5 +1,5 @@
-//! Which joint and which link of a robot is for what: found once, by the roles
-//! that `robot.toml` gives. Nothing else in the server knows a joint's name.
+//! Roles of joints and links, resolved once from `robot.toml`. No other part of the
+//! server contains a joint's name.
 
 use super::settings::{FrameRole, JointRole};
 
@@ -17,7 +17,7 @@ pub struct Roles {
     pub arm: [usize; ARM_JOINTS],
     /// Joints of the driven wheels.
     pub wheels: [usize; 2],
-    /// Joints of the wheels that roll along.
+    /// Joints of the passive wheels.
     pub casters: [usize; 2],
     /// Joints of the knuckles; the left one is commanded.
     pub knuckles: [usize; 2],
@@ -38,7 +38,7 @@ pub struct Roles {
 pub struct RecordedJoint {
     /// Index.
     pub joint: usize,
-    /// What it is for.
+    /// Role.
     pub role: JointRole,
 }
 
@@ -47,15 +47,15 @@ pub struct RecordedJoint {
 pub struct RecordedFrame {
     /// Short name.
     pub name: String,
-    /// Link in which its pose is told; `None` for the house.
+    /// Link in which its pose is expressed; `None` for the house.
     pub parent: Option<usize>,
-    /// Link whose pose it is.
+    /// Link of the pose.
     pub link: usize,
-    /// What it is.
+    /// Role.
     pub role: FrameRole,
 }
 
-/// A role as `robot.toml` spells it.
+/// A role as written in `robot.toml`.
 fn word(role: impl std::fmt::Debug) -> String {
     let mut word = String::new();
     for c in format!("{role:?}").chars() {
@@ -71,7 +71,7 @@ impl Roles {
     /// Finds every role among the recorded joints.
     ///
     /// # Errors
-    /// The role that not exactly one joint has, or the arm when it has not six.
+    /// The role that not exactly one joint has, or the arm when it does not have six.
     pub(super) fn find(
         joints: Vec<RecordedJoint>,
         frames: Vec<RecordedFrame>,
@@ -92,7 +92,7 @@ impl Roles {
         };
         let pair = |left, right| Ok::<_, String>([one(left)?, one(right)?]);
         let mut arm: Vec<usize> = of(JointRole::Arm).collect();
-        // Parents stand before children.
+        // Parents precede children.
         arm.sort_unstable();
         let found = arm.len();
         let arm = arm
@@ -119,7 +119,7 @@ impl Roles {
         })
     }
 
-    /// Place of a joint in the arm, from base to hand, if it is one of the arm's.
+    /// Index of a joint in the arm, from base to hand, if it is one of the arm's.
     #[must_use]
     pub fn arm_index(&self, joint: usize) -> Option<usize> {
         self.arm.iter().position(|&arm| arm == joint)

@@ -1,4 +1,4 @@
-//! Numbers of `robot.toml`: what a URDF cannot say about a robot.
+//! Values of `robot.toml`: properties of a robot that a URDF cannot contain.
 //!
 //! Read and checked once at load; nothing here is computed from the URDF.
 
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use nalgebra::Isometry3;
 use serde::Deserialize;
 
-/// Numbers of `robot.toml`.
+/// Values of `robot.toml`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Cameras on the robot.
@@ -24,7 +24,7 @@ pub struct Settings {
     pub tool_length: f64,
     /// Home position of the six arm joints, radians.
     pub home: [f64; 6],
-    /// Other positions of the arm in which the robot may stand and drive: within
+    /// Other positions of the arm in which the robot may be at rest and drive: within
     /// its outlines, radians.
     pub postures: Vec<[f64; 6]>,
     /// Wheel radius for drive and odometry, metres.
@@ -33,9 +33,9 @@ pub struct Settings {
     pub track: f64,
     /// Footprint in `wheelchair_root`: x min, x max, y min, y max, metres.
     pub footprint: [f64; 4],
-    /// The robot by height, bottom up, with the arm at home.
+    /// Outlines of the robot by height, bottom up, with the arm at home.
     pub outlines: Vec<OutlineSettings>,
-    /// Where the arm reaches.
+    /// Reach of the arm.
     pub reach: ReachSettings,
     /// Speeds and accelerations of the chair.
     pub drive: DriveSettings,
@@ -43,15 +43,15 @@ pub struct Settings {
     pub arm: ArmSettings,
     /// Limits of the gripper.
     pub gripper: GripperSettings,
-    /// Balls around the gripper, for planning.
+    /// Spheres around the gripper, for planning.
     pub balls: BallSettings,
-    /// What the hand takes up on its way to a thing.
+    /// Space that the hand needs on its way to an object.
     pub corridor: CorridorSettings,
-    /// Where a person sits, if anybody can.
+    /// Seat of a person, if the robot has one.
     pub seat: Option<SeatSettings>,
 }
 
-/// Where a person sits. Frame of the root, `wheelchair_root`.
+/// Seat of a person. Frame of the root, `wheelchair_root`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SeatSettings {
@@ -63,7 +63,7 @@ pub struct SeatSettings {
     pub material: String,
 }
 
-/// What a recorded joint is for.
+/// Role of a recorded joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JointRole {
@@ -71,9 +71,9 @@ pub enum JointRole {
     WheelLeft,
     /// Right driven wheel.
     WheelRight,
-    /// Left wheel that rolls along.
+    /// Left passive wheel.
     CasterLeft,
-    /// Right wheel that rolls along.
+    /// Right passive wheel.
     CasterRight,
     /// One of the arm's.
     Arm,
@@ -93,21 +93,21 @@ pub enum JointRole {
     Other,
 }
 
-/// What a recorded frame is.
+/// Role of a recorded frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FrameRole {
-    /// The chair, told in the house.
+    /// The chair, expressed in the house.
     Chair,
-    /// A link of the arm, told in the arm's base.
+    /// A link of the arm, expressed in the arm's base.
     ArmLink,
-    /// The end effector, told in the arm's base.
+    /// The end effector, expressed in the arm's base.
     EndEffector,
-    /// Any other, told in the arm's base.
+    /// Any other, expressed in the arm's base.
     Other,
 }
 
-/// The robot seen from above up to a height.
+/// The robot's outline from above, up to a height.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutlineSettings {
@@ -117,23 +117,23 @@ pub struct OutlineSettings {
     pub footprint: [f64; 4],
 }
 
-/// Where the arm reaches, for first guesses.
+/// Reach of the arm, for estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReachSettings {
     /// Middle of the shell in `base_link`, metres.
     pub centre: [f64; 3],
-    /// Least distance of the end effector from the middle, metres.
+    /// Smallest distance of the end effector from the middle, metres.
     pub inner_radius: f64,
-    /// Greatest distance, metres.
+    /// Largest distance, metres.
     pub outer_radius: f64,
-    /// Least distance from the arm's base on the floor plan, metres.
+    /// Smallest distance from the arm's base on the floor plan, metres.
     pub nearest: f64,
-    /// Greatest distance on the floor plan, metres.
+    /// Largest distance on the floor plan, metres.
     pub furthest: f64,
 }
 
-/// Balls around the gripper: middle x, y, z and radius, metres.
+/// Spheres around the gripper: centre x, y, z and radius, metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BallSettings {
     /// Hand and wrist, in the end effector's frame.
@@ -153,7 +153,7 @@ pub struct CameraMount {
     pub link: String,
     /// link_from_optical.
     pub pose: Isometry3<f64>,
-    /// Picture size for which the intrinsics hold, pixels.
+    /// Image size for which the intrinsics hold, pixels.
     pub size: [u32; 2],
     /// Focal lengths, pixels.
     pub focal: [f64; 2],
@@ -161,27 +161,27 @@ pub struct CameraMount {
     pub principal: [f64; 2],
     /// Near and far plane, metres.
     pub range: [f64; 2],
-    /// Drawn only where a scenario names it, not for `*`.
+    /// Rendered only when a scenario names it, not for `*`.
     pub on_request: bool,
-    /// How far one specimen may be from these numbers.
+    /// Tolerances of one specimen.
     pub tolerance: CameraTolerance,
 }
 
-/// Greatest deviations of one specimen of a camera, each way and uniform.
+/// Largest deviations of one specimen of a camera, in each direction and uniform.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraTolerance {
-    /// Of the focal length, as a part of it.
+    /// Of the focal length, as a share of it.
     pub focal: f64,
     /// Of the principal point, pixels at the native size.
     pub principal: f64,
-    /// Of its place, along each axis, metres.
+    /// Of its position, along each axis, metres.
     pub position: f64,
-    /// Of its direction, about each axis, degrees.
+    /// Of its orientation, about each axis, degrees.
     pub rotation_deg: f64,
 }
 
-/// White noise of the IMU, applied only when a scenario asks for it.
+/// White noise of the IMU, applied only when a scenario requests it.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuSettings {
@@ -209,21 +209,21 @@ pub struct DriveSettings {
     pub turn_acceleration: f64,
     /// rad/s².
     pub turn_deceleration: f64,
-    /// Least deceleration when the command is to stand still, m/s².
+    /// Smallest deceleration when stopping is commanded, m/s².
     pub stop_deceleration: f64,
-    /// Least turn deceleration when the command is to stand still, rad/s².
+    /// Smallest turn deceleration when stopping is commanded, rad/s².
     pub stop_turn_deceleration: f64,
-    /// Greatest forward speed of a command, m/s.
+    /// Largest forward speed of a command, m/s.
     pub forward_speed: f64,
-    /// Greatest backward speed of a command, m/s, positive.
+    /// Largest backward speed of a command, m/s, positive.
     pub backward_speed: f64,
-    /// Greatest turn rate of a command, rad/s.
+    /// Largest turn rate of a command, rad/s.
     pub turn_speed: f64,
-    /// Forward speed that is never exceeded, m/s.
+    /// Hard limit of the forward speed, m/s.
     pub hard_forward_speed: f64,
-    /// Backward speed that is never exceeded, m/s, positive.
+    /// Hard limit of the backward speed, m/s, positive.
     pub hard_backward_speed: f64,
-    /// Turn rate that is never exceeded, rad/s.
+    /// Hard limit of the turn rate, rad/s.
     pub hard_turn_speed: f64,
     /// Torque cap of each driven wheel, N·m.
     pub wheel_torque: f64,
@@ -263,9 +263,9 @@ pub struct ArmSettings {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GripperSettings {
-    /// Distance between the pads that may be asked at most, metres.
+    /// Largest commanded distance between the pads, metres.
     pub stroke: f64,
-    /// Greatest knuckle angle that is commanded, rad.
+    /// Largest commanded knuckle angle, rad.
     pub closed: f64,
     /// Knuckle speed, rad/s.
     pub speed: f64,
@@ -273,13 +273,13 @@ pub struct GripperSettings {
     pub acceleration: f64,
     /// Viscous friction of each knuckle, N·m·s/rad.
     pub viscous_friction: f64,
-    /// Force cap at each pad when none is asked, N.
+    /// Default force cap at each pad, N.
     pub force: f64,
-    /// Greatest force cap at each pad, N.
+    /// Largest force cap at each pad, N.
     pub max_force: f64,
 }
 
-/// What the hand takes up with its fingers open on its way to a thing, about the
+/// Space that the hand with open fingers needs on its way to an object, relative to the
 /// grasp point.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -288,21 +288,21 @@ pub struct CorridorSettings {
     pub fingers: f64,
     /// Half of the width of palm and wrist, metres.
     pub wrist: f64,
-    /// The finger tips reach this far beyond the grasp point, metres.
+    /// Extension of the finger tips beyond the grasp point, metres.
     pub tip: f64,
-    /// The fingers reach this far back from the grasp point, metres.
+    /// Extension of the fingers back from the grasp point, metres.
     pub palm: f64,
-    /// So far back from the grasp point the wrist ends, metres.
+    /// End of the wrist back from the grasp point, metres.
     pub back: f64,
     /// Half of the height of the fingers, metres.
     pub fingers_height: f64,
     /// Half of the height of the palm, metres.
     pub palm_height: f64,
-    /// From above the wrist reaches down to this far above the grasp point, metres.
+    /// From above, the wrist extends down to this height above the grasp point, metres.
     pub above: f64,
 }
 
-/// Look of a material beside its colour in the URDF.
+/// Appearance of a material in addition to its colour in the URDF.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Surface {
@@ -320,11 +320,11 @@ pub(super) struct Surface {
 pub(super) struct SurfaceTexture {
     /// Pattern name.
     pub pattern: String,
-    /// Metres of surface that one repetition covers.
+    /// Metres of surface per repetition.
     pub metres: f32,
 }
 
-/// `robot.toml` as it stands in the file.
+/// Layout of `robot.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
@@ -410,7 +410,7 @@ struct CameraTable {
 }
 
 impl File {
-    /// What of the file stays with the model.
+    /// The settings that are kept with the model.
     pub(super) fn settings(&self) -> Settings {
         Settings {
             cameras: self
@@ -455,7 +455,7 @@ impl File {
 }
 
 impl Settings {
-    /// The first number that makes no sense: its name and what it must be.
+    /// The first invalid number: its name and the allowed range.
     pub(super) fn fault(&self) -> Option<(String, f64, &'static str)> {
         let drive = &self.drive;
         let positive = [

@@ -1,4 +1,4 @@
-//! How much room shapes take: axis-aligned bounds in a frame of choice.
+//! Axis-aligned bounds of shapes in a given frame.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -8,9 +8,9 @@ use crate::geometry::{Part, Shape};
 /// An axis-aligned box, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Least corner.
+    /// Lowest corner.
     pub min: Point3<f64>,
-    /// Greatest corner.
+    /// Highest corner.
     pub max: Point3<f64>,
 }
 
@@ -29,7 +29,7 @@ impl Bounds {
         (bounds.min.x <= bounds.max.x).then_some(bounds)
     }
 
-    /// Both together.
+    /// Union of both.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self {
@@ -38,7 +38,7 @@ impl Bounds {
         }
     }
 
-    /// Whether they share more than `slack` metres along every axis.
+    /// Whether they overlap by more than `slack` metres along every axis.
     #[must_use]
     pub fn overlaps(&self, other: &Self, slack: f64) -> bool {
         (0..3).all(|i| self.max[i].min(other.max[i]) - self.min[i].max(other.min[i]) > slack)
@@ -51,8 +51,8 @@ impl Bounds {
     }
 }
 
-/// Bounds of a part of a body at `pose`; `None` for meshes, which touch as the
-/// hulls that the body keeps beside its parts.
+/// Bounds of a part of a body at `pose`; `None` for meshes, which collide as the body's
+/// hulls.
 fn of_part(pose: &Isometry3<f64>, part: &Part) -> Option<Bounds> {
     let at = pose * part.pose;
     let around = |extent: Vector3<f64>, offset: Vector3<f64>| {
@@ -105,8 +105,8 @@ fn of_part(pose: &Isometry3<f64>, part: &Part) -> Option<Bounds> {
 }
 
 impl Body {
-    /// Bounds of the colliding parts when the body stands at `pose`; `None`
-    /// when nothing of it collides.
+    /// Bounds of the colliding parts when the body is at `pose`; `None` when none
+    /// collides.
     #[must_use]
     pub fn collision_bounds(&self, pose: &Isometry3<f64>) -> Option<Bounds> {
         let parts = self.collision.iter().filter_map(|part| of_part(pose, part));
@@ -114,14 +114,14 @@ impl Body {
         parts.chain(meshes).reduce(|a, b| a.union(&b))
     }
 
-    /// Height of the frame above what the body stands on, metres.
+    /// Height of the frame above the body's support, metres.
     #[must_use]
     pub fn standing_height(&self) -> f64 {
         self.collision_bounds(&Isometry3::identity())
             .map_or(0.0, |bounds| -bounds.min.z)
     }
 
-    /// Radius about the body's z axis within which it collides, metres.
+    /// Collision radius about the body's z axis, metres.
     #[must_use]
     pub fn footprint_radius(&self) -> f64 {
         // Sixteen directions: within 2 % of the true circle for boxes.

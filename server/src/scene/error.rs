@@ -1,50 +1,50 @@
-//! What can be wrong with a file below `assets/`, said so that it can be cured.
+//! Errors in files below `assets/`, with their fix.
 
 use std::path::PathBuf;
 
-/// A scene, object, material or task that cannot be used.
+/// An invalid scene, object, material or task.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// The file is missing or unreadable.
+    /// A missing or unreadable file.
     #[error("{path}: cannot be read ({source}); {cure}")]
     Read {
         /// The file.
         path: PathBuf,
-        /// The operating system's words.
+        /// Message of the operating system.
         source: std::io::Error,
-        /// What to do.
+        /// The fix.
         cure: String,
     },
-    /// Not TOML, a key that does not exist, or a value of the wrong type.
+    /// Invalid TOML, an unknown key, or a value of the wrong type.
     #[error("{file}: {source}{cure}")]
     Parse {
         /// The file, below the assets folder.
         file: String,
-        /// The parser's words, with the place.
+        /// Message of the parser, with line and column.
         source: Box<toml::de::Error>,
-        /// What to do.
+        /// The fix.
         cure: String,
     },
-    /// A file of the grammar that cannot be used.
+    /// An invalid file of the grammar.
     #[error(transparent)]
     Language(Box<wheelarm_language::GrammarError>),
-    /// A value that cannot be.
+    /// An invalid value.
     #[error("{file}: {key} is {found}, expected {expected}; {cure}")]
     Value {
         /// The file, below the assets folder.
         file: String,
-        /// Where in the file.
+        /// Place in the file.
         key: String,
-        /// What stands there.
+        /// Value found.
         found: String,
-        /// What may stand there.
+        /// Allowed values.
         expected: String,
-        /// What to do.
+        /// The fix.
         cure: String,
     },
 }
 
-/// Where in the assets a value stands: makes errors that name it.
+/// Place of a value in the assets, for error messages.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
     file: String,
@@ -78,7 +78,7 @@ impl Place {
         self.key(&format!("{list}[{entry}]"))
     }
 
-    /// The error for a value that stands here.
+    /// The error for a value at this place.
     pub(crate) fn wrong(
         &self,
         found: impl std::fmt::Display,
@@ -94,7 +94,7 @@ impl Place {
         }
     }
 
-    /// Refuses a number outside `[low, high]`; NaN is outside.
+    /// Rejects a number outside `[low, high]`; NaN is outside.
     pub(crate) fn within(
         &self,
         value: f64,
@@ -114,7 +114,7 @@ impl Place {
         }
     }
 
-    /// Refuses a length that is not that of a thing in a home.
+    /// Rejects a length that no object in a home has.
     pub(crate) fn length(&self, metres: f64) -> Result<f64, SceneError> {
         self.within(
             metres,
@@ -125,7 +125,7 @@ impl Place {
         )
     }
 
-    /// Refuses a position that is not finite or outside any home.
+    /// Rejects a position that is not finite or outside any home.
     pub(crate) fn position(&self, at: [f64; 3]) -> Result<[f64; 3], SceneError> {
         for value in at {
             self.within(value, -50.0, 50.0, "m", "positions are metres")?;

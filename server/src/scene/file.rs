@@ -1,4 +1,4 @@
-//! How the TOML files look: one struct per table, nothing checked but the keys.
+//! Layout of the TOML files: one struct per table, only the keys are checked.
 //!
 //! Lengths are metres, angles degrees (keys ending in `_deg`), masses kg.
 
@@ -52,7 +52,7 @@ pub(super) struct FurnitureEntry {
     pub name: String,
     #[serde(default)]
     pub area: String,
-    /// What kind of thing it is, in one word.
+    /// Category, in one word.
     #[serde(default)]
     pub category: String,
     pub at: [f64; 3],
@@ -60,31 +60,31 @@ pub(super) struct FurnitureEntry {
     pub yaw_deg: f64,
     /// Coulomb coefficient.
     pub friction: Option<f64>,
-    /// Material of the parts that name none.
+    /// Default material of its parts.
     pub material: Option<String>,
-    /// Takes parts, collision, friction, area and category of an earlier entry.
+    /// Copies parts, collision, friction, area and category of an earlier entry.
     pub like: Option<String>,
     #[serde(default)]
     pub parts: Vec<PartEntry>,
-    /// When given, these collide and the parts are only drawn.
+    /// If given, these collide and the parts are only rendered.
     pub collision: Option<Vec<PartEntry>>,
     #[serde(default)]
     pub surfaces: Vec<SurfaceEntry>,
-    /// It slides in other furniture.
+    /// Sliding furniture.
     pub slide: Option<SlideEntry>,
-    /// How the end effector can take it, in its own frame; for what slides.
+    /// Grasps, in its own frame; for sliding furniture.
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
-    /// Only there in the variants of an area that name it.
+    /// Only present in variants of an area that name it.
     #[serde(default)]
     pub optional: bool,
 }
 
-/// How furniture slides; its place is that at joint position 0.
+/// Sliding of furniture; its pose is that at joint position 0.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SlideEntry {
-    /// Furniture further up in which it slides and which it does not touch.
+    /// Earlier furniture in which it slides and with which it does not collide.
     pub on: String,
     /// Direction in its own frame.
     pub axis: [f64; 3],
@@ -99,33 +99,33 @@ pub(super) struct SlideEntry {
     pub damping: f64,
 }
 
-/// One shape; exactly one of the shape keys must be there.
+/// One shape; exactly one of the shape keys must be present.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PartEntry {
-    /// Whole lengths along x, y, z.
+    /// Full lengths along x, y, z.
     #[serde(rename = "box")]
     pub cuboid: Option<[f64; 3]>,
     pub rounded_box: Option<RoundedBoxEntry>,
     pub cylinder: Option<RoundEntry>,
-    /// `height` is the whole length, caps included.
+    /// `height` is the full length, caps included.
     pub capsule: Option<RoundEntry>,
     pub sphere: Option<SphereEntry>,
     pub frustum: Option<FrustumEntry>,
     pub cup: Option<CupEntry>,
-    /// `[radius, z]` points from bottom to top; drawn only.
+    /// `[radius, z]` points from bottom to top; for visuals only.
     pub lathe: Option<Vec<[f64; 2]>>,
     pub mesh: Option<MeshEntry>,
-    /// Place in the body.
+    /// Position in the body.
     pub at: Option<[f64; 3]>,
-    /// Several places: one copy each.
+    /// Several positions: one copy each.
     pub places: Option<Vec<[f64; 3]>>,
-    /// Roll, pitch, yaw: turns about the fixed axes x, then y, then z.
+    /// Roll, pitch, yaw: rotations about the fixed axes x, then y, then z.
     pub rpy_deg: Option<[f64; 3]>,
     pub material: Option<String>,
-    /// Collides only.
+    /// Whether it is rendered.
     pub draw: Option<bool>,
-    /// Drawn only.
+    /// Whether it collides.
     pub collide: Option<bool>,
 }
 
@@ -210,21 +210,21 @@ pub(super) struct SurfaceEntry {
     pub width: f64,
 }
 
-/// One `[[object]]` of a scene: which object file, and its default place.
+/// One `[[object]]` of a scene: its object file and default place.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ObjectEntry {
     pub name: String,
     /// Name of the file in assets/objects; the object's name when absent.
     pub kind: Option<String>,
-    /// Furniture and surface it stands on.
+    /// Furniture and surface that carry it.
     pub on: String,
     pub surface: Option<String>,
     /// Distance from the approach edge inwards, and along the edge from its middle.
     pub at: [f64; 2],
     #[serde(default)]
     pub yaw_deg: f64,
-    /// Only there when a task draws it or a scenario places it.
+    /// Only present when a task samples it or a scenario places it.
     #[serde(default)]
     pub optional: bool,
 }
@@ -235,7 +235,7 @@ pub(super) struct ObjectEntry {
 pub(super) struct ObjectFile {
     pub origin: String,
     pub license: String,
-    /// What kind of thing it is, in one word.
+    /// Category, in one word.
     #[serde(default)]
     pub category: String,
     /// In one word.
@@ -251,17 +251,17 @@ pub(super) struct ObjectFile {
     #[serde(default)]
     pub parts: Vec<PartEntry>,
     pub collision: Option<Vec<PartEntry>>,
-    /// Makes the object a soft one: its lobes are its shape.
+    /// Makes the object deformable: its lobes are its shape.
     pub soft: Option<SoftEntry>,
     #[serde(default)]
     pub lobes: Vec<LobeEntry>,
     #[serde(default)]
     pub grasps: Vec<GraspEntry>,
-    /// Where one drinks or eats from it.
+    /// Point to drink or eat from.
     pub tip: Option<[f64; 3]>,
 }
 
-/// What a soft object is made of.
+/// Elasticity of a deformable.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SoftEntry {
@@ -274,7 +274,7 @@ pub(super) struct SoftEntry {
     pub skin_pitch: f64,
 }
 
-/// An ellipsoid of a soft object; each flows into those before it.
+/// An ellipsoid of a deformable, blended with the previous ones.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LobeEntry {
@@ -284,10 +284,10 @@ pub(super) struct LobeEntry {
     /// Roll, pitch, yaw: turns about the fixed axes x, then y, then z.
     #[serde(default)]
     pub rpy_deg: [f64; 3],
-    /// Over which length it flows into the others.
+    /// Blending distance to the others.
     pub blend: f64,
     pub material: String,
-    /// A second one stands on the other side of the plane x = 0.
+    /// Adds its mirror image about the plane x = 0.
     #[serde(default)]
     pub mirrored: bool,
 }
@@ -304,7 +304,7 @@ pub(super) struct GraspEntry {
     pub symmetric: bool,
     /// Cap of the force at each pad, N.
     pub force: Option<f64>,
-    /// Only where the hand comes from above.
+    /// Only for approaches from above.
     #[serde(default)]
     pub from_above: bool,
 }

@@ -1,5 +1,4 @@
-//! Files below the assets folder: which there are, their texts, and whether they
-//! say where they come from.
+//! Files below the assets folder: names, texts, and provenance.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +6,7 @@ use serde::de::DeserializeOwned;
 
 use super::error::{Place, SceneError};
 
-/// A text of the assets that a scenario uses.
+/// A text of the assets used by a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AssetText {
     /// Path below the assets folder, with `/`.
@@ -16,8 +15,8 @@ pub struct AssetText {
     pub text: String,
 }
 
-/// The texts of files below the assets folder, in the order of `paths`. Characters of
-/// another encoding than UTF-8, as in names and comments of OBJ files, are replaced.
+/// The texts of files below the assets folder, in the order of `paths`. Other encodings
+/// than UTF-8, as in names and comments of OBJ files, are replaced.
 ///
 /// # Errors
 /// When one of them cannot be read.
@@ -39,7 +38,7 @@ pub(crate) fn names(assets: &Path, folder: &str) -> Result<Vec<String>, SceneErr
     let unreadable = |source| SceneError::Read {
         path: full.clone(),
         source,
-        cure: "start from the folder that holds `assets`, or name it".to_owned(),
+        cure: "start from the folder that contains `assets`, or name it".to_owned(),
     };
     let mut names = Vec::new();
     for entry in std::fs::read_dir(&full).map_err(unreadable)? {
@@ -76,7 +75,7 @@ fn unreadable(assets: &Path, path: &str, source: std::io::Error) -> SceneError {
     SceneError::Read {
         path: assets.join(path),
         source,
-        cure: format!("{folder} there are: {known}"),
+        cure: format!("available {folder}: {known}"),
     }
 }
 
@@ -89,14 +88,14 @@ pub(crate) fn parse<T: DeserializeOwned>(assets: &Path, path: &str) -> Result<T,
     })
 }
 
-/// Every asset says where it comes from and what may be done with it.
+/// Checks that an asset names its origin and licence.
 pub(crate) fn provenance(place: &Place, origin: &str, license: &str) -> Result<(), SceneError> {
     for (key, text) in [("origin", origin), ("license", license)] {
         if text.trim().is_empty() {
             return Err(place.key(key).wrong(
                 "empty",
                 "where the asset comes from and its licence",
-                "for example origin = \"drawn for WheelArm\", license = \"Apache-2.0\"",
+                "for example origin = \"made for WheelArm\", license = \"Apache-2.0\"",
             ));
         }
     }

@@ -1,4 +1,4 @@
-//! Reading a scene from the assets folder.
+//! Loads a scene from the assets folder.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,7 +20,7 @@ impl Scene {
     /// Reads `assets/scenes/NAME.toml` with its materials, objects and meshes.
     ///
     /// # Errors
-    /// When a file is missing or something in it cannot be.
+    /// When a file is missing or a value is invalid.
     pub fn load(assets: &Path, name: &str) -> Result<Self, SceneError> {
         let path = format!("scenes/{name}.toml");
         let file: SceneFile = parse(assets, &path)?;
@@ -75,8 +75,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The text files behind this scene, sorted: itself, every material file,
-    /// every kind of object in it, every mesh in text form.
+    /// The text files of this scene, sorted: itself, every material file, every kind of
+    /// object, every mesh in text form.
     fn texts_behind(&self, file: &SceneFile, own: String, materials: Vec<String>) -> Vec<String> {
         let materials = materials
             .iter()
@@ -160,7 +160,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Surfaces of furniture that comes next, at `pose`.
+    /// Adds the surfaces of the next furniture, at `pose`.
     fn add_surfaces(
         &mut self,
         place: &Place,
@@ -199,7 +199,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The joint of furniture that comes next.
+    /// The joint of the next furniture.
     fn slide(
         &self,
         place: &Place,
@@ -284,7 +284,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The surface that a file names, or which there are.
+    /// The surface that a file names; the error lists the available ones.
     pub(crate) fn surface(
         &self,
         place: &Place,
@@ -306,7 +306,7 @@ impl Scene {
     }
 }
 
-/// The entry that says the parts of furniture: its own, or the one it is like.
+/// The entry with the parts of furniture: its own, or the one that it copies.
 fn model<'a>(
     place: &Place,
     earlier: &BTreeMap<&str, &'a FurnitureEntry>,
@@ -357,14 +357,14 @@ fn unused_name(place: &Place, scene: &Scene, name: &str) -> Result<(), SceneErro
     if taken || name.trim().is_empty() {
         return Err(place.key("name").wrong(
             format!("{name:?}"),
-            "a name of its own",
-            "every body of the scene has another name",
+            "a unique name",
+            "every body of the scene has a unique name",
         ));
     }
     Ok(())
 }
 
-/// A turn about z as a rotation vector.
+/// A rotation about z as a rotation vector.
 fn yaw(place: &Place, degrees: f64) -> Result<Vector3<f64>, SceneError> {
     let degrees =
         place
@@ -407,7 +407,7 @@ fn room_camera(place: &Place, entry: &RoomCameraEntry) -> Result<RoomCamera, Sce
     if x.norm() < 1e-6 {
         return Err(place.key("look_at").wrong(
             format!("{:?}", entry.look_at),
-            format!("a point not straight above or below at {:?}", entry.at),
+            format!("a point that is not straight above or below {:?}", entry.at),
             "move one of them sideways",
         ));
     }

@@ -47,7 +47,7 @@ fn material(
             .within(value, 0.0, high, "", "it is a fraction")
             .map(|v| v as f32)
     };
-    let picture = match &entry.texture {
+    let image = match &entry.texture {
         None => None,
         Some(entry) => {
             let place = place.key("texture");
@@ -55,7 +55,7 @@ fn material(
                 return Err(place.key("pattern").wrong(
                     format!("{:?}", entry.pattern),
                     format!("one of {}", textures.join(", ")),
-                    "put the picture into assets/textures, or leave the texture out",
+                    "put the image into assets/textures, or leave the texture out",
                 ));
             }
             Some(Texture {
@@ -70,7 +70,7 @@ fn material(
         roughness: fraction("roughness", entry.roughness, 1.0)?,
         metallic: fraction("metallic", entry.metallic, 1.0)?,
         emission: fraction("emission", entry.emission, 4.0)?,
-        texture: picture,
+        texture: image,
         family: entry.family,
         transmission: fraction("transmission", entry.transmission, 1.0)?,
     })

@@ -1,8 +1,8 @@
-//! What stands in the home: TOML files below `assets/` become validated types.
+//! The home: loads TOML files below `assets/` into validated types.
 //!
-//! Data only: no physics, no drawing, no network. Whatever a user can get wrong
-//! in a file is refused here, with the file, the key, both values and the cure;
-//! nothing behind this module checks the scene again.
+//! Plain data without physics, rendering and network. Errors in a file are reported
+//! here, with the file, the key, the value, the allowed values and the fix; later code
+//! does not check the scene again.
 
 mod bounds;
 mod error;
@@ -31,21 +31,21 @@ use crate::geometry::{Part, Visual};
 pub struct Scene {
     /// Name of the file below assets/scenes.
     pub name: String,
-    /// Bodies that never move. Index 0 is the floor.
+    /// Fixed bodies. Index 0 is the floor.
     pub furniture: Vec<Body>,
-    /// Bodies that move freely.
+    /// Free bodies.
     pub objects: Vec<Body>,
-    /// Where things can be put.
+    /// Surfaces for placing objects.
     pub surfaces: Vec<Surface>,
-    /// Furniture that slides.
+    /// Sliding furniture.
     pub joints: Vec<FurnitureJoint>,
     /// Light.
     pub lighting: Lighting,
-    /// Where the chair starts: pose of `wheelchair_root` in `house`.
+    /// Start of the chair: pose of `wheelchair_root` in `house`.
     pub start: Isometry3<f64>,
-    /// Camera of the room, off unless asked: world_from_optical and lens.
+    /// Camera of the room, off unless requested: world_from_optical and lens.
     pub room_camera: RoomCamera,
-    /// Text files that it was made of, below the assets folder and sorted.
+    /// Its text files, below the assets folder and sorted.
     pub files: Vec<String>,
 }
 
@@ -54,46 +54,46 @@ pub struct Scene {
 pub struct Body {
     /// Unique name.
     pub name: String,
-    /// Area it belongs to (`coffee_table`, `kitchen_table`, `shelf`, `workstation`); empty elsewhere.
+    /// Its area (`coffee_table`, `kitchen_table`, `shelf`, `workstation`); empty
+    /// elsewhere.
     pub area: String,
-    /// What kind of thing it is, in one word: `can`, `mug`, `drawer`; may be empty.
+    /// Category in one word: `can`, `mug`, `drawer`; may be empty.
     pub category: String,
     /// Its colour in one word; may be empty.
     pub colour: String,
-    /// world_from_body; for objects the default place.
+    /// world_from_body; for objects the default pose.
     pub pose: Isometry3<f64>,
-    /// Mass properties; `None` for bodies that never move.
+    /// Mass properties; `None` for fixed bodies.
     pub mass: Option<MassProperties>,
     /// Coulomb friction coefficient (combined with the other body's by average).
     pub friction: f64,
-    /// Shapes that touch; never `Shape::Mesh` or `Shape::Lathe`.
+    /// Colliding shapes; never `Shape::Mesh` or `Shape::Lathe`.
     pub collision: Vec<Part>,
-    /// Colliding mesh files: each touches as the convex hull of these vertices,
-    /// metres in the body frame.
+    /// Colliding mesh files: each collides as the convex hull of these vertices, metres
+    /// in the body frame.
     pub hulls: Vec<Vec<Point3<f64>>>,
-    /// Shapes that are drawn.
+    /// Rendered shapes.
     pub visual: Vec<Visual>,
-    /// What a soft object is made of. Its `collision` only bounds it at rest:
-    /// what touches is its skin.
+    /// Elasticity of a deformable. Its `collision` is only its bounds at rest: its skin
+    /// collides.
     pub soft: Option<Soft>,
-    /// How the end effector can take it.
+    /// Grasps.
     pub grasps: Vec<Grasp>,
-    /// Where one drinks or eats from it, in the body frame: what goes to the mouth.
+    /// Point to drink or eat from, in the body frame, for bringing to the mouth.
     pub tip: Option<Point3<f64>>,
-    /// An object is only there when a task draws it or a scenario places it,
-    /// furniture in the variants of an area that name it.
+    /// An object that is only present when a task samples it or a scenario places it,
+    /// or furniture of some variants of an area.
     pub optional: bool,
 }
 
-/// A level part of furniture that carries things and is approached from one side.
+/// A level part of furniture that carries objects and has an approach side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     /// Index into `Scene::furniture`.
     pub furniture: usize,
     /// Name within the furniture, for example `top`.
     pub name: String,
-    /// world_from_edge: origin in the middle of the edge from which it is
-    /// approached, x inwards, z up.
+    /// world_from_edge: origin in the middle of the approach edge, x inwards, z up.
     pub edge: Isometry3<f64>,
     /// Extent inwards from the edge, metres.
     pub depth: f64,
@@ -106,24 +106,24 @@ pub struct Surface {
 pub struct FurnitureJoint {
     /// Unique name, for example `drawer_1_joint`.
     pub name: String,
-    /// Index into `Scene::furniture` of the body that moves. Its pose there is
-    /// that at joint position 0.
+    /// Index into `Scene::furniture` of the moving body. Its pose there is that at
+    /// joint position 0.
     pub furniture: usize,
-    /// Index into `Scene::furniture` of what it slides in.
+    /// Index into `Scene::furniture` of the body in which it slides.
     pub carrier: usize,
-    /// Direction of growing positions in `house`.
+    /// Direction of increasing positions in `house`.
     pub axis: Unit<Vector3<f64>>,
-    /// Greatest position, metres; the least is 0.
+    /// Largest position, metres; the smallest is 0.
     pub travel: f64,
-    /// Mass properties of the body that moves.
+    /// Mass properties of the moving body.
     pub mass: MassProperties,
-    /// What it slides against.
+    /// Friction.
     pub resistance: Resistance,
-    /// Position at the start, metres.
+    /// Initial position, metres.
     pub start: f64,
 }
 
-/// What sliding furniture slides against.
+/// Friction of sliding furniture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resistance {
     /// Dry friction, N.
@@ -143,21 +143,21 @@ pub struct MassProperties {
     pub inertia: Matrix3<f64>,
 }
 
-/// One way to take an object.
+/// A grasp of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grasp {
     /// Name, for example `side`.
     pub name: String,
-    /// Where the tool's grasp point goes, in the object's frame: z is the
-    /// approach direction of the tool, x the direction in which the fingers close.
+    /// Pose of the tool's grasp point in the object's frame: z is the approach
+    /// direction of the tool, x the closing direction of the fingers.
     pub pose: Isometry3<f64>,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
-    /// Any turn about the object's z axis will do.
+    /// Whether any rotation about the object's z axis is possible.
     pub symmetric: bool,
-    /// Cap of the force at each pad for what is soft, N; 0 leaves it to whoever grasps.
+    /// Cap of the force at each pad for a deformable, N; 0 for none.
     pub force: f64,
-    /// Only where the hand comes from above, for what has fallen over.
+    /// Only for approaches from above, for a fallen object.
     pub from_above: bool,
 }
 
@@ -183,10 +183,10 @@ pub struct RoomCamera {
     pub horizontal_fov: f64,
 }
 
-/// What was drawn for one object, in the order of `Scene::objects`.
+/// Sampled values of one object, in the order of `Scene::objects`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// world_from_object at the start.
+    /// Initial world_from_object.
     pub pose: Isometry3<f64>,
     /// kg; the inertia scales with it.
     pub mass: f64,
@@ -195,9 +195,9 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// The body at its place in the scene, as heavy and rough as its file says.
+    /// The body at its pose in the scene, with the mass and friction of its file.
     #[must_use]
-    pub fn of(body: &Body) -> Self {
+    pub fn from_body(body: &Body) -> Self {
         Self {
             pose: body.pose,
             mass: body.mass.map_or(0.0, |mass| mass.mass),
@@ -213,7 +213,7 @@ impl Scene {
         self.furniture.iter().position(|body| body.name == name)
     }
 
-    /// Takes out the optional furniture, all but that of these names.
+    /// Removes the optional furniture except the named pieces.
     pub fn keep_optional(&mut self, wanted: &[String]) {
         let stays = |body: &Body| !body.optional || wanted.contains(&body.name);
         let stays: Vec<bool> = self.furniture.iter().map(stays).collect();
@@ -244,7 +244,7 @@ impl Scene {
         self.joints.iter().position(|joint| joint.name == name)
     }
 
-    /// Joint on which furniture moves; `None` when it stays where it is.
+    /// Joint of sliding furniture; `None` for fixed furniture.
     #[must_use]
     pub fn joint_of(&self, furniture: usize) -> Option<&FurnitureJoint> {
         self.joints.iter().find(|j| j.furniture == furniture)
@@ -267,16 +267,15 @@ impl Surface {
         self.standing(self.depth / 2.0, 0.0, 0.0)
     }
 
-    /// Whether a point of `house` lies above or below the surface.
+    /// Whether a point of `house` is above or below the surface.
     #[must_use]
     pub fn spans(&self, point: &Point3<f64>) -> bool {
         let on = self.edge.inverse_transform_point(point);
         (0.0..=self.depth).contains(&on.x) && on.y.abs() <= self.width / 2.0
     }
 
-    /// world_from_body of something that stands on the surface: `inwards` from
-    /// the approach edge, `along` from its middle, turned by `yaw` against the
-    /// inward direction.
+    /// world_from_body of a body on the surface: `inwards` from the approach edge,
+    /// `along` from its middle, rotated by `yaw` relative to the inward direction.
     #[must_use]
     pub fn standing(&self, inwards: f64, along: f64, yaw: f64) -> Isometry3<f64> {
         self.edge * Isometry3::new(Vector3::new(inwards, along, 0.0), Vector3::z() * yaw)

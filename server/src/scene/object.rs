@@ -1,4 +1,4 @@
-//! Objects: `assets/objects/NAME.toml` becomes a body that moves freely.
+//! Objects: loads `assets/objects/NAME.toml` as a free body.
 
 use std::path::Path;
 
@@ -10,13 +10,12 @@ use super::folder;
 use super::part::Reader;
 use super::{Body, Grasp, MassProperties, material, soft};
 
-/// No gripper opens further, metres; whether one opens as far as a grasp says is
-/// for who plans with it.
+/// Largest opening of any gripper, metres; planners check the actual gripper's.
 const WIDEST: f64 = 0.3;
-/// No gripper presses harder, N.
+/// Largest force of any gripper, N.
 const HARDEST: f64 = 1000.0;
 
-/// Reads one object; it stands at the origin and has no area yet.
+/// Reads one object; it is at the origin and has no area yet.
 pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> {
     let path = format!("objects/{kind}.toml");
     let file: ObjectFile = folder::parse(reader.assets, &path)?;
@@ -59,10 +58,10 @@ pub(super) fn read(reader: &Reader<'_>, kind: &str) -> Result<Body, SceneError> 
     Ok(body)
 }
 
-/// Reads `assets/objects/KIND.toml` alone; it stands at the origin.
+/// Reads only `assets/objects/KIND.toml`; the object is at the origin.
 ///
 /// # Errors
-/// When the file is missing or something in it cannot be.
+/// When the file is missing or a value is invalid.
 pub fn object(assets: &Path, kind: &str) -> Result<Body, SceneError> {
     let materials = material::library(assets)?;
     let reader = Reader {
@@ -83,7 +82,7 @@ pub(super) fn mass(
     let Some(bounds) = body.collision_bounds(&Isometry3::identity()) else {
         return Err(place.key("collision").wrong(
             "empty",
-            "at least one shape that touches",
+            "at least one shape that collides",
             "let a part collide or list shapes under `collision`",
         ));
     };
@@ -118,7 +117,7 @@ pub(super) fn mass(
             &cure,
         ));
     }
-    // No mass can lie further out than the farthest corner of the bounds.
+    // No mass can be further out than the farthest corner of the bounds.
     let reach = (bounds.max - com).abs().sup(&(bounds.min - com).abs());
     let [xx, yy, zz] = inertia;
     for (i, moment) in [xx, yy, zz].into_iter().enumerate() {

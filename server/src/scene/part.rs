@@ -1,4 +1,4 @@
-//! Parts: one entry of a file becomes shapes that are drawn and shapes that touch.
+//! Parts: converts one entry of a file to rendered and colliding shapes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use super::error::{Place, SceneError};
 use super::file::PartEntry;
 use crate::geometry::{self, Material, Part, Shape, Visual};
 
-/// What is needed to read parts.
+/// Context for reading parts.
 pub(super) struct Reader<'a> {
     pub assets: &'a Path,
     pub materials: &'a BTreeMap<String, Material>,
@@ -25,7 +25,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Adds a part that touches: a mesh by its vertices, others by their shape.
+    /// Adds a colliding part: a mesh by its vertices, others by their shape.
     fn collide(&mut self, part: Part, vertices: &[Point3<f64>]) {
         if vertices.is_empty() {
             self.collision.push(part);
@@ -37,7 +37,7 @@ impl Parts {
 }
 
 impl Reader<'_> {
-    /// Reads `parts`, and `collision` in place of what the parts would collide as.
+    /// Reads `parts`; `collision` replaces the parts for collision.
     pub(super) fn body(
         &self,
         place: &Place,
@@ -55,7 +55,7 @@ impl Reader<'_> {
             if collides && matches!(shape, Shape::Lathe { .. }) {
                 return Err(place.key("collide").wrong(
                     "true for a lathe",
-                    "a lathe that is only drawn",
+                    "a lathe that is only rendered",
                     "leave `collide` out and give simple shapes under `collision`",
                 ));
             }
@@ -87,7 +87,7 @@ impl Reader<'_> {
                 return Err(place.wrong(
                     "given with material, draw or collide",
                     "only a shape and its place",
-                    "collision shapes are never drawn: remove these keys",
+                    "collision shapes are never rendered: remove these keys",
                 ));
             }
             for pose in poses(&place, entry)? {
@@ -115,7 +115,7 @@ impl Reader<'_> {
         self.named(&place, name)
     }
 
-    /// The material of this name, asked for at `place`.
+    /// The material of this name; errors refer to `place`.
     pub(super) fn named(&self, place: &Place, name: &str) -> Result<Material, SceneError> {
         self.materials.get(name).cloned().ok_or_else(|| {
             let known: Vec<_> = self.materials.keys().map(String::as_str).collect();
@@ -200,10 +200,10 @@ impl Reader<'_> {
 /// A mesh and its vertices, metres.
 type MeshShape = (Shape, Vec<Point3<f64>>);
 
-/// A shape where the entry has one of this kind.
-type Found = Result<Option<Shape>, SceneError>;
+/// A shape, if the entry has one of this kind.
+type OptionalShape = Result<Option<Shape>, SceneError>;
 
-fn cuboid(place: &Place, entry: &PartEntry) -> Found {
+fn cuboid(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(size) = entry.cuboid else {
         return Ok(None);
     };
@@ -211,7 +211,7 @@ fn cuboid(place: &Place, entry: &PartEntry) -> Found {
     Ok(Some(Shape::Cuboid { half }))
 }
 
-fn rounded_box(place: &Place, entry: &PartEntry) -> Found {
+fn rounded_box(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(rounded) = &entry.rounded_box else {
         return Ok(None);
     };
@@ -228,7 +228,7 @@ fn rounded_box(place: &Place, entry: &PartEntry) -> Found {
     Ok(Some(Shape::RoundedCuboid { half, radius }))
 }
 
-fn cylinder(place: &Place, entry: &PartEntry) -> Found {
+fn cylinder(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(round) = &entry.cylinder else {
         return Ok(None);
     };
@@ -239,7 +239,7 @@ fn cylinder(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn capsule(place: &Place, entry: &PartEntry) -> Found {
+fn capsule(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(round) = &entry.capsule else {
         return Ok(None);
     };
@@ -258,7 +258,7 @@ fn capsule(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn sphere(place: &Place, entry: &PartEntry) -> Found {
+fn sphere(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(sphere) = &entry.sphere else {
         return Ok(None);
     };
@@ -266,7 +266,7 @@ fn sphere(place: &Place, entry: &PartEntry) -> Found {
     Ok(Some(Shape::Sphere { radius }))
 }
 
-fn frustum(place: &Place, entry: &PartEntry) -> Found {
+fn frustum(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(frustum) = &entry.frustum else {
         return Ok(None);
     };
@@ -278,7 +278,7 @@ fn frustum(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn cup(place: &Place, entry: &PartEntry) -> Found {
+fn cup(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(cup) = &entry.cup else {
         return Ok(None);
     };
@@ -301,7 +301,7 @@ fn cup(place: &Place, entry: &PartEntry) -> Found {
     }))
 }
 
-fn lathe(place: &Place, entry: &PartEntry) -> Found {
+fn lathe(place: &Place, entry: &PartEntry) -> OptionalShape {
     let Some(profile) = &entry.lathe else {
         return Ok(None);
     };

@@ -1,4 +1,4 @@
-//! Soft objects: lobes and elasticity of an object file become a plush toy.
+//! Deformables: converts lobes and elasticity of an object file to a plush toy.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
@@ -7,10 +7,10 @@ use super::file::{LobeEntry, ObjectFile};
 use super::part::Reader;
 use crate::geometry::plush::{Lobe, Plush};
 
-/// What a soft object is made of.
+/// A deformable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Soft {
-    /// Its shape at rest, in the object's frame.
+    /// Its rest shape, in the object's frame.
     pub plush: Plush,
     /// Pa.
     pub young_modulus: f64,
@@ -18,13 +18,13 @@ pub struct Soft {
     pub poisson_ratio: f64,
     /// Stress per strain rate over stress per strain, seconds.
     pub damping: f64,
-    /// Edge of the cubes that are cut into five tetrahedra each, metres.
+    /// Edge of the cubes, divided into five tetrahedra each, metres.
     pub tet_pitch: f64,
     /// Width of the skin's triangles, metres.
     pub skin_pitch: f64,
 }
 
-/// The soft part of an object file, if it has one.
+/// The deformable part of an object file, if any.
 pub(super) fn read(
     reader: &Reader<'_>,
     place: &Place,
@@ -129,7 +129,7 @@ fn add(
     };
     lobes.push(lobe.clone());
     if entry.mirrored {
-        // Seen in the plane x = 0; an ellipsoid is its own mirror image.
+        // Mirrored about the plane x = 0; an ellipsoid is its own mirror image.
         let q = turn.quaternion();
         let mirrored = nalgebra::Quaternion::new(q.w, q.i, -q.j, -q.k);
         lobe.pose = Isometry3::from_parts(
@@ -142,13 +142,13 @@ fn add(
 }
 
 impl Soft {
-    /// The skin at rest, in the object's frame.
+    /// The skin in its rest shape, in the object's frame.
     #[must_use]
     pub fn skin(&self) -> crate::geometry::plush::Skin {
         self.plush.skin(self.skin_pitch)
     }
 
-    /// Corners of a box around it at rest, metres.
+    /// Corners of its bounding box at rest, metres.
     #[must_use]
     pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
         self.plush.bounds()

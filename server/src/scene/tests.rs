@@ -1,4 +1,4 @@
-//! The home as shipped: budgets, lanes, origins; and what broken files say.
+//! Tests of the bundled home (budgets, lanes, origins) and of errors in broken files.
 
 use std::path::PathBuf;
 
@@ -59,7 +59,7 @@ fn every_object_file_loads_and_every_asset_names_origin_and_licence() {
         let body = object::read(&reader, &kind).unwrap_or_else(|error| panic!("{error}"));
         assert!(
             body.standing_height().abs() < 1e-9,
-            "{kind} stands on z = 0"
+            "{kind} must rest on z = 0"
         );
         for word in [&body.category, &body.colour] {
             let single = !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase());
@@ -152,7 +152,7 @@ fn lanes_are_wide_enough_for_the_chair_to_reach_every_area() {
 }
 
 #[test]
-fn mesh_files_touch_as_their_hull_unless_shapes_are_given() {
+fn mesh_files_collide_as_their_hull_unless_shapes_are_given() {
     let folder = Copy::new("hull");
     let tetrahedron =
         "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
@@ -184,7 +184,7 @@ fn mesh_files_touch_as_their_hull_unless_shapes_are_given() {
     assert_eq!((body.collision.len(), body.hulls.len()), (1, 0));
 }
 
-/// A copy of the assets in which one thing is broken.
+/// A copy of the assets with one error.
 pub(crate) struct Copy(pub(crate) PathBuf);
 
 impl Copy {
@@ -221,7 +221,7 @@ impl Copy {
         std::fs::write(self.0.join(path), text).unwrap();
     }
 
-    /// Replaces the first `from`, which must be there.
+    /// Replaces the first `from`, which must exist.
     pub(crate) fn edit(&self, path: &str, from: &str, to: &str) {
         let text = std::fs::read_to_string(self.0.join(path)).unwrap();
         assert!(text.contains(from), "{path} has no {from:?}");
@@ -231,18 +231,18 @@ impl Copy {
 
 impl Drop for Copy {
     fn drop(&mut self) {
-        // Left behind when it cannot be removed: it is in the temporary folder.
+        // If it cannot be removed it stays in the temporary folder.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
 #[test]
-fn broken_files_are_refused_with_file_key_values_and_cure() {
+fn broken_files_are_rejected_with_file_key_values_and_fix() {
     const OBJECT: &str = "objects/mustard.toml";
     const CAN: &str = "objects/meat_can.toml";
     const SCENE: &str = "scenes/home.toml";
     const MATERIALS: &str = "materials/home.toml";
-    // File, what is replaced, by what, and what the message must contain.
+    // File, replaced text, replacement, and required parts of the message.
     let cases: [(&str, &str, &str, &[&str]); 18] = [
         (
             CAN,
@@ -357,7 +357,7 @@ fn broken_files_are_refused_with_file_key_values_and_cure() {
         let folder = Copy::new(&format!("broken{i}"));
         folder.edit(file, from, to);
         let error = match Scene::load(&folder.0, "home") {
-            Ok(_) => panic!("{to} in {file} was taken"),
+            Ok(_) => panic!("{to} in {file} was accepted"),
             Err(error) => error.to_string(),
         };
         assert!(error.contains(file), "{error}");

@@ -1,6 +1,5 @@
-//! Inertial measurement unit: orientation, angular velocity and specific force
-//! of its link, from the states of two neighbouring ticks, with optional noise
-//! drawn from the seed.
+//! Inertial measurement unit: orientation, angular velocity and specific force of its
+//! link, from the states of two consecutive ticks, with optional noise from the seed.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::SeedableRng;
@@ -15,7 +14,7 @@ use crate::snapshot::BodyState;
 /// Standard gravity used by the simulation, m/s².
 pub const GRAVITY: f64 = 9.81;
 
-/// White noise of one sample, standard deviations.
+/// Standard deviations of the white noise of one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// Of each axis of the angular velocity, rad/s.
@@ -27,8 +26,8 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// From the densities of a robot description: a sample of white noise of
-    /// density d at f Hz has the deviation d·√f.
+    /// From the densities of a robot description: white noise of density d sampled at f
+    /// Hz has the deviation d·√f.
     #[must_use]
     pub fn from_settings(settings: &ImuSettings) -> Self {
         let root = (PHYSICS_HZ as f64).sqrt();
@@ -40,7 +39,7 @@ impl Noise {
     }
 }
 
-/// One measurement, in the IMU link unless said otherwise.
+/// One measurement, in the IMU link unless noted otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Tick of the measurement.
@@ -62,7 +61,7 @@ pub struct Imu {
 }
 
 impl Imu {
-    /// An IMU whose noise follows from `seed`.
+    /// An IMU whose noise depends on `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self {
@@ -72,13 +71,13 @@ impl Imu {
         }
     }
 
-    /// Tells the velocity before the first measurement.
+    /// Sets the velocity before the first measurement.
     pub fn prime(&mut self, link: &BodyState) {
         self.last_velocity = Some(link.linear);
     }
 
-    /// Measures the link's state at `tick`. Call it once per tick: the
-    /// acceleration is the velocity's change over the last one.
+    /// Measures the link's state at `tick`. Call it once per tick: the acceleration is
+    /// the change of velocity over the last one.
     pub fn measure(&mut self, tick: u64, link: &BodyState, noise: Option<Noise>) -> Sample {
         let acceleration = match self.last_velocity.replace(link.linear) {
             Some(last) => (link.linear - last) * PHYSICS_HZ as f64,
@@ -92,8 +91,8 @@ impl Imu {
             linear_acceleration: imu_from_world * (acceleration + Vector3::new(0.0, 0.0, GRAVITY)),
         };
         if let Some(noise) = noise {
-            // One generator per sample, keyed by the count, so that the state
-            // to save is two integers.
+            // One generator per sample, keyed by the count, so that the state to save
+            // is two integers.
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
             rng.set_stream(self.noise_draws.wrapping_add(1));
             self.noise_draws += 1;
@@ -131,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_it_feels_gravity_upwards_and_in_free_fall_nothing() {
+    fn it_measures_gravity_at_rest_and_zero_in_free_fall() {
         let mut imu = Imu::new(0);
         imu.measure(0, &still(), None);
         let rest = imu.measure(1, &still(), None);
@@ -142,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_the_stated_deviation_and_follows_the_seed() {
+    fn noise_has_the_given_deviation_and_depends_on_the_seed() {
         let noise = Some(Noise {
             angular: 0.01,
             linear: 0.1,

@@ -1,6 +1,5 @@
-//! What the robot feels and sees, computed from snapshots: which sensor is
-//! due, inertial measurement, wheel odometry, frame poses, cameras, and what the
-//! sensor models of a scenario make of them.
+//! Sensors of the robot, computed from snapshots: schedules, inertial measurement,
+//! wheel odometry, frame poses, cameras, and the sensor models of a scenario.
 //!
 //! Sensors read snapshots and never the physics itself.
 

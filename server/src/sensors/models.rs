@@ -1,4 +1,4 @@
-//! The sensor models of a scenario: their parameter files, and what they take.
+//! The sensor models of a scenario: parameter files and cameras.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -11,12 +11,12 @@ use wheelarm_sensors::{BadParameter, Model, Surface, Surfaces, surface};
 use super::camera::{CameraSpec, Intrinsics, RenderScene};
 use crate::scene::{self, SceneError};
 
-/// A sensor model that a scenario asks for.
+/// A sensor model of a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorSetting {
     /// File below assets/sensors, without `.toml`.
     pub model: String,
-    /// Camera whose pictures it takes; empty for a model of no camera.
+    /// Camera whose images it uses; empty for a model without camera.
     pub camera: String,
     /// Seed of its noise; `None`: the scenario's.
     pub seed: Option<u64>,
@@ -27,48 +27,48 @@ pub struct SensorSetting {
 /// A sensor model with its parameters.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// Camera whose pictures it takes; empty for a model of no camera.
+    /// Camera whose images it uses; empty for a model without camera.
     pub camera: String,
     /// Seed of its noise.
     pub seed: u64,
-    /// 0 is perfect, 1 as the file says.
+    /// 0 is perfect, 1 is as in the file.
     pub strength: f64,
     /// Its parameters.
     pub model: Model,
 }
 
-/// What is wrong with the sensor models of a scenario.
+/// Errors of the sensor models of a scenario.
 #[derive(Debug, thiserror::Error)]
 pub enum SensorError {
-    /// The file.
+    /// Unreadable file.
     #[error(transparent)]
     File(#[from] SceneError),
-    /// Its content.
+    /// Invalid content.
     #[error(transparent)]
     Parameter(Box<BadParameter>),
-    /// The model.
-    #[error("there is no sensor model {model:?}; allowed is one of {known}")]
+    /// Unknown model.
+    #[error("unknown sensor model {model:?}; available: {known}")]
     Unknown {
         /// The model.
         model: String,
-        /// Models that there are.
+        /// Available models.
         known: String,
     },
-    /// The camera.
+    /// Unknown camera.
     #[error(
-        "the sensor model {model:?} takes the pictures of the camera {camera:?}; allowed is one of {known}"
+        "the sensor model {model:?} uses images of the unknown camera {camera:?}; available: {known}"
     )]
     Camera {
         /// The model.
         model: String,
         /// The camera.
         camera: String,
-        /// Cameras that there are.
+        /// Available cameras.
         known: String,
     },
-    /// A camera where there is none.
+    /// A camera for a model without one.
     #[error(
-        "the sensor model {model:?} takes no pictures, but its `camera` is {camera:?}; leave it out"
+        "the sensor model {model:?} uses no images, but its `camera` is {camera:?}; leave it out"
     )]
     NoCamera {
         /// The model.
@@ -76,10 +76,10 @@ pub enum SensorError {
         /// The camera.
         camera: String,
     },
-    /// One stream from two models.
+    /// Two models with the same output.
     #[error("two sensor models make {stream:?}; leave one out")]
     Twice {
-        /// What both make.
+        /// Output of both.
         stream: String,
     },
 }
@@ -90,7 +90,7 @@ impl From<BadParameter> for SensorError {
     }
 }
 
-/// The files that the settings name, below the assets folder.
+/// The files of the settings, below the assets folder.
 #[must_use]
 pub fn files(settings: &[SensorSetting]) -> Vec<String> {
     let mut all: BTreeSet<_> = settings
@@ -103,11 +103,11 @@ pub fn files(settings: &[SensorSetting]) -> Vec<String> {
     all.into_iter().collect()
 }
 
-/// Reads the parameters of all settings. `cameras` are those that there can be,
-/// `seed` is that of the scenario.
+/// Reads the parameters of all settings. `cameras` are the available ones, `seed` is
+/// the scenario's.
 ///
 /// # Errors
-/// [`SensorError`] that names the file or the setting and the cure.
+/// [`SensorError`] that names the file or the setting and the fix.
 pub fn load(
     assets: &Path,
     settings: &[SensorSetting],
@@ -127,7 +127,7 @@ pub fn load(
         let text = scene::texts(assets, std::slice::from_ref(&file))?;
         let parameters = Model::read(&file, text.first().map_or("", |t| &t.text))?;
         let is_known = cameras.contains(&camera.as_str());
-        match parameters.takes_pictures() {
+        match parameters.uses_images() {
             true if !is_known => {
                 let known = cameras.join(", ");
                 return Err(SensorError::Camera {
@@ -154,7 +154,7 @@ pub fn load(
     Ok(devices)
 }
 
-/// Names of the models that there are; none where the folder cannot be read.
+/// Names of the available models; none when the folder cannot be read.
 fn names(assets: &Path) -> BTreeSet<String> {
     let entries = std::fs::read_dir(assets.join(FOLDER));
     let files = entries.into_iter().flatten().flatten();
@@ -179,8 +179,8 @@ pub fn depth_name(camera: &str) -> String {
     format!("{camera}_depth")
 }
 
-/// The view of a depth sensor on a camera: its own lens at its own place. Depth is exact
-/// from the camera's near plane to the sensor's range.
+/// The view of a depth sensor on a camera: its own lens at its own mount. Depth is
+/// exact from the camera's near plane to the sensor's range.
 #[must_use]
 pub fn depth_view(camera: &CameraSpec, depth: &DepthParameters) -> CameraSpec {
     let [x, y, z] = depth.offset;
@@ -201,7 +201,7 @@ pub fn depth_view(camera: &CameraSpec, depth: &DepthParameters) -> CameraSpec {
     }
 }
 
-/// What a model makes.
+/// Outputs of a model.
 fn made_by(model: &Model, camera: &str) -> Vec<String> {
     let all = [
         (model.color.is_some(), color_name(camera)),
@@ -215,7 +215,7 @@ fn made_by(model: &Model, camera: &str) -> Vec<String> {
     made.map(|(_, name)| name).collect()
 }
 
-/// The class of each instance id: that of the material of which most is seen.
+/// The class of each instance ID: that of the material with the largest visible area.
 ///
 /// # Errors
 /// When the table of materials cannot be read.

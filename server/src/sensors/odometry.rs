@@ -1,10 +1,10 @@
-//! Wheel odometry as the chair's driver computes it: v = (v_right + v_left)/2,
-//! ω = (v_right − v_left)/track, midpoint heading.
+//! Wheel odometry as computed by the chair's driver: v = (v_right + v_left)/2, ω =
+//! (v_right − v_left)/track, midpoint heading.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
 
-/// Dead reckoning from the turn of the driven wheels.
+/// Dead reckoning from the angles of the driven wheels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Odometry {
     radius: f64,
@@ -21,7 +21,7 @@ pub struct Odometry {
 }
 
 impl Odometry {
-    /// Odometry of wheels of `radius` that stand `track` apart, both in metres.
+    /// Odometry for wheels of `radius` with the given `track`, both in metres.
     #[must_use]
     pub fn new(radius: f64, track: f64) -> Self {
         Self {
@@ -35,7 +35,7 @@ impl Odometry {
         }
     }
 
-    /// Takes the angles of the left and the right wheel (rad, unwrapped) and
+    /// Updates with the angles of the left and the right wheel (rad, unwrapped) and
     /// their speeds (rad/s).
     pub fn update(&mut self, angles: [f64; 2], speeds: [f64; 2]) {
         if let Some(last) = self.last {
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wheels_that_turn_apart_turn_the_chair_on_the_spot() {
+    fn wheels_in_opposite_directions_turn_the_chair_on_the_spot() {
         let mut odometry = Odometry::new(0.1325, 0.496);
         let quarter = std::f64::consts::FRAC_PI_2 * 0.496 / 2.0 / 0.1325;
         for i in 0..=100 {

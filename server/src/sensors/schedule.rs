@@ -1,5 +1,5 @@
-//! Which tick a sensor is due at. Rates divide the physics rate, so that every
-//! sample has an exact tick.
+//! Schedules of sensors. Rates divide the physics rate, so that every sample has an
+//! exact tick.
 
 use wheelarm_proto::PHYSICS_HZ;
 
@@ -12,7 +12,7 @@ use wheelarm_proto::PHYSICS_HZ;
 pub struct BadRate {
     /// The sensor.
     pub what: String,
-    /// The rate asked for.
+    /// The requested rate.
     pub rate: f64,
     /// The rate it must divide.
     pub base: u64,
@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn rates_that_do_not_divide_the_base_are_refused() {
         for bad in [7.0, 0.5, 480.0, -1.0, f64::NAN, 33.3] {
-            assert!(Schedule::new("x", bad, 240).is_err(), "{bad} was taken");
+            assert!(Schedule::new("x", bad, 240).is_err(), "{bad} was accepted");
         }
     }
 }

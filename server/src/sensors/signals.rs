@@ -1,34 +1,34 @@
-//! What sensor models make of the robot's signals: encoders, torques, gripper,
-//! wheel odometry, inertial measurement. Their state begins with the episode, so
-//! that a replay makes the same bits.
+//! Sensor models of the robot's signals: encoders, torques, gripper, wheel odometry,
+//! inertial measurement. Their state starts with the episode, so that a replay gives
+//! the same bits.
 
+use wheelarm_proto::random::fnv1a;
 use wheelarm_sensors::encoders::{Encoders, Joints};
 use wheelarm_sensors::imu::ImuModel;
-use wheelarm_sensors::noise::key_of;
-use wheelarm_sensors::odometry::{OdometryModel, Told};
+use wheelarm_sensors::odometry::{OdometryModel, OdometryReading};
 
 use super::imu;
 use super::models::Device;
 use crate::robot::RobotModel;
 use crate::snapshot::Snapshot;
 
-/// The models of signals that a scenario has on.
+/// The active models of signals.
 #[derive(Clone, Debug, Default)]
 pub struct Signals {
     encoders: Option<Encoders>,
     odometry: Option<OdometryModel>,
     imu: Option<ImuModel>,
-    told: Told,
+    reading: OdometryReading,
 }
 
-/// Seed of a model: two models of one scenario draw nothing alike, or the error of one
-/// would tell that of the other.
+/// Seed of a model: two models of one scenario must use different streams, or their
+/// errors would be correlated.
 fn own(seed: u64, model: &str) -> u64 {
-    seed ^ key_of(model)
+    seed ^ fnv1a(model)
 }
 
 impl Signals {
-    /// Those of `devices` on a robot.
+    /// The models of `devices` on a robot.
     #[must_use]
     pub fn new(devices: &[Device], robot: &RobotModel) -> Self {
         let mut signals = Self::default();
@@ -59,9 +59,9 @@ impl Signals {
         signals
     }
 
-    /// Begins anew: odometry where the chair stands, biases as when switched on.
+    /// Restarts: odometry at the chair's pose, biases as after switching on.
     pub fn restart(&mut self) {
-        self.told = Told::default();
+        self.reading = OdometryReading::default();
         if let Some(odometry) = &mut self.odometry {
             odometry.restart();
         }
@@ -70,26 +70,26 @@ impl Signals {
         }
     }
 
-    /// Takes the state after a control tick.
+    /// Updates with the state after a control tick.
     pub fn update(&mut self, snapshot: &Snapshot, robot: &RobotModel) {
         let Some(odometry) = &mut self.odometry else {
             return;
         };
         let wheels = robot.roles.wheels.map(|wheel| snapshot.joints[wheel]);
-        self.told = odometry.update(
+        self.reading = odometry.update(
             snapshot.tick,
             wheels.map(|wheel| wheel.position),
             wheels.map(|wheel| wheel.velocity),
         );
     }
 
-    /// Odometry after the last [`Signals::update`], where its model is on.
+    /// Odometry after the last [`Signals::update`], if its model is active.
     #[must_use]
-    pub fn odometry(&self) -> Option<Told> {
-        self.odometry.as_ref().map(|_| self.told)
+    pub fn odometry(&self) -> Option<OdometryReading> {
+        self.odometry.as_ref().map(|_| self.reading)
     }
 
-    /// The arm's joints and the gripper's opening (m), where the model is on.
+    /// The arm's joints and the gripper's opening (m), if the model is active.
     #[must_use]
     pub fn joints(&self, snapshot: &Snapshot, robot: &RobotModel, opening: f64) -> Option<Joints> {
         let encoders = self.encoders.as_ref()?;
@@ -103,8 +103,8 @@ impl Signals {
         Some(encoders.measure(snapshot.tick, &truth))
     }
 
-    /// Angular velocity (rad/s) and specific force (m/s²) of a measurement as the
-    /// model tells it, where it is on; `rate` is that of the measurements, Hz.
+    /// Measured angular velocity (rad/s) and specific force (m/s²), if the model is
+    /// active; `rate` is that of the measurements, Hz.
     pub fn imu(&mut self, sample: &imu::Sample, rate: f64) -> Option<[[f64; 3]; 2]> {
         let truth = [
             sample.angular_velocity.into(),
@@ -121,7 +121,7 @@ mod tests {
     use wheelarm_sensors::noise::Random;
 
     #[test]
-    fn no_model_draws_what_another_one_does() {
+    fn models_use_different_random_streams() {
         let first = |model| {
             let mut random = Random::new(own(7, model), [0, u64::MAX]);
             [random.normal(), random.normal()]

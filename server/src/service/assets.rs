@@ -1,5 +1,4 @@
-//! What the asset files say, as messages: what a recording keeps of them, and
-//! which tasks there are.
+//! Asset files as messages: the texts stored with recordings, and the list of tasks.
 
 use std::path::Path;
 
@@ -13,8 +12,8 @@ use crate::sensors::models;
 use crate::sim::Simulation;
 use crate::tasks::{self, ConditionSpec};
 
-/// Every task below the assets folder, by name, for a robot with this hand. Needs
-/// no simulation.
+/// Every task below the assets folder, by name, for a robot with this hand. Needs no
+/// simulation.
 ///
 /// # Errors
 /// When one of them cannot be used.
@@ -35,8 +34,8 @@ pub fn tasks(assets: &Path, hand: &CorridorSettings) -> Result<Vec<v1::TaskInfo>
         .collect())
 }
 
-/// The texts of all asset files of a simulation, read when it is set up: those
-/// of the robot, of the task, of the scene, of the sensor models.
+/// Texts of all asset files of a simulation: robot, task, scene and sensor models. Read
+/// when the simulation is set up.
 ///
 /// # Errors
 /// When a file cannot be read.

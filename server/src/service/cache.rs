@@ -1,12 +1,13 @@
-//! What every stream published last, for who missed it, under the keys and with the
-//! parameters (`_sn`, `_max`, `_time`) of zenoh-ext's cache, which is not used: it
-//! cannot be published to while an answer waits for its link, so that one recorder
-//! behind a slow link that asks for what it missed would stop cameras and time.
+//! Retransmission cache: the newest messages of every stream, under the keys and with
+//! the parameters (`_sn`, `_max`, `_time`) of zenoh-ext's cache.
 //!
-//! Here nothing is held while an answer waits, and it waits on threads of its own:
-//! those that hear commands never do. These threads are few and do not know whose
-//! question it is (subscribers of the transport do not say it): while slow links keep
-//! all of them, others get what they missed later.
+//! zenoh-ext's own cache is not used: it cannot be published to while a reply waits for
+//! its connection. One recorder behind a slow connection would stop cameras and time.
+//!
+//! Here no lock is held while a reply waits. Replies wait on their own threads, never
+//! on those that receive commands. The threads are few and cannot identify the client,
+//! because subscribers of the transport do not send their ID. While slow connections
+//! occupy all of them, other clients get retransmissions later.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -21,18 +22,18 @@ use zenoh::session::EntityGlobalId;
 use zenoh::time::Timestamp;
 use zenoh::{Session, Wait};
 
-/// Threads that answer.
+/// Threads that send retransmissions.
 const THREADS: usize = 8;
 
-/// Questions that may wait. A recorder that joins asks one of each stream; who finds
-/// no room asks again.
+/// Queries that may wait. A recorder that joins sends one per stream; a rejected one is
+/// sent again.
 const ROOM: usize = 1024;
 
-/// So long messages of an answer are sent: those who read too slowly do not keep a thread
-/// for longer, and ask for the rest again.
+/// Longest time for one reply. A slow reader does not keep a thread longer, and queries
+/// again for the rest.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// One message.
+/// One cached message.
 #[derive(Clone)]
 struct Cached {
     number: u32,
@@ -40,16 +41,16 @@ struct Cached {
     payload: ZBytes,
 }
 
-/// Messages whose numbers follow each other.
+/// Messages with consecutive sequence numbers.
 type Samples = VecDeque<Cached>;
 
-/// A question on its way to a thread.
+/// A query on its way to a thread.
 struct Question {
-    asked: Query,
+    query: Query,
     stream: Arc<Stream>,
 }
 
-/// What is known of a stream.
+/// A cached stream.
 struct Stream {
     key: String,
     encoding: String,
@@ -58,12 +59,12 @@ struct Stream {
 }
 
 impl Stream {
-    /// Sends what is asked for, one message at a time: no more is held than the one
-    /// that waits for its link. What has left the cache meanwhile is left out.
-    fn answer(&self, asked: &Query) {
+    /// Sends the requested messages one at a time. Messages that have left the cache in
+    /// the meantime are skipped.
+    fn answer(&self, query: &Query) {
         let begun = Instant::now();
-        let wanted = Wanted::read(asked);
-        let numbers = wanted.of(&self.samples.lock());
+        let wanted = RequestedMessages::from_query(query);
+        let numbers = wanted.matching(&self.samples.lock());
         for number in numbers {
             if begun.elapsed() > PATIENCE {
                 return;
@@ -71,13 +72,13 @@ impl Stream {
             let Some(sample) = find(&self.samples.lock(), number) else {
                 continue;
             };
-            let reply = asked
+            let reply = query
                 .reply(&self.key, sample.payload)
                 .encoding(&*self.encoding)
                 .timestamp(sample.stamp)
                 .source_info(SourceInfo::new(self.source, number));
             if let Err(problem) = reply.wait() {
-                tracing::debug!("cannot send {} {number} again: {problem}", self.key);
+                tracing::debug!("cannot retransmit {} {number}: {problem}", self.key);
                 return;
             }
         }
@@ -90,11 +91,11 @@ fn find(samples: &Samples, number: u32) -> Option<Cached> {
     Some(sample.clone())
 }
 
-/// The threads that answer.
+/// The threads that send retransmissions.
 pub(super) struct Answers(SyncSender<Question>);
 
 impl Answers {
-    /// Starts them; they end with their value.
+    /// Starts the threads; they end when this value is dropped.
     pub fn start() -> Self {
         let (sender, questions) = sync_channel(ROOM);
         let questions = Arc::new(Mutex::new(questions));
@@ -102,7 +103,7 @@ impl Answers {
             let questions = Arc::clone(&questions);
             let thread = std::thread::Builder::new().name(format!("cache-{number}"));
             if let Err(problem) = thread.spawn(move || work(&questions)) {
-                tracing::error!("a thread that sends samples again cannot be started: {problem}");
+                tracing::error!("cannot start a retransmission thread: {problem}");
             }
         }
         Self(sender)
@@ -111,12 +112,12 @@ impl Answers {
 
 fn work(questions: &Mutex<Receiver<Question>>) {
     loop {
-        // One waits for the next question, the others for their turn.
+        // One thread waits for the next query, the others for the lock.
         let question = questions.lock().recv();
         let Ok(question) = question else {
             return;
         };
-        question.stream.answer(&question.asked);
+        question.stream.answer(&question.query);
     }
 }
 
@@ -128,8 +129,8 @@ pub(super) struct Cache {
 }
 
 impl Cache {
-    /// Keeps the `capacity` newest messages of the publisher `source` of `key`, and has
-    /// `answers` send them to who asks.
+    /// Keeps the `capacity` newest messages of the publisher `source` of `key`.
+    /// `answers` sends them on request.
     ///
     /// # Errors
     /// The transport's error.
@@ -147,17 +148,20 @@ impl Cache {
             source,
             samples: Mutex::default(),
         });
-        // Where subscribers ask a publisher that counts its messages.
-        let asked_at = format!("{key}/@adv/pub/{}/{}/_", source.zid(), source.eid());
+        // Key that subscribers query for missed messages of a publisher.
+        let cache_key = format!("{key}/@adv/pub/{}/{}/_", source.zid(), source.eid());
         let queue = answers.0.clone();
-        let asked = Arc::clone(&stream);
-        let queryable = session.declare_queryable(asked_at).callback(move |query| {
+        let queried = Arc::clone(&stream);
+        let queryable = session.declare_queryable(cache_key).callback(move |query| {
             let question = Question {
-                asked: query,
-                stream: Arc::clone(&asked),
+                query,
+                stream: Arc::clone(&queried),
             };
             if queue.try_send(question).is_err() {
-                tracing::debug!("too many ask for what they missed: {} ends", asked.key);
+                tracing::debug!(
+                    "too many retransmission queries: dropped one for {}",
+                    queried.key
+                );
             }
         });
         Ok(Self {
@@ -167,7 +171,7 @@ impl Cache {
         })
     }
 
-    /// Keeps one more, whose number follows that of the one before.
+    /// Adds a message; its number follows the previous one.
     pub fn add(&self, number: u32, stamp: Timestamp, payload: ZBytes) {
         let mut samples = self.stream.samples.lock();
         if samples.len() >= self.capacity {
@@ -181,19 +185,19 @@ impl Cache {
     }
 }
 
-/// Which messages are asked for.
+/// The requested messages.
 #[derive(Debug, Default, PartialEq)]
-struct Wanted {
+struct RequestedMessages {
     first: Option<u32>,
     last: Option<u32>,
-    /// So many of the newest of them.
+    /// At most this many of the newest ones.
     most: Option<usize>,
     time: Option<zenoh::query::TimeRange>,
 }
 
-impl Wanted {
-    fn read(asked: &Query) -> Self {
-        let parameters = asked.parameters();
+impl RequestedMessages {
+    fn from_query(query: &Query) -> Self {
+        let parameters = query.parameters();
         let (first, last) = parameters.get("_sn").map_or((None, None), numbers);
         Self {
             first,
@@ -203,10 +207,10 @@ impl Wanted {
         }
     }
 
-    /// Numbers of the wanted ones among `samples`.
-    fn of(&self, samples: &Samples) -> Vec<u32> {
+    /// Sequence numbers of the requested messages among `samples`.
+    fn matching(&self, samples: &Samples) -> Vec<u32> {
         let is_wanted = |sample: &&Cached| {
-            // Numbers wrap: what is less than half of them ahead is later.
+            // Numbers wrap: a number less than half the range ahead is later.
             let follows = |later: u32, earlier: u32| later.wrapping_sub(earlier) <= u32::MAX / 2;
             self.first.is_none_or(|first| follows(sample.number, first))
                 && self.last.is_none_or(|last| follows(last, sample.number))
@@ -224,8 +228,8 @@ impl Wanted {
     }
 }
 
-/// Bounds of `FIRST..LAST`, either of which may be absent, or of `NUMBER`; what is
-/// no number bounds nothing.
+/// Bounds of `FIRST..LAST`, either of which may be absent, or of `NUMBER`. A part that
+/// does not parse sets no bound.
 fn numbers(text: &str) -> (Option<u32>, Option<u32>) {
     match text.split_once("..") {
         Some((first, last)) => (first.parse().ok(), last.parse().ok()),
@@ -255,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_for_is_read_as_subscribers_write_it() {
+    fn range_parameters_of_subscribers_are_parsed() {
         assert_eq!(numbers("3..7"), (Some(3), Some(7)));
         assert_eq!(numbers("3.."), (Some(3), None));
         assert_eq!(numbers("..7"), (None, Some(7)));
@@ -265,36 +269,36 @@ mod tests {
     }
 
     #[test]
-    fn numbers_may_wrap_and_the_newest_are_told() {
+    fn numbers_may_wrap_and_the_newest_are_selected() {
         let four = samples(u32::MAX - 1, 4);
         let all = [u32::MAX - 1, u32::MAX, 0, 1];
-        assert_eq!(Wanted::default().of(&four), all);
+        assert_eq!(RequestedMessages::default().matching(&four), all);
         let found = all.map(|number| find(&four, number).map(|sample| sample.number));
         assert_eq!(found, all.map(Some));
         assert!([u32::MAX - 2, 2].iter().all(|n| find(&four, *n).is_none()));
-        let range = |first, last| Wanted {
+        let range = |first, last| RequestedMessages {
             first,
             last,
-            ..Wanted::default()
+            ..RequestedMessages::default()
         };
-        assert_eq!(range(Some(u32::MAX), None).of(&four), all[1..]);
-        assert_eq!(range(Some(u32::MAX), Some(0)).of(&four), all[1..3]);
-        assert_eq!(range(None, Some(u32::MAX)).of(&four), all[..2]);
-        assert!(range(Some(2), None).of(&four).is_empty());
-        let newest = Wanted {
+        assert_eq!(range(Some(u32::MAX), None).matching(&four), all[1..]);
+        assert_eq!(range(Some(u32::MAX), Some(0)).matching(&four), all[1..3]);
+        assert_eq!(range(None, Some(u32::MAX)).matching(&four), all[..2]);
+        assert!(range(Some(2), None).matching(&four).is_empty());
+        let newest = RequestedMessages {
             last: Some(0),
             most: Some(2),
-            ..Wanted::default()
+            ..RequestedMessages::default()
         };
-        assert_eq!(newest.of(&four), all[1..3]);
+        assert_eq!(newest.matching(&four), all[1..3]);
         let from = SystemTime::UNIX_EPOCH + Duration::from_secs(2);
-        let late = Wanted {
+        let late = RequestedMessages {
             time: Some(TimeRange {
                 start: TimeBound::Inclusive(TimeExpr::Fixed(from)),
                 end: TimeBound::Unbounded,
             }),
-            ..Wanted::default()
+            ..RequestedMessages::default()
         };
-        assert_eq!(late.of(&four), all[2..]);
+        assert_eq!(late.matching(&four), all[2..]);
     }
 }

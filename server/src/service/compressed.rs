@@ -1,7 +1,6 @@
-//! Pictures compressed once for all who record: each camera has a thread that
-//! takes its exact pictures in their order and publishes them as
-//! `CompressedCameraFrame`, with planes where a recorder listens, or did in this
-//! episode, and without where none does.
+//! Compresses images once for all recorders. One thread per camera takes its exact
+//! images in order and publishes them as `CompressedCameraFrame`. The planes are
+//! included where a recorder receives them, or did so earlier in this episode.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,28 +18,27 @@ use wheelarm_proto::v1;
 use super::error::ServiceError;
 use super::outbox::{Outbox, Published};
 use super::priority::step_back;
-use super::signal::Signal;
+use super::wakeup::Wakeup;
 use crate::sensors::camera::Deflated;
 
-/// Pictures of a camera that may wait; more hold the cameras up.
+/// Images of a camera that may wait; more block the render thread.
 const QUEUE: usize = 2;
 
-/// Bytes of the elements of each plane, by which HDF5's shuffle takes them apart.
+/// Bytes per element of each plane, for HDF5's shuffle filter.
 const RGB: usize = 1;
 const METRES: usize = 4;
 const MILLIMETRES: usize = 2;
 const IDS: usize = 2;
 
-/// A picture that was published as it is.
+/// An image published in its exact form.
 pub struct Exact {
     /// Its message, without a header.
     pub frame: v1::CameraFrame,
-    /// Its planes, depth in the form that is wanted, as far as the adapter has compressed
-    /// them.
+    /// Planes that the GPU already compressed, depth in the requested form.
     pub deflated: Deflated,
     /// Number and digest of its message.
     pub published: Published,
-    /// Its episode, 0 for none.
+    /// Sequence number and digest of its message.
     pub episode: u64,
     /// Its tick.
     pub tick: u64,
@@ -59,15 +57,15 @@ struct Camera {
 }
 
 impl Camera {
-    /// Whether all its pictures are published, or never will be.
+    /// Whether all its images are published, or never will be.
     fn is_idle(&self) -> bool {
         self.waiting.load(Ordering::Acquire) == 0 || self.thread.is_finished()
     }
 }
 
 impl Compressed {
-    /// Starts a thread for each camera, names in the scenario's order; depth is
-    /// compressed in the form `depth`.
+    /// Starts a thread per camera, names in the scenario's order. `depth` is the form
+    /// of compressed depth.
     ///
     /// # Errors
     /// When a thread cannot start.
@@ -75,7 +73,7 @@ impl Compressed {
         names: &[String],
         depth: Depth,
         outbox: &Arc<Outbox>,
-        signal: &Arc<Signal>,
+        wakeup: &Arc<Wakeup>,
     ) -> Result<Self, ServiceError> {
         let failed = Arc::new(Mutex::new(None));
         let mut cameras = Vec::new();
@@ -83,9 +81,9 @@ impl Compressed {
             let (jobs, queue) = mpsc::sync_channel(QUEUE);
             let (name, outbox) = (name.clone(), Arc::clone(outbox));
             let waiting = Arc::new(AtomicUsize::new(0));
-            let (left, signal, told) = (
+            let (left, wakeup, failure) = (
                 Arc::clone(&waiting),
-                Arc::clone(signal),
+                Arc::clone(wakeup),
                 Arc::clone(&failed),
             );
             let thread = std::thread::Builder::new()
@@ -95,13 +93,13 @@ impl Compressed {
                     let work = std::panic::AssertUnwindSafe(|| {
                         publish(&name, depth, &queue, &outbox, || {
                             left.fetch_sub(1, Ordering::AcqRel);
-                            signal.raise();
+                            wakeup.raise();
                         });
                     });
                     if std::panic::catch_unwind(work).is_err() {
-                        let words = "compressing a picture panicked; please report it";
-                        *told.lock() = Some(words.to_owned());
-                        signal.raise();
+                        let words = "compressing an image panicked; please report it";
+                        *failure.lock() = Some(words.to_owned());
+                        wakeup.raise();
                     }
                 });
             let problem = |e| ServiceError::Thread(format!("for compression cannot start: {e}"));
@@ -114,23 +112,23 @@ impl Compressed {
         Ok(Self { cameras, failed })
     }
 
-    /// Hands over the next picture of a camera, by its index in the scenario; waits
-    /// while others wait.
-    pub fn offer(&self, camera: usize, picture: Exact) {
+    /// Queues the next image of a camera, by its index in the scenario. Blocks while
+    /// the queue is full.
+    pub fn offer(&self, camera: usize, image: Exact) {
         if let Some(camera) = self.cameras.get(camera) {
             camera.waiting.fetch_add(1, Ordering::AcqRel);
-            // One that ended early has told why.
-            let _ = camera.jobs.send(picture);
+            // A thread that ended early has stored its reason.
+            let _ = camera.jobs.send(image);
         }
     }
 
-    /// Why a thread ended early, if one did.
+    /// Why a thread ended early.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         self.failed.lock().clone()
     }
 
-    /// Whether every picture that was handed over is published, or never will be.
+    /// Whether every queued image is published, or never will be.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.cameras.iter().all(Camera::is_idle)
@@ -147,7 +145,7 @@ impl Drop for Compressed {
     }
 }
 
-/// Publishes the pictures of one camera until the queue is closed.
+/// Publishes the images of one camera until the queue is closed.
 fn publish(
     name: &str,
     depth: Depth,
@@ -156,17 +154,17 @@ fn publish(
     published: impl Fn(),
 ) {
     let mut compressor = Compressor::new(depth);
-    // A recorder that was there in this episode and lost its connection comes back for
-    // what it missed.
+    // A recorder that lost its connection in this episode returns and requests what it
+    // missed.
     let mut wanted_in = 0;
-    for picture in queue {
-        let (episode, tick) = (picture.episode, picture.tick);
-        let Published { sequence, digest } = picture.published;
+    for image in queue {
+        let (episode, tick) = (image.episode, image.tick);
+        let Published { sequence, digest } = image.published;
         if outbox.wants_compressed(name) {
             wanted_in = episode;
         }
         let message = match digest {
-            Some(digest) if wanted_in == episode => compressor.compress(picture, &digest),
+            Some(digest) if wanted_in == episode => compressor.compress(image, &digest),
             _ => v1::CompressedCameraFrame::default(),
         };
         outbox.compressed(name, sequence, episode, tick, message);
@@ -174,7 +172,7 @@ fn publish(
     }
 }
 
-/// Makes the compressed form of pictures.
+/// Compresses images.
 struct Compressor {
     depth: Depth,
     deflate: Deflate,
@@ -190,7 +188,7 @@ impl Compressor {
         }
     }
 
-    /// The compressed form of a picture, without its header.
+    /// The compressed form of an image, without its header.
     fn compress(
         &mut self,
         Exact {
@@ -222,7 +220,7 @@ impl Compressor {
         }
     }
 
-    /// Metres as they are kept, deflated.
+    /// Converts metres to the stored form and deflates them.
     fn depth_of(&mut self, metres: &Bytes) -> Bytes {
         match self.depth {
             Depth::Metres => deflate(&mut self.deflate, metres, METRES),
@@ -237,7 +235,7 @@ impl Compressor {
 
 /// A plane deflated.
 fn deflate(deflate: &mut Deflate, bytes: &[u8], element: usize) -> Bytes {
-    // A guess: depth shrinks to a fifth and more, the rest to less.
+    // Estimate: depth shrinks to a fifth or more, the rest to less.
     let mut out = Vec::with_capacity(bytes.len() / 4);
     deflate.append(bytes, element, &mut out);
     Bytes::from(out)
@@ -266,18 +264,18 @@ mod tests {
     }
 
     fn compressed(depth: Depth, deflated: Deflated) -> v1::CompressedCameraFrame {
-        let picture = Exact {
+        let image = Exact {
             frame: frame(),
             deflated,
             published: Published::default(),
             episode: 1,
             tick: 8,
         };
-        Compressor::new(depth).compress(picture, &[7; 32])
+        Compressor::new(depth).compress(image, &[7; 32])
     }
 
     #[test]
-    fn what_the_adapter_compressed_is_taken_and_the_rest_is_compressed_here() {
+    fn planes_compressed_by_the_gpu_are_used_and_others_are_compressed_here() {
         let by_adapter = [Some(Bytes::from_static(b"by the adapter")), None, None];
         let message = compressed(Depth::Metres, by_adapter);
         assert_eq!(&message.rgb[..], b"by the adapter");
@@ -297,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_is_compressed_as_it_is_kept() {
+    fn depth_is_compressed_in_its_stored_form() {
         let message = compressed(Depth::Millimetres, Deflated::default());
         let format = v1::PixelFormat::DepthMillimetresU16;
         assert_eq!(message.depth_format(), format);

@@ -1,14 +1,14 @@
-//! Why a request is not carried out: a code for programs, words for people.
+//! Why a request is rejected: a code for programs and a text for people.
 
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::v1::FailureCode;
 
-/// Why a request is not carried out.
+/// Why a request is rejected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Denied {
-    /// For programs.
+    /// Machine-readable code.
     pub code: FailureCode,
-    /// What is wrong and the cure.
+    /// What is wrong and how to fix it.
     pub words: String,
 }
 
@@ -19,12 +19,12 @@ impl Denied {
         Self { code, words }
     }
 
-    /// The server's own fault.
+    /// An internal error of the server.
     pub fn internal(cause: impl std::fmt::Display) -> Self {
         Self::new(FailureCode::Internal, cause.to_string())
     }
 
-    /// Of a scenario that cannot be simulated.
+    /// A scenario that cannot be simulated.
     pub fn scenario(cause: impl std::fmt::Display) -> Self {
         Self::new(FailureCode::Scenario, cause.to_string())
     }

@@ -1,5 +1,5 @@
-//! The robot as a message: made from the model of the robot's folder, so that no
-//! client has to know a number of it.
+//! The robot as a message, from the model in the robot's folder, so that clients
+//! contain no numbers of a robot.
 
 use nalgebra::{Isometry3, Vector3};
 use wheelarm_proto::{exact, v1};
@@ -12,8 +12,8 @@ use crate::robot::{
 };
 use crate::scene::RoomCamera;
 
-/// The description of a robot whose arm stands on the chair as it is simulated,
-/// to the last bit: plans go by it.
+/// Describes a robot with the arm mount exactly as simulated; plans depend on every
+/// bit.
 #[must_use]
 pub fn robot(model: &RobotModel, chair_from_base: &Isometry3<f64>) -> v1::RobotDescription {
     let (settings, roles) = (&model.settings, &model.roles);
@@ -124,7 +124,7 @@ fn joint(model: &RobotModel, recorded: &RecordedJoint) -> v1::RobotJoint {
     }
 }
 
-/// The camera that stands in the scene, at 1280 x 720 pixels.
+/// The room camera, at 1280 x 720 pixels.
 pub fn room_camera(camera: &RoomCamera) -> v1::RobotCamera {
     let (width, height) = (1280.0, 720.0);
     let focal = width / 2.0 / exact::tan(camera.horizontal_fov / 2.0);
@@ -258,25 +258,28 @@ mod tests {
     use wheelarm_proto::robot::Roles;
 
     #[test]
-    fn the_description_is_of_the_robot_that_is_simulated() {
+    fn the_description_matches_the_simulated_robot() {
         let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").unwrap();
-        let told = robot(&model, &model.arm_mount());
-        let roles = Roles::find(&told).unwrap();
+        let described = robot(&model, &model.arm_mount());
+        let roles = Roles::find(&described).unwrap();
         for (place, &index) in roles.arm.iter().enumerate() {
             let joint = &model.joints[model.roles.arm[place]];
-            assert_eq!(told.joints[index].name, joint.name);
-            assert_eq!(told.joints[index].max_velocity, joint.limits.velocity);
+            assert_eq!(described.joints[index].name, joint.name);
+            assert_eq!(described.joints[index].max_velocity, joint.limits.velocity);
         }
-        assert_eq!(told.frames[roles.chair].parent, HOUSE);
-        assert_eq!(told.frames[roles.end_effector].parent, told.arm_base_link);
-        // Both sides of the contract map openings alike.
+        assert_eq!(described.frames[roles.chair].parent, HOUSE);
+        assert_eq!(
+            described.frames[roles.end_effector].parent,
+            described.arm_base_link
+        );
+        // Server and clients map openings identically.
         let map = GripperMap::new(&model);
         for step in 0..=16 {
             let knuckle = 0.05 * f64::from(step);
-            let opening = told.opening(knuckle).unwrap();
+            let opening = described.opening(knuckle).unwrap();
             assert!((opening - map.opening(knuckle)).abs() < 1e-15, "{knuckle}");
-            let linkage = told.gripper_or_default().linkage.unwrap();
+            let linkage = described.gripper_or_default().linkage.unwrap();
             assert!((linkage.knuckle(opening) - map.knuckle(opening)).abs() < 1e-12);
         }
     }

@@ -1,4 +1,4 @@
-//! Disturbances, between message and scenario.
+//! Conversion of disturbances between message and scenario.
 
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::v1;
@@ -6,35 +6,35 @@ use wheelarm_proto::v1;
 use super::convert;
 use crate::sim::{Disturbance, Disturbances, MAX_STRENGTH, Simulation};
 
-/// What hinders the robot.
-pub(super) fn told(of: &Disturbances) -> v1::Disturbances {
+/// Converts the disturbances of a scenario.
+pub(super) fn to_proto(value: &Disturbances) -> v1::Disturbances {
     v1::Disturbances {
-        seed: of.seed,
-        noise: of.noise,
-        pushes: of.pushes,
-        slips: of.slips,
+        seed: value.seed,
+        noise: value.noise,
+        pushes: value.pushes,
+        slips: value.slips,
     }
 }
 
-/// What is to hinder the robot; `None` where every strength is 0.
+/// Converts requested disturbances; `None` when every strength is 0.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
-pub(super) fn asked(of: &v1::Disturbances) -> Result<Option<Disturbances>, Invalid> {
+pub(super) fn from_proto(message: &v1::Disturbances) -> Result<Option<Disturbances>, Invalid> {
     let strength = |what, value: u32| {
         check::within(what, f64::from(value), 0.0, f64::from(MAX_STRENGTH)).map(|_| value)
     };
-    let asked = Disturbances {
-        seed: of.seed,
-        noise: strength("disturbances.noise", of.noise)?,
-        pushes: strength("disturbances.pushes", of.pushes)?,
-        slips: strength("disturbances.slips", of.slips)?,
+    let requested = Disturbances {
+        seed: message.seed,
+        noise: strength("disturbances.noise", message.noise)?,
+        pushes: strength("disturbances.pushes", message.pushes)?,
+        slips: strength("disturbances.slips", message.slips)?,
     };
-    let any = asked.noise + asked.pushes + asked.slips > 0;
-    Ok(any.then_some(asked))
+    let any = requested.noise + requested.pushes + requested.slips > 0;
+    Ok(any.then_some(requested))
 }
 
-/// What disturbs one control tick, as a message.
+/// The disturbance of one control tick as a message.
 pub(super) fn message(of: &Disturbance, sim: &Simulation) -> v1::Disturbance {
     let pushed = of.push.map(|(on, _)| sim.body_of(on));
     let name = |body| convert::body_name(body, sim.model(), sim.scene());

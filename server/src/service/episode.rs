@@ -1,4 +1,4 @@
-//! A running episode: what it was announced as, and how far it is.
+//! A running episode: its announcement and its progress.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -6,12 +6,12 @@ use std::time::Instant;
 use bytes::Bytes;
 use wheelarm_proto::v1;
 
-/// Where an episode stands.
+/// Stage of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Announced; time is paused until the recorders are ready.
     Waiting,
-    /// Time goes on.
+    /// Time passes.
     Running,
 }
 
@@ -26,26 +26,26 @@ pub struct Episode {
     pub snapshot: Bytes,
     /// Stage.
     pub stage: Stage,
-    /// Its commands are those of a recording: as they were applied.
+    /// Its commands are replayed from a recording, as they were applied.
     pub replayed: bool,
     /// Recorders that must be ready.
     pub required: usize,
-    /// Recorders that were ready when time went on.
+    /// Recorders that were ready when time resumed.
     pub participants: Vec<String>,
-    /// Participants that were lost since then.
+    /// Participants lost since then.
     pub lost: Vec<String>,
     /// Wall time of the announcement.
     pub since: Instant,
-    /// Wall time when simulation time went on.
+    /// Wall time when simulation time resumed.
     pub running_since: Instant,
-    /// Pictures that fell due in the episode, by camera.
-    pub pictures: BTreeMap<String, u64>,
+    /// Images due in the episode, by camera.
+    pub images: BTreeMap<String, u64>,
 }
 
-/// An answer to `episode_stop` that waits for the recorders: a server that is killed right
-/// behind its answer must not leave files without a manifest.
-pub(super) struct Unacknowledged {
-    pub(super) asked: zenoh::query::Query,
+/// A reply to `episode_stop` that waits for the recorders: a server killed right after
+/// its reply must not leave files without a manifest.
+pub(super) struct PendingStopReply {
+    pub(super) query: zenoh::query::Query,
     pub(super) stopped: v1::EpisodeStopped,
     pub(super) participants: Vec<String>,
     pub(super) since: Instant,

@@ -9,31 +9,31 @@ use crate::sim::SimError;
 /// Why a service ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
-    /// The transport.
+    /// Error of the transport.
     #[error("Zenoh: {0}")]
     Zenoh(String),
-    /// An endpoint to listen on or to connect to.
+    /// Invalid endpoint.
     #[error("{0}")]
     Endpoint(String),
-    /// Keys or users.
+    /// Invalid keys or users.
     #[error(transparent)]
     Access(#[from] wheelarm_access::AccessError),
-    /// The cameras.
+    /// Error of the cameras.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A scenario.
+    /// Invalid scenario.
     #[error(transparent)]
     Sim(Box<SimError>),
-    /// The table of materials for sensor models.
+    /// Invalid table of materials for sensor models.
     #[error(transparent)]
     Sensors(#[from] SensorError),
-    /// An asset file that is to be stored with recordings.
+    /// Unreadable asset file that recordings store.
     #[error("cannot read {0}")]
     Assets(String),
-    /// Another server has this name.
+    /// Another server uses this name.
     #[error("a server named {0:?} is already on this network; choose another with --sim NAME")]
     NameTaken(String),
-    /// The simulation thread.
+    /// Failure of the simulation thread.
     #[error("the simulation thread {0}")]
     Thread(String),
 }

@@ -1,6 +1,6 @@
-//! Asks for control: a thread of its own answers the query `lease`, for it asks
-//! the transport about the one token that matters. Nothing is kept about the
-//! tokens of others, so no number of them keeps a commander out.
+//! Answers the query `lease` on its own thread, because it queries the transport about
+//! a liveliness token. No state is kept about other tokens, so their number cannot
+//! block a commander.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,28 +15,28 @@ use zenoh::query::Query;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
+use super::command_gate::{ControlRequest, Granted, Life, STALE_SECS};
 use super::denied::Denied;
-use super::inbox::{Asked, Granted, Life, STALE_SECS};
 use super::shared::Shared;
 
-/// Longest wait for the transport's word on a token; it knows it itself.
+/// Longest wait for the transport's reply about a token, which it stores locally.
 const WORD: Duration = Duration::from_secs(1);
 
-/// A token that is back by then never vanished: a connection that broke is made anew
-/// within milliseconds, and whoever sends no command for so long is braked anyway.
+/// A token that is back by then was never lost: a broken connection is restored within
+/// milliseconds, and the gate brakes a commander that is silent for this long.
 const COMES_BACK: Duration = Duration::from_millis((STALE_SECS * 1e3) as u64);
 
-/// The thread's own: it ends when nobody can ask any more.
+/// State of the thread; it ends when the sender is dropped.
 pub struct Leases {
     session: Session,
     keys: Keys,
     shared: Arc<Shared>,
-    /// Hears when the token of whoever is in control vanishes.
+    /// Watches the token of the holder.
     watch: Option<Subscriber<()>>,
 }
 
 impl Leases {
-    /// Answers what comes through `queue` until its other end is gone.
+    /// Answers queries from `queue` until its sender is dropped.
     ///
     /// # Errors
     /// When the thread cannot be started.
@@ -55,29 +55,29 @@ impl Leases {
         let thread = std::thread::Builder::new().name("leases".to_owned());
         thread
             .spawn(move || {
-                for asked in queue {
-                    leases.answer(asked);
+                for query in queue {
+                    leases.answer(query);
                 }
             })
             .map(|_| ())
     }
 
-    fn answer(&mut self, asked: Query) {
-        let payload = asked.payload().map(|p| p.to_bytes().into_owned());
+    fn answer(&mut self, query: Query) {
+        let payload = query.payload().map(|p| p.to_bytes().into_owned());
         let request = v1::LeaseRequest::decode(payload.unwrap_or_default().as_slice());
         let answer = request
             .map_err(|e| {
-                let words = format!("the request cannot be read: {e}");
+                let words = format!("cannot decode the request: {e}");
                 Denied::new(FailureCode::Invalid, words)
             })
             .and_then(|request: v1::LeaseRequest| {
-                let from = Keys::sender_of(asked.key_expr().as_str());
+                let from = Keys::sender_of(query.key_expr().as_str());
                 if from == request.commander {
                     return self.reply(request);
                 }
                 self.shared.note_strange();
                 let words = format!(
-                    "the request names {:?} and came under the key of {from:?}; ask under \
+                    "the request names {:?} but arrived under the key of {from:?}; query under \
                      `query/lease/NAME` with your own name",
                     wheelarm_proto::check::beginning(&request.commander)
                 );
@@ -85,8 +85,8 @@ impl Leases {
             });
         let (replies, stamp) = (&self.shared.replies, self.shared.stamp());
         match answer {
-            Ok(reply) => replies.answer(asked, stamp, reply.encode_to_vec().into()),
-            Err(why) => replies.refuse(asked, stamp, why),
+            Ok(reply) => replies.answer(query, stamp, reply.encode_to_vec().into()),
+            Err(why) => replies.refuse(query, stamp, why),
         }
     }
 
@@ -103,36 +103,36 @@ impl Leases {
             })?;
         }
         let life = Life { name, run_id };
-        let inbox = || self.shared.inbox.lock();
+        let command_gate = || self.shared.command_gate.lock();
         if request.release {
-            if inbox().release(&life, &request.secret)? {
+            if command_gate().release(&life, &request.secret)? {
                 self.watch = None;
-                let words = format!("{:?} gave control back", life.name);
+                let words = format!("{:?} released control", life.name);
                 let change = v1::ControlChange::Returned;
                 self.shared.control(change, &life.name, words);
             }
-            return Ok(self.held(""));
+            return Ok(self.holder_reply(""));
         }
-        let held = inbox().lease().is_held_by(&life);
+        let held = command_gate().lease().is_held_by(&life);
         if !held && !self.is_alive(&life) {
             return Ok(v1::LeaseReply {
                 header: Some(self.shared.stamp()),
                 ..Default::default()
             });
         }
-        // Heard from here on; what happened before is asked for below.
+        // Watch from here on; an earlier loss is found by the query below.
         let watch = match held {
             true => None,
             false => Some(self.watch(&life)?),
         };
-        let asked = Asked {
+        let query = ControlRequest {
             take: request.take,
             sealed: request.sealed,
             secret: request.secret,
         };
-        let granted = inbox().ask(life.clone(), &asked, Instant::now())?;
+        let granted = command_gate().request_control(life.clone(), &query, Instant::now())?;
         let (change, words) = match granted {
-            Granted::Already => return Ok(self.held(&asked.secret)),
+            Granted::Already => return Ok(self.holder_reply(&query.secret)),
             Granted::Free => (
                 v1::ControlChange::Given,
                 format!("{:?} is in control", life.name),
@@ -145,20 +145,20 @@ impl Leases {
         self.shared.control(change, &life.name, words);
         self.watch = watch;
         if !self.is_alive(&life) {
-            self.shared.gone(&life);
+            self.shared.commander_lost(&life);
         }
         let secret = {
-            let inbox = self.shared.inbox.lock();
-            let holder = inbox.lease().holder().filter(|h| h.life == life);
+            let command_gate = self.shared.command_gate.lock();
+            let holder = command_gate.lease().holder().filter(|h| h.life == life);
             holder.map(|h| h.secret.clone()).unwrap_or_default()
         };
-        Ok(self.held(&secret))
+        Ok(self.holder_reply(&secret))
     }
 
-    /// Who is in control; `secret` goes back to an asker that knows it.
-    fn held(&self, secret: &str) -> v1::LeaseReply {
-        let inbox = self.shared.inbox.lock();
-        let knows = inbox.lease().knows(secret);
+    /// The holder of control; `secret` is returned to a client that knows it.
+    fn holder_reply(&self, secret: &str) -> v1::LeaseReply {
+        let command_gate = self.shared.command_gate.lock();
+        let knows = command_gate.lease().knows(secret);
         v1::LeaseReply {
             header: Some(self.shared.stamp()),
             secret: if knows {
@@ -166,7 +166,7 @@ impl Leases {
             } else {
                 String::new()
             },
-            ..held(inbox.lease())
+            ..lease_reply(command_gate.lease())
         }
     }
 
@@ -176,45 +176,46 @@ impl Leases {
 
     fn is_alive(&self, life: &Life) -> bool {
         let token = self.token(life);
-        let asked = self.session.liveliness().get(token).timeout(WORD).wait();
-        asked.is_ok_and(|replies| replies.iter().any(|reply| reply.result().is_ok()))
+        let query = self.session.liveliness().get(token).timeout(WORD).wait();
+        query.is_ok_and(|replies| replies.iter().any(|reply| reply.result().is_ok()))
     }
 
-    /// Hears when the token vanishes; control ends where it does not come back.
+    /// Watches the token; control ends when the token does not return.
     fn watch(&self, life: &Life) -> Result<Subscriber<()>, Denied> {
         let (shared, name) = (Arc::clone(&self.shared), life.name.clone());
         let life = life.clone();
-        let came = Arc::new(AtomicU64::new(0));
+        let appearances = Arc::new(AtomicU64::new(0));
         self.session
             .liveliness()
             .declare_subscriber(self.token(&life))
             .callback(move |sample| {
                 if sample.kind() == SampleKind::Put {
-                    came.fetch_add(1, Ordering::AcqRel);
+                    appearances.fetch_add(1, Ordering::AcqRel);
                     return;
                 }
-                let before = came.load(Ordering::Acquire);
+                let before = appearances.load(Ordering::Acquire);
                 let look = {
-                    let (came, shared, life) = (came.clone(), shared.clone(), life.clone());
+                    let (appearances, shared, life) =
+                        (appearances.clone(), shared.clone(), life.clone());
                     move || {
                         std::thread::sleep(COMES_BACK);
-                        if came.load(Ordering::Acquire) == before {
-                            shared.gone(&life);
+                        if appearances.load(Ordering::Acquire) == before {
+                            shared.commander_lost(&life);
                         }
                     }
                 };
                 let thread = std::thread::Builder::new().name("lease".to_owned());
                 if thread.spawn(look).is_err() {
-                    shared.gone(&life);
+                    shared.commander_lost(&life);
                 }
             })
             .wait()
-            .map_err(|e| Denied::internal(format!("the token of {name:?} cannot be watched: {e}")))
+            .map_err(|e| Denied::internal(format!("cannot watch the token of {name:?}: {e}")))
     }
 }
 
-/// Who is in control, without stamp.
-pub fn held(lease: &super::inbox::Lease) -> v1::LeaseReply {
+/// The lease as a message, without header.
+pub fn lease_reply(lease: &super::command_gate::Lease) -> v1::LeaseReply {
     let holder = lease.holder();
     v1::LeaseReply {
         holder: holder.map(|h| h.life.name.clone()).unwrap_or_default(),

@@ -1,8 +1,8 @@
-//! The service: pacing, the gate for commands, publication, episode control
-//! and the render thread, over one Zenoh session.
+//! The service: pacing, command gate, publication, episode control and the render
+//! thread, over one Zenoh session.
 //!
-//! This module and `main.rs` alone name zenoh; it names neither rapier nor
-//! wgpu. `run(session, sim, options, shutdown)` is all that `main` calls.
+//! Only this module and `main.rs` use zenoh; it uses neither rapier nor wgpu. `main`
+//! calls only `run(session, sim, options, shutdown)`.
 
 #![expect(
     clippy::disallowed_methods,
@@ -11,23 +11,22 @@
 
 mod assets;
 mod cache;
+mod command_delay;
+pub mod command_gate;
 mod compressed;
 pub mod convert;
 mod denied;
 pub mod describe;
-mod desk;
 mod disturbance;
 mod engine;
 mod episode;
-mod errand;
 mod error;
-mod heap;
-pub mod inbox;
-mod lag;
 mod language;
 mod leases;
+mod malloc_trim;
 mod outbox;
 mod pace;
+mod pending_operation;
 mod person;
 mod pick;
 mod preview;
@@ -37,13 +36,14 @@ mod recorders;
 mod refusals;
 mod render;
 mod replies;
-mod sensed;
+mod request_queue;
+mod sensor_images;
 pub mod session;
 mod shared;
-mod signal;
 pub mod startup;
 mod waiting;
-mod wall;
+mod wakeup;
+mod wall_clock;
 
 pub use self::assets::tasks;
 pub use self::engine::Options;
@@ -61,19 +61,19 @@ use wheelarm_proto::{Message, schema, v1};
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
-use self::desk::Request;
 use self::engine::Engine;
 use self::leases::Leases;
 use self::outbox::Outbox;
+use self::request_queue::Request;
 use self::shared::Shared;
 use crate::robot::control::GripperMap;
 use crate::sim::Simulation;
 
-/// Serves a simulation until `shutdown` resolves or a client asks to end.
-/// `ready` is called once, when the server answers.
+/// Serves a simulation until `shutdown` resolves or a client requests the end. `ready`
+/// is called once, when the server answers.
 ///
 /// # Errors
-/// [`ServiceError`] with the cure.
+/// [`ServiceError`] with the fix.
 pub async fn run(
     session: Session,
     sim: Simulation,
@@ -82,7 +82,7 @@ pub async fn run(
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServiceError> {
     let keys = options.keys.clone();
-    if taken(&session, &keys)? {
+    if name_is_taken(&session, &keys)? {
         return Err(ServiceError::NameTaken(keys.sim().to_owned()));
     }
     let outbox = Outbox::new(session.clone(), keys.clone(), keys::run_id());
@@ -110,11 +110,11 @@ pub async fn run(
                     return;
                 }
                 let status = v1::RecorderStatus::decode(&*sample.payload().to_bytes());
-                // Nobody speaks for another recorder.
+                // A status must come under the key of its own recorder.
                 match status.ok().filter(|status| status.recorder == from) {
                     Some(status) => {
                         shared.recorders.lock().update(status, Instant::now());
-                        shared.signal.raise();
+                        shared.wakeup.raise();
                     }
                     None => shared.note_strange(),
                 }
@@ -136,27 +136,29 @@ pub async fn run(
                     .map(str::to_owned);
                 let Some(name) = name else { return };
                 match sample.kind() {
-                    SampleKind::Put => shared.recorders.lock().came(&name),
-                    SampleKind::Delete => shared.recorders.lock().left(&name, Instant::now()),
+                    SampleKind::Put => shared.recorders.lock().token_appeared(&name),
+                    SampleKind::Delete => {
+                        shared.recorders.lock().disconnected(&name, Instant::now())
+                    }
                 }
-                shared.signal.raise();
+                shared.wakeup.raise();
             })
             .wait()?
     };
-    let (asks, asked) = mpsc::sync_channel(LEASES);
-    Leases::start(session.clone(), keys.clone(), Arc::clone(&shared), asked)
+    let (lease_queries, waiting) = mpsc::sync_channel(LEASES);
+    Leases::start(session.clone(), keys.clone(), Arc::clone(&shared), waiting)
         .map_err(|e| ServiceError::Thread(format!("for leases cannot start: {e}")))?;
     let mut _queries = Vec::new();
-    for query in Query::ALL {
-        let (shared, asks) = (Arc::clone(&shared), asks.clone());
+    for kind in Query::ALL {
+        let (shared, leases) = (Arc::clone(&shared), lease_queries.clone());
         _queries.push(
             session
-                .declare_queryable(keys.query(query))
-                .callback(move |asked| shared.take_query(Request { query, asked }, &asks))
+                .declare_queryable(keys.query(kind))
+                .callback(move |query| shared.take_query(Request { kind, query }, &leases))
                 .wait()?,
         );
     }
-    drop(asks);
+    drop(lease_queries);
     let _alive = session
         .liveliness()
         .declare_token(keys.alive(&session.zid().to_string()))
@@ -175,23 +177,23 @@ pub async fn run(
         _ = end => {}
     }
     shared.stop.store(true, Ordering::Release);
-    shared.signal.raise();
+    shared.wakeup.raise();
     let joined = thread.join();
     shared.replies.finish(LAST_ANSWERS);
     joined.map_err(|_| ServiceError::Thread("panicked; please report it".to_owned()))
 }
 
-/// Largest status of a recorder, bytes: it holds a path and a sentence.
+/// Largest status of a recorder, bytes: it contains a path and a sentence.
 const MAX_STATUS: usize = 16 << 10;
 
-/// Asks for control that may wait.
+/// Lease queries that may wait.
 const LEASES: usize = 64;
 
-/// How long the last answers may take when the server ends.
+/// Longest wait for the last replies at shutdown.
 const LAST_ANSWERS: Duration = Duration::from_secs(2);
 
-/// Whether another server holds the name.
-fn taken(session: &Session, keys: &Keys) -> Result<bool, ServiceError> {
+/// Whether another server uses the name.
+fn name_is_taken(session: &Session, keys: &Keys) -> Result<bool, ServiceError> {
     let replies = session
         .liveliness()
         .get(keys.alive("*"))

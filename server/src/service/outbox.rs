@@ -1,5 +1,5 @@
-//! Publishes what leaves the server and counts it: every stream has its own
-//! sequence numbers, and an episode ends with a manifest of them.
+//! Publishes messages and counts them: every stream has its own sequence numbers, and
+//! an episode ends with a manifest of them.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,15 +26,14 @@ fn payload(message: impl Message) -> ZBytes {
     message.encode_to_vec().into()
 }
 
-/// An encoded picture. Its bytes are handed over where they lie: megabytes are
-/// not copied.
-fn picture_payload(mut frame: v1::CameraFrame) -> ZBytes {
-    let pictures = [
+/// An encoded image. Its bytes are shared, not copied: they are megabytes.
+fn image_payload(mut frame: v1::CameraFrame) -> ZBytes {
+    let images = [
         (RGB, std::mem::take(&mut frame.rgb)),
         (DEPTH, std::mem::take(&mut frame.depth)),
         (IDS, std::mem::take(&mut frame.ids)),
     ];
-    // In the order of the fields, as the whole message would be encoded.
+    // In field order, as the whole message would be encoded.
     let formats = v1::CameraFrame {
         rgb_format: std::mem::take(&mut frame.rgb_format),
         depth_format: std::mem::take(&mut frame.depth_format),
@@ -43,21 +42,21 @@ fn picture_payload(mut frame: v1::CameraFrame) -> ZBytes {
     };
     let mut payload = ZBytes::writer();
     payload.append(frame.encode_to_vec().into());
-    for (field, picture) in pictures {
-        payload.append(field_start(field, &picture).into());
-        payload.append(picture.into());
+    for (field, image) in images {
+        payload.append(field_start(field, &image).into());
+        payload.append(image.into());
     }
     payload.append(formats.encode_to_vec().into());
     payload.finish()
 }
 
-/// An encoded picture of a sensor, its bytes handed over where they lie.
+/// An encoded image of a sensor; its bytes are shared, not copied.
 fn sensor_payload(mut frame: v1::SensorFrame) -> ZBytes {
-    let pictures = [
+    let images = [
         (RGB, std::mem::take(&mut frame.rgb)),
         (DEPTH, std::mem::take(&mut frame.depth)),
     ];
-    // In the order of the fields, as the whole message would be encoded.
+    // In field order, as the whole message would be encoded.
     let rest = v1::SensorFrame {
         rgb_format: std::mem::take(&mut frame.rgb_format),
         depth_format: std::mem::take(&mut frame.depth_format),
@@ -68,20 +67,20 @@ fn sensor_payload(mut frame: v1::SensorFrame) -> ZBytes {
     };
     let mut payload = ZBytes::writer();
     payload.append(frame.encode_to_vec().into());
-    for (field, picture) in pictures.into_iter().filter(|(_, p)| !p.is_empty()) {
-        payload.append(field_start(field, &picture).into());
-        payload.append(picture.into());
+    for (field, image) in images.into_iter().filter(|(_, p)| !p.is_empty()) {
+        payload.append(field_start(field, &image).into());
+        payload.append(image.into());
     }
     payload.append(rest.encode_to_vec().into());
     payload.finish()
 }
 
-/// Field numbers of the pictures in `wheelarm.v1.CameraFrame` and `SensorFrame`.
+/// Field numbers of the images in `wheelarm.v1.CameraFrame` and `SensorFrame`.
 const RGB: u32 = 5;
 const DEPTH: u32 = 6;
 const IDS: u32 = 7;
 
-/// What stands before the bytes of a field.
+/// Field tag and length before the bytes of a field.
 fn field_start(field: u32, bytes: &Bytes) -> Vec<u8> {
     let mut start = Vec::new();
     encoding::encode_key(field, WireType::LengthDelimited, &mut start);
@@ -89,7 +88,7 @@ fn field_start(field: u32, bytes: &Bytes) -> Vec<u8> {
     start
 }
 
-/// How a stream travels.
+/// Transport settings of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     State,
@@ -98,7 +97,7 @@ enum Class {
 }
 
 impl Class {
-    fn of(topic: &TopicInfo) -> Self {
+    fn from_topic(topic: &TopicInfo) -> Self {
         match topic.record {
             Record::Columns | Record::Events => Self::State,
             Record::Pictures => Self::Camera,
@@ -106,8 +105,8 @@ impl Class {
         }
     }
 
-    /// Messages of each stream that the cache keeps: of states five seconds of one that
-    /// has a sample at every tick.
+    /// Messages of each stream in the cache: for states, five seconds of a stream with
+    /// a sample per tick.
     const fn cached(self) -> usize {
         match self {
             Self::State => 1200,
@@ -119,11 +118,11 @@ impl Class {
 
 const _: () = assert!(
     2 * CREDIT_TICKS as usize <= Class::State.cached(),
-    "what a recorder asks for within its credit is still there"
+    "the cache covers a recorder's credit"
 );
 
-/// Whether a state stream is sent at once, with what waits before it. The others of a
-/// tick travel with the clock, which comes last.
+/// Whether a state stream is sent at once, together with waiting ones. The others of a
+/// tick are sent with the clock, which comes last.
 fn is_express(topic: &TopicInfo) -> bool {
     [TopicId::Applied, TopicId::Clock, TopicId::Event]
         .iter()
@@ -139,25 +138,25 @@ struct Counter {
 }
 
 struct Stream {
-    /// Put to by [`Outbox::publish`] alone: the transport's numbers are then those of
+    /// Used by [`Outbox::publish`] only, so that the transport's numbers equal those of
     /// the headers.
     publisher: AdvancedPublisher<'static>,
     cache: Cache,
     counter: Counter,
-    /// What was published in the counter's episode, to the last bit.
+    /// Digest of the messages of the counter's episode.
     digest: StreamDigest,
 }
 
-/// What became of a message.
+/// A published message.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Published {
     /// Its sequence number.
     pub sequence: u64,
-    /// Its digest, which is made in episodes alone.
+    /// Its digest, computed during episodes only.
     pub digest: Option<Digest>,
 }
 
-/// The way out.
+/// Publishes all messages of a server.
 pub struct Outbox {
     session: Session,
     keys: Keys,
@@ -165,7 +164,7 @@ pub struct Outbox {
     answers: Answers,
     /// By key.
     streams: Mutex<BTreeMap<String, Arc<Mutex<Stream>>>>,
-    /// Whether the pictures of a camera or a sensor are received, by key.
+    /// Whether the images of a camera or a sensor are received, by key.
     watched: Mutex<BTreeMap<String, Arc<AtomicBool>>>,
 }
 
@@ -183,13 +182,13 @@ impl Outbox {
         }
     }
 
-    /// The session, for streams that are not counted.
+    /// The session, for streams without counter.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// One life of the server.
+    /// ID of this run of the server.
     #[must_use]
     pub fn run_id(&self) -> &str {
         &self.run_id
@@ -201,19 +200,19 @@ impl Outbox {
         &self.keys
     }
 
-    /// Whether anybody receives the pictures of a camera or a sensor. Never waits
-    /// for a picture that is on its way out.
+    /// Whether a client receives the images of a camera or a sensor. Never waits for an
+    /// image that is being sent.
     #[must_use]
-    pub fn is_watched(&self, pictures: &StreamId) -> bool {
+    pub fn is_watched(&self, images: &StreamId) -> bool {
         let watched = self.watched.lock();
         watched
-            .get(&self.keys.stream(pictures))
+            .get(&self.keys.stream(images))
             .is_some_and(|watched| watched.load(Ordering::Relaxed))
     }
 
-    /// Keeps account of whether a camera's pictures are received.
-    fn watch(&self, pictures: &StreamId, topic: TopicId) -> zenoh::Result<()> {
-        let key = self.keys.stream(pictures);
+    /// Tracks whether a camera's images are received.
+    fn watch(&self, images: &StreamId, topic: TopicId) -> zenoh::Result<()> {
+        let key = self.keys.stream(images);
         let stream = self.stream(&key, topic.info())?;
         let mut all = self.watched.lock();
         if all.contains_key(&key) {
@@ -236,7 +235,7 @@ impl Outbox {
         Ok(())
     }
 
-    /// A header without sequence number, for answers.
+    /// A header without sequence number, for replies.
     #[must_use]
     pub fn header(&self, episode: u64, tick: u64) -> v1::Header {
         v1::Header {
@@ -264,7 +263,7 @@ impl Outbox {
         }
         let own = TOPICS.iter().zip(TopicId::ALL);
         for (row, topic) in own.filter(|(row, _)| row.from == Role::Server) {
-            // Previews are declared by those who make them.
+            // Previews are declared by their encoder.
             if !row.key.contains('{') {
                 self.stream(&self.keys.topic(topic), row)?;
             }
@@ -277,7 +276,7 @@ impl Outbox {
         if let Some(stream) = streams.get(key) {
             return Ok(Arc::clone(stream));
         }
-        let class = Class::of(topic);
+        let class = Class::from_topic(topic);
         let (priority, express) = match class {
             Class::State => (Priority::InteractiveHigh, is_express(topic)),
             Class::Camera => (Priority::DataLow, false),
@@ -319,7 +318,7 @@ impl Outbox {
         self.publish(&key, episode, tick, message, payload);
     }
 
-    /// Publishes a picture.
+    /// Publishes an image.
     pub fn camera(
         &self,
         name: &str,
@@ -328,12 +327,12 @@ impl Outbox {
         message: v1::CameraFrame,
     ) -> Published {
         let key = self.keys.camera(name);
-        self.publish(&key, episode, tick, message, picture_payload)
+        self.publish(&key, episode, tick, message, image_payload)
     }
 
-    /// Publishes the compressed form of the picture `sequence` under its number. Every
-    /// picture has one, in the same order; for those that got none, because a thread
-    /// had died, a stamp alone takes their number.
+    /// Publishes the compressed form of the image `sequence` under its number. Every
+    /// image has one, in the same order. If its thread has died, a header alone uses
+    /// the number.
     pub fn compressed(
         &self,
         name: &str,
@@ -357,8 +356,8 @@ impl Outbox {
         Some(next)
     }
 
-    /// Whether anybody receives the compressed pictures of a camera. Asked of the
-    /// transport itself: a recorder that has just said that it is ready counts.
+    /// Whether a client receives the compressed images of a camera. Queries the
+    /// transport itself, so that a recorder that has just become ready counts.
     #[must_use]
     pub fn wants_compressed(&self, name: &str) -> bool {
         let key = self.keys.compressed(name);
@@ -370,7 +369,7 @@ impl Outbox {
         stream.is_some_and(matching)
     }
 
-    /// Publishes a sensor's picture that arrives at `tick`.
+    /// Publishes a sensor's image that arrives at `tick`.
     pub fn sensor(&self, name: &str, episode: u64, tick: u64, message: v1::SensorFrame) {
         let key = self.keys.sensor(name);
         self.publish(&key, episode, tick, message, sensor_payload);
@@ -430,7 +429,7 @@ impl Outbox {
         }
     }
 
-    /// What every stream published in `episode`, streams without samples included.
+    /// Message counts of every stream in `episode`, including streams without samples.
     #[must_use]
     pub fn manifest(
         &self,
@@ -479,8 +478,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_that_is_not_copied_reads_like_one_that_was_encoded() {
-        let picture = |bytes: usize, from: u8| Bytes::from(vec![from; bytes]);
+    fn an_image_without_copy_decodes_like_an_encoded_one() {
+        let image = |bytes: usize, from: u8| Bytes::from(vec![from; bytes]);
         let frame = v1::CameraFrame {
             header: Some(v1::Header {
                 sequence: 7,
@@ -493,9 +492,9 @@ mod tests {
                 ..Default::default()
             }),
             pose: Some(v1::Pose::default()),
-            rgb: picture(600, 1),
-            depth: picture(800, 2),
-            ids: picture(400, 3),
+            rgb: image(600, 1),
+            depth: image(800, 2),
+            ids: image(400, 3),
             rgb_format: v1::PixelFormat::Rgb8.into(),
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
             ids_format: v1::PixelFormat::IdU16.into(),
@@ -505,7 +504,7 @@ mod tests {
             sensor: "gen3_depth".into(),
             intrinsics: frame.intrinsics,
             pose: frame.pose,
-            depth: picture(400, 4),
+            depth: image(400, 4),
             depth_format: v1::PixelFormat::DepthMillimetresU16.into(),
             camera: "gen3".into(),
             exposure_nanos: 12,
@@ -514,7 +513,7 @@ mod tests {
         };
         let payload = sensor_payload(sensor.clone());
         assert_eq!(*payload.to_bytes(), sensor.encode_to_vec());
-        let payload = picture_payload(frame.clone());
+        let payload = image_payload(frame.clone());
         assert_eq!(*payload.to_bytes(), frame.encode_to_vec());
         assert_eq!(v1::CameraFrame::decode(&*payload.to_bytes()), Ok(frame));
     }

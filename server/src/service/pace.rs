@@ -1,4 +1,4 @@
-//! Pacing: when the next control tick may be taken, and how fast time passes.
+//! Pacing: when the next control tick may run, and how fast time passes.
 
 use std::time::{Duration, Instant};
 
@@ -6,7 +6,7 @@ use wheelarm_proto::CONTROL_HZ;
 
 use crate::sim::Pacing;
 
-/// How far the simulation may fall behind before real time is let go, s.
+/// Largest delay of the simulation before the real-time schedule is moved.
 const MAX_LAG: Duration = Duration::from_millis(50);
 
 /// One control tick of wall time.
@@ -34,7 +34,7 @@ impl Pace {
         }
     }
 
-    /// Starts anew after a pause.
+    /// Restarts the schedule after a pause.
     pub fn restart(&mut self) {
         *self = Self {
             factor: self.factor,
@@ -42,10 +42,9 @@ impl Pace {
         };
     }
 
-    /// How long to wait at `now` before the next control tick; `None` when it is
-    /// due. A command that waits makes a tick of real time due at once, up to one
-    /// tick before its time: the clock of the simulation then leads by as much,
-    /// and the command does not wait for the schedule.
+    /// Wait from `now` until the next control tick; `None` when it is due. In real time
+    /// a waiting command makes its tick due at once, up to one tick early. Simulation
+    /// time then leads by at most one tick.
     #[must_use]
     pub fn wait(&self, now: Instant, command_waits: bool) -> Option<Duration> {
         match self.pacing {
@@ -58,7 +57,7 @@ impl Pace {
         }
     }
 
-    /// Counts a control tick that was done at `now`. Where the host cannot keep up, the
+    /// Counts a control tick that ended at `now`. When the host cannot keep up the
     /// schedule moves: simulation time slows down and no tick is skipped.
     pub fn tick(&mut self, now: Instant) {
         self.next += TICK;
@@ -73,7 +72,7 @@ impl Pace {
         }
     }
 
-    /// Whether time passes as on the wall.
+    /// Whether the pacing is real time.
     #[must_use]
     pub fn is_real_time(&self) -> bool {
         self.pacing == Pacing::RealTime
@@ -93,21 +92,21 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn a_command_takes_its_tick_at_once_but_time_leads_by_one_tick_at_most() {
+    fn a_command_makes_its_tick_due_at_once_and_time_leads_by_one_tick_at_most() {
         let mut pace = Pace::new(Pacing::RealTime);
         let start = pace.next;
         assert_eq!(pace.wait(start, false), None);
         pace.tick(start);
         assert_eq!(pace.wait(start + MS, false), Some(TICK - MS));
-        assert_eq!(pace.wait(start + MS, true), None, "its tick is taken early");
+        assert_eq!(pace.wait(start + MS, true), None, "its tick is due early");
         pace.tick(start + MS);
-        // The tick after it has not even begun.
+        // The next tick has not begun.
         assert_eq!(pace.wait(start + 2 * MS, true), Some(TICK - 2 * MS));
         assert_eq!(pace.wait(start + TICK, true), None);
         assert_eq!(
             pace.wait(start + TICK, false),
             Some(TICK),
-            "without a command the schedule holds"
+            "without a command the schedule applies"
         );
     }
 
@@ -123,7 +122,7 @@ mod tests {
                 ticks += 1;
             }
         }
-        // One second of ticks, and the one that leads.
+        // One second of ticks, and the leading one.
         assert_eq!(ticks, CONTROL_HZ + 1);
     }
 }

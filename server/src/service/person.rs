@@ -1,33 +1,33 @@
-//! Who sits in the chair, between message and scenario.
+//! Conversion of the person in the chair between message and scenario.
 
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{pose, vector};
-use wheelarm_proto::person::NOBODY;
+use wheelarm_proto::person::NO_PERSON;
 use wheelarm_proto::{MAX_CONTACTS, v1};
 
 use super::convert::body_name;
-use crate::people::{BodyPart, DrawnPerson, HeadPose, Person, PersonSetting};
+use crate::people::{BodyPart, HeadPose, Person, PersonSetting, SampledPerson};
 use crate::sim::Simulation;
 use crate::snapshot::Touch;
 
-/// Who is to sit there.
-pub(super) fn told(of: &PersonSetting) -> v1::Person {
+/// Converts the person of a scenario.
+pub(super) fn to_proto(value: &PersonSetting) -> v1::Person {
     v1::Person {
-        body: of.body.clone(),
-        posture: of.posture.clone(),
-        skin: of.skin.clone(),
-        hair: of.hair.clone(),
-        clothes: of.clothes.clone(),
-        seed: of.seed,
-        motion: of.motion,
-        mouth_open: of.mouth_open,
-        guard: of.guard,
-        unguarded: !of.guard,
-        drawn: of.drawn.as_ref().map(drawn),
+        body: value.body.clone(),
+        posture: value.posture.clone(),
+        skin: value.skin.clone(),
+        hair: value.hair.clone(),
+        clothes: value.clothes.clone(),
+        seed: value.seed,
+        motion: value.motion,
+        mouth_open: value.mouth_open,
+        guard: value.guard,
+        unguarded: !value.guard,
+        drawn: value.drawn.as_ref().map(drawn),
     }
 }
 
-fn drawn(of: &DrawnPerson) -> v1::PersonDrawn {
+fn drawn(of: &SampledPerson) -> v1::PersonDrawn {
     v1::PersonDrawn {
         body: of.body.clone(),
         posture: of.posture.clone(),
@@ -37,15 +37,15 @@ fn drawn(of: &DrawnPerson) -> v1::PersonDrawn {
     }
 }
 
-/// Who is to sit there; `None` for nobody.
+/// Converts a requested person; `None` for an empty chair.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
-pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
-    if of.body == NOBODY {
+pub(super) fn from_proto(message: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
+    if message.body == NO_PERSON {
         return Ok(None);
     }
-    if of.guard && of.unguarded {
+    if message.guard && message.unguarded {
         return Err(Invalid::Word {
             what: "person.unguarded",
             value: "true".to_owned(),
@@ -53,13 +53,13 @@ pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
         });
     }
     let none = v1::PersonDrawn::default();
-    let drawn = of.drawn.as_ref().unwrap_or(&none);
+    let drawn = message.drawn.as_ref().unwrap_or(&none);
     for (what, name) in [
-        ("person.body", &of.body),
-        ("person.posture", &of.posture),
-        ("person.skin", &of.skin),
-        ("person.hair", &of.hair),
-        ("person.clothes", &of.clothes),
+        ("person.body", &message.body),
+        ("person.posture", &message.posture),
+        ("person.skin", &message.skin),
+        ("person.hair", &message.hair),
+        ("person.clothes", &message.clothes),
         ("person.drawn.body", &drawn.body),
         ("person.drawn.posture", &drawn.posture),
         ("person.drawn.skin", &drawn.skin),
@@ -71,20 +71,20 @@ pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
         }
     }
     Ok(Some(PersonSetting {
-        body: of.body.clone(),
-        posture: of.posture.clone(),
-        skin: of.skin.clone(),
-        hair: of.hair.clone(),
-        clothes: of.clothes.clone(),
-        seed: of.seed,
-        motion: of
+        body: message.body.clone(),
+        posture: message.posture.clone(),
+        skin: message.skin.clone(),
+        hair: message.hair.clone(),
+        clothes: message.clothes.clone(),
+        seed: message.seed,
+        motion: message
             .motion
             .map(|motion| check::within("person.motion", motion, 0.0, 1.0))
             .transpose()?,
-        mouth_open: of.mouth_open,
-        // A recording that does not set the field is of a version with the guard off.
-        guard: of.guard || (!of.unguarded && of.drawn.is_none()),
-        drawn: of.drawn.as_ref().map(|drawn| DrawnPerson {
+        mouth_open: message.mouth_open,
+        // Recordings without this field are of versions without the guard.
+        guard: message.guard || (!message.unguarded && message.drawn.is_none()),
+        drawn: message.drawn.as_ref().map(|drawn| SampledPerson {
             body: drawn.body.clone(),
             posture: drawn.posture.clone(),
             skin: drawn.skin.clone(),
@@ -94,7 +94,7 @@ pub(super) fn asked(of: &v1::Person) -> Result<Option<PersonSetting>, Invalid> {
     }))
 }
 
-/// A part of the body, for programs.
+/// A part of the body as an enum.
 pub(super) fn part(of: BodyPart) -> v1::BodyPart {
     match of {
         BodyPart::Head => v1::BodyPart::Head,
@@ -108,7 +108,7 @@ pub(super) fn part(of: BodyPart) -> v1::BodyPart {
     }
 }
 
-/// Who sits there, for the scene query.
+/// The person, for the scene query.
 pub(super) fn seated(person: &Person) -> v1::SeatedPerson {
     let straight = HeadPose::default();
     let capsules = person.capsules.iter().map(|capsule| {
@@ -175,7 +175,7 @@ pub(super) fn state(sim: &Simulation) -> Option<v1::PersonState> {
     })
 }
 
-/// The strongest contacts of the person that one sample holds.
+/// The strongest contacts of the person, as many as one sample holds.
 fn strongest(touches: &[Touch]) -> Vec<Touch> {
     let mut sorted = touches.to_vec();
     sorted.sort_by(|a, b| b.force.total_cmp(&a.force));

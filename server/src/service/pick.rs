@@ -1,6 +1,5 @@
-//! What stands at a pixel: ids and depth of the newest pictures that somebody
-//! previewed, so that a click means the picture that was looked at, also when the
-//! camera has moved on since.
+//! The body at a pixel, from IDs and depth of the newest previewed images. A click
+//! refers to the image that the user saw, even when the camera has moved since.
 
 use std::collections::VecDeque;
 
@@ -13,17 +12,17 @@ use wheelarm_proto::v1::FailureCode;
 use super::denied::Denied;
 use crate::sensors::camera::{Frame, Intrinsics};
 
-/// Pictures that are kept of each camera: 3 s at 10 Hz.
+/// Stored images per camera: 3 s at 10 Hz.
 const KEPT: usize = 30;
-/// Greatest width that is kept, pixels; larger pictures are sampled.
+/// Largest stored width, pixels; larger images are subsampled.
 const WIDTH: u32 = 640;
-/// Depth of nothing.
+/// Depth where nothing is hit.
 const FAR: u16 = u16::MAX;
-/// Greatest share of the width in which a thing is looked for.
+/// Largest share of the width within which a click snaps to an object.
 const SNAP: f64 = 0.25;
 
-/// One picture as it is remembered.
-struct Looked {
+/// One stored image.
+struct StoredImage {
     tick: u64,
     width: usize,
     height: usize,
@@ -31,45 +30,45 @@ struct Looked {
     ids: Vec<u16>,
     /// Depth along the optical axis, millimetres.
     depth: Vec<u16>,
-    /// Lens of the whole picture.
+    /// Lens of the whole image.
     lens: Intrinsics,
     house_from_optical: Isometry3<f64>,
 }
 
-/// The newest pictures of all cameras.
+/// The newest images of all cameras.
 pub struct Picked {
-    cameras: Vec<(String, Mutex<VecDeque<Looked>>)>,
+    cameras: Vec<(String, Mutex<VecDeque<StoredImage>>)>,
 }
 
 impl Picked {
     /// Of these cameras, by their index.
     #[must_use]
-    pub fn of(names: &[String]) -> Self {
+    pub fn for_cameras(names: &[String]) -> Self {
         let cameras = names.iter().map(|name| (name.clone(), Mutex::default()));
         Self {
             cameras: cameras.collect(),
         }
     }
 
-    /// Remembers a picture; the oldest is forgotten.
+    /// Stores an image and drops the oldest.
     pub fn keep(&self, frame: &Frame, tick: u64) {
         let Some((_, kept)) = self.cameras.get(frame.camera) else {
             return;
         };
-        let looked = Looked::of(frame, tick);
+        let image = StoredImage::from_frame(frame, tick);
         let mut kept = kept.lock();
         if kept.len() == KEPT {
             kept.pop_front();
         }
-        kept.push_back(looked);
+        kept.push_back(image);
     }
 
-    /// What stands where `request` points; `instances` is the legend of the ids, and
+    /// The body at the pixel of `request`; `instances` is the legend of the IDs, and
     /// `graspable` names the bodies that have grasps.
     ///
     /// # Errors
-    /// [`Denied`] when the camera is unknown or the picture is no longer known.
-    pub fn at(
+    /// [`Denied`] when the camera is unknown or the image is no longer stored.
+    pub fn body_at(
         &self,
         request: &v1::PickRequest,
         instances: &[v1::Instance],
@@ -92,14 +91,14 @@ impl Picked {
             return Err(Denied::new(FailureCode::Invalid, words));
         };
         let kept = kept.lock();
-        let looked = kept.iter().rev().find(|looked| looked.tick == request.tick);
-        let Some(looked) = looked else {
+        let image = kept.iter().rev().find(|image| image.tick == request.tick);
+        let Some(image) = image else {
             let known = match (kept.front(), kept.back()) {
                 (Some(first), Some(last)) => format!("{} to {}", first.tick, last.tick),
                 _ => "none".to_owned(),
             };
             let words = format!(
-                "the picture of tick {} is not known (known are {known}): point at a newer one",
+                "the image of tick {} is not stored (stored: {known}): point at a newer one",
                 request.tick
             );
             return Err(Denied::new(FailureCode::Invalid, words));
@@ -108,15 +107,15 @@ impl Picked {
             let instance = instances.iter().find(|i| i.id == u32::from(id));
             instance.is_some_and(|i| graspable.contains(&i.name))
         };
-        let Some((x, y)) = looked.nearest(u, v, snap, can_be_taken) else {
+        let Some((x, y)) = image.nearest(u, v, snap, can_be_taken) else {
             return Ok(v1::PickReply::default());
         };
-        Ok(looked.told(x, y, instances, graspable))
+        Ok(image.reply_at(x, y, instances, graspable))
     }
 }
 
-impl Looked {
-    fn of(frame: &Frame, tick: u64) -> Self {
+impl StoredImage {
+    fn from_frame(frame: &Frame, tick: u64) -> Self {
         let lens = frame.intrinsics;
         let width = lens.width.min(WIDTH);
         let height = (u64::from(lens.height) * u64::from(width) / u64::from(lens.width.max(1)))
@@ -149,8 +148,8 @@ impl Looked {
         }
     }
 
-    /// The pixel that is meant: the nearest one within `snap` of the width whose id
-    /// can be taken, else the one that was pointed at, unless nothing is there.
+    /// The selected pixel: the nearest one within `snap` of the width whose body is
+    /// graspable, else the given one, unless nothing is hit there.
     fn nearest(
         &self,
         u: f64,
@@ -178,7 +177,7 @@ impl Looked {
         best.map(|(_, at)| at).or(here.then_some((x0, y0)))
     }
 
-    fn told(
+    fn reply_at(
         &self,
         x: usize,
         y: usize,
@@ -217,7 +216,7 @@ impl Looked {
         }
     }
 
-    /// Left, upper, right and lower edge of what is seen of an instance, 0 to 1.
+    /// Left, upper, right and lower edge of the visible part of an instance, 0 to 1.
     fn bounds(&self, id: u16) -> Vec<f64> {
         let mut edges: Option<[usize; 4]> = None;
         for (at, _) in self.ids.iter().enumerate().filter(|(_, i)| **i == id) {
@@ -242,15 +241,15 @@ impl Looked {
 mod tests {
     use super::*;
 
-    /// A picture of 1280 x 720 with a thing of 40 x 20 pixels in the middle of the
-    /// left half, 2 m away, before a wall at 3 m.
+    /// An image of 1280 x 720 with an object of 40 x 20 pixels in the middle of the
+    /// left half, 2 m away, in front of a wall at 3 m.
     fn frame() -> Frame {
         let (mut ids, mut depth) = (Vec::new(), Vec::new());
         for y in 0..720_u32 {
             for x in 0..1280_u32 {
-                let thing = (300..340).contains(&x) && (350..370).contains(&y);
-                ids.extend(if thing { 7_u16 } else { 1 }.to_le_bytes());
-                depth.extend(if thing { 2.0_f32 } else { 3.0 }.to_le_bytes());
+                let object = (300..340).contains(&x) && (350..370).contains(&y);
+                ids.extend(if object { 7_u16 } else { 1 }.to_le_bytes());
+                depth.extend(if object { 2.0_f32 } else { 3.0 }.to_le_bytes());
             }
         }
         Frame {
@@ -288,12 +287,12 @@ mod tests {
             v: 0.5,
             snap,
         };
-        picked.at(&request, &legend(), &["cup".to_owned()])
+        picked.body_at(&request, &legend(), &["cup".to_owned()])
     }
 
     #[test]
-    fn a_click_means_the_picture_that_was_looked_at() {
-        let picked = Picked::of(&["eye".to_owned()]);
+    fn a_click_refers_to_the_image_of_its_tick() {
+        let picked = Picked::for_cameras(&["eye".to_owned()]);
         picked.keep(&frame(), 24);
         let mut later = frame();
         later.world_from_optical = Isometry3::translation(20.0, 0.0, 0.0);
@@ -316,8 +315,8 @@ mod tests {
     }
 
     #[test]
-    fn a_click_beside_a_thing_snaps_to_it_within_the_ring_alone() {
-        let picked = Picked::of(&["eye".to_owned()]);
+    fn a_click_beside_an_object_snaps_only_within_the_ring() {
+        let picked = Picked::for_cameras(&["eye".to_owned()]);
         picked.keep(&frame(), 24);
         // 40 pixels of 1280 beside its edge.
         let beside = 380.0 / 1280.0;
@@ -327,8 +326,8 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_is_forgotten_is_refused_with_those_that_are_known() {
-        let picked = Picked::of(&["eye".to_owned()]);
+    fn a_dropped_image_is_refused_with_the_stored_ticks() {
+        let picked = Picked::for_cameras(&["eye".to_owned()]);
         for tick in 1..=40 {
             picked.keep(&frame(), 24 * tick);
         }

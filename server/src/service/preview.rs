@@ -1,6 +1,6 @@
-//! Compressed pictures for people who watch from afar. A picture is scaled,
-//! encoded and sent only while somebody subscribes to its level, on a thread of
-//! its own: the newest wins, and nothing here ever delays the simulation.
+//! Compressed images for remote viewers. An image is scaled, encoded and sent on its
+//! own thread, and only while a client subscribes to its level. The newest image wins,
+//! and the simulation is never delayed.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -19,10 +19,10 @@ use zenoh::sample::SourceInfo;
 
 use super::error::ServiceError;
 use super::outbox::Outbox;
-use super::wall;
+use super::wall_clock;
 use crate::sensors::camera::Frame;
 
-/// A picture may come by this share of its period early.
+/// Share of its period by which an image may be early.
 const EARLY: f64 = 0.2;
 
 /// The preview streams of all cameras.
@@ -37,13 +37,13 @@ struct Shared {
     changed: Condvar,
 }
 
-/// The newest picture of every camera that is not encoded yet.
+/// The newest image of every camera that waits for the encoder.
 struct Waiting {
-    pictures: Vec<Option<Picture>>,
+    images: Vec<Option<Image>>,
     ended: bool,
 }
 
-struct Picture {
+struct Image {
     rgb: Bytes,
     width: u32,
     height: u32,
@@ -93,7 +93,7 @@ impl Previews {
         }
         let shared = Arc::new(Shared {
             waiting: Mutex::new(Waiting {
-                pictures: names.iter().map(|_| None).collect(),
+                images: names.iter().map(|_| None).collect(),
                 ended: false,
             }),
             cameras,
@@ -112,20 +112,20 @@ impl Previews {
         })
     }
 
-    /// Whether anybody subscribes to a camera, by its index.
+    /// Whether a client subscribes to a camera, by its index.
     #[must_use]
     pub fn is_watched(&self, camera: usize) -> bool {
         let camera = self.shared.cameras.get(camera);
         camera.is_some_and(|c| c.levels.iter().any(Level::is_watched))
     }
 
-    /// Takes a picture if anybody wants it, and whether anybody does; never waits
+    /// Queues an image if a client subscribes; returns whether one does. Never waits
     /// for the encoder.
     pub fn offer(&self, frame: &Frame, episode: u64, tick: u64) -> bool {
         if !self.is_watched(frame.camera) {
             return false;
         }
-        let picture = Picture {
+        let image = Image {
             rgb: frame.rgb.clone(),
             width: frame.intrinsics.width,
             height: frame.intrinsics.height,
@@ -135,8 +135,8 @@ impl Previews {
                 ..Default::default()
             },
         };
-        if let Some(slot) = self.shared.waiting.lock().pictures.get_mut(frame.camera) {
-            *slot = Some(picture);
+        if let Some(slot) = self.shared.waiting.lock().images.get_mut(frame.camera) {
+            *slot = Some(image);
         }
         self.shared.changed.notify_all();
         true
@@ -153,14 +153,14 @@ impl Drop for Previews {
     }
 }
 
-/// When a level was sent last, and how often.
+/// When a level was last sent, and how often.
 #[derive(Clone, Copy, Default)]
-struct Sent {
+struct LevelStats {
     last: Option<Instant>,
     count: u64,
 }
 
-impl Sent {
+impl LevelStats {
     fn is_due(&self, level: PreviewLevel, now: Instant) -> bool {
         let (Some(last), Some(hz)) = (self.last, level.rate_hz()) else {
             return true;
@@ -169,39 +169,39 @@ impl Sent {
     }
 }
 
-/// The encoder: takes the newest picture of each camera in turn.
+/// The encoder: processes the newest image of each camera in turn.
 fn encode(shared: &Shared, outbox: &Outbox) {
     super::priority::step_back();
-    let mut sent: Vec<Vec<Sent>> = shared
+    let mut sent: Vec<Vec<LevelStats>> = shared
         .cameras
         .iter()
-        .map(|c| vec![Sent::default(); c.levels.len()])
+        .map(|c| vec![LevelStats::default(); c.levels.len()])
         .collect();
     loop {
-        let pictures = {
+        let images = {
             let mut waiting = shared.waiting.lock();
             shared.changed.wait_while(&mut waiting, |w| {
-                !w.ended && w.pictures.iter().all(Option::is_none)
+                !w.ended && w.images.iter().all(Option::is_none)
             });
             if waiting.ended {
                 return;
             }
             waiting
-                .pictures
+                .images
                 .iter_mut()
                 .map(Option::take)
                 .collect::<Vec<_>>()
         };
-        for ((camera, sent), picture) in shared.cameras.iter().zip(&mut sent).zip(pictures) {
-            let Some(picture) = picture else { continue };
+        for ((camera, sent), image) in shared.cameras.iter().zip(&mut sent).zip(images) {
+            let Some(image) = image else { continue };
             for (level, sent) in camera.levels.iter().zip(sent) {
                 let now = Instant::now();
                 if !sent.is_due(level.level, now) || !level.is_watched() {
                     continue;
                 }
-                match message(&camera.name, level.level, &picture, outbox, sent.count) {
+                match message(&camera.name, level.level, &image, outbox, sent.count) {
                     Ok(message) => {
-                        // Viewers take pictures of the server's session only.
+                        // Viewers accept images of the server's session only.
                         let number = u32::try_from(sent.count).unwrap_or(u32::MAX);
                         let source = SourceInfo::new(level.publisher.id(), number);
                         let put = level.publisher.put(message.encode_to_vec());
@@ -221,11 +221,11 @@ fn encode(shared: &Shared, outbox: &Outbox) {
 fn message(
     camera: &str,
     level: PreviewLevel,
-    picture: &Picture,
+    image: &Image,
     outbox: &Outbox,
     sequence: u64,
 ) -> Result<v1::PreviewFrame, String> {
-    let (width, height, rgb) = scale(picture, level.width());
+    let (width, height, rgb) = scale(image, level.width());
     let side = |n: u32| u16::try_from(n).map_err(|_| format!("{width}x{height} is too large"));
     let (mut jpeg, mut i420) = (Vec::new(), Vec::new());
     let (mut width, mut height) = (width, height);
@@ -238,7 +238,7 @@ fn message(
     Ok(v1::PreviewFrame {
         header: Some(v1::Header {
             sequence,
-            ..outbox.header(picture.header.episode, picture.header.tick)
+            ..outbox.header(image.header.episode, image.header.tick)
         }),
         camera: camera.to_owned(),
         level: level.code().into(),
@@ -246,12 +246,12 @@ fn message(
         height,
         jpeg: jpeg.into(),
         i420: i420.into(),
-        sent_unix_nanos: wall::unix_nanos(),
+        sent_unix_nanos: wall_clock::unix_nanos(),
     })
 }
 
-/// A picture as I420 (BT.601, 16 to 235) of even sides, the last odd row and column
-/// left out; its width and height.
+/// An image as I420 (BT.601, 16 to 235) with even sides; an odd last row or column is
+/// dropped. Returns width, height and planes.
 fn planes(width: u32, height: u32, rgb: &[u8]) -> (u32, u32, Vec<u8>) {
     let row = width as usize * 3;
     let (w, h) = ((width & !1) as usize, (height & !1) as usize);
@@ -284,12 +284,12 @@ fn planes(width: u32, height: u32, rgb: &[u8]) -> (u32, u32, Vec<u8>) {
     (w as u32, h as u32, out)
 }
 
-/// Scales a picture down to at most `most` pixels of width: every new pixel is
-/// the mean of the box that it covers.
-fn scale(picture: &Picture, most: u32) -> (u32, u32, Bytes) {
-    let (w, h) = (picture.width, picture.height);
+/// Scales an image down to at most `most` pixels of width: every new pixel is the mean
+/// of the box that it covers.
+fn scale(image: &Image, most: u32) -> (u32, u32, Bytes) {
+    let (w, h) = (image.width, image.height);
     if w <= most || most == 0 {
-        return (w, h, picture.rgb.clone());
+        return (w, h, image.rgb.clone());
     }
     let (width, height) = (most, (h * most / w).max(1));
     let row = w as usize * 3;
@@ -300,7 +300,7 @@ fn scale(picture: &Picture, most: u32) -> (u32, u32, Bytes) {
     for y in 0..height {
         let (top, bottom) = (edge(y, h, height), edge(y + 1, h, height));
         sums.fill(0);
-        for line in picture.rgb.chunks_exact(row).take(bottom).skip(top) {
+        for line in image.rgb.chunks_exact(row).take(bottom).skip(top) {
             for (sum, &value) in sums.iter_mut().zip(line) {
                 *sum += u32::from(value);
             }
@@ -321,9 +321,9 @@ fn scale(picture: &Picture, most: u32) -> (u32, u32, Bytes) {
 mod tests {
     use super::*;
 
-    fn picture(width: u32, height: u32, value: impl Fn(u32, u32) -> [u8; 3]) -> Picture {
+    fn image(width: u32, height: u32, value: impl Fn(u32, u32) -> [u8; 3]) -> Image {
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        Picture {
+        Image {
             rgb: pixels.flat_map(|(x, y)| value(x, y)).collect(),
             width,
             height,
@@ -332,28 +332,28 @@ mod tests {
     }
 
     #[test]
-    fn a_scaled_picture_is_the_mean_of_its_boxes() {
-        let (w, h, rgb) = scale(&picture(4, 2, |x, _| [(x * 10) as u8, 100, 7]), 2);
+    fn a_scaled_image_is_the_mean_of_its_boxes() {
+        let (w, h, rgb) = scale(&image(4, 2, |x, _| [(x * 10) as u8, 100, 7]), 2);
         assert_eq!((w, h), (2, 1));
         assert_eq!(&rgb[..], [5, 100, 7, 25, 100, 7]);
-        // A size that does not divide still covers everything once.
-        let (w, h, rgb) = scale(&picture(1000, 501, |_, _| [200, 3, 90]), 320);
+        // A size that does not divide still covers every pixel once.
+        let (w, h, rgb) = scale(&image(1000, 501, |_, _| [200, 3, 90]), 320);
         assert_eq!((w, h), (320, 160));
         assert!(rgb.chunks_exact(3).all(|p| p == [200, 3, 90]));
-        let small = picture(64, 48, |x, y| [x as u8, y as u8, 0]);
+        let small = image(64, 48, |x, y| [x as u8, y as u8, 0]);
         assert_eq!(scale(&small, 320), (64, 48, small.rgb.clone()));
     }
 
     #[test]
-    fn a_raw_picture_has_even_sides_and_the_colours_of_the_standard() {
+    fn a_raw_image_has_even_sides_and_standard_colours() {
         for (colour, expected) in [
             ([255, 255, 255], [235, 128, 128]),
             ([0, 0, 0], [16, 128, 128]),
             ([255, 0, 0], [82, 90, 240]),
             ([0, 0, 255], [41, 240, 110]),
         ] {
-            let picture = picture(5, 3, |_, _| colour);
-            let (w, h, planes) = planes(5, 3, &picture.rgb);
+            let image = image(5, 3, |_, _| colour);
+            let (w, h, planes) = planes(5, 3, &image.rgb);
             assert_eq!((w, h, planes.len()), (4, 2, 12));
             assert!(planes[..8].iter().all(|&y| y == expected[0]), "{planes:?}");
             assert_eq!(
@@ -372,7 +372,7 @@ mod tests {
             (PreviewLevel::Medium, 30, 10),
             (PreviewLevel::High, 30, 30),
         ] {
-            let (mut sent, mut count) = (Sent::default(), 0);
+            let (mut sent, mut count) = (LevelStats::default(), 0);
             for i in 0..10 * camera_hz {
                 let now = start + Duration::from_secs_f64(f64::from(i) / f64::from(camera_hz));
                 if sent.is_due(level, now) {

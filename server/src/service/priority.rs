@@ -1,7 +1,7 @@
-//! Who comes first on a scarce processor.
+//! Thread priorities for busy CPUs.
 
-/// Lowers the priority of this thread and of those that it starts, the driver's
-/// among them: on a scarce processor commands, physics and recorders come first.
+/// Lowers the priority of this thread and of those that it starts, including the
+/// driver's: commands, physics and recorders have priority.
 pub(super) fn step_back() {
     const NICER: i32 = 5;
     let _ = rustix::process::nice(NICER);

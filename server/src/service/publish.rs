@@ -1,12 +1,12 @@
-//! Turns the state at a control tick into messages.
+//! Converts the state at a control tick into messages.
 
 use std::collections::BTreeSet;
 
 use wheelarm_proto::{MAX_CONTACTS, exact, v1};
 
+use super::command_gate::GateOutput;
 use super::convert;
 use super::disturbance;
-use super::inbox::Taken;
 use super::outbox::Outbox;
 use super::person;
 use crate::robot::control::{RobotControl, Targets};
@@ -20,7 +20,7 @@ pub fn applied(
     outbox: &Outbox,
     episode: u64,
     tick: u64,
-    taken: &Taken,
+    taken: &GateOutput,
     targets: &Targets,
     control: &RobotControl,
 ) {
@@ -55,8 +55,8 @@ pub fn applied(
     }
 }
 
-/// Publishes what disturbs the control tick that comes; nothing where the scenario
-/// has no disturbances.
+/// Publishes the disturbance of the coming control tick; nothing when the scenario has
+/// none.
 pub fn disturbance(outbox: &Outbox, episode: u64, sim: &Simulation) {
     if let Some(disturbance) = sim.disturbance() {
         let message = disturbance::message(&disturbance, sim);
@@ -80,7 +80,7 @@ pub fn imu(outbox: &Outbox, episode: u64, samples: &[imu::Sample]) {
     }
 }
 
-/// Publishes what the sensor model makes of IMU measurements at `rate` Hz.
+/// Publishes the sensor model's output for IMU measurements at `rate` Hz.
 pub fn sensed_imu(
     outbox: &Outbox,
     episode: u64,
@@ -104,8 +104,8 @@ pub fn sensed_imu(
     }
 }
 
-/// Publishes the state streams of the present tick; `clock` comes last, so
-/// that whoever sees it has seen everything.
+/// Publishes the state streams of the present tick. `clock` comes last, so that a
+/// client that receives it has received everything.
 pub fn state(
     outbox: &Outbox,
     episode: u64,
@@ -115,7 +115,7 @@ pub fn state(
     real_time_factor: f64,
 ) {
     let tick = sim.snapshot().tick;
-    let put = Put {
+    let put = StatePublisher {
         outbox,
         episode,
         tick,
@@ -123,7 +123,7 @@ pub fn state(
     if sim.state_due() {
         put.joints(sim);
         put.poses(sim);
-        put.sensed(sim, signals);
+        put.robot_sensors(sim, signals);
         put.objects(sim);
         put.furniture(sim);
         put.contacts(sim);
@@ -178,13 +178,13 @@ fn planar_twist(linear: f64, angular: f64) -> v1::Twist {
     }
 }
 
-struct Put<'a> {
+struct StatePublisher<'a> {
     outbox: &'a Outbox,
     episode: u64,
     tick: u64,
 }
 
-impl Put<'_> {
+impl StatePublisher<'_> {
     fn joints(&self, sim: &Simulation) {
         let joints = sim.recorded_joints();
         let message = v1::JointState {
@@ -217,7 +217,7 @@ impl Put<'_> {
         self.outbox.put(self.episode, self.tick, message);
     }
 
-    fn sensed(&self, sim: &Simulation, signals: &Signals) {
+    fn robot_sensors(&self, sim: &Simulation, signals: &Signals) {
         let joints = signals.joints(sim.snapshot(), sim.model(), sim.opening());
         if let Some(joints) = joints {
             let message = v1::SensedJoints {
@@ -229,11 +229,11 @@ impl Put<'_> {
             };
             self.outbox.put(self.episode, self.tick, message);
         }
-        if let Some(told) = signals.odometry() {
+        if let Some(odometry) = signals.odometry() {
             let message = v1::SensedOdometry {
                 header: None,
-                pose: Some(planar(told.position, told.heading)),
-                twist: Some(planar_twist(told.linear, told.angular)),
+                pose: Some(planar(odometry.position, odometry.heading)),
+                twist: Some(planar_twist(odometry.linear, odometry.angular)),
             };
             self.outbox.put(self.episode, self.tick, message);
         }
@@ -259,7 +259,7 @@ impl Put<'_> {
         self.outbox.put(self.episode, self.tick, message);
     }
 
-    /// The first soft object; a scene has one at most.
+    /// The first deformable; a scene has one at most.
     fn deformable(&self, sim: &Simulation) {
         let snapshot = sim.snapshot();
         let Some(soft) = snapshot.skins.first() else {
@@ -297,8 +297,8 @@ impl Put<'_> {
     }
 }
 
-/// Contacts of the robot, of the objects that it touches and of the person before all
-/// others, the strongest first in both groups.
+/// Contacts of the robot, of objects that it touches and of the person first, each
+/// group by force.
 fn by_priority(contacts: &[Contact]) -> Vec<&Contact> {
     let robot = |body: BodyRef| matches!(body, BodyRef::Link(_));
     let touched: BTreeSet<BodyRef> = contacts

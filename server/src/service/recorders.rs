@@ -1,4 +1,4 @@
-//! What the recorders told: readiness, credit, results.
+//! State of the recorders: readiness, credit, results.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
@@ -9,18 +9,18 @@ use wheelarm_proto::{CREDIT_TICKS, keys, v1};
 /// Recorders by name.
 #[derive(Debug, Default)]
 pub struct Recorders {
-    /// What each told of its last episodes, newest last.
+    /// Statuses of the last episodes of each recorder, newest last.
     known: BTreeMap<String, Vec<v1::RecorderStatus>>,
-    /// Recorders whose liveliness token is there. What others tell is kept, for
-    /// a token may come after the first status, but counts for nothing.
+    /// Recorders whose liveliness token exists. Statuses of others are stored, since a
+    /// token may arrive after the first status, but are not used.
     alive: BTreeSet<String>,
-    /// When each was heard last.
+    /// When each recorder last sent a status.
     heard: BTreeMap<String, Instant>,
-    /// Recorders whose connection ended, and since when; they may come back.
+    /// Recorders whose connection ended, and when; they may return.
     away: BTreeMap<String, Instant>,
-    /// Recorders that were lost in the running episode; they hold nobody up again.
+    /// Recorders lost in the running episode; they are not waited for again.
     gone: BTreeSet<String>,
-    /// Recorders of another version that were told of, [`MAX_RECORDERS`] at most.
+    /// Recorders of another version that were reported, [`MAX_RECORDERS`] at most.
     strange: BTreeSet<String>,
     /// Sessions that claimed a recorder's name, by name, [`MAX_RECORDERS`] at most.
     claims: BTreeMap<String, Claim>,
@@ -33,30 +33,30 @@ struct Claim {
     since: Instant,
 }
 
-/// How long a recorder may be away before it is lost. One that stood still
-/// comes back with a new connection at once; one that was killed does not.
+/// How long a recorder may be away before it is lost. A suspended one reconnects at
+/// once; a killed one does not.
 pub(super) const AWAY: Duration = Duration::from_secs(5);
 
-/// A recorder tells its status every half second. One that told nothing for so long
-/// does not answer: its process or its host stands still. It may go on, and in lock-step
-/// time waits for it; it is not waited for at the start and at the end of an episode.
+/// A recorder sends its status every half second. After this silence its process or
+/// host is suspended. It may resume: in lock-step time waits for it, but the start and
+/// end of an episode do not.
 pub(super) const SILENT: Duration = Duration::from_secs(3);
 
 /// How long a claimed name waits for its recorder's liveliness token.
 const CLAIM: Duration = Duration::from_secs(10);
 
-/// Pictures that may be published beyond the slowest recorder's credit. The cache
-/// holds as many of each camera.
+/// Images that may be published beyond the slowest recorder's credit. The cache holds
+/// as many per camera.
 pub(super) const CREDIT_WINDOW: u64 = 6;
 
-/// How many recorders are remembered.
+/// Largest number of recorders stored.
 const MAX_RECORDERS: usize = 64;
 
-/// How many liveliness tokens are known at once; those of recorders that never
-/// said a word make room for others.
+/// Largest number of liveliness tokens. Recorders that never sent a status are dropped
+/// first.
 const MAX_ALIVE: usize = 256;
 
-/// How many episodes of each: the one at hand and those being made into files.
+/// Episodes stored per recorder: the current one and those being written to files.
 const MAX_EPISODES: usize = 3;
 
 fn id(status: &v1::RecorderStatus) -> (&str, u64) {
@@ -65,19 +65,19 @@ fn id(status: &v1::RecorderStatus) -> (&str, u64) {
 }
 
 impl Recorders {
-    /// Gives the name of a recorder to a session. Of two recorders of one name that
-    /// start together the first one to ask gets it.
+    /// Gives the name of a recorder to a session. Of two recorders with the same name
+    /// the first to ask gets it.
     ///
     /// # Errors
-    /// In words, when another session has the name or the name cannot stand in a key.
+    /// When another session has the name, or the name is not valid in a key.
     pub fn claim(&mut self, name: &str, session: &str, now: Instant) -> Result<(), String> {
         keys::check_name(name).map_err(|e| e.to_string())?;
-        let stands = |claim: &Claim, is_alive: bool| {
+        let holds = |claim: &Claim, is_alive: bool| {
             is_alive || now.saturating_duration_since(claim.since) < CLAIM
         };
         if let Some(claim) = self.claims.get(name)
             && claim.session != session
-            && stands(claim, self.alive.contains(name))
+            && holds(claim, self.alive.contains(name))
         {
             return Err(format!(
                 "the recorder's name {name:?} is taken: another recorder of this name is \
@@ -86,7 +86,7 @@ impl Recorders {
         }
         let alive = &self.alive;
         self.claims
-            .retain(|name, claim| stands(claim, alive.contains(name)));
+            .retain(|name, claim| holds(claim, alive.contains(name)));
         if self.claims.len() >= MAX_RECORDERS && !self.claims.contains_key(name) {
             return Err(format!(
                 "{MAX_RECORDERS} recorders are connected or starting; end one of them"
@@ -99,13 +99,14 @@ impl Recorders {
         Ok(())
     }
 
-    /// Takes a status message; ones without a usable name are ignored.
+    /// Stores a status; one without a valid name is ignored.
     pub fn update(&mut self, status: v1::RecorderStatus, now: Instant) {
         if keys::check_name(&status.recorder).is_err() {
             return;
         }
         if self.known.len() >= MAX_RECORDERS && !self.known.contains_key(&status.recorder) {
-            // Strangers make room first, then who speaks of the oldest episode.
+            // Recorders without token make room first, then the one with the oldest
+            // episode.
             let newest = |all: &[v1::RecorderStatus]| all.last().map_or(0, |s| id(s).1);
             let known = self.known.iter();
             let oldest = known.min_by_key(|(name, all)| (self.alive.contains(*name), newest(all)));
@@ -124,37 +125,37 @@ impl Recorders {
         }
     }
 
-    /// Says once in the log why a recorder is not heard.
+    /// Logs once why a recorder is ignored.
     pub fn warn_once(&mut self, name: &str, other: &OtherVersion) {
         let room = self.strange.len() < MAX_RECORDERS;
         if room && keys::check_name(name).is_ok() && self.strange.insert(name.to_owned()) {
-            tracing::warn!("recorder {name:?} is not heard: {other}");
+            tracing::warn!("recorder {name:?} is ignored: {other}");
         }
     }
 
-    /// A recorder's connection ended: it has [`AWAY`] to come back.
-    pub fn left(&mut self, name: &str, now: Instant) {
+    /// Handles the end of a recorder's connection: it has [`AWAY`] to return.
+    pub fn disconnected(&mut self, name: &str, now: Instant) {
         self.alive.remove(name);
-        // One that is started anew gets its name back at once.
+        // A restarted recorder gets its name back at once.
         self.claims.remove(name);
         if self.known.contains_key(name) {
             self.away.entry(name.to_owned()).or_insert(now);
         }
     }
 
-    /// A recorder is there, or there again.
-    pub fn came(&mut self, name: &str) {
+    /// Handles the arrival of a recorder's token.
+    pub fn token_appeared(&mut self, name: &str) {
         if keys::check_name(name).is_err() {
             return;
         }
         self.away.remove(name);
         if self.alive.len() >= MAX_ALIVE && !self.alive.contains(name) {
-            // Tokens of those who never said a word make room.
+            // Recorders that never sent a status make room.
             let mut silent = self.alive.iter().filter(|n| !self.known.contains_key(*n));
             match silent.next().cloned() {
                 Some(silent) => self.alive.remove(&silent),
                 None => {
-                    tracing::warn!("more than {MAX_ALIVE} recorders: {name} is not seen");
+                    tracing::warn!("more than {MAX_ALIVE} recorders: {name} is ignored");
                     return;
                 }
             };
@@ -173,7 +174,7 @@ impl Recorders {
         self.heard.remove(name);
     }
 
-    /// How long a connected recorder has told nothing; zero for one that is not known.
+    /// How long a connected recorder has sent no status; zero for an unknown one.
     fn silence(&self, name: &str, now: Instant) -> Duration {
         let heard = self.heard.get(name).filter(|_| self.alive.contains(name));
         heard.map_or(Duration::ZERO, |heard| {
@@ -181,13 +182,13 @@ impl Recorders {
         })
     }
 
-    /// Whether a connected recorder does not answer.
+    /// Whether a connected recorder is silent.
     #[must_use]
     pub fn is_silent(&self, name: &str, now: Instant) -> bool {
         self.silence(name, now) > SILENT
     }
 
-    /// Forgets the recorders that were away for too long.
+    /// Removes the recorders that were away for too long.
     pub fn expire(&mut self, now: Instant) {
         let late = |since: &Instant| now.saturating_duration_since(*since) > AWAY;
         let away = self.away.extract_if(.., |_, since| late(since));
@@ -197,7 +198,7 @@ impl Recorders {
         }
     }
 
-    /// An episode begins: everybody who is there may take part.
+    /// Begins an episode: every connected recorder may take part.
     pub fn begin(&mut self) {
         self.gone.clear();
         for name in std::mem::take(&mut self.away).into_keys() {
@@ -213,14 +214,14 @@ impl Recorders {
         there.map(|(_, episodes)| episodes)
     }
 
-    /// Number of recorders that are there and answer.
+    /// Number of connected recorders that are not silent.
     #[must_use]
     pub fn present(&self, now: Instant) -> usize {
         let names = self.known.keys().filter(|name| self.alive.contains(*name));
         names.filter(|name| !self.is_silent(name, now)).count()
     }
 
-    /// Connected recorders that do not answer.
+    /// Connected recorders that are silent.
     #[must_use]
     pub fn silent(&self, now: Instant) -> Vec<String> {
         let names = self.known.keys().filter(|name| self.is_silent(name, now));
@@ -234,10 +235,9 @@ impl Recorders {
         lost.cloned().collect()
     }
 
-    /// All of them: the newest status of each, after those of episodes of this
-    /// run that are still being made into files or just have been. A recorder that left
-    /// a moment ago is listed with what became of its files: clients that ask in intervals
-    /// would take its last file for lost. One that does not answer says since when.
+    /// All recorders: the newest status of each, after those of earlier episodes that
+    /// are still being written. A recorder that has just left is listed with its files,
+    /// because clients poll. A silent one includes the time of its silence.
     #[must_use]
     pub fn all(&self, run_id: &str, now: Instant) -> Vec<v1::RecorderStatus> {
         let mut all = Vec::new();
@@ -287,14 +287,13 @@ impl Recorders {
     pub fn failed(&self, run_id: &str, episode: u64) -> Vec<(String, String)> {
         self.of_episode(run_id, episode)
             .filter(|s| s.state == v1::RecorderState::Failed as i32)
-            // One that failed may have gone since; it had a token.
+            // A recorder that failed may have left since; it had a token.
             .filter(|s| self.alive.contains(&s.recorder) || self.is_away(&s.recorder))
             .map(|s| (s.recorder.clone(), s.message.clone()))
             .collect()
     }
 
-    /// Participants that record the episode; those that are gone or failed are not
-    /// waited for.
+    /// Participants that record the episode, without those that left or failed.
     fn at_work(
         &self,
         run_id: &str,
@@ -306,7 +305,7 @@ impl Recorders {
             .filter(|s| participants.contains(&s.recorder) && !self.gone.contains(&s.recorder))
     }
 
-    /// Whether a participant that answers has not got the whole episode yet.
+    /// Whether a responsive participant has not received the whole episode.
     #[must_use]
     pub fn is_anyone_recording(
         &self,
@@ -319,7 +318,7 @@ impl Recorders {
             .any(|status| !self.is_silent(&status.recorder, now))
     }
 
-    /// Participants of which it is not known that they have the whole episode.
+    /// Participants not known to have the whole episode.
     #[must_use]
     pub fn unconfirmed(&self, run_id: &str, episode: u64, participants: &[String]) -> Vec<String> {
         use v1::RecorderState::{Finished, Finishing};
@@ -331,8 +330,7 @@ impl Recorders {
         without.cloned().collect()
     }
 
-    /// The participant that what was `published` has left farthest behind, if it is too
-    /// far.
+    /// The participant that is farthest behind `published`, if it exceeds its credit.
     #[must_use]
     pub fn without_credit(
         &self,
@@ -349,26 +347,26 @@ impl Recorders {
     }
 }
 
-/// How far an episode is.
+/// Progress of an episode.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Progress {
-    /// Pictures of all cameras, also those that are still being drawn.
-    pub pictures: u64,
+    /// Images of all cameras, including those being rendered.
+    pub images: u64,
     /// The present tick.
     pub tick: u64,
 }
 
 impl Progress {
-    /// How far this is beyond the credit of a recorder: 1 where time has to wait. Older
-    /// recorders tell no credit; theirs are pictures alone, and every missing sample
-    /// counts as one.
+    /// How far this exceeds the credit of a recorder; from 1 on time waits. Older
+    /// recorders send no credit: only images count, and every missing sample counts as
+    /// one.
     fn beyond(self, status: &v1::RecorderStatus) -> f64 {
         let older = status.accepted_frames.saturating_add(status.missed);
         let frames = status.credit_frames.unwrap_or(older);
         let tick = status.credit_tick.unwrap_or(self.tick);
-        let pictures = self.pictures.saturating_sub(frames) as f64 / CREDIT_WINDOW as f64;
+        let images = self.images.saturating_sub(frames) as f64 / CREDIT_WINDOW as f64;
         let ticks = self.tick.saturating_sub(tick) as f64 / CREDIT_TICKS as f64;
-        pictures.max(ticks)
+        images.max(ticks)
     }
 }
 
@@ -395,38 +393,34 @@ mod tests {
         let now = Instant::now();
         let mut recorders = Recorders::default();
         for name in ["a", "b", "old", "guest"] {
-            recorders.came(name);
+            recorders.token_appeared(name);
         }
         recorders.update(status("a", 2, 10), now);
         recorders.update(status("b", 2, 7), now);
         recorders.update(status("old", 1, 0), now);
         recorders.update(status("guest", 2, 1), now);
-        // A file that is finished late does not hide what is recorded now.
+        // A file finished late does not hide the current recording.
         let mut late = status("a", 1, 99);
         late.state = v1::RecorderState::Finished as i32;
         recorders.update(late, now);
         let participants = ["a".to_owned(), "b".to_owned(), "old".to_owned()];
-        let waits = |recorders: &Recorders, pictures| {
-            let published = Progress { pictures, tick: 0 };
+        let waits = |recorders: &Recorders, images| {
+            let published = Progress { images, tick: 0 };
             recorders.without_credit("r", 2, &participants, published)
         };
         assert_eq!(waits(&recorders, 12), None);
         assert_eq!(waits(&recorders, 13).as_deref(), Some("b"));
-        recorders.left("b", now);
+        recorders.disconnected("b", now);
         recorders.expire(now + AWAY);
         let still = waits(&recorders, 13);
-        assert_eq!(
-            still.as_deref(),
-            Some("b"),
-            "one that is away may come back"
-        );
-        recorders.came("b");
+        assert_eq!(still.as_deref(), Some("b"), "an absent recorder may return");
+        recorders.token_appeared("b");
         let later = now + 9 * AWAY;
         recorders.update(status("a", 2, 10), later);
         recorders.update(status("b", 2, 7), later);
         recorders.expire(later);
         assert!(recorders.lost_of(&participants).is_empty());
-        recorders.left("b", now);
+        recorders.disconnected("b", now);
         recorders.expire(later);
         assert_eq!(recorders.lost_of(&participants), ["b"]);
         assert_eq!(waits(&recorders, 15), None);
@@ -437,57 +431,54 @@ mod tests {
     }
 
     #[test]
-    fn time_does_not_run_away_from_a_recorder_that_has_not_got_its_samples() {
+    fn time_waits_for_a_recorder_that_misses_samples() {
         let now = Instant::now();
         let mut recorders = Recorders::default();
-        recorders.came("a");
-        let told = |frames, tick| v1::RecorderStatus {
-            // What was accepted behind a gap does not count.
+        recorders.token_appeared("a");
+        let with_credit = |frames, tick| v1::RecorderStatus {
+            // Samples accepted after a gap do not count.
             credit_frames: Some(frames),
             credit_tick: Some(tick),
             missed: 3,
             ..status("a", 1, 9)
         };
-        recorders.update(told(4, 100), now);
+        recorders.update(with_credit(4, 100), now);
         let participants = ["a".to_owned()];
-        let waits = |recorders: &Recorders, pictures, tick| {
-            let published = Progress { pictures, tick };
+        let waits = |recorders: &Recorders, images, tick| {
+            let published = Progress { images, tick };
             let name = recorders.without_credit("r", 1, &participants, published);
             name.is_some()
         };
         assert!(!waits(&recorders, 9, 100 + CREDIT_TICKS - 1));
-        assert!(waits(&recorders, 10, 100), "pictures");
+        assert!(waits(&recorders, 10, 100), "images");
         assert!(waits(&recorders, 0, 100 + CREDIT_TICKS), "time");
-        assert!(
-            !waits(&recorders, 0, 3),
-            "states may be shown from anywhere"
-        );
+        assert!(!waits(&recorders, 0, 3), "playback may start at any tick");
         let both = ["a".to_owned(), "b".to_owned()];
-        recorders.came("b");
+        recorders.token_appeared("b");
         let behind = v1::RecorderStatus {
             recorder: "b".into(),
-            ..told(9, 50)
+            ..with_credit(9, 50)
         };
         recorders.update(behind, now);
         let published = Progress {
-            pictures: 9,
+            images: 9,
             tick: 100 + CREDIT_TICKS,
         };
         let farthest = recorders.without_credit("r", 1, &both, published);
         assert_eq!(farthest.as_deref(), Some("b"));
-        // A recorder of before tells neither.
+        // An older recorder sends neither.
         recorders.update(status("a", 1, 4), now);
         assert!(!waits(&recorders, 9, 9 * CREDIT_TICKS));
         assert!(waits(&recorders, 10, 0));
     }
 
     #[test]
-    fn connected_recorder_that_tells_nothing_is_said_and_not_lost() {
+    fn a_silent_connected_recorder_is_reported_and_not_lost() {
         let now = Instant::now();
         let mut recorders = Recorders::default();
         let participants = ["hung".to_owned(), "well".to_owned()];
         for name in ["hung", "well"] {
-            recorders.came(name);
+            recorders.token_appeared(name);
             recorders.update(status(name, 1, 0), now);
         }
         let tick = Duration::from_millis(1);
@@ -496,19 +487,19 @@ mod tests {
         recorders.update(status("well", 1, 0), silent);
         assert_eq!(recorders.silent(silent), ["hung"]);
         assert_eq!(recorders.present(silent), 1);
-        let told = recorders.all("r", silent);
-        let seconds: Vec<_> = told.iter().map(|s| s.silent_seconds.is_some()).collect();
+        let listed = recorders.all("r", silent);
+        let seconds: Vec<_> = listed.iter().map(|s| s.silent_seconds.is_some()).collect();
         assert_eq!(seconds, [true, false]);
         recorders.expire(silent);
-        assert!(recorders.lost_of(&participants).is_empty(), "it may go on");
-        // Nobody waits for its word at the end of an episode, and its name is told.
+        assert!(recorders.lost_of(&participants).is_empty(), "it may resume");
+        // The end of an episode does not wait for it; its name is reported.
         let mut finishing = status("well", 1, 0);
         finishing.set_state(v1::RecorderState::Finishing);
         recorders.update(finishing, silent);
         assert!(!recorders.is_anyone_recording("r", 1, &participants, silent));
         assert_eq!(recorders.unconfirmed("r", 1, &participants), ["hung"]);
 
-        // It goes on.
+        // It resumes.
         recorders.update(status("hung", 1, 0), silent);
         assert_eq!(recorders.silent(silent), [""; 0]);
         assert_eq!(recorders.present(silent), 2);
@@ -516,16 +507,16 @@ mod tests {
     }
 
     #[test]
-    fn recorder_that_left_is_listed_with_its_finished_file_for_a_while() {
+    fn a_recorder_that_left_is_listed_with_its_file_for_a_while() {
         let now = Instant::now();
         let mut recorders = Recorders::default();
-        recorders.came("disk");
+        recorders.token_appeared("disk");
         let mut last = status("disk", 1, 5);
         recorders.update(last.clone(), now);
         last.set_state(v1::RecorderState::Finished);
         recorders.update(last.clone(), now);
         let run = id(&last).0.to_owned();
-        recorders.left("disk", now);
+        recorders.disconnected("disk", now);
         assert_eq!(
             (recorders.present(now), recorders.all(&run, now)),
             (0, vec![last])
@@ -543,11 +534,11 @@ mod tests {
         let refused = recorders.claim("disk", "b", now).unwrap_err();
         assert!(refused.contains("choose another --name"), "{refused}");
         assert_eq!(recorders.claim("other", "b", now), Ok(()));
-        assert_eq!(recorders.claim("disk", "a", now), Ok(()), "asked twice");
-        recorders.came("disk");
+        assert_eq!(recorders.claim("disk", "a", now), Ok(()), "claimed twice");
+        recorders.token_appeared("disk");
         assert!(recorders.claim("disk", "b", now + 9 * CLAIM).is_err());
-        // The name is free when its recorder has gone, or never came.
-        recorders.left("disk", now);
+        // The name is free when its recorder left or never appeared.
+        recorders.disconnected("disk", now);
         assert_eq!(recorders.claim("disk", "b", now), Ok(()));
         assert!(recorders.claim("disk", "c", now + CLAIM / 2).is_err());
         assert_eq!(recorders.claim("disk", "c", now + CLAIM), Ok(()));
@@ -559,7 +550,7 @@ mod tests {
     }
 
     #[test]
-    fn what_somebody_without_a_token_tells_counts_for_nothing() {
+    fn statuses_without_a_token_are_not_used() {
         let now = Instant::now();
         let mut recorders = Recorders::default();
         recorders.update(status("stranger", 1, 0), now);
@@ -569,22 +560,22 @@ mod tests {
         assert_eq!(recorders.present(now), 0);
         assert!(recorders.ready("r", 1).is_empty());
         assert!(recorders.failed("r", 1).is_empty());
-        recorders.came("stranger");
-        assert_eq!(recorders.ready("r", 1), ["stranger"], "the token came late");
-        recorders.came("liar");
-        recorders.left("liar", Instant::now());
+        recorders.token_appeared("stranger");
         assert_eq!(
-            recorders.failed("r", 1).len(),
-            1,
-            "it had a token and has gone"
+            recorders.ready("r", 1),
+            ["stranger"],
+            "the token arrived late"
         );
+        recorders.token_appeared("liar");
+        recorders.disconnected("liar", Instant::now());
+        assert_eq!(recorders.failed("r", 1).len(), 1, "it had a token and left");
     }
 
     #[test]
-    fn strangers_do_not_push_out_a_recorder() {
+    fn recorders_without_token_do_not_displace_a_recorder() {
         let now = Instant::now();
         let mut recorders = Recorders::default();
-        recorders.came("real");
+        recorders.token_appeared("real");
         recorders.update(status("real", 1, 0), now);
         for number in 0..2 * MAX_ALIVE {
             recorders.update(status(&format!("stranger-{number}"), 9, 0), now);
@@ -592,13 +583,13 @@ mod tests {
         assert_eq!(recorders.ready("r", 1), ["real"]);
         assert!(recorders.known.len() <= MAX_RECORDERS);
         for number in 0..2 * MAX_ALIVE {
-            recorders.came(&format!("token-{number}"));
+            recorders.token_appeared(&format!("token-{number}"));
         }
-        recorders.came("not a name");
+        recorders.token_appeared("not a name");
         assert_eq!(recorders.alive.len(), MAX_ALIVE);
         assert_eq!(recorders.ready("r", 1), ["real"]);
-        // Nor do their tokens keep a new one out.
-        recorders.came("late");
+        // Nor do their tokens block a new one.
+        recorders.token_appeared("late");
         recorders.update(status("late", 1, 0), now);
         assert_eq!(recorders.ready("r", 1), ["late", "real"]);
     }

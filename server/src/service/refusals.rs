@@ -1,26 +1,26 @@
-//! Refused commands on their way to an answer. A flood is not amplified: some
-//! are answered one by one, the rest by one summary per second.
+//! Rejected commands that wait for their reply. A flood is not amplified: some are
+//! answered one by one, the rest by one summary per second.
 
-use super::inbox::{Bucket, Refused};
+use super::command_gate::{Bucket, Refused};
 
-/// Refusals answered one by one, per second and at once.
+/// Rejections answered one by one: per second, and burst.
 const ANSWERED: (f64, f64) = (20.0, 64.0);
 
-/// Pause between two summaries, s.
+/// Interval between two summaries, s.
 const SUMMARY_SECS: f64 = 1.0;
 
 /// Longest reason, characters.
 const LONGEST: usize = 512;
 
-/// A refusal that is to be answered, with the number of commands it speaks of.
+/// A rejection to publish, with the number of commands it covers.
 pub type Answer = (Refused, u64);
 
-/// Refusals that wait for their answer.
+/// Rejections that wait to be published.
 #[derive(Debug)]
 pub struct Refusals {
     bucket: Bucket,
     waiting: Vec<Answer>,
-    /// The newest of those that are not answered one by one, and their number.
+    /// The newest rejection not answered individually, and their number.
     withheld: Option<Answer>,
     summed: f64,
 }
@@ -37,9 +37,9 @@ impl Default for Refusals {
 }
 
 impl Refusals {
-    /// Adds one; `now` in seconds of a clock that never goes back.
+    /// Adds a rejection; `now` in seconds of a monotonic clock.
     pub fn push(&mut self, mut refused: Refused, now: f64) {
-        // Words of a sender may stand in the reason.
+        // The reason may contain text of the sender.
         if let Some((end, _)) = refused.reason.char_indices().nth(LONGEST) {
             refused.reason.truncate(end);
             refused.reason.push('…');
@@ -52,7 +52,7 @@ impl Refusals {
         }
     }
 
-    /// What is to be answered at `now`.
+    /// Rejections to publish at `now`.
     pub fn take(&mut self, now: f64) -> Vec<Answer> {
         let mut answers = std::mem::take(&mut self.waiting);
         if now - self.summed >= SUMMARY_SECS
@@ -71,13 +71,13 @@ mod tests {
     use wheelarm_proto::v1::RefusalCode;
 
     #[test]
-    fn every_refusal_is_told_of_and_a_flood_is_summed_up() {
+    fn every_refusal_is_reported_and_a_flood_is_summarized() {
         let mut refusals = Refusals::default();
-        let (mut answers, mut told) = (0, 0);
+        let (mut answers, mut reported) = (0, 0);
         let mut take = |refusals: &mut Refusals, now| {
             for (_, count) in refusals.take(now) {
                 answers += 1;
-                told += count;
+                reported += count;
             }
         };
         let mut sent = 0;
@@ -96,7 +96,7 @@ mod tests {
             take(&mut refusals, now);
         }
         take(&mut refusals, 20.0);
-        assert_eq!(told, sent);
+        assert_eq!(reported, sent);
         assert!(answers < 64 + 3 * 20 + 6, "{answers} answers");
     }
 }

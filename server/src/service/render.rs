@@ -1,6 +1,5 @@
-//! The render thread: draws the pictures that fall due and publishes them.
-//! Its queue is short and blocking, so that no picture is ever skipped; the
-//! simulation slows down instead.
+//! The render thread: renders images that are due and publishes them. Its queue is
+//! short and blocking, so no image is skipped; the simulation slows down instead.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -18,15 +17,15 @@ use wheelarm_sensors::Surface;
 use super::compressed::{Compressed, Exact};
 use super::convert;
 use super::error::ServiceError;
-use super::heap;
+use super::malloc_trim;
 use super::outbox::Outbox;
 use super::person;
 use super::pick::Picked;
 use super::preview::Previews;
 use super::priority::step_back;
-use super::sensed::{DepthView, Sensed};
-use super::signal::Signal;
-use crate::look::Drawn;
+use super::sensor_images::{DepthView, SensorImages};
+use super::wakeup::Wakeup;
+use crate::look::SampledLook;
 use crate::people::Person;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
@@ -37,7 +36,7 @@ use crate::sensors::models;
 use crate::sim::{CameraSetting, Scenario, Simulation};
 use crate::snapshot::Snapshot;
 
-/// Batches that may wait to be drawn.
+/// Batches that may wait to be rendered.
 const QUEUE: usize = 2;
 
 enum Job {
@@ -53,13 +52,13 @@ enum Job {
 pub struct RenderThread {
     jobs: Option<SyncSender<Job>>,
     thread: Option<JoinHandle<()>>,
-    /// Batches that wait or are being drawn.
+    /// Batches that wait or are being rendered.
     pending: Arc<AtomicUsize>,
     failed: Arc<Mutex<Option<String>>>,
     outbox: Arc<Outbox>,
     previews: Arc<Previews>,
     picked: Arc<Picked>,
-    sensed: Arc<Sensed>,
+    sensor_images: Arc<SensorImages>,
     compressed: Arc<Compressed>,
     names: Vec<String>,
     /// Graphics adapter, driver and type.
@@ -75,15 +74,15 @@ struct Setup {
     scenario: Scenario,
     graphics: Graphics,
     person: Option<Arc<Person>>,
-    /// As things stand.
+    /// State to render.
     snapshot: Arc<Snapshot>,
 }
 
 impl Setup {
-    /// Draws the scenario's cameras and, behind them, the views of depth sensors.
+    /// Renderer of the scenario's cameras, followed by the views of depth sensors.
     fn renderer(&self, views: &[DepthView]) -> Result<(Renderer, RenderScene), RenderError> {
         let look = self.scenario.look.filter(|look| !look.is_plain());
-        let look = look.map(|look| Drawn::new(look, &self.scene, &self.assets));
+        let look = look.map(|look| SampledLook::new(look, &self.scene, &self.assets));
         let look = look.transpose()?;
         let scene = RenderScene::with_person(
             &self.model,
@@ -111,9 +110,9 @@ impl Setup {
 }
 
 impl Setup {
-    fn camera(&self, asked: &CameraSetting) -> Result<CameraSpec, RenderError> {
-        let mut spec = self.described(&asked.name, asked.size)?;
-        if let Some(lens) = asked.lens {
+    fn camera(&self, setting: &CameraSetting) -> Result<CameraSpec, RenderError> {
+        let mut spec = self.described(&setting.name, setting.size)?;
+        if let Some(lens) = setting.lens {
             let [width, height] = lens.size;
             let ([fx, fy], [cx, cy]) = (lens.focal, lens.principal);
             let lens = Intrinsics {
@@ -124,11 +123,11 @@ impl Setup {
                 cx,
                 cy,
             };
-            spec.intrinsics = lens.resized(asked.size);
+            spec.intrinsics = lens.resized(setting.size);
         }
-        if let Some(place) = &asked.place {
+        if let Some(place) = &setting.place {
             let mut frames = self.model.roles.frames.iter();
-            // Known, or else the house: the simulation has checked it.
+            // A frame of the robot, or else the house: the simulation has checked it.
             let frame = frames.find(|frame| frame.name == place.frame);
             spec.binding = frame.map_or(Binding::World, |frame| Binding::Link(frame.link));
             spec.mount = place.pose;
@@ -136,7 +135,7 @@ impl Setup {
         Ok(spec)
     }
 
-    /// The camera as robot or scene describe it.
+    /// The camera as described by the robot or the scene.
     fn described(&self, name: &str, size: [u32; 2]) -> Result<CameraSpec, RenderError> {
         if name == "room" {
             return Ok(CameraSpec::room(&self.scene, size));
@@ -146,26 +145,26 @@ impl Setup {
             let known: Vec<_> = cameras.iter().map(|c| c.name.as_str()).collect();
             RenderError::BadCamera {
                 camera: name.to_owned(),
-                reason: format!("it is unknown; there are {}, room", known.join(", ")),
+                reason: format!("unknown; available: {}, room", known.join(", ")),
             }
         })?;
         CameraSpec::on_robot(&self.model, mount, size)
     }
 }
 
-/// A device that is opened on a thread of its own while something else is made ready: a
-/// driver takes longer to start than a simulation. Waits for it when dropped, since no
-/// driver likes a process that ends while it starts.
+/// Opens a graphics device on its own thread while something else is set up: a driver
+/// takes longer to start than a simulation. Waits for it when dropped, since drivers
+/// fail when the process ends while they start.
 #[derive(Debug)]
 pub struct OpenAhead(Option<JoinHandle<()>>);
 
 impl OpenAhead {
-    /// Begins. Where there can be no thread, the renderer opens the device.
+    /// Starts the thread. If it cannot be started, the renderer opens the device.
     #[must_use]
     pub fn begin(graphics: &Graphics) -> Self {
         let graphics = graphics.clone();
         let opening = move || {
-            // What the driver starts comes after commands and physics for good.
+            // Threads of the driver keep the low priority.
             step_back();
             graphics.open_ahead();
         };
@@ -176,22 +175,22 @@ impl OpenAhead {
 
 impl Drop for OpenAhead {
     fn drop(&mut self) {
-        // One that panicked has opened nothing, which the renderer finds by itself.
+        // After a panic nothing is open, and the renderer reports it.
         let _ = self.0.take().map(JoinHandle::join);
     }
 }
 
 impl RenderThread {
-    /// Starts drawing for a simulation; waits until the renderer stands.
+    /// Starts rendering for a simulation; returns when the renderer is ready.
     ///
     /// # Errors
-    /// [`ServiceError`] with the cure, for example when there is no Vulkan driver.
+    /// [`ServiceError`] with the fix, for example when there is no Vulkan driver.
     pub fn start(
         sim: &Simulation,
         graphics: &Graphics,
         depth: Depth,
         outbox: Arc<Outbox>,
-        signal: Arc<Signal>,
+        wakeup: Arc<Wakeup>,
     ) -> Result<Self, ServiceError> {
         let setup = Setup {
             scene: sim.scene().clone(),
@@ -209,14 +208,15 @@ impl RenderThread {
             .map(|c| c.name.clone())
             .collect();
         let previews = Arc::new(Previews::start(&outbox, &names)?);
-        let picked = Arc::new(Picked::of(&names));
+        let picked = Arc::new(Picked::for_cameras(&names));
         let surfaces = match sim.devices().iter().any(|d| d.model.depth.is_some()) {
             true => surfaces(&setup)?,
             false => Vec::new(),
         };
-        let sensed = Sensed::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &signal)?;
-        let sensed = Arc::new(sensed);
-        let compressed = Arc::new(Compressed::start(&names, depth, &outbox, &signal)?);
+        let sensor_images =
+            SensorImages::start(sim.devices(), &drawn(&setup), surfaces, &outbox, &wakeup)?;
+        let sensor_images = Arc::new(sensor_images);
+        let compressed = Arc::new(Compressed::start(&names, depth, &outbox, &wakeup)?);
         let (jobs, queue) = mpsc::sync_channel(QUEUE);
         let (ready, standing) = mpsc::sync_channel(1);
         let pending = Arc::new(AtomicUsize::new(0));
@@ -225,14 +225,14 @@ impl RenderThread {
             let (failed, waiting) = (Arc::clone(&failed), Arc::clone(&pending));
             let (outbox, previews) = (Arc::clone(&outbox), Arc::clone(&previews));
             let picked = Arc::clone(&picked);
-            let sensed = Arc::clone(&sensed);
+            let sensor_images = Arc::clone(&sensor_images);
             let compressed = Arc::clone(&compressed);
             let names = names.clone();
             std::thread::Builder::new()
                 .name("render".to_owned())
                 .spawn(move || {
                     step_back();
-                    let views = sensed.depth_views();
+                    let views = sensor_images.depth_views();
                     let mut renderer = match setup.renderer(views) {
                         Ok((renderer, scene)) => {
                             let adapter = renderer.adapter().to_string();
@@ -252,10 +252,11 @@ impl RenderThread {
                     let work = std::panic::AssertUnwindSafe(|| {
                         if let Some(camera) = first {
                             if let Err(error) = renderer.warm_up(&snapshot, camera) {
-                                // The first picture that somebody wants tells it.
-                                tracing::debug!("a first picture: {error}");
+                                // The first image that a client requests reports the
+                                // error.
+                                tracing::debug!("a first image: {error}");
                             }
-                            heap::give_back();
+                            malloc_trim::trim();
                         }
                         drop(snapshot);
                         let wanted = |camera: usize| {
@@ -272,29 +273,29 @@ impl RenderThread {
                             for mut frame in frames {
                                 let deflated = std::mem::take(&mut frame.deflated);
                                 let Some(name) = names.get(frame.camera) else {
-                                    sensed.offer(&frame, episode, tick);
+                                    sensor_images.offer(&frame, episode, tick);
                                     continue;
                                 };
                                 if previews.offer(&frame, episode, tick) {
                                     picked.keep(&frame, tick);
                                 }
-                                sensed.offer(&frame, episode, tick);
+                                sensor_images.offer(&frame, episode, tick);
                                 let (camera, frame) = (frame.camera, message(name, frame));
                                 let published = outbox.camera(name, episode, tick, frame.clone());
-                                let picture = Exact {
+                                let image = Exact {
                                     frame,
                                     deflated,
                                     published,
                                     episode,
                                     tick,
                                 };
-                                compressed.offer(camera, picture);
+                                compressed.offer(camera, image);
                             }
                             waiting.fetch_sub(1, Ordering::AcqRel);
-                            signal.raise();
-                            // Shaders are compiled when they first draw.
+                            wakeup.raise();
+                            // Shaders are compiled at their first use.
                             if std::mem::take(&mut is_first) {
-                                heap::give_back();
+                                malloc_trim::trim();
                             }
                         })
                     });
@@ -304,7 +305,7 @@ impl RenderThread {
                         Err(_) => "drawing panicked; please report it".to_owned(),
                     };
                     *failed.lock() = Some(failure);
-                    signal.raise();
+                    wakeup.raise();
                 })
         };
         let thread = thread.map_err(|e| ServiceError::Thread(format!("for cameras: {e}")))?;
@@ -319,7 +320,7 @@ impl RenderThread {
             outbox,
             previews,
             picked,
-            sensed,
+            sensor_images,
             compressed,
             names,
             adapter,
@@ -327,53 +328,56 @@ impl RenderThread {
         })
     }
 
-    /// Whether anybody looks at a camera, by its index in the scenario.
+    /// Whether a client receives the images of a camera, by its index in the scenario.
     #[must_use]
     pub fn is_watched(&self, camera: usize) -> bool {
         let watched = |stream: StreamId| self.outbox.is_watched(&stream);
         let name = self.names.get(camera);
-        let sensed = |name: &String| watched(StreamId::sensor(name));
+        let sensor_images = |name: &String| watched(StreamId::sensor(name));
         name.is_some_and(|name| {
             self.previews.is_watched(camera)
                 || watched(StreamId::camera(name))
-                || self.sensed.on(camera).iter().any(sensed)
+                || self
+                    .sensor_images
+                    .names_on(camera)
+                    .iter()
+                    .any(sensor_images)
         })
     }
 
-    /// The newest pictures that somebody previewed.
+    /// The newest previewed images.
     #[must_use]
     pub fn picked(&self) -> &Arc<Picked> {
         &self.picked
     }
 
-    /// What makes the sensors' pictures.
+    /// The threads that make the images of sensors.
     #[must_use]
-    pub fn sensed(&self) -> &Sensed {
-        &self.sensed
+    pub fn sensor_images(&self) -> &SensorImages {
+        &self.sensor_images
     }
 
-    /// Whether two batches wait beyond the one at hand.
+    /// Whether two batches wait behind the current one.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.pending.load(Ordering::Acquire) > QUEUE
     }
 
-    /// Whether everything queued has been drawn and made into what sensors give, or
-    /// nothing more will be.
+    /// Whether all queued images are rendered and processed by the sensors, or
+    /// rendering has failed.
     #[must_use]
     pub fn is_drawn(&self) -> bool {
         let drawn = self.pending.load(Ordering::Acquire) == 0;
-        drawn && self.sensed.is_idle() || self.failed.lock().is_some()
+        drawn && self.sensor_images.is_idle() || self.failed.lock().is_some()
     }
 
-    /// Whether everything queued has been published in every form, or nothing more
-    /// will be.
+    /// Whether all queued images are published in every form, or rendering has failed.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.is_drawn() && self.compressed.is_idle()
     }
 
-    /// Queues pictures; waits while the queue is full.
+    /// Queues images; blocks while the queue is full.
     pub fn draw(&self, snapshot: Arc<Snapshot>, cameras: Vec<usize>, episode: u64) {
         if let Some(jobs) = &self.jobs {
             self.pending.fetch_add(1, Ordering::AcqRel);
@@ -398,7 +402,7 @@ impl RenderThread {
         }
     }
 
-    /// Why the thread stopped drawing, or another one compressing, if one did.
+    /// Why rendering or compression stopped.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         let drawing = self.failed.lock().clone();
@@ -415,7 +419,7 @@ impl Drop for RenderThread {
     }
 }
 
-/// Names of the cameras, empty where one is off.
+/// Names of the cameras; empty for a camera that is off.
 fn drawn(setup: &Setup) -> Vec<String> {
     let cameras = setup.scenario.cameras.iter();
     let name = |c: &CameraSetting| match c.rate_hz > 0.0 {
@@ -425,29 +429,28 @@ fn drawn(setup: &Setup) -> Vec<String> {
     cameras.map(name).collect()
 }
 
-/// The class of surface of each instance id.
+/// The surface class of each instance ID.
 fn surfaces(setup: &Setup) -> Result<Vec<Surface>, ServiceError> {
     let scene = RenderScene::new(&setup.model, &setup.scene, &setup.assets)?;
     Ok(models::surfaces(&setup.assets, &scene)?)
 }
 
-/// A batch that is being drawn.
-struct Flying {
+/// A batch that is being rendered.
+struct PendingBatch {
     snapshot: Arc<Snapshot>,
     episode: u64,
 }
 
-/// Draws, and publishes what is drawn; while a batch is read and sent the next
-/// one is drawn already, if there is one. `beside` names the views that are drawn with a
-/// camera.
+/// Renders batches and publishes them. The next batch is rendered while one is read
+/// back and sent. `beside` names the views that are rendered with a camera.
 fn draw<Views: Iterator<Item = usize>>(
     renderer: &mut Renderer,
     queue: &Receiver<Job>,
     wanted: impl Fn(usize) -> Option<Depth>,
     beside: impl Fn(usize) -> Views,
-    mut publish: impl FnMut(Vec<Frame>, Flying),
+    mut publish: impl FnMut(Vec<Frame>, PendingBatch),
 ) -> Result<(), RenderError> {
-    let mut flying: VecDeque<Flying> = VecDeque::new();
+    let mut flying: VecDeque<PendingBatch> = VecDeque::new();
     loop {
         let job = match flying.len() {
             0 => match queue.recv() {
@@ -470,14 +473,14 @@ fn draw<Views: Iterator<Item = usize>>(
                 let views = cameras.iter().flat_map(|&camera| beside(camera));
                 let all: Vec<usize> = cameras.iter().copied().chain(views).collect();
                 renderer.submit(&snapshot, &all)?;
-                flying.push_back(Flying { snapshot, episode });
+                flying.push_back(PendingBatch { snapshot, episode });
                 continue;
             }
             Some(Job::Drain(done)) => {
                 while let Some(oldest) = flying.pop_front() {
                     publish(renderer.collect()?, oldest);
                 }
-                // Whoever asked may have gone.
+                // The receiver may have been dropped.
                 let _ = done.send(());
             }
             None => {
@@ -489,7 +492,7 @@ fn draw<Views: Iterator<Item = usize>>(
     }
 }
 
-/// What the instance ids stand for.
+/// Legend of the instance IDs.
 fn legend(scene: &RenderScene) -> Vec<v1::Instance> {
     let kind = |id: u16| {
         let item = scene.items.iter().find(|item| item.instance == id);

@@ -9,35 +9,34 @@ use zenoh::{Config, Session, Wait};
 use super::error::ServiceError;
 use crate::sim::Pacing;
 
-/// How a server is reached.
+/// How a server can be reached.
 #[derive(Clone, Debug, Default)]
 pub struct Reach {
     /// Endpoints that it listens on.
     pub listen: Vec<String>,
     /// Endpoints of routers that it connects to.
     pub connect: Vec<String>,
-    /// It is announced by multicast on the local network.
+    /// Announce it by multicast on the local network.
     pub multicast: bool,
-    /// Keys and users: who connects shows a certificate and may do what its
-    /// role says.
+    /// Keys and users: clients present a certificate and have the rights of their role.
     pub keys: Option<Folder>,
-    /// It may listen to other hosts without keys.
+    /// Allow listening to other hosts without keys.
     pub insecure: bool,
 }
 
 impl Reach {
-    /// Who may connect.
+    /// The access mode.
     ///
     /// # Errors
-    /// [`ServiceError::Endpoint`] when other hosts would get in without keys, or
-    /// keys and endpoints do not go together.
+    /// [`ServiceError::Endpoint`] when other hosts could connect without keys, or keys
+    /// and endpoints do not match.
     pub fn access(&self) -> Result<Access, ServiceError> {
         let transport = |endpoint: &String| endpoint::parts(endpoint).0.to_owned();
         let endpoints = self.listen.iter().chain(&self.connect);
         if self.keys.is_some() {
             if let Some(open) = endpoints.clone().find(|e| transport(e) == "tcp") {
                 return Err(ServiceError::Endpoint(format!(
-                    "with --keys everything goes over tls/HOST:PORT or unixsock-stream/PATH, and {open} would let everybody in: leave it out"
+                    "with --keys only tls/HOST:PORT and unixsock-stream/PATH are allowed, and {open} would admit every client: leave it out"
                 )));
             }
             return Ok(Access::Keys);
@@ -57,11 +56,11 @@ impl Reach {
     }
 }
 
-/// Opens a session that is reached as `reach` says.
+/// Opens the session.
 ///
-/// The server is a Zenoh router, so that its clients also see each other.
-/// What others publish or answer under the server's own keys is not let through,
-/// and with keys nothing that a user's role does not allow.
+/// The server is a Zenoh router, so that its clients also see each other. Samples and
+/// replies of other sessions under the server's own keys are blocked. With keys, so is
+/// everything that a user's role does not allow.
 ///
 /// # Errors
 /// [`ServiceError::Endpoint`], [`ServiceError::Access`], or the transport's error,
@@ -90,7 +89,7 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
     for (key, value) in wheelarm_access::guards(keys.sim()) {
         set(key, value.to_string())?;
     }
-    // Alone there is nobody to be heard of before the start.
+    // Without connections there is no discovery to wait for.
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };
     set("scouting/delay", delay.to_owned())?;
@@ -101,18 +100,18 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
             for (key, value) in link.as_object().into_iter().flatten() {
                 set(&format!("transport/link/{key}"), value.to_string())?;
             }
-            let problem = |why: &str| tracing::error!("the users stay as they were: {why}");
+            let problem = |why: &str| tracing::error!("the users are unchanged: {why}");
             let users = wheelarm_access::follow(folder, zenoh_link_tls::admit, problem)?;
             let rules = wheelarm_access::access_control(&users, keys.sim(), Subjects::Roles);
             set("access_control", rules.to_string())?;
             set("adminspace/enabled", "false".to_owned())?;
         }
     }
-    // A camera message waits for room instead of being dropped after 1 ms. In
-    // lock-step the simulation waits anyway, so it may wait long; a receiver
-    // that stands still costs this once, for then it counts as congested. Not
-    // longer: a connection that breaks is not given up before who waits for it, and a
-    // peer that is back sooner would not be told what the keys of its samples are.
+    // A camera message waits for buffer space instead of being dropped after 1 ms. In
+    // lock-step the simulation waits anyway, so the wait may be long; a suspended
+    // receiver causes it only once, because it then counts as congested. The limit is
+    // needed because a broken connection is not closed before the wait ends. A peer
+    // that reconnects earlier would not receive the key declarations of its samples.
     let wait_micros = if pacing == Pacing::LockStep {
         1_000_000
     } else {
@@ -124,15 +123,15 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
         &format!("{drop}/max_wait_before_drop_fragments"),
         wait_micros.to_string(),
     )?;
-    // The file of a local socket is the user's own, whom the rules call admin.
+    // Only the user may open the local socket's file: the rules give it the admin role.
     let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
     let opened = zenoh::open(config).wait();
     rustix::process::umask(before);
     Ok(opened?)
 }
 
-/// Opens a session for a server whose clients are in this process: it listens
-/// nowhere and looks for nobody. What is published reaches them where it lies.
+/// Opens a session for clients in the same process: no listening, no discovery. Samples
+/// reach them without a copy.
 ///
 /// # Errors
 /// The transport's error.
@@ -155,11 +154,10 @@ pub fn within() -> Result<Session, ServiceError> {
     Ok(zenoh::open(config).wait()?)
 }
 
-/// Access control of the router that the server is: its own keys are closed to
-/// everybody who is connected to it. Behind another router that one would have
-/// to do the same; therefore clients look at ids and digests as well. Tokens
-/// pass: by them a second server of the same name is told so, and clients keep
-/// to the session that they dialled.
+/// Access control of the server's router: its own keys are closed to connected clients.
+/// Another router in between would not enforce this, so clients also check session IDs
+/// and digests. Liveliness tokens pass: a second server of the same name is detected by
+/// them, and clients keep to the session that they connected to.
 fn own_keys_only(keys: &Keys) -> String {
     let own: Vec<String> = keys.own().iter().map(|key| format!("{key:?}")).collect();
     let rule = format!(

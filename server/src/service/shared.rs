@@ -1,5 +1,5 @@
-//! What the threads share, and what the transport's threads do with it: they
-//! queue what comes, and do no work.
+//! State shared between threads, and the callbacks of the transport's threads: they
+//! only queue messages.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
@@ -11,43 +11,43 @@ use wheelarm_proto::keys::Keys;
 use wheelarm_proto::{schema, v1};
 use zenoh::sample::Sample;
 
+use super::command_gate::{self, CommandGate, Life};
 use super::denied::Denied;
-use super::desk::{Desk, Lane, Request};
-use super::inbox::{self, Inbox, Life};
 use super::outbox::Outbox;
 use super::recorders::Recorders;
 use super::refusals::Refusals;
 use super::replies::Replies;
-use super::signal::Signal;
+use super::request_queue::{Lane, Request, RequestQueue};
+use super::wakeup::Wakeup;
 use crate::robot::control::GripperMap;
 
-/// What the threads share.
+/// State shared between threads.
 pub(super) struct Shared {
     pub(super) outbox: Arc<Outbox>,
-    pub(super) inbox: Mutex<Inbox>,
+    pub(super) command_gate: Mutex<CommandGate>,
     pub(super) refusals: Mutex<Refusals>,
-    /// What happened to the lease, in words, until the engine tells it.
-    pub(super) tidings: Mutex<Vec<v1::Event>>,
+    /// Control events, until the engine publishes them.
+    pub(super) event_queue: Mutex<Vec<v1::Event>>,
     /// Queries that wait for the simulation thread.
-    pub(super) desk: Desk<Request>,
+    pub(super) request_queue: RequestQueue<Request>,
     pub(super) replies: Replies,
-    /// The tasks of the assets, once they were asked for.
+    /// The tasks of the assets, after the first request.
     pub(super) tasks: Mutex<Option<Vec<v1::TaskInfo>>>,
-    /// Newest episode and tick, for who answers beside the simulation thread.
+    /// Newest episode and tick, for replies from other threads.
     newest: [AtomicU64; 2],
     pub(super) recorders: Mutex<Recorders>,
-    pub(super) signal: Arc<Signal>,
-    /// Messages that name somebody else than their key, or that cannot be read.
+    pub(super) wakeup: Arc<Wakeup>,
+    /// Messages that name another sender than their key, or cannot be decoded.
     strange: AtomicU64,
-    /// Zero of the wall clock of the gate.
+    /// Zero of the gate's wall clock.
     started: Instant,
     pub(super) stop: AtomicBool,
 }
 
-/// Largest request of a query, bytes. A reset may hold a snapshot, and the
-/// start of an episode an instruction, and a question of reach a path.
-fn most_bytes(query: Query) -> usize {
-    match query {
+/// Largest request of a query, bytes. A reset may contain a snapshot, an episode start
+/// an instruction, a reach query a path.
+fn most_bytes(kind: Query) -> usize {
+    match kind {
         Query::Reset => 4 << 20,
         Query::Show => 1 << 20,
         Query::EpisodeStart => 128 << 10,
@@ -60,15 +60,15 @@ impl Shared {
     pub(super) fn new(outbox: Outbox, gripper: GripperMap) -> Self {
         Self {
             outbox: Arc::new(outbox),
-            inbox: Mutex::new(Inbox::new(gripper)),
+            command_gate: Mutex::new(CommandGate::new(gripper)),
             refusals: Mutex::default(),
-            tidings: Mutex::default(),
-            desk: Desk::default(),
+            event_queue: Mutex::default(),
+            request_queue: RequestQueue::default(),
             replies: Replies::default(),
             tasks: Mutex::default(),
             newest: Default::default(),
             recorders: Mutex::default(),
-            signal: Arc::default(),
+            wakeup: Arc::default(),
             strange: AtomicU64::new(0),
             started: Instant::now(),
             stop: AtomicBool::new(false),
@@ -80,17 +80,20 @@ impl Shared {
         let from = Keys::sender_of(sample.key_expr().as_str());
         let version = schema::check(&sample.encoding().to_string());
         let result = match (payload.len(), version) {
-            (long, _) if long > inbox::MAX_BYTES => Err(self.inbox.lock().refuse_long(long)),
-            (_, Err(other)) => Err(self.inbox.lock().refuse_version(from, &other)),
+            (long, _) if long > command_gate::MAX_BYTES => {
+                Err(self.command_gate.lock().refuse_long(long))
+            }
+            (_, Err(other)) => Err(self.command_gate.lock().refuse_version(from, &other)),
             (_, Ok(())) => self
-                .inbox
+                .command_gate
                 .lock()
                 .accept_from(from, &payload.to_bytes(), now),
         };
         match result {
-            // Lock-step waits for it, and real time takes its tick early. What is
-            // refused wakes nobody: a flood must not keep the loop busy.
-            Ok(()) => self.signal.raise(),
+            // Wake the loop: lock-step waits for the command, and real time may run its
+            // tick early. A rejected command wakes nothing, so that a flood cannot keep
+            // the loop busy.
+            Ok(()) => self.wakeup.raise(),
             Err(refused) => {
                 if refused.code == v1::RefusalCode::Foreign || refused.commander.is_empty() {
                     self.note_strange();
@@ -100,90 +103,92 @@ impl Shared {
         }
     }
 
-    /// Counts what names somebody else than its key, or cannot be read.
+    /// Counts a message that names another sender than its key, or cannot be decoded.
     pub(super) fn note_strange(&self) {
         self.strange.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How many were counted.
+    /// Number of such messages.
     pub(super) fn strange(&self) -> u64 {
         self.strange.load(Ordering::Relaxed)
     }
 
-    /// Queues a query for whoever answers it. Nothing is copied here, and
-    /// nothing waits.
+    /// Queues a query for the thread that answers it, without copying or blocking.
     pub(super) fn take_query(
         &self,
         request: Request,
-        asks: &mpsc::SyncSender<zenoh::query::Query>,
+        leases: &mpsc::SyncSender<zenoh::query::Query>,
     ) {
-        let Request { query, asked } = request;
-        let (bytes, most) = (asked.payload().map_or(0, |p| p.len()), most_bytes(query));
+        let Request { kind, query } = request;
+        let (bytes, most) = (query.payload().map_or(0, |p| p.len()), most_bytes(kind));
         if bytes > most {
             let why = format!(
-                "the request has {bytes} bytes, at most {most} are taken for `{}`",
-                query.name()
+                "the request has {bytes} bytes, at most {most} are accepted for `{}`",
+                kind.name()
             );
             let why = Denied::new(v1::FailureCode::TooLong, why);
-            self.replies.turn_away(asked, self.stamp(), why);
+            self.replies.turn_away(query, self.stamp(), why);
             return;
         }
-        let told = asked.encoding().map(ToString::to_string);
-        if let Err(other) = schema::check(&told.unwrap_or_default()) {
+        let encoding = query.encoding().map(ToString::to_string);
+        if let Err(other) = schema::check(&encoding.unwrap_or_default()) {
             let why = Denied::new(v1::FailureCode::Version, other.to_string());
-            self.replies.turn_away(asked, self.stamp(), why);
+            self.replies.turn_away(query, self.stamp(), why);
             return;
         }
-        let full = match query {
-            // Who does not read, or asks without end, takes no room from others.
-            _ if !self.replies.has_room_for(&asked) => Some(asked),
-            Query::Lease => asks.try_send(asked).err().map(|e| match e {
-                mpsc::TrySendError::Full(asked) | mpsc::TrySendError::Disconnected(asked) => asked,
+        let full = match kind {
+            // A client that does not read, or floods, takes no room from others.
+            _ if !self.replies.has_room_for(&query) => Some(query),
+            Query::Lease => leases.try_send(query).err().map(|e| match e {
+                mpsc::TrySendError::Full(query) | mpsc::TrySendError::Disconnected(query) => query,
             }),
             _ => {
-                let put = self
-                    .desk
-                    .put(Lane::of(query), bytes, Request { query, asked });
-                put.err().map(|request| request.asked)
+                let put =
+                    self.request_queue
+                        .put(Lane::for_query(kind), bytes, Request { kind, query });
+                put.err().map(|request| request.query)
             }
         };
         match full {
-            None => self.signal.raise(),
-            Some(asked) => {
-                let why = "too many queries wait to be answered; ask again in a moment";
+            None => self.wakeup.raise(),
+            Some(query) => {
+                let why = "too many queries are waiting; try again in a moment";
                 let why = Denied::new(v1::FailureCode::Busy, why);
-                self.replies.turn_away(asked, self.stamp(), why);
+                self.replies.turn_away(query, self.stamp(), why);
             }
         }
     }
 
-    /// Notes what became of control, for the event that tells it.
+    /// Queues an event about a change of control.
     pub(super) fn control(&self, change: v1::ControlChange, commander: &str, text: String) {
-        self.tidings.lock().push(v1::Event {
+        self.event_queue.lock().push(v1::Event {
             kind: v1::EventKind::Control.into(),
             text,
             commander: commander.to_owned(),
             control: change.into(),
             ..v1::Event::default()
         });
-        self.signal.raise();
+        self.wakeup.raise();
     }
 
-    /// A commander's token vanished; control may end with it.
-    pub(super) fn gone(&self, life: &Life) {
-        if self.inbox.lock().vanished(life) {
-            let words = format!("{:?} vanished: the chair brakes, the arm holds", life.name);
+    /// Handles the loss of a commander's token; its control may end.
+    pub(super) fn commander_lost(&self, life: &Life) {
+        if self.command_gate.lock().token_lost(life) {
+            let words = format!(
+                "{:?} disappeared: the chair brakes, the arm holds",
+                life.name
+            );
             self.control(v1::ControlChange::Lost, &life.name, words);
         }
     }
 
-    /// Notes where the simulation is.
-    pub(super) fn stamp_is(&self, episode: u64, tick: u64) {
+    /// Sets the simulation's episode and tick.
+    pub(super) fn set_stamp(&self, episode: u64, tick: u64) {
         self.newest[0].store(episode, Ordering::Relaxed);
         self.newest[1].store(tick, Ordering::Relaxed);
     }
 
-    /// A header for answers that are given beside the simulation thread.
+    /// A header for replies from other threads.
     pub(super) fn stamp(&self) -> v1::Header {
         let [episode, tick] = [0, 1].map(|i| self.newest[i].load(Ordering::Relaxed));
         self.outbox.header(episode, tick)

@@ -1,5 +1,5 @@
-//! The scenario at start-up: a message, written as TOML, with what the command
-//! line says over it. What neither says is as in [`Scenario::default`].
+//! The scenario at startup: a message in TOML, overridden by the command line. The rest
+//! is as in [`Scenario::default`].
 
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::settings::Pacing;
@@ -12,21 +12,21 @@ use crate::sim::Scenario;
 /// `quality` by the names of their values.
 ///
 /// # Errors
-/// With line, field and what would be right.
+/// With line, field and fix.
 pub fn read(text: &str) -> Result<v1::Scenario, toml::de::Error> {
     toml::from_str(text)
 }
 
-/// The scenario that a server is to start with.
+/// The initial scenario of a server.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
-pub fn scenario(asked: &v1::Scenario) -> Result<Scenario, Invalid> {
+pub fn scenario(request: &v1::Scenario) -> Result<Scenario, Invalid> {
     let mut start = Scenario::default();
-    if let Some(pacing) = Pacing::told(asked.pacing()) {
+    if let Some(pacing) = Pacing::from_proto(request.pacing()) {
         start.pacing = pacing;
     }
-    convert::scenario_over(&start, asked)
+    convert::scenario_over(&start, request)
 }
 
 #[cfg(test)]
@@ -35,7 +35,7 @@ mod tests {
     use wheelarm_proto::settings::Quality;
 
     #[test]
-    fn a_scenario_in_toml_is_what_the_message_says() {
+    fn a_scenario_in_toml_equals_its_message() {
         let text = r#"
             task = "pick_bowl"
             seed = 7
@@ -64,14 +64,14 @@ mod tests {
         assert_eq!(scenario.cameras.len(), 1);
         assert_eq!(scenario.cameras[0].rate_hz, 10.0);
         assert_eq!(scenario.objects[0].1.pose.translation.y, 2.0);
-        // What a server answers can be written down and started again.
-        let told = convert::scenario(&scenario);
-        let written = toml::to_string(&told).unwrap();
+        // The reply of a server can be saved and started again.
+        let message = convert::scenario(&scenario);
+        let written = toml::to_string(&message).unwrap();
         assert_eq!(super::scenario(&read(&written).unwrap()), Ok(scenario));
     }
 
     #[test]
-    fn a_wrong_field_is_named_with_the_cure() {
+    fn a_wrong_field_is_named_with_the_fix() {
         for (text, words) in [
             ("sead = 7", "expected one of `scene`"),
             ("pacing = \"slow\"", "none of real-time, lock-step, fast"),

@@ -1,4 +1,4 @@
-//! The arm as balls, for whether it is too near to who sits in the chair.
+//! The arm approximated by spheres, to test its distance to the person in the chair.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -6,20 +6,20 @@ use crate::geometry::bounds;
 use crate::people::{HeadPose, Person};
 use crate::robot::{ARM_JOINTS, RobotModel};
 
-/// The arm is to keep this far from the capsules, metres. [choice: clothes stand out
-/// of them by as much]
+/// Minimum distance of the arm to the capsules of the person, metres. [choice: clothes
+/// extend this far beyond them]
 const ROOM: f64 = 0.015;
-/// And so much further from what moves with the head.
+/// Additional distance to parts that move with the head.
 const HEAD_ROOM: f64 = 0.03;
-/// The arm as balls on its links.
+/// The arm as spheres on its links.
 #[derive(Clone, Debug)]
 pub(super) struct ArmBalls {
-    /// Link, middle in its frame, radius.
+    /// Link, centre in its frame, radius.
     balls: Vec<(usize, Point3<f64>, f64)>,
 }
 
 impl ArmBalls {
-    /// Links from the second joint of the arm on.
+    /// Covers the links from the second joint of the arm on.
     pub(super) fn new(model: &RobotModel) -> Self {
         let second = model.roles.arm[1];
         let mut balls = Vec::new();
@@ -49,7 +49,7 @@ impl ArmBalls {
         Self { balls }
     }
 
-    /// Whether the arm keeps clear of `person` with its joints at these positions, rad,
+    /// Whether the arm is clear of `person` with its joints at these positions, rad,
     /// and the gripper open.
     pub(super) fn is_clear(
         &self,
@@ -64,8 +64,8 @@ impl ArmBalls {
         self.meets(person, &model.link_poses(&positions)).is_none()
     }
 
-    /// Name of the first capsule that the arm would be too near to, with the links at
-    /// these poses in the frame of the chair.
+    /// Name of the first capsule that the arm is too close to, with the links at these
+    /// poses in the frame of the chair.
     pub(super) fn meets<'a>(
         &self,
         person: &'a Person,
@@ -89,7 +89,7 @@ impl ArmBalls {
     }
 }
 
-/// From a point to a line between two, metres.
+/// Distance of a point to a line segment, metres.
 pub(super) fn distance(at: &Point3<f64>, [a, b]: &[Point3<f64>; 2]) -> f64 {
     let along: Vector3<f64> = b - a;
     let length = along.norm_squared();

@@ -1,4 +1,4 @@
-//! Which lens and place the cameras of one specimen of the robot have.
+//! Lens and mount of the cameras of one robot specimen.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -8,16 +8,16 @@ use super::scenario::{CameraPlace, HOUSE, Lens, Scenario, ScenarioError};
 use crate::look::camera_error;
 use crate::robot::{CameraMount, RobotModel};
 
-/// Fills in what `calibration_seed` draws, and what the look does to it, for the
-/// robot's cameras that have no lens or place of their own. Each camera has its own row of numbers, whatever
-/// others are in use.
+/// Fills in the values sampled from `calibration_seed`, and the offsets of the look,
+/// for robot cameras without their own lens or mount. Each camera has its own random
+/// stream, independent of the other cameras.
 ///
 /// # Errors
-/// [`ScenarioError::CameraFrame`] for a place in a frame that the robot has not.
-pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), ScenarioError> {
+/// [`ScenarioError::CameraFrame`] for a mount in an unknown frame.
+pub(super) fn sample(scenario: &mut Scenario, model: &RobotModel) -> Result<(), ScenarioError> {
     for camera in &mut scenario.cameras {
         if let Some(place) = &camera.place {
-            known(model, &camera.name, place)?;
+            check_place(model, &camera.name, place)?;
         }
         let mounts = &model.settings.cameras;
         let Some(index) = mounts.iter().position(|m| m.name == camera.name) else {
@@ -54,7 +54,7 @@ pub(super) fn draw(scenario: &mut Scenario, model: &RobotModel) -> Result<(), Sc
     Ok(())
 }
 
-/// The lens of the description.
+/// The lens in the robot's description.
 fn described(mount: &CameraMount) -> Lens {
     Lens {
         size: mount.size,
@@ -63,7 +63,7 @@ fn described(mount: &CameraMount) -> Lens {
     }
 }
 
-fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), ScenarioError> {
+fn check_place(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), ScenarioError> {
     let frames = &model.roles.frames;
     if place.frame == HOUSE || frames.iter().any(|frame| frame.name == place.frame) {
         return Ok(());
@@ -77,13 +77,13 @@ fn known(model: &RobotModel, camera: &str, place: &CameraPlace) -> Result<(), Sc
     })
 }
 
-/// One specimen of a camera; no place where no recorded frame carries it rigidly.
+/// One specimen of a camera; no mount when no recorded frame carries it rigidly.
 fn specimen(
     random: &mut ChaCha8Rng,
     model: &RobotModel,
     mount: &CameraMount,
 ) -> (Lens, Option<CameraPlace>) {
-    // From 53 bits, -1 to 1: independent of any library's sampling.
+    // Uniform from 53 bits, -1 to 1; does not depend on a library's sampling.
     let mut within = |most: f64| {
         let share = (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
         (2.0 * share - 1.0) * most
@@ -109,10 +109,10 @@ fn specimen(
     (lens, place)
 }
 
-/// Where the description has a camera, in the recorded frame that carries it.
+/// Mount of a camera in the description, in the recorded frame that carries it.
 fn nominal(model: &RobotModel, mount: &CameraMount) -> Option<CameraPlace> {
     let link = model.link(&mount.link)?;
-    // What is rigid stays where it is when all joints move.
+    // A rigidly attached link does not move relative to the frame when all joints move.
     let [still, moved] = [0.0, 0.1].map(|q| model.link_poses(&vec![q; model.joints.len()]));
     let rigid = |frame: usize| {
         let [a, b] = [&still, &moved].map(|poses| poses[frame].inverse() * poses[link]);
@@ -140,12 +140,12 @@ mod tests {
         };
         let usual = model.settings.cameras.iter().filter(|c| !c.on_request);
         scenario.name_cameras(usual.map(|c| c.name.as_str()));
-        draw(&mut scenario, &model).unwrap();
+        sample(&mut scenario, &model).unwrap();
         scenario
     }
 
     #[test]
-    fn a_specimen_is_within_its_tolerances_and_the_same_every_time() {
+    fn a_specimen_is_within_its_tolerances_and_deterministic() {
         assert!(drawn(None).cameras.iter().all(|c| c.lens.is_none()));
         let mut widest = 0.0f64;
         for seed in 0..40 {
@@ -167,21 +167,21 @@ mod tests {
     }
 
     #[test]
-    fn a_look_moves_the_cameras_on_top_of_their_calibration() {
+    fn a_look_moves_the_cameras_relative_to_their_calibration() {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").unwrap();
-        let seen = |look: Look, calibration_seed| {
+        let cameras = |look: Look, calibration_seed| {
             let mut scenario = Scenario {
                 calibration_seed,
                 look: Some(look),
                 ..Scenario::default()
             };
             scenario.name_cameras(["gen3", "wheelchair"].into_iter());
-            draw(&mut scenario, &model).unwrap();
+            sample(&mut scenario, &model).unwrap();
             scenario.cameras
         };
         let off = Look::default();
-        assert!(seen(off, None).iter().all(|c| c.place.is_none()));
+        assert!(cameras(off, None).iter().all(|c| c.place.is_none()));
         let (mut farthest, mut widest) = (0.0f64, 0.0f64);
         for seed in 0..60 {
             for strength in 1..=3 {
@@ -193,7 +193,7 @@ mod tests {
                 };
                 let share = f64::from(strength) / 3.0;
                 let plain = drawn(Some(seed)).cameras;
-                for (moved, plain) in seen(look, Some(seed)).iter().zip(plain) {
+                for (moved, plain) in cameras(look, Some(seed)).iter().zip(plain) {
                     let [moved_at, at] = [moved, &plain].map(|c| c.place.as_ref().unwrap().pose);
                     let error = at.inverse() * moved_at;
                     assert!(error.translation.vector.amax() <= 0.015 * share + 1e-12);
@@ -204,26 +204,26 @@ mod tests {
                     farthest = farthest.max(turn);
                     widest = widest.max((focal - 1.0).abs());
                 }
-                assert_eq!(seen(look, Some(seed)), seen(look, Some(seed)));
+                assert_eq!(cameras(look, Some(seed)), cameras(look, Some(seed)));
             }
         }
         assert!(farthest > 7.0 && widest > 0.11, "{farthest} {widest}");
     }
 
     #[test]
-    fn what_is_given_stays_and_a_wrong_frame_is_refused() {
+    fn given_values_stay_and_a_wrong_frame_is_rejected() {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").unwrap();
         let mut scenario = drawn(Some(1));
         let before = scenario.clone();
         scenario.calibration_seed = Some(2);
-        draw(&mut scenario, &model).unwrap();
+        sample(&mut scenario, &model).unwrap();
         assert_eq!(scenario.cameras, before.cameras);
         scenario.cameras[0].place.as_mut().unwrap().frame = "moon".to_owned();
-        let told = draw(&mut scenario, &model).unwrap_err().to_string();
+        let message = sample(&mut scenario, &model).unwrap_err().to_string();
         assert!(
-            told.contains("\"moon\"") && told.contains("end_effector"),
-            "{told}"
+            message.contains("\"moon\"") && message.contains("end_effector"),
+            "{message}"
         );
     }
 }

@@ -1,9 +1,9 @@
-//! Which arm joints move each link.
+//! The arm joints that move each link.
 
 use crate::robot::{ARM_JOINTS, RobotModel};
 use crate::snapshot::BodyRef;
 
-/// Which arm joints move each link.
+/// The arm joints that move each link.
 #[derive(Clone, Debug)]
 pub(super) struct Carriers {
     /// Number of arm joints that move a link, by link.

@@ -1,17 +1,18 @@
-//! Disturbances between the gate and the motors.
+//! Disturbances between the command gate and the motors.
 //!
-//! What is drawn is a pure function of seed and tick: no generator has a state that
-//! a saved state would have to hold. Every kind of draw has a row of numbers of its
-//! own. All magnitudes stand in the tables below; those without a source are guesses.
+//! Samples are a pure function of seed and tick, so no generator state has to be saved.
+//! Every kind of sample has its own random stream. All magnitudes are in the tables
+//! below; those without a source are guesses.
 
 use nalgebra::Vector3;
+use wheelarm_proto::random::{open_fraction, splitmix64 as mix};
 use wheelarm_proto::{CONTROL_HZ, TICKS_PER_CONTROL, exact};
 
 use crate::robot::ARM_JOINTS;
 use crate::robot::control::{TICKS, Targets};
 use crate::world::GRAVITY;
 
-/// Greatest strength.
+/// Largest strength.
 pub const MAX_STRENGTH: u32 = 3;
 
 /// Standard deviation of the arm's targets by strength, rad (guess: 2 mm, 4 mm and
@@ -20,26 +21,27 @@ pub const MAX_STRENGTH: u32 = 3;
 const ARM_NOISE: [f64; 4] = [0.0, 0.0015, 0.003, 0.006];
 /// Standard deviation of the wheels' speeds by strength, as a share of them (guess).
 const WHEEL_NOISE: [f64; 4] = [0.0, 0.03, 0.06, 0.12];
-/// Control ticks from one drawn value of the noise to the next; smooth between (guess).
+/// Control ticks between sampled values of the noise, smoothly interpolated (guess).
 const KNOT: u64 = 20;
 
-/// Force on the chair by strength, N (guess: somebody brushes against it, to a nudge).
+/// Force on the chair by strength, N (guess: from a person brushing against it to a
+/// nudge).
 const CHAIR_PUSH: [f64; 4] = [0.0, 40.0, 80.0, 160.0];
 /// Force on the hand by strength, N (guess).
 const HAND_PUSH: [f64; 4] = [0.0, 5.0, 10.0, 20.0];
-/// Force on the target by strength, as a share of its weight (guess: one that tugs at
-/// what is held and leaves a bottle standing; one that slides most things or tips a
+/// Force on the target by strength, as a share of its weight (guess: one that pulls at
+/// a held object and does not tip a bottle; one that slides most objects or tips a
 /// bottle; a knock. Measured: 0.7 tipped 13 of 40 bottles).
 const TARGET_PUSH: [f64; 4] = [0.0, 0.4, 0.7, 1.0];
 /// Control ticks of a push (guess: 0.1 s).
 const PUSH: u64 = 6;
-/// A push comes at some time of every so many control ticks (guess: 6 s) ...
+/// Each window of this many control ticks contains a push (guess: 6 s) ...
 const PUSH_WINDOW: u64 = 6 * CONTROL_HZ;
-/// ... with this chance (guess).
+/// ... with this probability (guess).
 const PUSH_SHARE: f64 = 0.6;
 
-/// What is left of the gripper's force by strength (guess: it holds; it creeps, and
-/// what is soft falls; it slips. Measured: 0.3 dropped the bear in most episodes).
+/// Remaining share of the gripper's force by strength (guess: it holds; it creeps, and
+/// deformables fall; it slips. Measured: 0.3 dropped the bear in most episodes).
 const SLIP: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
 /// Control ticks of a slip (guess: 0.13 s).
 const SLIP_TICKS: u64 = 8;
@@ -48,12 +50,12 @@ const SLIP_WINDOW: u64 = 4 * CONTROL_HZ;
 /// As for pushes (guess).
 const SLIP_SHARE: f64 = 0.5;
 
-/// What hinders the robot on purpose.
+/// Intentional disturbances of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disturbances {
     /// Seed; `None`: the scenario's.
     pub seed: Option<u64>,
-    /// Strength of the noise on what is applied, 0 to [`MAX_STRENGTH`].
+    /// Strength of the noise on applied set points, 0 to [`MAX_STRENGTH`].
     pub noise: u32,
     /// Strength of pushes.
     pub pushes: u32,
@@ -61,9 +63,9 @@ pub struct Disturbances {
     pub slips: u32,
 }
 
-/// What is pushed.
+/// Target of a push.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pushed {
+pub enum PushTarget {
     /// The chair.
     Chair,
     /// The arm's hand.
@@ -72,20 +74,20 @@ pub enum Pushed {
     Object(usize),
 }
 
-/// What disturbs one control tick.
+/// The disturbance of one control tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disturbance {
-    /// Added to the targets of the arm at the tick's begin and end, rad.
+    /// Added to the arm's set points at the start and end of the tick, rad.
     pub joints: [[f64; ARM_JOINTS]; 2],
-    /// By what the speeds of the left and the right wheel are multiplied.
+    /// Factors on the speeds of the left and the right wheel.
     pub wheels: [f64; 2],
-    /// What is pushed, and with what force in `house`, N.
-    pub push: Option<(Pushed, Vector3<f64>)>,
-    /// By what the gripper's force is multiplied.
+    /// Target and force of the push in `house`, N.
+    pub push: Option<(PushTarget, Vector3<f64>)>,
+    /// Factor on the gripper's force.
     pub grip: f64,
 }
 
-/// Rows of random numbers.
+/// Random streams.
 #[derive(Clone, Copy)]
 enum Row {
     Joint = 1,
@@ -95,12 +97,17 @@ enum Row {
 }
 
 impl Disturbances {
-    /// What disturbs the control tick that begins at the physics tick `tick`, in a
-    /// scenario of `scenario_seed` about the object `target` (index, kg), if it is
-    /// about one that can be pushed.
+    /// The disturbance of the control tick that begins at the physics tick `tick`, in a
+    /// scenario of `scenario_seed` with the pushable object `target` (index, kg), if it
+    /// has one.
     #[must_use]
-    pub fn at(&self, scenario_seed: u64, tick: u64, target: Option<(usize, f64)>) -> Disturbance {
-        let draw = Draw(self.seed.unwrap_or(scenario_seed));
+    pub fn disturbance(
+        &self,
+        scenario_seed: u64,
+        tick: u64,
+        target: Option<(usize, f64)>,
+    ) -> Disturbance {
+        let draw = CounterRandom(self.seed.unwrap_or(scenario_seed));
         let now = tick / TICKS_PER_CONTROL;
         let of = |table: [f64; 4], strength: u32| table[strength.min(MAX_STRENGTH) as usize];
         let arm = of(ARM_NOISE, self.noise);
@@ -115,12 +122,12 @@ impl Disturbances {
             let (sin, cos) = exact::sin_cos(angle);
             let third = (3.0 * draw.uniform(Row::Push, 3, window)) as u64;
             let (on, force) = match (third, target) {
-                (0, _) => (Pushed::Chair, of(CHAIR_PUSH, self.pushes)),
+                (0, _) => (PushTarget::Chair, of(CHAIR_PUSH, self.pushes)),
                 (1, Some((index, mass))) => (
-                    Pushed::Object(index),
+                    PushTarget::Object(index),
                     of(TARGET_PUSH, self.pushes) * mass * GRAVITY,
                 ),
-                _ => (Pushed::Hand, of(HAND_PUSH, self.pushes)),
+                _ => (PushTarget::Hand, of(HAND_PUSH, self.pushes)),
             };
             (on, Vector3::new(cos, sin, 0.0) * force)
         });
@@ -135,7 +142,7 @@ impl Disturbances {
 }
 
 impl Disturbance {
-    /// Disturbs what the motors follow during the tick.
+    /// Disturbs the set points of the tick.
     pub fn apply(&self, targets: &mut [Targets; TICKS]) {
         let [from, to] = &self.joints;
         for (i, target) in targets.iter_mut().enumerate() {
@@ -153,23 +160,15 @@ impl Disturbance {
     }
 }
 
-/// Random numbers by counting: each is a hash of seed, row, column and place.
+/// Counter-based random numbers: each is a hash of seed, row, column and place.
 #[derive(Clone, Copy)]
-struct Draw(u64);
+struct CounterRandom(u64);
 
-/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-fn mix(mut x: u64) -> u64 {
-    x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
-}
-
-impl Draw {
-    /// Above 0 and below 1.
+impl CounterRandom {
+    /// Uniform in 0 to 1, both excluded.
     fn uniform(self, row: Row, column: u64, place: u64) -> f64 {
         let bits = mix(mix(mix(mix(self.0) ^ row as u64) ^ column) ^ place);
-        ((bits >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+        open_fraction(bits)
     }
 
     /// Mean 0, standard deviation 1 (Box and Muller).
@@ -179,7 +178,7 @@ impl Draw {
         radius * exact::cos(angle)
     }
 
-    /// Normal values at every [`KNOT`], smoothly joined.
+    /// Normal values at every [`KNOT`], smoothly interpolated.
     fn smooth(self, row: Row, column: u64, now: u64) -> f64 {
         let (knot, part) = (now / KNOT, (now % KNOT) as f64 / KNOT as f64);
         let weight = part * part * (3.0 - 2.0 * part);
@@ -187,8 +186,8 @@ impl Draw {
         from + (to - from) * weight
     }
 
-    /// The window of `window` control ticks if `now` lies in the moment of `length`
-    /// control ticks that falls into it with the chance `share`.
+    /// The window of `window` control ticks, if `now` is within the event of `length`
+    /// control ticks that it contains with probability `share`.
     fn moment(self, row: Row, now: u64, window: u64, length: u64, share: f64) -> Option<u64> {
         let (place, at) = (now / window, now % window);
         let happens = self.uniform(row, 0, place) < share;
@@ -209,33 +208,36 @@ mod tests {
     };
 
     #[test]
-    fn a_tick_draws_the_same_whenever_it_is_asked_and_joins_its_neighbours() {
+    fn samples_of_a_tick_are_deterministic_and_continuous() {
         let target = Some((1, 0.5));
-        let all: Vec<_> = (0..600).map(|k| ALL.at(7, 4 * k, target)).collect();
+        let all: Vec<_> = (0..600)
+            .map(|k| ALL.disturbance(7, 4 * k, target))
+            .collect();
         for (k, drawn) in all.iter().enumerate().rev() {
-            assert_eq!(*drawn, ALL.at(7, 4 * k as u64, target));
+            assert_eq!(*drawn, ALL.disturbance(7, 4 * k as u64, target));
         }
         for pair in all.windows(2) {
             assert_eq!(pair[0].joints[1], pair[1].joints[0]);
         }
-        assert_ne!(all[5], ALL.at(8, 20, target));
+        assert_ne!(all[5], ALL.disturbance(8, 20, target));
         let own = Disturbances {
             seed: Some(7),
             ..ALL
         };
-        assert_eq!(all[5], own.at(8, 20, target));
+        assert_eq!(all[5], own.disturbance(8, 20, target));
     }
 
     #[test]
-    fn noise_pushes_and_slips_are_as_strong_and_frequent_as_the_tables_say() {
+    fn noise_pushes_and_slips_match_the_tables() {
         let ticks = 120_000;
         let all: Vec<_> = (0..ticks)
-            .map(|k| ALL.at(3, 4 * k, Some((0, 1.0))))
+            .map(|k| ALL.disturbance(3, 4 * k, Some((0, 1.0))))
             .collect();
         let mean_square = |of: &dyn Fn(&Disturbance) -> f64| {
             all.iter().map(|d| of(d) * of(d)).sum::<f64>() / ticks as f64
         };
-        // Between knots the smooth join has less: the mean of w² + (1-w)² is 26/35.
+        // Between knots the interpolation has less variance: the mean of w² + (1-w)² is
+        // 26/35.
         let deviation = (26.0f64 / 35.0).sqrt() * ARM_NOISE[2];
         for joint in 0..ARM_JOINTS {
             let found = mean_square(&|d| d.joints[0][joint]).sqrt();
@@ -251,7 +253,7 @@ mod tests {
             (slipped / wanted - 1.0).abs() < 0.15,
             "{slipped} of {wanted}"
         );
-        for on in [Pushed::Chair, Pushed::Hand, Pushed::Object(0)] {
+        for on in [PushTarget::Chair, PushTarget::Hand, PushTarget::Object(0)] {
             assert!(
                 all.iter()
                     .any(|d| d.push.is_some_and(|(body, _)| body == on))
@@ -259,9 +261,9 @@ mod tests {
         }
         for (on, force) in all.iter().filter_map(|d| d.push) {
             let wanted = match on {
-                Pushed::Chair => CHAIR_PUSH[2],
-                Pushed::Hand => HAND_PUSH[2],
-                Pushed::Object(_) => TARGET_PUSH[2] * GRAVITY,
+                PushTarget::Chair => CHAIR_PUSH[2],
+                PushTarget::Hand => HAND_PUSH[2],
+                PushTarget::Object(_) => TARGET_PUSH[2] * GRAVITY,
             };
             assert!((force.norm() - wanted).abs() < 1e-9, "{on:?}: {force}");
             assert_eq!(force.z, 0.0);
@@ -272,7 +274,7 @@ mod tests {
             slips: 0,
             ..ALL
         };
-        let calm = calm.at(3, 4, None);
+        let calm = calm.disturbance(3, 4, None);
         assert_eq!(
             (calm.joints, calm.wheels, calm.push, calm.grip),
             ([[0.0; 6]; 2], [1.0; 2], None, 1.0)

@@ -1,7 +1,7 @@
-//! The envelope of a stored state: magic, version, length and checksum, so
-//! that bytes which were cut, swapped or damaged are refused before they are read.
+//! The envelope of a stored state: magic, version, length and checksum, so that
+//! truncated, mixed-up or damaged bytes are rejected before they are decoded.
 //!
-//! | bytes | what |
+//! | bytes | content |
 //! |---|---|
 //! | 8 | `WHEELARM` |
 //! | 4 | version of the layout, little-endian |
@@ -37,17 +37,14 @@ pub(super) fn seal(content: &[u8]) -> Vec<u8> {
 /// The content of an envelope.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// What is wrong with it.
 pub(super) fn open(bytes: &[u8]) -> Result<&[u8], String> {
     let Some((head, content)) = bytes.split_at_checked(HEAD) else {
-        return Err(format!(
-            "{} bytes, a stored state has more than {HEAD}",
-            bytes.len()
-        ));
+        return Err(format!("{} bytes, expected more than {HEAD}", bytes.len()));
     };
     let (magic, head) = head.split_at(8);
     if magic != MAGIC {
-        return Err("it does not begin as a stored state does".to_owned());
+        return Err("it does not begin like a stored state".to_owned());
     }
     let number = |range: std::ops::Range<usize>| {
         let mut wide = [0; 8];
@@ -60,12 +57,12 @@ pub(super) fn open(bytes: &[u8]) -> Result<&[u8], String> {
     }
     if length != content.len() as u64 {
         return Err(format!(
-            "it has {} bytes and should have {length}: it was cut or mixed up",
+            "it has {} bytes and should have {length}: it is truncated or damaged",
             content.len()
         ));
     }
     if sum != u64::from(checksum(VERSION, content)) {
-        return Err("its checksum is wrong: bytes of it were changed".to_owned());
+        return Err("its checksum is wrong: some bytes were changed".to_owned());
     }
     Ok(content)
 }
@@ -75,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_changed_byte_and_every_cut_is_found() {
+    fn every_changed_byte_and_every_truncation_is_detected() {
         let whole = seal(b"a state of some bytes");
         assert_eq!(open(&whole), Ok(&b"a state of some bytes"[..]));
         for i in 0..whole.len() {

@@ -1,4 +1,4 @@
-//! Why a simulation cannot be set up, or a stored state not be continued.
+//! Errors while setting up a simulation or restoring a stored state.
 
 use super::scenario::ScenarioError;
 use crate::robot::RobotError;
@@ -6,28 +6,28 @@ use crate::scene::SceneError;
 use crate::sensors::models::SensorError;
 use crate::world::WorldError;
 
-/// What can be wrong when a simulation is set up.
+/// Why a simulation cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
-    /// The scenario.
+    /// Invalid scenario.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// The robot description.
+    /// Invalid robot description.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// The scene or the task.
+    /// Invalid scene or task.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The physics.
+    /// Error of the physics.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// A stored state.
+    /// Invalid stored state.
     #[error(transparent)]
     State(#[from] StateError),
-    /// The sensor models.
+    /// Invalid sensor models.
     #[error(transparent)]
     Sensors(#[from] SensorError),
-    /// A scenario that is broken from the start.
+    /// A scenario that is broken at its start.
     #[error("the scenario cannot be simulated: {0}; correct the poses of `start` and `objects`")]
     Broken(String),
     /// A scenario in which the simulation panics.
@@ -35,24 +35,24 @@ pub enum SimError {
         "the scenario cannot be simulated, setting it up panicked: {0}; please report it with the scenario"
     )]
     Panicked(String),
-    /// A robot on which nobody sits.
+    /// A robot without a seat.
     #[error(
         "the robot {0:?} has no seat for a person; give its robot.toml a table [seat], or person.body = \"none\""
     )]
     NoSeat(String),
-    /// A placement of the scenario.
+    /// A placement of an unknown object.
     #[error("the scenario places {name:?}, but scene {scene:?} has the objects {known}")]
     Object {
         /// The object.
         name: String,
         /// The scene.
         scene: String,
-        /// The objects that there are.
+        /// Available objects.
         known: String,
     },
-    /// Placements of the scenario that cannot be side by side.
+    /// Overlapping placements.
     #[error(
-        "the scenario places {one:?} and {other:?} into each other by {:.0} mm; move one of them, or leave them out and they are drawn",
+        "the scenario places {one:?} and {other:?} overlapping by {:.0} mm; move one of them, or leave them out to sample them",
         .depth * 1e3
     )]
     Overlap {
@@ -60,10 +60,10 @@ pub enum SimError {
         one: String,
         /// Another object.
         other: String,
-        /// How far, metres.
+        /// Overlap, metres.
         depth: f64,
     },
-    /// A start pose of the robot inside of something.
+    /// A start pose of the robot inside another body.
     #[error(
         "the scenario starts with the robot's {link:?} {:.0} mm inside {other:?}: change `start` or \
          `arm_positions`, or leave them out and the server draws free ones",
@@ -72,22 +72,24 @@ pub enum SimError {
     RobotOverlap {
         /// Link of the robot.
         link: String,
-        /// What it is in.
+        /// The other body.
         other: String,
-        /// How far, metres.
+        /// Overlap, metres.
         depth: f64,
     },
-    /// A variant of the area.
-    #[error("the scenario asks for the variant {name:?}, but the task {task:?} is done in {known}")]
+    /// An unknown variant of the area.
+    #[error(
+        "the scenario requests the variant {name:?}, but the task {task:?} is possible in {known}"
+    )]
     Variant {
         /// The variant.
         name: String,
         /// The task.
         task: String,
-        /// The variants in which it can be done.
+        /// Variants in which it is possible.
         known: String,
     },
-    /// No start anywhere.
+    /// No reachable start exists.
     #[error(
         "with the seed {seed} there is no start anywhere from which a way leads to the area {area:?}; \
          take another seed, or `starts = \"near\"`"
@@ -98,7 +100,7 @@ pub enum SimError {
         /// The scenario's seed.
         seed: u64,
     },
-    /// No scene in which everything can be taken.
+    /// No scene in which every target can be grasped.
     #[error(
         "with the seed {seed} no scene of the area {area:?} was found in which everything can be taken; \
          take another seed, or tell `objects`"
@@ -109,32 +111,32 @@ pub enum SimError {
         /// The scenario's seed.
         seed: u64,
     },
-    /// A sentence of a split.
+    /// No sentence in a language split.
     #[error(
         "the grammar has no sentence of the split {split:?} for the task {task:?} in this scene; \
          take another seed, or the split \"any\""
     )]
-    Unsaid {
+    NoSentence {
         /// The task.
         task: String,
         /// The split.
         split: &'static str,
     },
-    /// A furniture joint of the scenario.
+    /// An unknown furniture joint.
     #[error("the scenario sets the slide {name:?}, but scene {scene:?} has the joints {known}")]
     Slide {
         /// The joint.
         name: String,
         /// The scene.
         scene: String,
-        /// The joints that there are.
+        /// Available joints.
         known: String,
     },
 }
 
 impl SimError {
-    /// Whether another seed may do: what is wrong lies in one draw of the scenario, not
-    /// in what was asked for.
+    /// Whether another seed may succeed: the error is in a sample of the scenario, not
+    /// in the request.
     #[must_use]
     pub fn is_of_one_draw(&self) -> bool {
         matches!(
@@ -143,14 +145,14 @@ impl SimError {
                 | Self::Panicked(_)
                 | Self::NoStart { .. }
                 | Self::NoRoom { .. }
-                | Self::Unsaid { .. }
+                | Self::NoSentence { .. }
                 | Self::Overlap { .. }
                 | Self::RobotOverlap { .. }
         )
     }
 }
 
-/// Why a stored state cannot be continued.
+/// Why a stored state cannot be restored.
 #[derive(Debug, thiserror::Error)]
 pub enum StateError {
     /// Damaged bytes.
@@ -166,32 +168,32 @@ pub enum StateError {
         wheelarm_proto::PHYSICS_VERSION
     )]
     Version {
-        /// What the state names.
+        /// Version of the state.
         found: u32,
     },
-    /// The physics refuses it.
+    /// Rejected by the physics.
     #[error(transparent)]
     World(#[from] WorldError),
     /// The physics panics in it.
     #[error("the stored state is damaged: the physics panics in it ({0}); take another copy of it")]
     Panics(String),
-    /// Something in it cannot be.
+    /// It contains an impossible value.
     #[error("the stored state is damaged: {0}; take another copy of it")]
     Damaged(String),
-    /// Nothing goes on from a broken state.
-    #[error("the state is broken and is not stored: {0}; ask for `reset`")]
+    /// A broken state cannot be stored.
+    #[error("the state is broken and is not stored: {0}; request `reset`")]
     Broken(String),
-    /// Recorded states are shown, so there is none that goes on.
-    #[error("recorded states are shown; none of them can be gone on from")]
+    /// Recorded states are played back, so there is no simulated state.
+    #[error("recorded states are played back; none of them can be continued")]
     Shown,
     /// It belongs to another scenario.
     #[error(
         "the stored state is of {stored}, but the scenario has {expected}; restore it with its own scenario"
     )]
     Scenario {
-        /// What the state names.
+        /// Value in the state.
         stored: String,
-        /// What the scenario names.
+        /// Value in the scenario.
         expected: String,
     },
 }

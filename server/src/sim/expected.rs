@@ -1,5 +1,5 @@
-//! How long the scripted operator is expected to take, for time limits: the chair's
-//! way as the route search finds it, the work of the arm, and the style.
+//! Expected duration of a task for the scripted operator, for time limits: driving
+//! along the planned path, arm work, and style.
 
 use wheelarm_proto::settings::Style;
 
@@ -8,19 +8,19 @@ use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::tasks::{Floor, Goal, TaskSpec, Variant};
 
-/// A time limit is the expected time times this.
+/// A time limit is the expected time multiplied by this.
 pub(super) const ROOM: f64 = 3.0;
-/// Arm work of taking something, s (measured: `client/guide/recover.md`).
+/// Arm work of grasping an object, s (measured: `docs/drive-and-record/disturbances.md`).
 const TAKE: f64 = 26.0;
-/// More of it where the thing is put somewhere else, s.
+/// Additional time to put the object elsewhere, s.
 const PUT: f64 = 14.0;
-/// More where the arm does not start at home, s.
+/// Additional time when the arm does not start at home, s.
 const STOW: f64 = 6.0;
-/// More where the robot is hindered: an attempt or two made again, s.
+/// Additional time with disturbances, for one or two retries, s.
 const AGAIN: f64 = 10.0;
-/// Where no way is found: seconds per metre of straight line, with room for detours.
+/// Without a path: seconds per metre of straight line, including detours.
 const LINE: f64 = 6.0;
-/// The human-like style takes longer by this.
+/// Factor of the human-like style.
 const HUMAN: f64 = 12.0;
 
 /// Simulated seconds.
@@ -55,7 +55,7 @@ pub(super) fn seconds(
     (way + TAKE + put + stow + again) * slower
 }
 
-/// Metres on the floor plan from the chair to the thing.
+/// Distance on the floor plan from the chair to the target, metres.
 fn straight(scene: &Scene, scenario: &Scenario) -> f64 {
     let target = &scenario.target;
     let mut placed = scenario.objects.iter();

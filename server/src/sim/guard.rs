@@ -1,6 +1,5 @@
-//! What breaks costs one episode and never the server: panics of the physics
-//! are caught, and a state that cannot be believed ends the simulation until
-//! the next reset.
+//! Limits the damage of a broken simulation to one episode: panics of the physics are
+//! caught, and an implausible state stops the simulation until the next reset.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -13,24 +12,27 @@ use crate::robot::RobotModel;
 use crate::scene::Scene;
 use crate::snapshot::{Anomaly, BodyRef, Fault, Snapshot};
 
-/// Runs `work`; a panic comes back in words. Whatever `work` changed is not to
-/// be used after a panic.
+/// Runs `work` and returns the message of a panic. Values changed by `work` must not be
+/// used after a panic.
 ///
 /// # Errors
-/// The words of the panic.
+/// The message of the panic.
 pub(super) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).map_err(|payload| {
         let text = payload
             .downcast_ref::<String>()
             .map(String::as_str)
             .or_else(|| payload.downcast_ref::<&str>().copied());
-        text.unwrap_or("without words").chars().take(400).collect()
+        text.unwrap_or("without message")
+            .chars()
+            .take(400)
+            .collect()
     })
 }
 
 impl Simulation {
-    /// Why the state is broken, in words: no step is taken any more, and the
-    /// last good state stays to be looked at. `None` while all is well.
+    /// Why the state is broken: no further step runs, and the last good state remains
+    /// readable. `None` for a good state.
     #[must_use]
     pub fn broken(&self) -> Option<&str> {
         self.broken.as_ref().map(|(_, words)| words.as_str())
@@ -42,7 +44,7 @@ impl Simulation {
         self.broken.as_ref().map(|(fault, _)| fault)
     }
 
-    /// Nothing goes on from here; `last` is the newest state that was good.
+    /// Stops the simulation; `last` is the newest good state.
     pub(super) fn break_off(&mut self, fault: Fault, last: Arc<Snapshot>) -> Step {
         let words = fault_words(&fault, &self.model, &self.scene);
         self.snapshot = last;
@@ -52,10 +54,10 @@ impl Simulation {
     }
 }
 
-/// A world that has just been made must be sound.
+/// Checks a newly created world.
 ///
 /// # Errors
-/// [`SimError::Broken`] in words.
+/// [`SimError::Broken`] with a description.
 pub(super) fn check_new(
     fault: Option<Fault>,
     model: &RobotModel,
@@ -77,7 +79,7 @@ fn name(body: BodyRef, model: &RobotModel, scene: &Scene) -> String {
     name.cloned().unwrap_or_default()
 }
 
-/// A fault in words.
+/// Describes a fault.
 #[must_use]
 pub fn fault_words(fault: &Fault, model: &RobotModel, scene: &Scene) -> String {
     let name = |body| name(body, model, scene);
@@ -86,37 +88,37 @@ pub fn fault_words(fault: &Fault, model: &RobotModel, scene: &Scene) -> String {
         Fault::NotFinite(body) => format!("the state of {} is not finite", name(*body)),
         Fault::JointSpeed { joint, speed, most } => {
             let joint = model.joints.get(*joint).map_or("a joint", |j| &j.name);
-            format!("{joint} turns at {speed:.1} rad/s, more than {most:.1} cannot be")
+            format!("{joint} turns at {speed:.1} rad/s, the limit is {most:.1}")
         }
         Fault::Contact {
             first,
             second,
             force,
         } => format!(
-            "{} and {} press with {force:.3e} N, more than {:.0e} cannot be",
+            "{} and {} press with {force:.3e} N, the limit is {:.0e}",
             name(*first),
             name(*second),
             crate::world::health::CONTACT_FORCE
         ),
         Fault::NodeSpeed { object: i, speed } => format!(
-            "a node of {} moves at {speed:.3e} m/s, more than {} cannot be",
+            "a node of {} moves at {speed:.3e} m/s, the limit is {}",
             object(*i),
             crate::world::health::NODE_SPEED
         ),
         Fault::Energy { object: i, energy } => format!(
-            "{} has an energy of {energy:.3e} J, more than {} cannot be",
+            "{} has an energy of {energy:.3e} J, the limit is {}",
             object(*i),
             crate::world::health::SOFT_ENERGY
         ),
         Fault::Outside { at } => {
             let [x, y, z] = [at.x, at.y, at.z].map(|x| Number((x * 1e2).round() / 1e2));
-            format!("the chair is at ({x}, {y}, {z}) m: outside the home, or in the free air")
+            format!("the chair is at ({x}, {y}, {z}) m: outside the home, or above the floor")
         }
         Fault::Panic(words) => format!("the simulation panicked: {words}"),
     }
 }
 
-/// An anomaly in words.
+/// Describes an anomaly.
 #[must_use]
 pub fn anomaly_words(anomaly: &Anomaly, model: &RobotModel, scene: &Scene) -> String {
     match anomaly {

@@ -1,25 +1,25 @@
-//! The simulation: control → world → sensors → task, one control tick a step.
+//! The simulation: control → world → sensors → task, one control tick per step.
 //!
-//! No I/O after loading, no wall clock, no network: the same scenario and the
-//! same inputs give the same bits.
+//! No I/O after loading, no wall clock, no network: the same scenario and the same
+//! inputs give the same bits.
 
 mod arm_balls;
-#[cfg(test)]
-mod bits;
 mod calibration;
 mod carriers;
-mod clear;
 mod disturb;
 mod envelope;
 mod error;
 mod expected;
+#[cfg(test)]
+mod golden_hash;
 mod guard;
-mod open;
+mod person_clearance;
 mod person_guard;
+mod playback;
 #[cfg(test)]
 mod rest_tests;
 mod scenario;
-mod shown;
+mod scenario_sampling;
 mod state;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -30,14 +30,14 @@ use std::sync::Arc;
 
 use wheelarm_proto::PHYSICS_HZ;
 
-pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, Pushed};
+pub use disturb::{Disturbance, Disturbances, MAX_STRENGTH, PushTarget};
 pub use error::{SimError, StateError};
 pub use guard::{anomaly_words, fault_words};
+pub use playback::{IncompatibleState, RecordedSkin, RecordedState};
 pub use scenario::{
-    ALL_CAMERAS, Asked, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality,
+    ALL_CAMERAS, CameraPlace, CameraSetting, HOUSE, Lens, MAX_SIZE, Pacing, Quality, Requested,
     SOFT_MASS, Scenario, ScenarioError, Schedules, SensorSetting, Starts,
 };
-pub use shown::{Recorded, RecordedSkin, Unfit};
 
 use crate::people::{Motion, Person};
 use crate::robot::control::{ControlInput, GripperMap, RobotControl, Targets};
@@ -52,7 +52,7 @@ use crate::tasks::{Evaluation, Evaluator, Floor, TaskSpec};
 use crate::world::{World, WorstOfSoft};
 use arm_balls::ArmBalls;
 use carriers::Carriers;
-use open::{check_pose, draw_open_values, say, seated, variant};
+use scenario_sampling::{check_pose, generate_instruction, sample_open_values, seated, variant};
 
 /// A running simulation.
 pub struct Simulation {
@@ -75,33 +75,33 @@ pub struct Simulation {
     evaluator: Option<Evaluator>,
     evaluation: Evaluation,
     snapshot: Arc<Snapshot>,
-    /// Why no step is taken any more, also in words.
+    /// Why no further step runs, with a description.
     broken: Option<(Fault, String)>,
-    /// Recorded states are shown, nothing is computed.
+    /// Recorded states are played back; nothing is simulated.
     shown: bool,
 }
 
-/// What one control tick produced.
+/// Output of one control tick.
 #[derive(Debug, Default)]
 pub struct Step {
-    /// IMU measurements that fell due, oldest first.
+    /// IMU measurements that became due, oldest first.
     pub imu: Vec<imu::Sample>,
-    /// Cameras (indices into the scenario's list) that fell due, with the
-    /// state they see, oldest first.
+    /// Cameras (indices into the scenario's list) that became due, with the state to
+    /// render, oldest first.
     pub frames: Vec<(Arc<Snapshot>, Vec<usize>)>,
 }
 
 impl Simulation {
-    /// Loads everything that a scenario names and draws what it leaves open.
+    /// Loads the files of a scenario and samples its open values.
     ///
     /// # Errors
-    /// [`SimError`] that names the file or field and the cure.
+    /// [`SimError`] that names the file or field and the fix.
     pub fn new(assets: &Path, scenario: Scenario) -> Result<Self, SimError> {
         Self::new_within(assets, scenario, &|| false)
     }
 
-    /// As [`Simulation::new`], giving up where soft objects settle for so long
-    /// that `late` says so.
+    /// As [`Simulation::new`], but fails when deformables settle for longer than `late`
+    /// allows.
     ///
     /// # Errors
     /// As [`Simulation::new`], and [`WorldError::Settling`](crate::world::WorldError::Settling).
@@ -114,9 +114,9 @@ impl Simulation {
         made.unwrap_or_else(|words| Err(SimError::Panicked(words)))
     }
 
-    /// As [`Simulation::new_within`], for showing recorded states
-    /// ([`Simulation::show`]): a robot that starts inside of something is accepted,
-    /// since older physics versions recorded such starts.
+    /// As [`Simulation::new_within`], for playback ([`Simulation::show`]): a robot that
+    /// starts inside another body is accepted, since older physics versions recorded
+    /// such starts.
     ///
     /// # Errors
     /// As [`Simulation::new_within`].
@@ -139,9 +139,9 @@ impl Simulation {
         let model = RobotModel::load(assets, &scenario.robot)?;
         let usual = model.settings.cameras.iter().filter(|c| !c.on_request);
         scenario.name_cameras(usual.map(|c| c.name.as_str()));
-        calibration::draw(&mut scenario, &model)?;
+        calibration::sample(&mut scenario, &model)?;
         let schedules = scenario.schedules()?;
-        // A sensor takes pictures that are made; where none are, it has none.
+        // Image sensors need cameras; without cameras there are none.
         let own = model.settings.cameras.iter().map(|c| c.name.as_str());
         let cameras: Vec<_> = match scenario.cameras.is_empty() {
             true => own.chain(["room"]).collect(),
@@ -165,7 +165,7 @@ impl Simulation {
         scene.keep_optional(variant.as_ref().map_or(&[], |variant| &variant.furniture));
         scenario.variant = variant.as_ref().map(|variant| variant.name.clone());
         if scenario.person.as_ref().is_none_or(|p| p.drawn.is_none()) {
-            scenario.asked.person = scenario.person.clone();
+            scenario.requested.person = scenario.person.clone();
         }
         if let Some(care) = task.as_ref().filter(|task| task.is_care()) {
             // A care task needs a person.
@@ -187,15 +187,15 @@ impl Simulation {
             .as_ref()
             .zip(variant.as_ref())
             .map(|(task, variant)| (task, variant, floor.as_ref()));
-        let is_told = !scenario.instruction.is_empty();
+        let has_instruction = !scenario.instruction.is_empty();
         let wants_view = scenario.start_in_view && scenario.start.is_none();
-        let placed = draw_open_values(&mut scenario, &mut scene, drawn)?;
+        let placed = sample_open_values(&mut scenario, &mut scene, drawn)?;
         if let (true, Some(about)) = (wants_view, task.as_ref().zip(variant.as_ref())) {
             let floor = floor.get_or_insert_with(|| open_floor(&scene));
             view_start::choose(&mut scenario, about, floor, (&model, &scene));
         }
-        if let (Some(task), false) = (&task, is_told) {
-            say(assets, &mut scenario, &scene, task)?;
+        if let (Some(task), false) = (&task, has_instruction) {
+            generate_instruction(assets, &mut scenario, &scene, task)?;
         }
         let arm = *scenario.arm.get_or_insert(model.settings.home);
         let knuckle = *scenario.knuckle.get_or_insert(0.0);
@@ -203,7 +203,7 @@ impl Simulation {
         let placements: Vec<_> = scenario.objects.iter().map(|(_, p)| *p).collect();
         let start = scenario.start.unwrap_or(scene.start);
         let gripper = GripperMap::new(&model);
-        let control = RobotControl::at(&model, &arm, knuckle);
+        let control = RobotControl::at_rest(&model, &arm, knuckle);
         let mut world =
             World::new_within(&model, &scene, &placements, &start, &arm, knuckle, late)?;
         if let Some((person, motion)) = &seated_person {
@@ -248,7 +248,7 @@ impl Simulation {
                 let floor = floor.unwrap_or_else(|| open_floor(&scene));
                 let expected = expected::seconds(about, &floor, &model, &scene, &scenario);
                 scenario.time_limit = Some((expected::ROOM * expected).ceil());
-                scenario.asked.open_limit = true;
+                scenario.requested.open_limit = true;
             }
             evaluator.bend(scenario.time_limit, scenario.disturbances.is_some());
         }
@@ -280,15 +280,15 @@ impl Simulation {
             shown: false,
         };
         sim.update_odometry();
-        // The first acceleration needs a velocity to start from.
+        // The first acceleration needs a previous velocity.
         let link = sim.snapshot.links[sim.model.roles.imu];
         sim.imu.prime(&link);
         Ok(sim)
     }
 
-    /// Starts the task anew from the present state: an episode's clock and its
-    /// conditions begin with the episode. `time_limit`, simulated seconds, is for this
-    /// episode alone; the scenario's when absent.
+    /// Restarts the task from the present state: its clock and conditions begin with
+    /// the episode. `time_limit`, simulated seconds, applies to this episode only;
+    /// default is the scenario's.
     pub fn begin_episode(&mut self, time_limit: Option<f64>) {
         if let Some(evaluator) = &mut self.evaluator {
             evaluator.reset();
@@ -302,9 +302,9 @@ impl Simulation {
         self.step_telling(input, |_, _| {})
     }
 
-    /// As [`Simulation::step`]; `tell` hears what is applied before the physics
-    /// takes its time. A state that breaks is not shown: nothing is due in such
-    /// a step, the last good state stays, and [`Simulation::broken`] says why.
+    /// As [`Simulation::step`]; `tell` receives the applied set points before the
+    /// physics runs. After a step that breaks the state nothing is due, the last good
+    /// state stays, and [`Simulation::broken`] gives the reason.
     pub fn step_telling(
         &mut self,
         input: &ControlInput,
@@ -357,31 +357,30 @@ impl Simulation {
         Ok(step)
     }
 
-    /// What disturbs the coming control tick; `None` where the scenario has no
-    /// disturbances.
+    /// The disturbance of the coming control tick; `None` when the scenario has none.
     #[must_use]
     pub fn disturbance(&self) -> Option<Disturbance> {
         let disturbances = self.scenario.disturbances.as_ref()?;
-        // What is soft has no weight of its own in the engine, and furniture none.
+        // Deformables have no mass of their own in the engine; furniture cannot be
+        // pushed.
         let target = self.scene.object_named(&self.scenario.target);
         let target = target.filter(|&i| self.scene.objects[i].soft.is_none());
         let target = target.map(|i| (i, self.scenario.objects[i].1.mass));
-        Some(disturbances.at(self.scenario.seed, self.world.tick(), target))
+        Some(disturbances.disturbance(self.scenario.seed, self.world.tick(), target))
     }
 
-    /// The body that a push goes to.
+    /// The body that a push acts on.
     #[must_use]
-    pub fn body_of(&self, pushed: Pushed) -> BodyRef {
+    pub fn body_of(&self, pushed: PushTarget) -> BodyRef {
         match pushed {
-            Pushed::Chair => BodyRef::Link(0),
-            Pushed::Hand => BodyRef::Link(self.model.roles.end_effector),
-            Pushed::Object(index) => BodyRef::Object(index),
+            PushTarget::Chair => BodyRef::Link(0),
+            PushTarget::Hand => BodyRef::Link(self.model.roles.end_effector),
+            PushTarget::Object(index) => BodyRef::Object(index),
         }
     }
 
-    /// Reads the sensors that are due at the present tick. A whole snapshot is
-    /// taken where somebody looks: cameras, and everybody else after the last
-    /// of a control tick's ticks.
+    /// Reads the sensors that are due at the present tick. A whole snapshot is taken
+    /// only for cameras, and after the last physics tick of a control tick.
     fn sense(&mut self, step: &mut Step, last: bool) {
         let tick = self.world.tick();
         let due = self.cameras_due(tick);
@@ -392,7 +391,7 @@ impl Simulation {
             .scenario
             .imu_noise
             .then(|| imu::Noise::from_settings(&self.model.settings.imu));
-        // The link is one of the model's, so there always is a state.
+        // The link is part of the model, so its state exists.
         if let Some(link) = self.world.link(self.model.roles.imu) {
             let sample = self.imu.measure(tick, &link, noise);
             if self.schedules.imu.due(tick) {
@@ -430,7 +429,7 @@ impl Simulation {
         &self.snapshot
     }
 
-    /// Pictures that are due at the present tick, for the start of an episode.
+    /// Images that are due at the present tick, for the start of an episode.
     #[must_use]
     pub fn frames_now(&self) -> Vec<(Arc<Snapshot>, Vec<usize>)> {
         let due = self.cameras_due(self.snapshot.tick);
@@ -447,7 +446,7 @@ impl Simulation {
         self.schedules.state.due(self.snapshot.tick)
     }
 
-    /// Whether the shapes of soft objects are due at the present tick.
+    /// Whether the shapes of deformables are due at the present tick.
     #[must_use]
     pub fn deformable_due(&self) -> bool {
         self.schedules.deformable.due(self.snapshot.tick)
@@ -465,13 +464,13 @@ impl Simulation {
             .then(|| self.world.hash())
     }
 
-    /// The scenario, with everything that was drawn.
+    /// The scenario, including all sampled values.
     #[must_use]
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
-    /// The sensor models that are on.
+    /// The active sensor models.
     #[must_use]
     pub fn devices(&self) -> &[Device] {
         &self.devices
@@ -489,13 +488,13 @@ impl Simulation {
         &self.scene
     }
 
-    /// Who sits in the chair.
+    /// The person in the chair.
     #[must_use]
     pub fn person(&self) -> Option<&Arc<Person>> {
         self.person.as_ref()
     }
 
-    /// Contacts of the robot, and of what it touches itself, with the person.
+    /// Contacts of the person with the robot, and with objects that it touches.
     pub fn touches(&self) -> impl Iterator<Item = &Contact> {
         let contacts = &self.snapshot.contacts;
         let held = move |object: BodyRef| {
@@ -512,7 +511,7 @@ impl Simulation {
         })
     }
 
-    /// The task, if there is one.
+    /// The task, if any.
     #[must_use]
     pub fn task(&self) -> Option<&TaskSpec> {
         self.task.as_ref()
@@ -524,13 +523,13 @@ impl Simulation {
         &self.assets
     }
 
-    /// The worst that was seen of each soft object since the start.
+    /// The worst audit of each deformable since the start.
     #[must_use]
     pub fn worst_of_soft(&self) -> Vec<WorstOfSoft> {
         self.world.worst_of_soft()
     }
 
-    /// The robot's control, for what it publishes.
+    /// The robot's control, for publication.
     #[must_use]
     pub fn control(&self) -> &RobotControl {
         &self.control
@@ -548,8 +547,8 @@ impl Simulation {
         &self.evaluation
     }
 
-    /// Contacts of the robot with furniture at the present tick that are harder
-    /// than [`HARD`](crate::tasks::HARD); none without a task.
+    /// Contacts of the robot with furniture at the present tick that exceed
+    /// [`HARD`](crate::tasks::HARD); none without a task.
     pub fn hard_collisions(&self) -> impl Iterator<Item = &Contact> {
         let judge = self.evaluator.iter();
         judge.flat_map(move |evaluator| evaluator.hard_collisions(&self.snapshot))

@@ -1,4 +1,4 @@
-//! The guard of the seated person: it bounds arm, gripper and chair by distance and by
+//! The guard of the seated person: limits arm, gripper and chair by distance and
 //! contact force, whatever commands them.
 //!
 //! # Guarantee
@@ -7,16 +7,16 @@
 //! restored or replayed episode has the same bits. It applies to every intent, frame,
 //! client and pacing:
 //!
-//! - **Approach.** Every link from the second joint on, the gripper and each object that
-//!   the arm touches approach a part of the body at most at [`RATE`] times the distance
-//!   beyond [`STOP`] (head and face: [`HEAD_RATE`], [`HEAD_STOP`]). At the stop distance
-//!   the approach ends; motion along the body goes on.
-//! - **Handing over.** An object in the hand may settle in the lap, at [`SETTLE`] and until
+//! - **Approach.** It limits every link from the second joint on, the gripper and each
+//!   object that the arm touches. They approach a part of the body at most at [`RATE`]
+//!   times the distance beyond [`STOP`] (head and face: [`HEAD_RATE`], [`HEAD_STOP`]). At
+//!   the stop distance the approach ends; motion along the body continues.
+//! - **Handover.** An object in the hand may settle in the lap, at [`SETTLE`] and until
 //!   [`SETTLED`] press there: dropped from the stop distance it would press harder.
 //! - **Head.** The arm gives way to a head that moves towards it, at the head's speed.
-//! - **Lead.** The commanded arm is never ahead of the measured arm by more than the
-//!   distance that is left to the stop distance, so the drives do not load against a body.
-//! - **Force.** Above [`FORCE_LIMIT`] (head and face: [`FACE_FORCE_LIMIT`]) on a part of the body the
+//! - **Lead.** The commanded arm is ahead of the measured arm by at most the distance
+//!   left to the stop distance, so the drives do not load against a body.
+//! - **Force.** Above [`FORCE_LIMIT`] (head and face: [`FACE_FORCE_LIMIT`]) on a part of the body, the
 //!   body that presses it backs off.
 //! - **Own links.** Links of the arm that touch each other, or an object in the hand, move
 //!   apart.
@@ -29,11 +29,12 @@
 //! - **Speed at the face.** The grasp point keeps to the speed of [`Simulation::guarded_speed`].
 //!
 //! # Limits
-//! The guard is a model of a sensing skin without error or delay. It does not cover objects
-//! that fall or are thrown onto the person, soft objects before they press, other objects
-//! that the chair pushes into its person, and the person's own motion beyond that of the
-//! head. Disturbances push after the guard. A scenario that starts with the arm inside the
-//! body starts with the forces of that overlap.
+//! The guard is a model of a sensing skin without error or delay. It does not cover
+//! objects that fall or are thrown onto the person, and soft objects before they press.
+//! It does not cover other objects that the chair pushes into its person, and the
+//! person's own motion except that of the head. Disturbances push after the guard. A
+//! scenario that starts with the arm inside the body starts with the forces of that
+//! overlap.
 
 use nalgebra::Vector3;
 use wheelarm_proto::person::{FACE_FORCE_LIMIT, FORCE_LIMIT};
@@ -47,7 +48,7 @@ use crate::robot::control::{
 use crate::snapshot::{BodyRef, Contact};
 use crate::world::Gap;
 
-/// Gaps beyond this distance bound nothing, m: the tool speed over [`RATE`].
+/// Gaps beyond this distance are not bounded, m: the tool speed over [`RATE`].
 const RANGE: f64 = 0.13;
 /// Approach speed per distance beyond the stop distance, 1/s.
 const RATE: f64 = 4.0;
@@ -57,45 +58,46 @@ const HEAD_RATE: f64 = 2.0;
 const STOP: f64 = 0.006;
 /// The same at head and face, m.
 const HEAD_STOP: f64 = 0.006;
-/// The same for links between base and hand, and for objects in the hand but at the head, m:
-/// contacts of their cylinders with the capsules of the body begin up to 10 mm early in the engine (measured: single ticks of 15 to 70 N at
-/// gaps of 4 to 10 mm in 12 of 880 adversarial episodes).
+/// The same for links between base and hand, and for objects in the hand except at the
+/// head, m. Contacts of their cylinders with the body's capsules begin up to 10 mm
+/// early in the engine (measured: single ticks of 15 to 70 N at gaps of 4 to 10 mm in
+/// 12 of 880 adversarial episodes).
 const LINK_STOP: f64 = 0.012;
-/// Speed at which an object in the hand settles in the lap, m/s, and the force that ends
-/// it, N.
+/// Speed at which an object in the hand settles in the lap, m/s, and the force at which
+/// it stops, N.
 const SETTLE: f64 = 0.005;
 const SETTLED: f64 = 1.0;
-/// Nearer than this a force on a part counts for the gap, m.
+/// Below this gap a force on the part counts for the gap, m.
 const TOUCH: f64 = 0.002;
 /// Speed of backing off at the force limit, m/s, and its increase with force, m/(s N).
 const BACK_OFF: f64 = 0.02;
 const BACK_OFF_RATE: f64 = 0.001;
-/// Greatest speed of backing off, m/s.
+/// Largest speed of backing off, m/s.
 const MOST_BACK_OFF: f64 = 0.1;
-/// Lead at the stop distance, m: drives follow with errors.
+/// Lead at the stop distance, m: drives have tracking errors.
 const SLACK: f64 = 0.001;
-/// Distance of the fingers to the person from which on they are slow and weak, m.
+/// Distance of the fingers to the person below which they are slow and weak, m.
 const FINGERS: f64 = 0.03;
-/// Knuckle speed, rad/s, and pad force, N, there.
+/// Knuckle speed, rad/s, and pad force, N, below that distance.
 const FINGER_SPEED: f64 = 0.2;
 const FINGER_FORCE: f64 = 5.0;
-/// Greatest way of a finger tip per knuckle angle, m/rad.
+/// Largest travel of a finger tip per knuckle angle, m/rad.
 const FINGER_LEVER: f64 = 0.1;
-/// Share of the normal across the hand from which on it tells the direction.
+/// Component of the normal across the hand above which it defines the direction.
 const ACROSS: f64 = 0.3;
 /// Pad force while the fingers press the person above the limit, N.
 const FINGER_RELEASE: f64 = 1.0;
-/// Distance to furniture at which the chair stops its person, m.
+/// Distance to furniture at which the chair stops the person, m.
 const CHAIR_STOP: f64 = 0.005;
-/// Gap to the person below which a link of the arm counts with the person when the
-/// chair drives, m.
+/// Gap to the person below which a link of the arm counts as part of the person when
+/// the chair drives, m.
 const BESIDE: f64 = 0.1;
-/// Speed at which the chair takes a load off its person, m/s.
+/// Speed at which the chair relieves its person, m/s.
 const RETREAT: f64 = 0.03;
 
-/// An object that the arm touches, as if it were fixed to the link.
+/// An object that the arm touches, treated as fixed to the link.
 #[derive(Clone, Copy, Debug)]
-struct Carried {
+struct HeldObject {
     object: usize,
     link: usize,
 }
@@ -114,7 +116,7 @@ fn force_limit(part: BodyPart) -> f64 {
 }
 
 impl Simulation {
-    /// Bounds of the control tick that comes; `None` without a person or with the guard
+    /// Bounds of the coming control tick; `None` without a person or with the guard
     /// off.
     pub(super) fn person_guard(&self, input: &ControlInput) -> Option<Guard> {
         let tool_speed = self.guarded_speed()?;
@@ -140,8 +142,8 @@ impl Simulation {
     }
 
     /// Objects that links of the arm touch.
-    fn carried(&self) -> Vec<Carried> {
-        let mut carried: Vec<Carried> = Vec::new();
+    fn carried(&self) -> Vec<HeldObject> {
+        let mut carried: Vec<HeldObject> = Vec::new();
         for contact in &self.snapshot.contacts {
             let (BodyRef::Link(link), BodyRef::Object(object)) = (contact.first, contact.second)
             else {
@@ -155,14 +157,14 @@ impl Simulation {
                     c.link = link;
                 }
                 Some(_) => {}
-                None => carried.push(Carried { object, link }),
+                None => carried.push(HeldObject { object, link }),
             }
         }
         carried
     }
 
-    /// The link that moves a body of the arm or what it carries.
-    fn carrier(&self, body: BodyRef, carried: &[Carried]) -> Option<usize> {
+    /// The arm link that moves a body or carries it.
+    fn carrier(&self, body: BodyRef, carried: &[HeldObject]) -> Option<usize> {
         match body {
             BodyRef::Link(link) => Some(link),
             BodyRef::Object(object) => {
@@ -173,7 +175,7 @@ impl Simulation {
         }
     }
 
-    /// Part of the body of a capsule.
+    /// Body part of a capsule.
     fn part(&self, body: BodyRef) -> Option<BodyPart> {
         let BodyRef::Person(index) = body else {
             return None;
@@ -181,8 +183,8 @@ impl Simulation {
         Some(self.person.as_ref()?.capsules.get(index)?.part)
     }
 
-    /// Speed of a point, which these many arm joints move, along a direction per joint
-    /// speed, m/rad.
+    /// Speed of a point along a direction per joint speed, m/rad, for the first
+    /// `joints` arm joints.
     fn row(&self, joints: usize, point: &Vector3<f64>, along: &Vector3<f64>) -> [f64; 6] {
         std::array::from_fn(|i| {
             if i >= joints {
@@ -195,9 +197,9 @@ impl Simulation {
         })
     }
 
-    /// Bounds of a body at a gap: its nearest point, and corners, which a turn may
-    /// bring nearer.
-    fn bound_gap(&self, gap: &Gap, carried: &[Carried], bounds: &mut Vec<ArmBound>) {
+    /// Bounds of a body at a gap: its nearest point, and corners that a rotation may
+    /// bring closer.
+    fn bound_gap(&self, gap: &Gap, carried: &[HeldObject], bounds: &mut Vec<ArmBound>) {
         let (Some(link), Some(part)) = (self.carrier(gap.first, carried), self.part(gap.second))
         else {
             return;
@@ -218,7 +220,7 @@ impl Simulation {
             (false, false) => stop,
         };
         let approach = |distance: f64| {
-            // Near without touching, the arm stays.
+            // Close without contact: the arm stops.
             let speed = rate * (distance - stop);
             let least = match settles {
                 true => SETTLE,
@@ -250,9 +252,10 @@ impl Simulation {
         }
     }
 
-    /// Bounds of links of the arm that touch each other, or what another link carries: what
-    /// presses the person cannot back off against a link that holds it there.
-    fn bound_own(&self, carried: &[Carried], bounds: &mut Vec<ArmBound>) {
+    /// Bounds of arm links that touch each other or an object that another link
+    /// carries: a body that presses the person cannot back off against a link that
+    /// holds it there.
+    fn bound_own(&self, carried: &[HeldObject], bounds: &mut Vec<ArmBound>) {
         for contact in &self.snapshot.contacts {
             let other = self.carrier(contact.second, carried);
             let (BodyRef::Link(one), Some(other)) = (contact.first, other) else {
@@ -275,8 +278,8 @@ impl Simulation {
         }
     }
 
-    /// Force on the person at a gap, N: of the pair at the last tick or, where the robot
-    /// touches, the greatest on the part in the last control tick.
+    /// Force on the person at a gap, N: of the pair at the last tick or, for contacts
+    /// of the robot, the largest on the part in the last control tick.
     fn press(&self, gap: &Gap, part: BodyPart) -> f64 {
         let contacts = self.snapshot.contacts.iter();
         let pair = contacts
@@ -296,7 +299,7 @@ impl Simulation {
         &self,
         input: &ControlInput,
         gaps: &[Gap],
-        carried: &[Carried],
+        carried: &[HeldObject],
     ) -> Option<FingerBound> {
         let is_finger = |link: usize| self.carriers.fingers[link];
         let near = gaps.iter().filter(|gap| {
@@ -307,8 +310,8 @@ impl Simulation {
                 .is_some_and(|p| self.press(gap, p) > force_limit(p))
         });
         near.clone().next()?;
-        // A finger moves across the hand, inwards when the gripper closes. Where the normal
-        // does not say which way leads to the person, both do.
+        // A finger moves across the hand, inwards when the gripper closes. When the
+        // normal does not define the direction to the person, both are bounded.
         let hand = self.snapshot.links[self.model.roles.end_effector].pose;
         let (mut closing, mut opening) = (FINGER_SPEED, FINGER_SPEED);
         for gap in near {
@@ -340,7 +343,7 @@ impl Simulation {
         })
     }
 
-    /// Bounds of the chair before furniture, and the motion that relieves the person.
+    /// Bounds of the chair near furniture, and the motion that relieves the person.
     fn chair_bounds(
         &self,
         input: &ControlInput,
@@ -359,7 +362,7 @@ impl Simulation {
                 beside.push(gap.first);
             }
         }
-        // Of the furthest point of an occupied chair.
+        // For the furthest point of the occupied chair.
         let [straight, turn] = self.chair_braking();
         let reach = self.person_reach();
         let way = |motion: &BaseIntent| {
@@ -378,15 +381,16 @@ impl Simulation {
         (bounds.collect(), retreat)
     }
 
-    /// Slowest braking of the chair, forwards or backwards and in a turn, m/s² and rad/s².
+    /// Slowest braking of the chair, forwards or backwards and turning, m/s² and
+    /// rad/s².
     fn chair_braking(&self) -> [f64; 2] {
         let drive = &self.model.settings.drive;
         let straight = drive.forward_deceleration.min(drive.backward_deceleration);
         [straight, drive.turn_deceleration]
     }
 
-    /// From the middle of the driven wheels to the furthest of the person, on the floor
-    /// plan, m.
+    /// Distance from the middle of the driven wheels to the furthest point of the
+    /// person, on the floor plan, m.
     fn person_reach(&self) -> f64 {
         let Some(person) = &self.person else {
             return 0.0;
@@ -410,8 +414,8 @@ impl Simulation {
         (left + right) / 2.0
     }
 
-    /// Speed of a point that rides on the chair along a direction, per forward speed and
-    /// turn rate.
+    /// Speed of a point on the chair along a direction, per forward speed and turn
+    /// rate.
     fn chair_row(&self, point: &Vector3<f64>, along: &Vector3<f64>) -> [f64; 2] {
         let turn = self.snapshot.links[0].pose.rotation;
         let (forward, up) = (turn * Vector3::x(), turn * Vector3::z());
@@ -419,8 +423,8 @@ impl Simulation {
         [forward.dot(along), up.cross(&arm).dot(along)]
     }
 
-    /// The motion that takes furniture off the person: away from what presses a part
-    /// above its limit, and from what presses a link of the arm onto the person.
+    /// The motion that moves the person away from furniture: from a body that presses a
+    /// part above its limit, or that presses an arm link onto the person.
     fn chair_retreat(&self, gaps: &[Gap]) -> Option<BaseIntent> {
         let mut row = [0.0; 2];
         let mut add = |contact: &Contact, away: Vector3<f64>| {
@@ -468,7 +472,7 @@ mod tests {
         simulation(Scenario {
             task: String::new(),
             cameras: Vec::new(),
-            // Before the kitchen table.
+            // In front of the kitchen table.
             start: Some(Isometry3::from_parts(
                 Vector3::new(-3.85, 2.48, 0.0).into(),
                 UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 86.0_f64.to_radians()),
@@ -484,8 +488,8 @@ mod tests {
         })
     }
 
-    /// Greatest force on any part of the body while the grasp point is sent towards a
-    /// capsule at full speed, N.
+    /// Largest force on any part of the body while the grasp point is commanded towards
+    /// a capsule at full speed, N.
     fn press(sim: &mut Simulation, capsule: usize, ticks: usize) -> f64 {
         let person = sim.person.clone().expect("a person");
         let mut most = 0.0_f64;
@@ -515,7 +519,7 @@ mod tests {
     }
 
     #[test]
-    fn guarded_hand_sent_into_a_body_presses_no_part_above_15_newtons() {
+    fn a_guarded_hand_presses_no_part_above_15_newtons() {
         // Face, chest and a thigh.
         for capsule in [1, 4, 15] {
             let mut sim = seated(true);
@@ -527,10 +531,10 @@ mod tests {
         assert!(force > 50.0, "the hand does not reach the body: {force} N");
     }
 
-    /// Unguarded, the hand loads against the chest; then the guard is switched on, as by a
-    /// person who was touched before.
+    /// Without the guard the hand loads against the chest; then the guard is switched
+    /// on.
     #[test]
-    fn hand_that_presses_the_chest_backs_off_under_the_guard() {
+    fn a_pressing_hand_backs_off_under_the_guard() {
         let mut sim = seated(false);
         assert!(press(&mut sim, 4, 240) > 50.0);
         sim.scenario.person.as_mut().expect("a person").guard = true;
@@ -538,7 +542,7 @@ mod tests {
         let force = press(&mut sim, 4, 60);
         assert!(
             force < 15.0,
-            "{force} N half a second after the guard came on"
+            "{force} N half a second after the guard was switched on"
         );
     }
 
@@ -571,7 +575,7 @@ mod tests {
     }
 
     #[test]
-    fn restored_state_goes_on_under_the_guard_with_the_same_bits() {
+    fn a_restored_state_continues_under_the_guard_with_the_same_bits() {
         let mut sim = seated(true);
         press(&mut sim, 1, 150);
         let saved = sim.save().expect("a state");

@@ -1,12 +1,13 @@
-//! What lies, leans, is stacked or stands is at rest from the first step.
+//! Lying, leaning, stacked and upright objects are at rest from the first step.
 
 use super::ControlInput;
 use super::Simulation;
 use super::tests::{scenario, simulation};
 
-/// Simulated seconds for which nothing may move.
+/// Simulated seconds without motion.
 const SECONDS: u64 = 2;
-/// Greatest movement of an object, metres, and turn, radians: contacts settle by as much.
+/// Largest movement of an object, metres, and rotation, rad: contacts settle by this
+/// much.
 const MOST: [f64; 2] = [0.002, 0.01];
 
 fn poses(sim: &Simulation) -> Vec<nalgebra::Isometry3<f64>> {
@@ -15,7 +16,7 @@ fn poses(sim: &Simulation) -> Vec<nalgebra::Isometry3<f64>> {
 }
 
 #[test]
-fn objects_of_every_area_are_at_rest_however_they_are_placed() {
+fn objects_of_every_area_are_at_rest_in_every_placement() {
     let mut unusual = 0;
     for (task, seeds) in [("pick_mustard", 0..14), ("serve_remote", 0..6)] {
         for seed in seeds {

@@ -1,4 +1,4 @@
-//! `Scenario`: the only way to say what is simulated.
+//! `Scenario`: the complete specification of a simulation.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::settings::Style;
@@ -23,18 +23,18 @@ pub struct CameraSetting {
     pub name: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Pictures per simulated second, Hz; divides 240; 0 is off.
+    /// Images per simulated second, Hz; divides 240; 0 is off.
     pub rate_hz: f64,
-    /// Lens; `None`: as the robot's description says.
+    /// Lens; `None`: from the robot's description.
     pub lens: Option<Lens>,
-    /// Where it is; `None`: as the robot's description says.
+    /// Mount; `None`: from the robot's description.
     pub place: Option<CameraPlace>,
 }
 
 /// A pinhole lens without distortion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
-    /// Picture size for which it holds, pixels; it scales with the pictures.
+    /// Image size of these values, pixels; they scale with the images.
     pub size: [u32; 2],
     /// Focal lengths, pixels.
     pub focal: [f64; 2],
@@ -42,7 +42,7 @@ pub struct Lens {
     pub principal: [f64; 2],
 }
 
-/// Where a camera is.
+/// Mount of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraPlace {
     /// One of the robot's recorded frames, or [`HOUSE`].
@@ -51,10 +51,10 @@ pub struct CameraPlace {
     pub pose: Isometry3<f64>,
 }
 
-/// Frame of a camera that stands still.
+/// Frame of a fixed camera.
 pub const HOUSE: &str = "house";
 
-/// What is simulated.
+/// A scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     /// Scene below assets/scenes.
@@ -69,85 +69,83 @@ pub struct Scenario {
     pub cameras: Vec<CameraSetting>,
     /// Rate of the state streams, Hz; divides 60.
     pub state_rate_hz: f64,
-    /// Rate of the shapes of soft objects, Hz; divides 60.
+    /// Rate of the shapes of deformables, Hz; divides 60.
     pub deformable_rate_hz: f64,
     /// Rate of the IMU, Hz; divides 240.
     pub imu_rate_hz: f64,
     /// Pacing.
     pub pacing: Pacing,
-    /// Picture quality.
+    /// Image quality.
     pub quality: Quality,
     /// Adds noise to the IMU.
     pub imu_noise: bool,
-    /// Placements by object name; empty: drawn from the seed.
+    /// Placements by object name; empty: sampled from the seed.
     pub objects: Vec<(String, Placement)>,
-    /// Resistance of furniture joints by name, and their positions at the start,
-    /// metres; what is missing is drawn.
+    /// Resistance of furniture joints by name, and their initial positions, metres;
+    /// missing ones are sampled.
     pub slides: Vec<(String, Resistance, f64)>,
-    /// world_from_wheelchair_root at the start; `None`: drawn.
+    /// Initial world_from_wheelchair_root; `None`: sampled.
     pub start: Option<Isometry3<f64>>,
-    /// Start poses that were drawn before and rejected because of the person (count).
+    /// Start poses that were sampled and rejected because of the person (count).
     pub rejected_starts: u32,
-    /// Where the robot starts when it is drawn.
+    /// Region of sampled starts.
     pub starts: Starts,
-    /// A drawn start has the target in the field of view of a camera of the robot.
+    /// A sampled start has the target in the field of view of a robot camera.
     pub start_in_view: bool,
     /// The scripted operator looks around before it drives.
     pub look_around: bool,
-    /// Positions of the arm's joints at the start, rad; `None`: drawn.
+    /// Initial positions of the arm's joints, rad; `None`: sampled.
     pub arm: Option<[f64; ARM_JOINTS]>,
-    /// Angle of the gripper's knuckle at the start, rad; `None`: drawn.
+    /// Initial angle of the gripper's knuckle, rad; `None`: sampled.
     pub knuckle: Option<f64>,
     /// Instruction sentence; empty: one of the task's.
     pub instruction: String,
-    /// How the task is said where the sentence is drawn; `None`: one of its own.
+    /// Language settings for a generated sentence; `None`: one of the task's.
     pub language: Option<Language>,
-    /// What the task is about; empty: the task's only target, or drawn.
+    /// Target of the task; empty: the task's only target, or sampled.
     pub target: String,
-    /// Which specimen of the robot: its cameras' lenses and places are drawn
-    /// from it; `None`: as the description says.
+    /// Robot specimen: its cameras' lenses and mounts are sampled from this seed;
+    /// `None`: from the description.
     pub calibration_seed: Option<u64>,
-    /// How it looks; `None`: as the files say.
+    /// Visual randomization; `None`: as in the files.
     pub look: Option<Look>,
-    /// Variant of the task's area, empty for the first; `None`: that in which the
-    /// given objects are, or drawn.
+    /// Variant of the task's area, empty for the first; `None`: the one with the given
+    /// objects, or sampled.
     pub variant: Option<String>,
-    /// How often a variant other than the area's first is drawn, 0 to 1; `None`:
-    /// as the area says.
+    /// Probability of a variant other than the area's first, 0 to 1; `None`: the area's
+    /// value.
     pub variant_share: Option<f64>,
-    /// Sensor models that are on.
+    /// Active sensor models.
     pub sensors: Vec<SensorSetting>,
-    /// What hinders the robot on purpose.
+    /// Intentional disturbances of the robot.
     pub disturbances: Option<Disturbances>,
-    /// Who sits in the chair; `None`: nobody.
+    /// The person in the chair; `None`: empty.
     pub person: Option<PersonSetting>,
-    /// How the scripted operator moves.
+    /// Motion style of the scripted operator.
     pub style: Style,
-    /// Simulated seconds after which the task has failed; `None`: as the task
-    /// says; 0: to be set from the way and the style.
+    /// Simulated seconds after which the task fails; `None`: the task's; 0: computed
+    /// from path and style.
     pub time_limit: Option<f64>,
-    /// What was asked for where an answer of the simulation stands in its place. What is
-    /// drawn anew begins from here.
-    pub asked: Asked,
+    /// Requested values that the simulation has replaced. Resampling starts from these.
+    pub requested: Requested,
 }
 
-/// What was asked for, where a scenario tells what became of it.
+/// Requested values that a simulation has replaced.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Asked {
-    /// Who sits in the chair, before a task of care added what it needs.
+pub struct Requested {
+    /// The person before a care task added its requirements.
     pub person: Option<PersonSetting>,
-    /// The time limit was left to the way and the style.
+    /// The time limit is computed from path and style.
     pub open_limit: bool,
 }
 
-/// Name of a camera setting that stands for every camera of the robot that has
-/// none of its own.
+/// Name of a camera setting that applies to every robot camera without its own setting.
 pub const ALL_CAMERAS: &str = "*";
 
-/// Least and greatest mass of a soft object, kg.
+/// Smallest and largest mass of a deformable, kg.
 pub const SOFT_MASS: (f64, f64) = (0.05, 2.0);
 
-/// Greatest width or height of a picture, pixels.
+/// Largest width or height of an image, pixels.
 pub const MAX_SIZE: u32 = 4096;
 
 impl Default for Scenario {
@@ -186,7 +184,7 @@ impl Default for Scenario {
             person: None,
             style: Style::Quick,
             time_limit: None,
-            asked: Asked::default(),
+            requested: Requested::default(),
         }
     }
 }
@@ -194,10 +192,10 @@ impl Default for Scenario {
 /// A scenario that cannot be simulated.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ScenarioError {
-    /// A rate.
+    /// An invalid rate.
     #[error(transparent)]
     Rate(#[from] BadRate),
-    /// A picture size.
+    /// An invalid image size.
     #[error("camera {camera:?} is {width}x{height}, expected 16 to {MAX_SIZE} pixels each way")]
     Size {
         /// The camera.
@@ -207,20 +205,20 @@ pub enum ScenarioError {
         /// Pixels.
         height: u32,
     },
-    /// A camera's place.
+    /// An unknown frame of a camera's mount.
     #[error("camera {camera:?} is placed in the frame {frame:?}; the robot has {known}")]
     CameraFrame {
         /// The camera.
         camera: String,
         /// The frame.
         frame: String,
-        /// Frames that there are.
+        /// Available frames.
         known: String,
     },
     /// The same camera twice.
     #[error("camera {0:?} is named twice; name each camera once")]
     Twice(String),
-    /// A mass that a soft object cannot have.
+    /// An invalid mass of a deformable.
     #[error(
         "mass of {name:?}, which is soft, is {} kg, expected {} to {}: lighter or heavier ones do \
          not settle",
@@ -232,9 +230,9 @@ pub enum ScenarioError {
         /// kg.
         mass: f64,
     },
-    /// A position that a joint of the robot cannot have.
+    /// An invalid position of a robot joint.
     #[error(
-        "the start puts {name} at {} rad, expected {least} to {most}",
+        "the start sets {name} to {} rad, expected {least} to {most}",
         wheelarm_proto::check::Number(*.position)
     )]
     Joint {
@@ -267,14 +265,14 @@ pub struct Schedules {
     pub cameras: Vec<Schedule>,
     /// State streams.
     pub state: Schedule,
-    /// Shapes of soft objects.
+    /// Shapes of deformables.
     pub deformable: Schedule,
     /// IMU.
     pub imu: Schedule,
 }
 
 impl Scenario {
-    /// All cameras of whatever robot at 1280x720, 10 Hz.
+    /// All cameras of any robot at 1280x720, 10 Hz.
     #[must_use]
     pub fn all_cameras() -> Vec<CameraSetting> {
         vec![CameraSetting {
@@ -286,7 +284,7 @@ impl Scenario {
         }]
     }
 
-    /// Puts a robot's cameras in the place of [`ALL_CAMERAS`].
+    /// Replaces [`ALL_CAMERAS`] by the robot's cameras.
     pub(super) fn name_cameras<'a>(&mut self, robot: impl Iterator<Item = &'a str>) {
         let Some(at) = self.cameras.iter().position(|c| c.name == ALL_CAMERAS) else {
             return;
@@ -303,10 +301,10 @@ impl Scenario {
         self.cameras.extend(named);
     }
 
-    /// Checks names, rates and sizes and returns the due times.
+    /// Checks names, rates and sizes and returns the schedules.
     ///
     /// # Errors
-    /// [`ScenarioError`] that names the field and what would be right.
+    /// [`ScenarioError`] that names the field and the allowed values.
     pub fn schedules(&self) -> Result<Schedules, ScenarioError> {
         for (what, name, optional) in [
             ("scene", &self.scene, false),
@@ -351,7 +349,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settling_that_takes_too_long_and_wrong_soft_masses_are_refused() {
+    fn long_settling_and_wrong_deformable_masses_are_rejected() {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let bear = Scenario {
             task: "place_teddy_bear".into(),
@@ -362,10 +360,10 @@ mod tests {
             made.map(|sim| sim.scenario().clone())
                 .map_err(|e| e.to_string())
         };
-        let told = set_up(&bear, true).unwrap_err();
+        let message = set_up(&bear, true).unwrap_err();
         assert!(
-            told.contains("takes longer than this server allows"),
-            "{told}"
+            message.contains("takes longer than this server allows"),
+            "{message}"
         );
         let mut drawn = set_up(&bear, false).unwrap();
         let soft = |(name, _): &(String, Placement)| name.contains("teddy");
@@ -374,12 +372,12 @@ mod tests {
             drawn.objects[bear].1.mass = mass;
             assert_eq!(set_up(&drawn, false).is_ok(), fits, "{mass} kg");
         }
-        // What is not soft has nothing to settle.
+        // A scene without deformables has nothing to settle.
         assert!(set_up(&Scenario::default(), true).is_ok());
     }
 
     #[test]
-    fn one_setting_stands_for_all_cameras_that_have_none() {
+    fn one_setting_applies_to_all_cameras_without_their_own() {
         let mut own = Scenario::all_cameras();
         own[0].name = "b".into();
         own[0].rate_hz = 30.0;
@@ -398,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn scenarios_that_cannot_run_say_why() {
+    fn errors_of_invalid_scenarios_give_the_reason() {
         assert!(Scenario::default().schedules().is_ok());
         let mut twice = Scenario::default();
         twice.cameras.extend(Scenario::all_cameras());

@@ -1,8 +1,8 @@
 //! Saving and restoring a simulation, bit for bit.
 //!
-//! What is restored may be damaged, or made by somebody else: the envelope is
-//! checked, then every body, and then a copy is run for [`TRIAL`] control ticks.
-//! Whatever is found, the simulation stays as it was.
+//! A stored state may be damaged or forged: the envelope is checked, then every body,
+//! and then a copy runs for [`TRIAL`] control ticks. On any error the simulation is
+//! unchanged.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_VERSION;
@@ -20,7 +20,7 @@ use crate::world::{World, WorldError};
 
 #[derive(Serialize, Deserialize)]
 struct Stored {
-    /// First, so that it can be read whatever follows.
+    /// First, so that it can be decoded in any version.
     physics_version: u32,
     scene: String,
     task: String,
@@ -32,14 +32,14 @@ struct Stored {
     evaluator: Option<EvaluatorState>,
 }
 
-/// How a world takes a state over: examined, or as it is.
-type Put = fn(&mut World, &[u8]) -> Result<(), WorldError>;
+/// How a world loads a state: validated, or unchecked.
+type LoadState = fn(&mut World, &[u8]) -> Result<(), WorldError>;
 
-/// Control ticks for which a stored state is tried out.
+/// Control ticks of the trial run of a stored state.
 const TRIAL: usize = 8;
 
 impl Simulation {
-    /// Everything that the next step depends on, as bytes.
+    /// Serializes everything that the next step depends on.
     ///
     /// # Errors
     /// When the state is broken.
@@ -72,12 +72,12 @@ impl Simulation {
     /// Continues from bytes of [`Simulation::save`] of the same scenario.
     ///
     /// # Errors
-    /// [`StateError`] when the bytes are damaged or of another scenario; the
-    /// simulation stays as it was.
+    /// [`StateError`] when the bytes are damaged or of another scenario; the simulation
+    /// is unchanged.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), StateError> {
         let content = envelope::open(bytes).map_err(StateError::Format)?;
         let own = self.content();
-        let seen = (
+        let displayed = (
             std::sync::Arc::clone(&self.snapshot),
             self.evaluation.clone(),
             self.broken.clone(),
@@ -93,22 +93,22 @@ impl Simulation {
             Err(words) => StateError::Panics(words),
         };
         let put_back = self.take(&own, World::put_back);
-        (self.snapshot, self.evaluation, self.broken) = seen;
+        (self.snapshot, self.evaluation, self.broken) = displayed;
         if self.broken.is_none() {
             put_back?;
         }
         Err(problem)
     }
 
-    /// Runs for a while as if nobody commanded.
+    /// Runs the trial without commands.
     fn try_out(&mut self) -> Result<(), StateError> {
         let damaged = |what: &str| Err(StateError::Damaged(format!("{what} is not finite")));
         for _ in 0..TRIAL {
             let step = self.step(&ControlInput::default());
             match self.fault() {
                 Some(Fault::Panic(words)) => return Err(StateError::Panics(words.clone())),
-                // A state from which things soon break is a state: it may be
-                // what somebody wants to look into.
+                // A state that soon breaks is still valid: a user may want to inspect
+                // it.
                 Some(_) => return Ok(()),
                 None => {}
             }
@@ -133,7 +133,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn take(&mut self, content: &[u8], put: Put) -> Result<(), StateError> {
+    fn take(&mut self, content: &[u8], put: LoadState) -> Result<(), StateError> {
         let damaged = |e: postcard::Error| StateError::Format(e.to_string());
         let (found, _) = postcard::take_from_bytes::<u32>(content).map_err(damaged)?;
         if found != PHYSICS_VERSION {
@@ -167,7 +167,7 @@ impl Simulation {
         self.snapshot = std::sync::Arc::<Snapshot>::new(self.world.snapshot());
         if let (Some(evaluator), Some(state)) = (&mut self.evaluator, stored.evaluator) {
             evaluator.restore(state);
-            // A copy looks once more at the same state; the judge itself must not.
+            // A copy evaluates the same state again; the original must not.
             self.evaluation = evaluator.clone().update(&self.snapshot);
         }
         Ok(())

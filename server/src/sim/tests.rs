@@ -1,4 +1,4 @@
-//! What is broken or damaged costs the simulation nothing but itself.
+//! Errors and damaged input do not harm the simulation.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ pub(super) fn simulation(scenario: Scenario) -> Simulation {
     Simulation::new(&assets(), scenario).expect("a simulation")
 }
 
-/// The chair at a place in `house`, metres, as it stands in the scene.
+/// The chair at a position in `house`, metres, with the scene's orientation.
 fn started(x: f64, y: f64, z: f64) -> Scenario {
     Scenario {
         start: Some(Isometry3::from_parts(
@@ -41,7 +41,7 @@ fn started(x: f64, y: f64, z: f64) -> Scenario {
     }
 }
 
-/// In the middle of a piece of furniture.
+/// A start inside a piece of furniture.
 fn started_in(furniture: &str) -> Scenario {
     let sim = simulation(scenario("pick_mustard"));
     let body = sim.scene().furniture_named(furniture).expect("furniture");
@@ -50,9 +50,9 @@ fn started_in(furniture: &str) -> Scenario {
 }
 
 #[test]
-fn objects_that_are_placed_into_each_other_are_refused_and_drawn_ones_are_not() {
+fn overlapping_placements_are_rejected_and_sampled_ones_are_not() {
     let drawn = simulation(scenario("pick_mustard")).scenario().clone();
-    // As it was told, and with one thing moved to where nothing stands.
+    // As given, and with one object moved to a free place.
     let mut apart = drawn.clone();
     assert!(Simulation::new(&assets(), apart.clone()).is_ok());
     apart.objects[0].1.pose.translation.z += 1.0;
@@ -62,18 +62,18 @@ fn objects_that_are_placed_into_each_other_are_refused_and_drawn_ones_are_not() 
     let (mustard, soup) = (place("mustard"), place("tomato_soup"));
     into.objects[mustard].1.pose = drawn.objects[soup].1.pose;
     let Err(refused) = Simulation::new(&assets(), into) else {
-        panic!("the mustard stands in the soup");
+        panic!("the mustard overlaps the soup");
     };
     assert!(matches!(refused, SimError::Overlap { .. }), "{refused}");
-    let told = refused.to_string();
+    let message = refused.to_string();
     assert!(
-        told.contains("\"mustard\"") && told.contains("\"tomato_soup\""),
-        "{told}"
+        message.contains("\"mustard\"") && message.contains("\"tomato_soup\""),
+        "{message}"
     );
 }
 
 #[test]
-fn a_panic_in_a_step_breaks_the_simulation_and_nothing_else() {
+fn a_panic_in_a_step_breaks_only_the_simulation() {
     let mut sim = simulation(scenario("pick_mustard"));
     sim.step(&ControlInput::default());
     let last = Arc::clone(sim.snapshot());
@@ -83,7 +83,7 @@ fn a_panic_in_a_step_breaks_the_simulation_and_nothing_else() {
     assert!(step.imu.is_empty() && step.frames.is_empty());
     let words = sim.broken().expect("it is broken");
     assert!(words.contains("an index of 7 of 3"), "{words}");
-    // It stays where it was, says so, and takes no further step.
+    // It keeps its state, reports the panic, and runs no further step.
     sim.step(&ControlInput::default());
     assert!(Arc::ptr_eq(sim.snapshot(), &last));
     assert_eq!(sim.evaluation().failure, Some(Failure::Physics));
@@ -93,7 +93,7 @@ fn a_panic_in_a_step_breaks_the_simulation_and_nothing_else() {
 
 #[test]
 fn a_chair_in_a_table_breaks_the_physics_with_words() {
-    // A reset is refused, a playback goes where the recording was.
+    // A reset would reject this start; a playback accepts recorded states.
     let scenario = started_in("kitchen_table");
     let mut sim = Simulation::for_playback(&assets(), scenario, &|| false).expect("a playback");
     assert_eq!(sim.broken(), None);
@@ -109,7 +109,7 @@ fn a_chair_in_a_table_breaks_the_physics_with_words() {
         matches!(sim.fault(), Some(Fault::Contact { .. })),
         "{words}"
     );
-    // The broken state is never shown.
+    // The broken state is never visible.
     let shown = sim.snapshot();
     assert!(ticks > 1 || shown.tick == good.tick);
     let hardest = shown.contacts.iter().map(|c| c.force.norm());
@@ -117,7 +117,7 @@ fn a_chair_in_a_table_breaks_the_physics_with_words() {
 }
 
 #[test]
-fn senseless_places_are_refused_before_they_are_simulated() {
+fn impossible_poses_are_rejected_before_simulation() {
     let far = [
         started(1e30, 0.0, 0.0),
         started(1e39, 0.0, 0.0),
@@ -130,7 +130,7 @@ fn senseless_places_are_refused_before_they_are_simulated() {
     for scenario in far {
         let start = scenario.start;
         match Simulation::new(&assets(), scenario) {
-            Ok(_) => panic!("{start:?} was taken"),
+            Ok(_) => panic!("{start:?} was accepted"),
             Err(e) => assert!(e.to_string().contains("cannot be simulated"), "{e}"),
         }
     }
@@ -141,7 +141,7 @@ fn senseless_places_are_refused_before_they_are_simulated() {
         placement.pose.translation.vector = Vector3::new(x, 0.0, 0.5);
         let name = scenario.objects[0].0.clone();
         match Simulation::new(&assets(), scenario) {
-            Ok(_) => panic!("an object at {x} m was taken"),
+            Ok(_) => panic!("an object at {x} m was accepted"),
             Err(e) => assert!(e.to_string().contains(&name), "{e}"),
         }
     }
@@ -169,11 +169,15 @@ fn a_joint_that_is_too_fast_is_noted_and_one_far_too_fast_breaks_the_state() {
         "{:?}",
         sim.fault()
     );
-    assert_eq!(sim.snapshot().tick, before, "the broken state is not shown");
+    assert_eq!(
+        sim.snapshot().tick,
+        before,
+        "the broken state is not visible"
+    );
     assert!(sim.broken().is_some_and(|words| words.contains("joint_2")));
 }
 
-/// Damages content in one of several ways, at a place in `within`.
+/// Damages content in one of several ways, within `within`.
 fn damaged(content: &[u8], within: Range<usize>, rng: &mut ChaCha8Rng, way: usize) -> Vec<u8> {
     let mut bytes = content.to_vec();
     let at = rng.random_range(within).min(bytes.len() - 24);
@@ -190,9 +194,9 @@ fn damaged(content: &[u8], within: Range<usize>, rng: &mut ChaCha8Rng, way: usiz
     bytes
 }
 
-/// Tries `count` damaged states of a simulation that has moved for a while, each
-/// with a right checksum. Every one is refused and changes nothing, or is
-/// simulated without a panic. Says how many were refused.
+/// Restores `count` damaged states of a moved simulation, each with a valid checksum.
+/// Every one is rejected without change, or simulated without a panic. Returns how many
+/// were rejected.
 fn survives(
     sim: &mut Simulation,
     count: usize,
@@ -217,7 +221,7 @@ fn survives(
                 for _ in 0..8 {
                     sim.step(&ControlInput::default());
                 }
-                // It may be a state from which things soon break; that is told.
+                // It may be a state that soon breaks; that is reported.
                 let fault = sim.fault();
                 let panicked = matches!(fault, Some(Fault::Panic(_)));
                 assert!(!panicked, "mutation {n}: {fault:?}");
@@ -229,13 +233,13 @@ fn survives(
             }
         }
     }
-    println!("{refused} of {count} refused, {broke} taken and broke within 8 control ticks");
+    println!("{refused} of {count} rejected, {broke} accepted and broken within 8 control ticks");
     refused
 }
 
 #[test]
-fn a_good_state_is_taken_over_where_the_engine_put_a_body_aside() {
-    // A body that the engine puts aside does not keep a good state out.
+fn a_good_state_is_restored_after_the_engine_disabled_a_body() {
+    // A body that the engine disabled must not prevent restoring a good state.
     let mut sim = simulation(scenario("pick_mustard"));
     sim.step(&ControlInput::default());
     let good = sim.save().expect("a good state");
@@ -264,7 +268,7 @@ fn damaged_states_of_a_soft_object_are_refused_or_harmless() {
         at..at + soft.len()
     };
     println!("{} bytes of soft state", soft.len());
-    // Three of four in the soft object, one anywhere.
+    // Three of four in the deformable, one anywhere.
     let refused = survives(&mut sim, 120, &mut rng, |n, content| match n / 8 % 4 {
         0 => 0..content.len(),
         _ => find(content),
@@ -288,7 +292,7 @@ fn damaged_states_are_refused_or_harmless() {
     let mut rng = ChaCha8Rng::seed_from_u64(12);
     survives(&mut sim, 240, &mut rng, |_, content| 0..content.len());
     let good = sim.save().expect("a good state");
-    // Without the sum over the content every single one is refused.
+    // With the invalid checksum every state is rejected.
     for n in 0..40 {
         let mut bytes = damaged(&good, 0..good.len(), &mut rng, n);
         if bytes == good {
@@ -301,7 +305,7 @@ fn damaged_states_are_refused_or_harmless() {
 }
 
 #[test]
-fn a_restored_state_goes_on_with_the_same_bits() {
+fn a_restored_state_continues_with_the_same_bits() {
     for task in ["pick_mustard", "place_teddy_bear"] {
         let mut first = simulation(scenario(task));
         for _ in 0..5 {
@@ -321,10 +325,10 @@ fn a_restored_state_goes_on_with_the_same_bits() {
     }
 }
 
-/// In every posture of the robot the arm touches nothing of itself and of the
-/// chair, and comes home without doing so, the gripper open or closed.
+/// In every posture the arm touches neither itself nor the chair, and reaches home
+/// without contact, with the gripper open or closed.
 #[test]
-fn every_posture_touches_nothing_and_comes_home() {
+fn every_posture_is_clear_and_reaches_home() {
     let model = RobotModel::load(&assets(), "wheelarm").expect("a robot");
     let (postures, home) = (&model.settings.postures, model.settings.home);
     assert!(postures.len() >= 20, "{}", postures.len());
@@ -361,15 +365,15 @@ fn every_posture_touches_nothing_and_comes_home() {
         let left = left.map(|(is, home)| (is - home).abs());
         assert!(
             left.fold(0.0, f64::max) < 0.02,
-            "posture {i} does not come home"
+            "posture {i} does not reach home"
         );
     }
 }
 
-/// A sentence by the grammar tells the target from all else there, and what is
-/// drawn beside it stays.
+/// A generated sentence identifies the target uniquely, and does not change other
+/// sampled values.
 #[test]
-fn a_task_that_is_said_by_the_grammar_is_the_same_task() {
+fn a_generated_instruction_does_not_change_the_task() {
     use wheelarm_proto::settings::LanguageSplit;
 
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
@@ -392,30 +396,30 @@ fn a_task_that_is_said_by_the_grammar_is_the_same_task() {
             template: String::new(),
             question: String::new(),
         };
-        let said = Scenario {
+        let generated = Scenario {
             language: Some(language),
             ..plain.clone()
         };
         let set_up = |scenario| Simulation::new(&assets, scenario).expect("a simulation");
-        let [plain, said] = [plain, said].map(set_up);
-        let (one, other) = (plain.scenario(), said.scenario());
+        let [plain, generated] = [plain, generated].map(set_up);
+        let (one, other) = (plain.scenario(), generated.scenario());
         assert_ne!(one.instruction, other.instruction);
-        let told = other.language.as_ref().expect("how it is said");
-        assert!(told.template.starts_with(verb), "{told:?}");
-        assert!(told.question.is_empty(), "{told:?}");
+        let language = other.language.as_ref().expect("language settings");
+        assert!(language.template.starts_with(verb), "{language:?}");
+        assert!(language.question.is_empty(), "{language:?}");
         assert_eq!(
             (&one.objects, &one.target, one.start),
             (&other.objects, &other.target, other.start)
         );
-        assert_eq!(plain.snapshot(), said.snapshot());
+        assert_eq!(plain.snapshot(), generated.snapshot());
         let own = plain.task().expect("a task").instructions.clone();
         assert!(!own.contains(&other.instruction));
     }
 }
 
-/// Who cares for somebody needs somebody, and goes slowly near the face.
+/// A care task adds a person, and the guard slows motion near the face.
 #[test]
-fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
+fn care_tasks_have_a_person_and_the_guard_on() {
     let mut bodies = Vec::new();
     for seed in 0..6 {
         for task in [
@@ -429,9 +433,9 @@ fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
                 seed,
                 ..scenario(task)
             });
-            let person = sim.scenario().person.as_ref().expect("somebody");
+            let person = sim.scenario().person.as_ref().expect("a person");
             assert!(person.guard && sim.person().is_some(), "{task}");
-            let drawn = person.drawn.as_ref().expect("who it is");
+            let drawn = person.drawn.as_ref().expect("a sampled person");
             assert_eq!(drawn.posture, "hands_on_armrests");
             bodies.push(drawn.body.clone());
         }
@@ -441,8 +445,8 @@ fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
     assert!(bodies.len() > 2, "{bodies:?}");
     let other = simulation(scenario("pick_mustard"));
     assert!(other.scenario().person.is_none() && other.person().is_none());
-    // Somebody who is named is cared for likewise.
-    let asked = |text: &str| {
+    // A named person is accepted likewise.
+    let requested = |text: &str| {
         let person = PersonSetting {
             body: "woman_p5".to_owned(),
             posture: text.to_owned(),
@@ -452,30 +456,30 @@ fn in_tasks_of_care_somebody_sits_in_the_chair_and_the_guard_is_on() {
             person: Some(person),
             ..scenario("serve_spoonful")
         });
-        sim.scenario().person.clone().expect("somebody")
+        sim.scenario().person.clone().expect("a person")
     };
-    let named = asked("");
+    let named = requested("");
     assert!(named.guard && named.mouth_open && named.motion == Some(0.3));
-    let drawn = named.drawn.clone().expect("who it is");
+    let drawn = named.drawn.clone().expect("a sampled person");
     assert_eq!(
         (drawn.body.as_str(), drawn.posture.as_str()),
         ("woman_p5", "hands_on_armrests")
     );
-    assert_eq!(asked("leaning_left").posture, "leaning_left");
-    // Who was drawn stays as told, so that old episodes replay.
-    let told = PersonSetting {
+    assert_eq!(requested("leaning_left").posture, "leaning_left");
+    // The sampled values stay as recorded, so that old episodes replay.
+    let person = PersonSetting {
         guard: false,
         ..named
     };
     let again = simulation(Scenario {
-        person: Some(told.clone()),
+        person: Some(person.clone()),
         ..scenario("serve_spoonful")
     });
-    assert_eq!(again.scenario().person, Some(told));
+    assert_eq!(again.scenario().person, Some(person));
 }
 
-/// Chair and arm are free of the person at every start, and stay so while nothing is
-/// commanded.
+/// Chair and arm are clear of the person at every start, and remain so without
+/// commands.
 #[test]
 fn no_start_anywhere_touches_the_person() {
     let tasks = [
@@ -508,7 +512,7 @@ fn no_start_anywhere_touches_the_person() {
 }
 
 #[test]
-fn a_start_inside_of_furniture_or_the_person_is_refused_by_name_and_depth() {
+fn a_start_inside_furniture_or_the_person_is_rejected_with_name_and_depth() {
     let refused = |scenario: Scenario| match Simulation::new(&assets(), scenario.clone()) {
         Err(error @ SimError::RobotOverlap { .. }) => {
             let playback = Simulation::for_playback(&assets(), scenario, &|| false);
@@ -538,8 +542,8 @@ fn a_start_inside_of_furniture_or_the_person_is_refused_by_name_and_depth() {
     assert!(words.contains("of the person"), "{words}");
 }
 
-/// Prints how much floor and start distance a seated person costs, and how many of the
-/// sampled starts are rejected.
+/// Prints how much floor and start distance a seated person costs, and how many sampled
+/// starts are rejected.
 #[test]
 #[ignore = "takes minutes: make test-people"]
 fn starts_keep_the_floor_of_everybody() {

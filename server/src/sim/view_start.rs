@@ -1,4 +1,4 @@
-//! Starts from which a camera of the robot has the target in view.
+//! Starts from which a robot camera has the target in view.
 
 use nalgebra::{Isometry3, Point3};
 use wheelarm_route::obb::Obb;
@@ -8,14 +8,14 @@ use crate::robot::{CameraMount, RobotModel};
 use crate::scene::Scene;
 use crate::tasks::{Floor, TaskSpec, Variant, collision_boxes};
 
-/// The target's middle is at least this far from the edge of the image: share of its size.
+/// Smallest distance of the target's centre from the image border: share of its size.
 const EDGE: f64 = 0.05;
-/// Furthest distance at which an object is more than a few pixels, metres.
+/// Largest distance at which an object covers more than a few pixels, metres.
 const FURTHEST: f64 = 3.5;
 /// Samples of the line of sight.
 const SAMPLES: u32 = 60;
 
-/// Replaces a drawn start by one that sees the target, where there is one.
+/// Replaces a sampled start by one with the target in view, if one exists.
 pub(super) fn choose(
     scenario: &mut Scenario,
     (task, variant): (&TaskSpec, &Variant),
@@ -32,7 +32,7 @@ pub(super) fn choose(
     }
 }
 
-/// The cameras and what could hide the target.
+/// The cameras and the bodies that could hide the target.
 struct View<'a> {
     /// chair_from_optical of each camera.
     eyes: Vec<(Isometry3<f64>, &'a CameraMount)>,
@@ -65,13 +65,13 @@ impl<'a> View<'a> {
     fn sees(&self, start: &Isometry3<f64>) -> bool {
         self.eyes.iter().any(|(eye, mount)| {
             let eye = start * eye;
-            let seen = eye.inverse_transform_point(&self.target);
+            let point = eye.inverse_transform_point(&self.target);
             let in_image = |axis: usize| {
-                let at = mount.principal[axis] + mount.focal[axis] * seen[axis] / seen.z;
+                let at = mount.principal[axis] + mount.focal[axis] * point[axis] / point.z;
                 (EDGE..=1.0 - EDGE).contains(&(at / f64::from(mount.size[axis])))
             };
-            seen.z > 0.0
-                && seen.coords.norm() < FURTHEST
+            point.z > 0.0
+                && point.coords.norm() < FURTHEST
                 && in_image(0)
                 && in_image(1)
                 && self.is_clear(&Point3::from(eye.translation.vector))
@@ -88,7 +88,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// The middle of the target in `house`.
+/// The centre of the target in `house`.
 fn target(scenario: &Scenario, scene: &Scene) -> Option<Point3<f64>> {
     let placed = scenario
         .objects

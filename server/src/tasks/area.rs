@@ -1,42 +1,41 @@
-//! What belongs to an area of the home and how it is drawn: plain data, checked
-//! against its scene by who loads it. Nothing here knows of tasks.
+//! Areas of a home and the ranges from which they are sampled: plain data, checked
+//! against the scene by the loader. Independent of tasks.
 
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Scene};
 
-/// What belongs to an area, by the same ranges whoever asks for it.
+/// An area; its ranges are the same for every task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AreaSpec {
     /// Name of the file below assets/areas.
     pub name: String,
     /// Scene below assets/scenes.
     pub scene: String,
-    /// What the hand of the robot takes up on its way: scenes are drawn for it.
+    /// Hand corridor of the robot: scenes are sampled with room for it.
     pub hand: CorridorSettings,
-    /// Where the chair starts when it starts near by.
+    /// Ranges of a start near the area.
     pub start: StartSpec,
-    /// How furniture slides; what is not listed slides as in the scene.
+    /// Friction of sliding furniture; unlisted furniture keeps the scene's values.
     pub slides: Vec<SlideSpec>,
-    /// What may stand there: at least one, the first takes the share that the
-    /// others leave.
+    /// Possible contents: at least one; the first has the share that the others leave.
     pub variants: Vec<Variant>,
-    /// How often it is sampled where a task asks for something elsewhere, 0 to 1, among
+    /// Probability that it is sampled while a task is in another area, 0 to 1, among
     /// the areas on the same furniture.
     pub elsewhere: f64,
-    /// The other areas of the scene, without surroundings of their own.
+    /// The other areas of the scene, without their own surroundings.
     pub surroundings: Vec<AreaSpec>,
 }
 
-/// One set of things that may stand in an area.
+/// One set of objects that may be in an area.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
     /// Its name; empty for the first.
     pub name: String,
-    /// How often it is drawn, 0 to 1.
+    /// Probability, 0 to 1.
     pub share: f64,
     /// Optional furniture that it needs.
     pub furniture: Vec<String>,
-    /// Furniture on which things may be put.
+    /// Furniture on which objects may be placed.
     pub regions: Vec<String>,
     /// Where objects start.
     pub places: Vec<PlaceSpec>,
@@ -52,7 +51,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// Whether a number lies inside, rounding aside.
+    /// Whether a number is inside, with a tolerance for rounding.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         value >= self.min - 1e-9 && value <= self.max + 1e-9
@@ -83,20 +82,20 @@ pub struct PlaceSpec {
     pub inwards: Range,
     /// Along the edge from its middle, metres.
     pub along: Range,
-    /// Turn against the inward direction, radians.
+    /// Rotation relative to the inward direction, radians.
     pub yaw: Range,
     /// kg; the object's own when absent.
     pub mass: Option<Range>,
     /// Coulomb coefficient; the object's own when absent.
     pub friction: Option<Range>,
-    /// How often it is there at all, 0 to 1.
+    /// Probability that it exists, 0 to 1.
     pub chance: f64,
-    /// How often it rests otherwise than upright.
+    /// Probabilities of resting otherwise than upright.
     pub rest: RestShares,
 }
 
 impl PlaceSpec {
-    /// Whether it is there in every scene, so that a task may ask for it.
+    /// Whether it exists in every scene, so that a task may name it.
     #[must_use]
     pub fn is_certain(&self) -> bool {
         self.chance >= 1.0
@@ -112,7 +111,7 @@ pub struct RestShares {
     pub stacks: f64,
     /// Against other clutter.
     pub leans: f64,
-    /// Behind an object that a task can ask for, as seen from the approach edge.
+    /// Behind a possible target, as seen from the approach edge.
     pub hides: f64,
 }
 
@@ -124,7 +123,7 @@ impl RestShares {
     }
 }
 
-/// Ranges of furniture that slides.
+/// Ranges of sliding furniture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SlideSpec {
     /// Joint, for example `drawer_1_joint`.
@@ -133,12 +132,12 @@ pub struct SlideSpec {
     pub friction: Range,
     /// Viscous friction, N·s/m.
     pub damping: Range,
-    /// Joint position at the start, metres.
+    /// Initial joint position, metres.
     pub position: Range,
 }
 
 impl AreaSpec {
-    /// The furniture that carries its objects; empty for an area of furniture that slides.
+    /// The furniture that carries its objects; empty for an area of sliding furniture.
     #[must_use]
     pub fn carrier(&self) -> &str {
         let places = self.variants.first().and_then(|v| v.places.first());
@@ -161,7 +160,7 @@ impl AreaSpec {
         self.variants.iter().find(|variant| variant.name == name)
     }
 
-    /// Furniture that slides and is drawn, in the order of the file.
+    /// Sampled sliding furniture, in the order of the file.
     pub(super) fn sliding<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = &'a Body> {
         self.slides.iter().filter_map(move |slide| {
             let joint = scene.joint_named(&slide.joint)?;
@@ -171,13 +170,13 @@ impl AreaSpec {
 }
 
 impl Variant {
-    /// Where an object starts.
+    /// The ranges of an object.
     #[must_use]
     pub fn place(&self, object: &str) -> Option<&PlaceSpec> {
         self.places.iter().find(|place| place.object == object)
     }
 
-    /// Whether an object or region is there in every scene.
+    /// Whether an object or region exists in every scene.
     #[must_use]
     pub fn offers(&self, name: &str) -> bool {
         self.place(name).is_some_and(PlaceSpec::is_certain)

@@ -7,13 +7,13 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::area::{AreaSpec, PlaceSpec, Range, RestShares, SlideSpec, StartSpec, Variant};
-use super::known::{known_joint, known_object};
+use super::name_check::{known_joint, known_object};
 use super::rest::lying;
-use super::scene_draw::draw_scene;
+use super::scene_sampling::sample_scene;
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Place, Scene, SceneError, names, parse, provenance};
 
-/// Seeds that are drawn when an area is read, to see that there is room.
+/// Seeds sampled when an area is loaded, to check that there is room.
 const SEEDS: u64 = 4;
 
 #[derive(Debug, Deserialize)]
@@ -31,12 +31,12 @@ struct AreaFile {
     slide: Vec<SlideEntry>,
     #[serde(default)]
     variant: Vec<VariantEntry>,
-    /// How often it is sampled where a task asks for something elsewhere, 0 to 1.
+    /// Probability that it is sampled while a task is in another area, 0 to 1.
     #[serde(default)]
     elsewhere: f64,
 }
 
-/// Where the chair starts: ranges, least and greatest value.
+/// Ranges of the chair's start: smallest and largest value.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StartEntry {
@@ -45,7 +45,7 @@ struct StartEntry {
     yaw_deg: [f64; 2],
 }
 
-/// Where one object starts: ranges in the frame of the surface's approach edge.
+/// Ranges of an object's start, in the frame of the surface's approach edge.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlaceEntry {
@@ -56,27 +56,27 @@ struct PlaceEntry {
     inwards: [f64; 2],
     /// Along the edge from its middle.
     along: [f64; 2],
-    /// Turn against the inward direction.
+    /// Rotation relative to the inward direction.
     yaw_deg: [f64; 2],
     mass: Option<[f64; 2]>,
     friction: Option<[f64; 2]>,
-    /// How often it is there at all, 0 to 1.
+    /// Probability that it exists, 0 to 1.
     chance: Option<f64>,
-    /// How often it lies on its side, 0 to 1.
+    /// Probability that it lies on its side, 0 to 1.
     #[serde(default)]
     lies: f64,
-    /// How often it is on top of other clutter.
+    /// Probability that it is on top of other clutter.
     #[serde(default)]
     stacks: f64,
-    /// How often it leans against other clutter.
+    /// Probability that it leans against other clutter.
     #[serde(default)]
     leans: f64,
-    /// How often it is behind an object that a task can ask for.
+    /// Probability that it is behind a possible target.
     #[serde(default)]
     hides: f64,
 }
 
-/// How furniture slides: ranges.
+/// Ranges of sliding furniture.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SlideEntry {
@@ -86,45 +86,45 @@ struct SlideEntry {
     friction: [f64; 2],
     /// N·s/m.
     damping: [f64; 2],
-    /// Joint position at the start, m.
+    /// Initial joint position, m.
     #[serde(default)]
     position: [f64; 2],
 }
 
-/// What else may stand there.
+/// A variant of the area's contents.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct VariantEntry {
     name: String,
-    /// How often it is drawn, 0 to 1.
+    /// Probability, 0 to 1.
     share: f64,
     /// Optional furniture of the scene.
     #[serde(default)]
     furniture: Vec<String>,
     #[serde(default)]
     regions: Vec<String>,
-    /// Beside the area's own, or in the place of those of the same object.
+    /// Added to the area's own places, or replacing those of the same object.
     #[serde(default)]
     place: Vec<PlaceEntry>,
 }
 
 impl AreaSpec {
-    /// Reads `assets/areas/NAME.toml` and checks it against its scene, as it was
-    /// loaded: with all that is optional. Its scenes leave room for the hand.
+    /// Reads `assets/areas/NAME.toml` and checks it against its scene, loaded with all
+    /// optional furniture. Checks that the hand has room.
     ///
     /// # Errors
-    /// When the file is missing or something in it cannot be.
+    /// When the file is missing or a value is invalid.
     pub fn load(
         assets: &Path,
         name: &str,
         scene: &Scene,
         hand: &CorridorSettings,
     ) -> Result<Self, SceneError> {
-        let mut spec = Self::alone(assets, name, scene, hand)?;
+        let mut spec = Self::load_alone(assets, name, scene, hand)?;
         let place = Place::file(&format!("areas/{name}.toml"));
         for other in names(assets, "areas")? {
             if other != name && read(assets, &other)?.scene == scene.name {
-                let other = Self::alone(assets, &other, scene, hand)?;
+                let other = Self::load_alone(assets, &other, scene, hand)?;
                 spec.surroundings.push(other);
             }
         }
@@ -132,8 +132,8 @@ impl AreaSpec {
         Ok(spec)
     }
 
-    /// Without its surroundings, and without a check of the room.
-    fn alone(
+    /// Without its surroundings, and without the check of the room.
+    fn load_alone(
         assets: &Path,
         name: &str,
         scene: &Scene,
@@ -195,13 +195,13 @@ impl AreaSpec {
         })
     }
 
-    /// Refuses ranges in which the objects, or the hand to them, find no room.
+    /// Rejects ranges in which the objects, or the hand next to them, have no room.
     fn check_room(&self, place: &Place, scene: &Scene) -> Result<(), SceneError> {
         for variant in &self.variants {
             let mut scene = scene.clone();
             scene.keep_optional(&variant.furniture);
             let mut rooms =
-                (0..SEEDS).map(|seed| draw_scene(self, variant, &scene, seed, None).clearance);
+                (0..SEEDS).map(|seed| sample_scene(self, variant, &scene, seed, None).clearance);
             if let Some(worst) = rooms.find(|room| *room < 0.0) {
                 let which = match variant.name.as_str() {
                     "" => String::new(),
@@ -221,7 +221,7 @@ impl AreaSpec {
     }
 }
 
-/// Name of the scene of an area, from its file alone.
+/// Name of the scene of an area, read from its file only.
 pub(super) fn scene_of(assets: &Path, area: &Place, name: &str) -> Result<String, SceneError> {
     let known = names(assets, "areas")?;
     if !known.iter().any(|known| known == name) {
@@ -261,7 +261,7 @@ fn read_variant(
             return Err(place.key("furniture").wrong(
                 format!("{name:?}"),
                 format!("one of {}", known.join(", ")),
-                "name furniture of the scene that says optional = true",
+                "name furniture of the scene with optional = true",
             ));
         }
     }
@@ -295,8 +295,8 @@ fn read_variant(
     })
 }
 
-/// Shares of an object's poses beside upright. What a task can ask for lies only where a
-/// grasp reaches it from above, and never stacks, leans or hides.
+/// Probabilities of poses other than upright. A possible target lies only where a grasp
+/// reaches it from above, and never stacks, leans or hides.
 fn read_rest(place: &Place, body: &Body, entry: &PlaceEntry) -> Result<RestShares, SceneError> {
     let share = |key, value| {
         let why = "0.2 is every fifth scene";

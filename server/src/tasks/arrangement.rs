@@ -1,19 +1,19 @@
-//! Places the objects of one area: upright within their ranges, or as their shares
-//! say lying, stacked, leaning or behind others, with room for the hand to each that a
-//! task can ask for.
+//! Places the objects of one area: upright within their ranges, or lying, stacked,
+//! leaning or behind others by their probabilities, with room for the hand at every
+//! possible target.
 
 use nalgebra::Isometry3;
 use rand_chacha::ChaCha8Rng;
 
 use super::area::{PlaceSpec, Range, Variant};
-use super::placement_clearance::{Clearance, Standing};
+use super::grasp_clearance;
+use super::placement_clearance::{Clearance, PlacedOutline};
 use super::random::{fraction, index, number, shuffle};
 use super::rest::{self, Rest, Support, grounded, lying};
-use super::takeable;
 use crate::robot::CorridorSettings;
 use crate::scene::{Body, Placement, Scene, Surface};
 
-/// Positions that are sampled for one object before the scene is begun again.
+/// Poses sampled for one object before the scene is restarted.
 const TRIES: usize = 30;
 /// Room around a region, metres.
 const REGION_GAP: f64 = 0.01;
@@ -28,23 +28,23 @@ const BESIDE: Range = Range {
     max: 0.05,
 };
 
-/// One object that is placed.
+/// One object to place.
 struct Item<'a> {
     place: &'a PlaceSpec,
     object: usize,
     surface: &'a Surface,
-    /// Radius within which it collides, metres.
+    /// Collision radius, metres.
     radius: f64,
 }
 
 impl Item<'_> {
-    /// The greater, the earlier it is placed.
+    /// Placement order: larger values first.
     fn rank(&self) -> f64 {
         self.radius + if self.place.is_certain() { 1e3 } else { 0.0 }
     }
 }
 
-/// The objects of one area, and what they are checked against.
+/// The objects of one area, and the bodies to check against.
 pub(super) struct Arrangement<'a> {
     scene: &'a Scene,
     hand: &'a CorridorSettings,
@@ -53,18 +53,18 @@ pub(super) struct Arrangement<'a> {
     regions: Vec<&'a Surface>,
 }
 
-/// A sampled pose, and the object that carries or holds it beside its surface.
+/// A sampled pose, and the object that carries or supports it, if not the surface.
 type Sampled = (Isometry3<f64>, Option<usize>);
 
 impl<'a> Arrangement<'a> {
-    /// Of a variant of an area; objects for which `taken` holds are located elsewhere.
+    /// For a variant of an area; objects for which `taken` holds are elsewhere.
     pub(super) fn new(
         hand: &'a CorridorSettings,
         variant: &'a Variant,
         scene: &'a Scene,
         taken: &[bool],
     ) -> Self {
-        // Names were checked when the area was read.
+        // Names were checked when the area was loaded.
         let items = variant.places.iter().filter_map(|place| {
             let object = scene.object_named(&place.object)?;
             (!taken[object]).then_some(())?;
@@ -87,7 +87,7 @@ impl<'a> Arrangement<'a> {
         }
     }
 
-    /// Places every object once, in random order, and returns the room that is left.
+    /// Places every object once, in random order, and returns the remaining room.
     /// `fixed` are the objects that are not sampled.
     pub(super) fn attempt(
         &self,
@@ -102,7 +102,7 @@ impl<'a> Arrangement<'a> {
             }
         }
         shuffle(random, &mut order);
-        // Large objects first; those that may be missing fill the rest.
+        // Large objects first; optional ones fill the rest.
         order.sort_by(|a, b| b.rank().total_cmp(&a.rank()));
         let mut least = f64::INFINITY;
         for (placed, item) in order.iter().enumerate() {
@@ -131,7 +131,7 @@ impl<'a> Arrangement<'a> {
         (placements, least)
     }
 
-    /// A pose that rests otherwise than upright; `None` where nothing is there for it.
+    /// A pose other than upright; `None` when no support exists.
     fn rested(
         &self,
         random: &mut ChaCha8Rng,
@@ -153,13 +153,13 @@ impl<'a> Arrangement<'a> {
                 let supports = supports.filter_map(|on| {
                     let pose = placements[on.object]?.pose;
                     let body = &self.scene.objects[on.object];
-                    let support = Support::of(body, &pose)?;
-                    // Not on top of a pile.
+                    let support = Support::top_of(body, &pose)?;
+                    // Not on top of a stack.
                     let grounded = support.top.translation.z - support.height
                         < on.surface.edge.translation.z + 1e-3;
                     let fits = match rest {
                         Rest::Stacked => Support::carries(body, &pose),
-                        _ => support.holds(),
+                        _ => support.can_support(),
                     };
                     (grounded && fits).then_some((on.object, support))
                 });
@@ -194,7 +194,7 @@ impl<'a> Arrangement<'a> {
         self.within(random, item) * lifted(&self.scene.objects[item.object])
     }
 
-    /// A place within the ranges of an object.
+    /// A pose within the ranges of an object.
     fn within(&self, random: &mut ChaCha8Rng, item: &Item<'_>) -> Isometry3<f64> {
         let place = item.place;
         let (inwards, along, yaw) = (
@@ -206,7 +206,7 @@ impl<'a> Arrangement<'a> {
     }
 
     fn weighed(&self, random: &mut ChaCha8Rng, item: &Item<'_>, pose: Isometry3<f64>) -> Placement {
-        let usual = Placement::of(&self.scene.objects[item.object]);
+        let usual = Placement::from_body(&self.scene.objects[item.object]);
         let mut or = |range: Option<Range>, usual| range.map_or(usual, |r| number(random, r));
         Placement {
             pose,
@@ -215,8 +215,8 @@ impl<'a> Arrangement<'a> {
         }
     }
 
-    /// The room that `item` leaves where it is placed: to the others except its
-    /// `holder`, to the regions, and for the hand to each object that a task can ask for.
+    /// The room that `item` leaves: to all others except its `holder`, to the regions,
+    /// and for the hand at every possible target.
     fn room(
         &self,
         item: &Item<'_>,
@@ -226,28 +226,34 @@ impl<'a> Arrangement<'a> {
     ) -> f64 {
         let mut least = self
             .clearance
-            .of(item.object, holder, item.surface, placements);
+            .distance(item.object, holder, item.surface, placements);
         if least < 0.0 {
             return least;
         }
-        let stands = |object: usize| {
+        let standing = |object: usize| {
             let placement = placements[object].as_ref()?;
             Some(self.clearance.standing(object, placement))
         };
-        let own: Vec<Standing> = stands(item.object).into_iter().collect();
+        let own: Vec<PlacedOutline> = standing(item.object).into_iter().collect();
         for region in &self.regions {
-            least = least.min(takeable::region_room(region, REGION_GAP, &own));
+            least = least.min(grasp_clearance::region_room(region, REGION_GAP, &own));
         }
         for target in placed.iter().filter(|target| target.place.is_certain()) {
             if least < 0.0 {
                 return least;
             }
             let others = placed.iter().filter(|other| other.object != target.object);
-            let others: Vec<Standing> = others.filter_map(|other| stands(other.object)).collect();
+            let others: Vec<PlacedOutline> =
+                others.filter_map(|other| standing(other.object)).collect();
             if let Some(placement) = &placements[target.object] {
                 let body = &self.scene.objects[target.object];
-                let room =
-                    takeable::room(self.hand, body, &placement.pose, target.surface, &others);
+                let room = grasp_clearance::room(
+                    self.hand,
+                    body,
+                    &placement.pose,
+                    target.surface,
+                    &others,
+                );
                 least = least.min(room);
             }
         }
@@ -255,7 +261,7 @@ impl<'a> Arrangement<'a> {
     }
 }
 
-/// From the place of an object on a surface to its frame.
+/// Transform from the support point of an object to its frame.
 fn lifted(body: &Body) -> Isometry3<f64> {
     Isometry3::translation(0.0, 0.0, body.standing_height())
 }

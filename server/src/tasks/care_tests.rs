@@ -1,4 +1,4 @@
-//! What is brought to the mouth or laid into the lap, judged on made-up states.
+//! Tests of care tasks (mouth and lap) on synthetic states.
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
@@ -8,7 +8,7 @@ use crate::people::{BodyPart, HeadPose, Person, PersonSetting};
 use crate::scene::tests::assets;
 use crate::snapshot::{BodyRef, PersonState, Touch};
 
-/// A stage of a task with somebody in the chair.
+/// A stage of a task with a person in the chair.
 fn seated(name: &str, target: &str) -> (Stage, Person) {
     let setting = PersonSetting {
         body: "woman_p50".to_owned(),
@@ -16,10 +16,10 @@ fn seated(name: &str, target: &str) -> (Stage, Person) {
         ..PersonSetting::default()
     };
     let person = setting
-        .draw(&assets(), 1)
+        .sample(&assets(), 1)
         .and_then(|drawn| Person::load(&assets(), drawn))
         .unwrap_or_else(|error| panic!("{error}"));
-    let mut stage = Stage::of(name, target);
+    let mut stage = Stage::for_task(name, target);
     let (task, model) = (task(name), &stage.model);
     stage.evaluator = Evaluator::new(&task, &stage.scene, model, target, Some(&person))
         .unwrap_or_else(|error| panic!("{error}"));
@@ -30,8 +30,8 @@ fn seated(name: &str, target: &str) -> (Stage, Person) {
     (stage, person)
 }
 
-/// The beaker held with the end of its straw `before` metres before the lips, leaning
-/// by `degrees`.
+/// The beaker in the hand with the end of its straw `before` metres in front of the
+/// lips, leaning by `degrees`.
 struct Sip {
     stage: Stage,
     person: Person,
@@ -81,7 +81,7 @@ fn a_sip_is_served_level_at_the_lips_for_two_seconds() {
     tilted.bring(0.02, 20.0);
     let judged = tilted.stage.run(3.0);
     assert!(!judged.done && condition(&judged, "kept_level").holds);
-    // Level again: what leant no more than 30 degrees has spilt nothing.
+    // Level again: below 30 degrees nothing is spilt.
     tilted.bring(0.02, 0.0);
     assert!(tilted.stage.run(2.5).success);
 
@@ -95,7 +95,7 @@ fn a_sip_is_served_level_at_the_lips_for_two_seconds() {
 }
 
 #[test]
-fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
+fn pressing_the_face_once_fails_the_task() {
     let mut hard = Sip::new();
     hard.press_face(2.5);
     hard.stage.run(0.0);
@@ -112,7 +112,7 @@ fn whoever_presses_the_face_has_failed_even_if_it_was_only_once() {
 }
 
 #[test]
-fn task_fails_with_the_lost_condition_as_cause_in_the_tick_in_which_it_is_lost() {
+fn a_lost_condition_fails_the_task_in_the_same_tick() {
     let (mut stage, _) = seated("pick_mustard", "mustard");
     assert!(!stage.run(0.1).done);
     let press = |stage: &mut Stage, force: f64| {
@@ -134,9 +134,9 @@ fn task_fails_with_the_lost_condition_as_cause_in_the_tick_in_which_it_is_lost()
     assert_eq!(stage.run(1.0).failure, Some(Failure::PersonForce));
 }
 
-/// The remote control, taken and then `forward` metres before the middle of the lap,
-/// `above` metres over it.
-fn given(forward: f64, above: f64) -> Stage {
+/// The remote control, lifted and then `forward` metres in front of the middle of the
+/// lap, `above` metres over it.
+fn handed_over(forward: f64, above: f64) -> Stage {
     let (mut stage, person) = seated("serve_remote", "remote_control");
     stage.run(0.1);
     stage.grip();
@@ -149,8 +149,8 @@ fn given(forward: f64, above: f64) -> Stage {
 }
 
 #[test]
-fn a_thing_is_given_when_it_lies_in_the_lap_and_is_let_go() {
-    let mut held = given(0.0, 0.01);
+fn an_object_is_given_when_it_is_released_in_the_lap() {
+    let mut held = handed_over(0.0, 0.01);
     let judged = held.run(2.0);
     assert!(!judged.done && condition(&judged, "in_lap").holds);
     assert!(!condition(&judged, "released").holds);
@@ -158,17 +158,17 @@ fn a_thing_is_given_when_it_lies_in_the_lap_and_is_let_go() {
     assert!(held.run(0.6).success);
 
     for (forward, above) in [(0.4, 0.01), (0.0, 0.15), (0.0, -0.15)] {
-        let mut beside = given(forward, above);
+        let mut beside = handed_over(forward, above);
         beside.snapshot.contacts.clear();
         let judged = beside.run(2.0);
-        let lies = condition(&judged, "in_lap");
-        assert!(!judged.success && !lies.holds, "{forward} {above}");
-        assert!((lies.value - forward).abs() < 0.01, "{}", lies.value);
+        let in_lap = condition(&judged, "in_lap");
+        assert!(!judged.success && !in_lap.holds, "{forward} {above}");
+        assert!((in_lap.value - forward).abs() < 0.01, "{}", in_lap.value);
     }
 }
 
-/// The object weighs 4 N: in lap or hands it may press with 12 N once the robot does not
-/// touch it.
+/// The object weighs 4 N: in lap or hands it may press with 12 N while the robot does
+/// not touch it.
 #[test]
 fn every_part_of_the_person_and_every_body_that_touches_it_count() {
     let (mut stage, _) = seated("serve_remote", "remote_control");
@@ -179,7 +179,8 @@ fn every_part_of_the_person_and_every_body_that_touches_it_count() {
         BodyRef::Furniture(1),
     );
     let new_evaluator = stage.evaluator.clone();
-    // Part, partner, force in N, whether the robot touches the object, whether it is clear.
+    // Part, partner, force in N, whether the robot touches the object, whether it is
+    // allowed.
     let cases = [
         (BodyPart::Legs, table, 4.9, false, true),
         (BodyPart::Legs, table, 5.1, false, false),

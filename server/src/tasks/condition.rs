@@ -1,10 +1,9 @@
-//! What a condition of a task is to the judge: it names things, has thresholds
-//! and measures one snapshot.
+//! Interface of a condition of a task: it names scene parts, has thresholds and
+//! measures one snapshot.
 //!
-//! Whoever implements [`Predicate`] says all of it, for nothing has a default:
-//! a kind that is left out does not compile. What must last or what must never
-//! have happened is kept in the [`Memory`], so that a saved evaluation resumes
-//! as if it had not been interrupted.
+//! [`Predicate`] has no default methods, so an incomplete implementation does not
+//! compile. Durations and past violations are kept in the [`Memory`], so that a saved
+//! evaluation resumes as if it had not been interrupted.
 
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
@@ -14,23 +13,23 @@ use super::context::Context;
 use super::failure::Failure;
 use crate::snapshot::Snapshot;
 
-/// Something that can be true of the world: plain data with its thresholds.
+/// A condition of the world: plain data with its thresholds.
 pub(super) trait Predicate {
-    /// Its word in a task file.
+    /// Its name in a task file.
     fn word(&self) -> &'static str;
 
-    /// What it is about, in the order in which its label tells them.
+    /// Its subjects, in the order of its label.
     fn names(&self) -> Vec<Name<'_>>;
 
-    /// Its thresholds, as they stand in the task file.
+    /// Its thresholds, as in the task file.
     fn thresholds(&self) -> Vec<Threshold>;
 
-    /// The failure that follows when the predicate stops holding, where it can never hold
-    /// again; `None` where it can.
+    /// The failure that follows when the predicate stops holding and can never hold
+    /// again; `None` otherwise.
     fn loss(&self) -> Option<Failure>;
 
-    /// Looks at one snapshot; `None` when what it is about is not there, which
-    /// counts as not holding.
+    /// Measures one snapshot; `None` when its subject does not exist, which counts as
+    /// not holding.
     fn measure(
         &self,
         context: &Context,
@@ -39,10 +38,10 @@ pub(super) trait Predicate {
     ) -> Option<Measure>;
 }
 
-/// A part of the scene that a condition or a goal names.
+/// A scene part named by a condition or a goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Name<'a> {
-    /// An object, or the target that was drawn.
+    /// An object, or the sampled target.
     Object(&'a str),
     /// Furniture, for its first surface.
     Surface(&'a str),
@@ -58,16 +57,16 @@ impl<'a> Name<'a> {
     }
 }
 
-/// A number of a task file that must lie between 0 and `most`.
+/// A number of a task file between 0 and `most`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Threshold {
     /// Key in the task file.
     pub key: &'static str,
-    /// As in the file.
+    /// Value in the file.
     pub value: f64,
     /// Unit in the file.
     pub unit: &'static str,
-    /// Greatest sensible value.
+    /// Largest sensible value.
     pub most: f64,
 }
 
@@ -100,13 +99,13 @@ pub(super) struct Memory {
     pub worst: f64,
     /// Whether a limit has ever been exceeded.
     pub exceeded: bool,
-    /// Tick and pose of what was looked at before.
+    /// Tick and pose of the previous measurement.
     before: Option<(u64, Isometry3<f64>)>,
 }
 
 impl Memory {
-    /// Speed, m/s, and turn rate, rad/s, of what stands at `pose` now, by where it was
-    /// when it was last asked; `None` the first time.
+    /// Speed, m/s, and turn rate, rad/s, of a body at `pose` since the last call;
+    /// `None` the first time.
     pub(super) fn rates(&mut self, tick: u64, pose: &Isometry3<f64>) -> Option<[f64; 2]> {
         let before = self.before.replace((tick, *pose));
         let (since, last) = before.filter(|(since, _)| *since < tick)?;

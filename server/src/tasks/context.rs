@@ -1,4 +1,4 @@
-//! What predicates know about the world beside the snapshot, and what they ask it.
+//! Static data of a task's world, and measurements for predicates.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -6,10 +6,10 @@ use crate::people::{Lap, Mouth};
 use crate::scene::{Body, Surface};
 use crate::snapshot::{BodyRef, BodyState, Contact, Snapshot};
 
-/// Object name that stands for the target that was drawn.
+/// Object name that stands for the sampled target.
 pub(super) const TARGET: &str = "target";
 
-/// The unchanging side of a task's world.
+/// Static data of a task's world.
 #[derive(Clone, Debug)]
 pub(super) struct Context {
     /// Objects of the scene.
@@ -28,18 +28,18 @@ pub(super) struct Context {
     pub wheels: Vec<usize>,
     /// The target, when it is an object.
     pub target: Option<usize>,
-    /// Joint of the target, when it is furniture that slides.
+    /// Joint of the target, when it is sliding furniture.
     pub target_joint: Option<usize>,
-    /// The lap of who sits in the chair.
+    /// The lap of the person in the chair.
     pub lap: Option<Lap>,
-    /// The mouth of who sits in the chair.
+    /// The mouth of the person in the chair.
     pub mouth: Option<Mouth>,
-    /// Objects that could have been the target.
+    /// Other possible targets.
     pub decoys: Vec<usize>,
 }
 
 impl Context {
-    /// Index of an object, also of the one that is named for what it is here.
+    /// Index of an object by its name or role.
     fn object(&self, name: &str) -> Option<usize> {
         if name == TARGET {
             return self.target;
@@ -47,7 +47,7 @@ impl Context {
         self.bodies.iter().position(|body| body.name == name)
     }
 
-    /// The object of this name with its state, when it is there.
+    /// The object of this name with its state, if it exists.
     pub(super) fn object_in<'a>(
         &self,
         name: &str,
@@ -67,9 +67,9 @@ impl Context {
         state.map_or(0.0, |state| state.position)
     }
 
-    /// Distance of the object's centre of mass from the middle of a surface on
-    /// the floor plan, metres, and whether it lies on it, its lowest point
-    /// within `above` metres.
+    /// Distance of the object's centre of mass from the middle of a surface on the
+    /// floor plan, metres, and whether it is on the surface, its lowest point within
+    /// `above` metres.
     pub(super) fn inside(
         &self,
         object: usize,
@@ -90,7 +90,8 @@ impl Context {
     }
 
     /// Distance of the object's centre of mass from the middle of the lap on the floor
-    /// plan, metres, and whether it lies there, its lowest point within `above` metres.
+    /// plan, metres, and whether it is in the lap, its lowest point within `above`
+    /// metres.
     pub(super) fn in_lap(
         &self,
         object: usize,
@@ -108,8 +109,8 @@ impl Context {
         Some((com.xy().norm(), level && within))
     }
 
-    /// Distance of the object's tip from the middle of the lips, metres; `None` where
-    /// it has no tip or nobody sits in the chair.
+    /// Distance of the object's tip from the middle of the lips, metres; `None` without
+    /// a tip or a person.
     pub(super) fn tip_to_mouth(
         &self,
         object: usize,
@@ -119,7 +120,7 @@ impl Context {
         let tip = state.pose * self.bodies.get(object)?.tip?;
         let head = &snapshot.person.as_ref()?.head;
         let chair = snapshot.links.first()?.pose;
-        let lips = chair * self.mouth.as_ref()?.with(head);
+        let lips = chair * self.mouth.as_ref()?.frame(head);
         Some((tip.coords - lips.translation.vector).norm())
     }
 
@@ -148,13 +149,13 @@ impl Context {
         hits.filter(move |c| self.is_collision(c.first, c.second))
     }
 
-    /// Greatest force between the robot and furniture, N.
+    /// Largest force between the robot and furniture, N.
     pub(super) fn collision_force(&self, snapshot: &Snapshot) -> f64 {
         let forces = self.collisions(snapshot).map(|c| c.force.norm());
         forces.fold(0.0, f64::max)
     }
 
-    /// How far the object's lowest point is above where it started, metres.
+    /// Height of the object's lowest point over its start, metres.
     pub(super) fn rise(&self, object: usize, snapshot: &Snapshot) -> f64 {
         let (Some(body), Some(state), Some(start)) = (
             self.bodies.get(object),
@@ -170,7 +171,7 @@ impl Context {
         bottom(&state.pose) - bottom(start)
     }
 
-    /// Angle between the object's upright axis now and at the start, rad.
+    /// Angle between the object's present and initial upright axis, rad.
     pub(super) fn lean(&self, object: usize, state: &BodyState) -> f64 {
         self.starts.get(object).map_or(0.0, |start| {
             let up = |pose: &nalgebra::Isometry3<f64>| pose.rotation * Vector3::z();
@@ -179,7 +180,7 @@ impl Context {
     }
 
     /// Whether both pads press the object with at least `force` N.
-    pub(super) fn held(&self, object: usize, force: f64, snapshot: &Snapshot) -> bool {
+    pub(super) fn is_held(&self, object: usize, force: f64, snapshot: &Snapshot) -> bool {
         self.pads.iter().all(|&pad| {
             let (pad, object) = (BodyRef::Link(pad), BodyRef::Object(object));
             snapshot
@@ -194,8 +195,8 @@ impl Context {
         })
     }
 
-    /// Whether these two are the robot and furniture, and neither a wheel on the
-    /// floor nor a pad on furniture that is there to be pulled.
+    /// Whether the pair is the robot and furniture, and neither a wheel on the floor
+    /// nor a pad on furniture that is meant to be pulled.
     fn is_collision(&self, first: BodyRef, second: BodyRef) -> bool {
         match (first, second) {
             (BodyRef::Link(link), BodyRef::Furniture(furniture))

@@ -1,4 +1,4 @@
-//! The judge: conditions at every control tick, success, and why it failed.
+//! The evaluator: conditions at every control tick, success, and cause of failure.
 
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
@@ -13,30 +13,30 @@ use crate::robot::RobotModel;
 use crate::scene::{Scene, SceneError, Surface};
 use crate::snapshot::{Anomaly, BodyRef, Contact, Snapshot};
 
-/// A collision of the robot with furniture is hard beyond this, N.
+/// Contact force of the robot with furniture above which a collision is hard, N.
 pub const HARD: f64 = 50.0;
-/// What moves slower lies still, m/s.
+/// Speed below which an object is at rest, m/s.
 const REST_SPEED: f64 = 0.02;
 
-/// Judges one episode of a task.
+/// Evaluates one episode of a task.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     conditions: Vec<(String, AnyPredicate, bool)>,
     failure: FailureSpec,
     time_limit: f64,
-    /// Of the running episode, where it has one of its own.
+    /// Limit of the running episode, if it has its own.
     episode_limit: Option<f64>,
-    /// What falls from the hand and stays where the arm gets it is not lost.
+    /// A target that falls but remains reachable is not dropped.
     fetches: bool,
     context: Context,
     /// Surface on which the target starts.
     carrier: Option<Surface>,
-    /// Furniture on which the target is to end.
+    /// Furniture on which the target must end.
     goal: Option<String>,
     state: EvaluatorState,
 }
 
-/// All that an evaluator remembers: save it with the world, restore it with it.
+/// Complete state of an evaluator: saved and restored with the world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EvaluatorState {
     /// Tick of the first snapshot.
@@ -44,12 +44,12 @@ pub struct EvaluatorState {
     /// Poses of the objects in the first snapshot.
     starts: Vec<Isometry3<f64>>,
     memories: Vec<Memory>,
-    /// The target has been up in the gripper.
+    /// The target has been lifted in the gripper.
     was_lifted: bool,
     outcome: Option<Outcome>,
 }
 
-/// How it ended.
+/// Result of the task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Outcome {
     Success,
@@ -59,9 +59,9 @@ enum Outcome {
 /// State of the task after one snapshot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Evaluation {
-    /// All required conditions have held at one time.
+    /// All required conditions have held at the same time.
     pub success: bool,
-    /// Success or failure: nothing changes any more.
+    /// Success or failure: the result is final.
     pub done: bool,
     /// Why it failed.
     pub failure: Option<Failure>,
@@ -74,7 +74,7 @@ pub struct Evaluation {
 /// One condition after one snapshot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condition {
-    /// Predicate and object, for example `lifted_and_held(mustard)`.
+    /// Predicate and subject, for example `lifted_and_held(mustard)`.
     pub name: String,
     /// The predicate alone, for example `lifted_and_held`.
     pub predicate: &'static str,
@@ -82,12 +82,12 @@ pub struct Condition {
     pub holds: bool,
     /// The measured quantity, SI.
     pub value: f64,
-    /// Needed for success, or only reported.
+    /// Required for success, or only reported.
     pub required: bool,
 }
 
 impl Evaluation {
-    /// The simulation broke: whatever was reached before counts no more.
+    /// Voids a success after the simulation broke.
     pub fn void(&mut self) {
         self.success = false;
         self.done = true;
@@ -96,11 +96,11 @@ impl Evaluation {
 }
 
 impl Evaluator {
-    /// A judge for `spec` in `scene` with this robot, `target` being the one of
-    /// its targets that was drawn; `person`: somebody sits in the chair.
+    /// An evaluator for `spec` in `scene` with this robot; `target` is the sampled
+    /// target, `person` the person in the chair.
     ///
     /// # Errors
-    /// When the scene lacks the target.
+    /// When the scene does not contain the target.
     pub fn new(
         spec: &TaskSpec,
         scene: &Scene,
@@ -120,7 +120,7 @@ impl Evaluator {
                     spec.targets.join(", "),
                     scene.name
                 ),
-                "name one of the task's targets, or none to have it drawn",
+                "name one of the task's targets, or none to sample it",
             ));
         }
         let others = spec.targets.iter().filter(|name| *name != target);
@@ -171,20 +171,20 @@ impl Evaluator {
         Ok(evaluator)
     }
 
-    /// Takes another time limit, simulated seconds. Where the robot is hindered on
-    /// purpose (`fetches`), what falls back onto what it stood on may be fetched
-    /// again: it is dropped when it falls further.
+    /// Sets another time limit, simulated seconds. With disturbances (`fetches`), a
+    /// target that falls back onto its support may be grasped again: it is dropped when
+    /// it falls further.
     pub fn bend(&mut self, time_limit: Option<f64>, fetches: bool) {
         self.time_limit = time_limit.unwrap_or(self.time_limit);
         self.fetches = fetches;
     }
 
-    /// Takes the time limit of one episode, simulated seconds; the task's when absent.
+    /// Sets the time limit of one episode, simulated seconds; default is the task's.
     pub fn limit_episode(&mut self, time_limit: Option<f64>) {
         self.episode_limit = time_limit;
     }
 
-    /// Forgets everything; the next snapshot is the first.
+    /// Resets the state; the next snapshot is the first.
     pub fn reset(&mut self) {
         self.restore(EvaluatorState {
             memories: vec![Memory::default(); self.conditions.len()],
@@ -201,13 +201,13 @@ impl Evaluator {
         collisions.filter(|contact| contact.force.norm() > HARD)
     }
 
-    /// What it remembers.
+    /// Its state.
     #[must_use]
     pub fn state(&self) -> &EvaluatorState {
         &self.state
     }
 
-    /// Goes on from a state of the same task and scene.
+    /// Continues from a state of the same task and scene.
     pub fn restore(&mut self, state: EvaluatorState) {
         self.context.starts.clone_from(&state.starts);
         self.state = state;
@@ -216,7 +216,7 @@ impl Evaluator {
             .resize(self.conditions.len(), Memory::default());
     }
 
-    /// Judges the next snapshot; called once per control tick.
+    /// Evaluates the next snapshot; called once per control tick.
     pub fn update(&mut self, snapshot: &Snapshot) -> Evaluation {
         let start = *self.state.start.get_or_insert(snapshot.tick);
         if self.state.starts.is_empty() {
@@ -245,7 +245,7 @@ impl Evaluator {
                 }
             })
             .collect();
-        // The lost condition is the cause; that the target falls afterwards is not.
+        // The lost condition is the cause, not a later fall of the target.
         let failure = lost.or_else(|| self.failure(snapshot, elapsed));
         if self.state.outcome.is_none() {
             let achieved = conditions.iter().all(|c| c.holds || !c.required);
@@ -267,7 +267,7 @@ impl Evaluator {
         }
     }
 
-    /// Why the task cannot succeed any more, if so.
+    /// Why the task has failed, if so.
     fn failure(&mut self, snapshot: &Snapshot, elapsed: f64) -> Option<Failure> {
         let of_target = self
             .context
@@ -282,7 +282,7 @@ impl Evaluator {
         (elapsed >= self.episode_limit.unwrap_or(self.time_limit)).then_some(Failure::Timeout)
     }
 
-    /// What became of the target that ends the task.
+    /// A failure of the target that ends the task.
     fn target_failure(&mut self, target: usize, snapshot: &Snapshot) -> Option<Failure> {
         let lost = snapshot.anomalies.iter().any(|anomaly| match anomaly {
             Anomaly::NotFinite(body) | Anomaly::Escaped(body) => *body == BodyRef::Object(target),
@@ -292,7 +292,7 @@ impl Evaluator {
             return Some(Failure::Lost);
         };
         let rise = self.context.rise(target, snapshot);
-        let held = self.context.held(target, f64::MIN_POSITIVE, snapshot);
+        let held = self.context.is_held(target, f64::MIN_POSITIVE, snapshot);
         let FailureSpec {
             drop, tilt, reach, ..
         } = self.failure;
@@ -302,7 +302,7 @@ impl Evaluator {
         if held && rise > drop {
             self.state.was_lifted = true;
         }
-        // Put down where it belongs is not dropped.
+        // A target put down at its goal is not dropped.
         let goal = self.goal.as_deref();
         let arrived = goal.and_then(|on| self.context.inside(target, state, on, drop));
         let arrived = arrived.is_some_and(|(_, inside)| inside);

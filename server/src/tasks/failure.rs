@@ -1,27 +1,27 @@
-//! Causes for which a task fails.
+//! Causes of failure.
 
 use serde::{Deserialize, Serialize};
 
-/// Why it failed.
+/// Cause of failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Failure {
-    /// The target fell, from the gripper or from where it stood.
+    /// The target fell, from the gripper or from its support.
     Dropped,
-    /// The target lies where it stood.
+    /// The target tipped over.
     Tipped,
-    /// The time is over.
+    /// The time limit has passed.
     Timeout,
-    /// The target rests where no arm gets it.
+    /// The target is at rest out of the arm's reach.
     Unreachable,
     /// The robot hit furniture much too hard.
     HardCollision,
     /// The simulation lost the target or its state is not finite.
     Lost,
-    /// The state of the simulation broke: nothing of the end can be believed.
+    /// The state of the simulation broke: the result is void.
     Physics,
-    /// The person in the chair was pressed harder than the task allows.
+    /// A force on the person exceeded the task's limit.
     PersonForce,
-    /// An object that was not asked for was lifted.
+    /// An object other than the target was lifted.
     WrongObject,
     /// Another object fell or leaned further than the task allows.
     KnockedOver,

@@ -1,4 +1,4 @@
-//! How a task file looks; nothing checked but the keys.
+//! Layout of a task file; only the keys are checked here.
 
 use serde::Deserialize;
 
@@ -20,7 +20,7 @@ pub(super) struct TaskFile {
     pub instructions: Vec<String>,
     /// s; the template's when absent.
     pub time_limit: Option<f64>,
-    /// Thresholds other than the template's, by the word of a predicate.
+    /// Thresholds that differ from the template's, by the name of a predicate.
     #[serde(default)]
     pub thresholds: toml::Table,
 }

@@ -1,5 +1,5 @@
-//! Starts anywhere: where the chair fits in the home and from where it finds its
-//! way to an area.
+//! Starts anywhere: poses where the chair fits in the home and from which a path to an
+//! area exists.
 
 use std::f64::consts::PI;
 
@@ -17,23 +17,23 @@ use crate::people::{Capsule, HeadPose, Person};
 use crate::robot::RobotModel;
 use crate::scene::{Body, Scene};
 
-/// Room around the chair where it starts, metres.
+/// Clearance around the chair at its start, metres.
 const ROOM: f64 = 0.10;
-/// Places that are looked at.
+/// Number of sampled places.
 const TRIES: usize = 400;
-/// Rounds of as many places for a start that sees the target.
+/// Rounds of sampled places for a start with the target in view.
 const SEEN_TRIES: u64 = 8;
-/// Poses that the search for a way looks at from one place: enough for the far
-/// end of the home, and little where there is no way.
+/// Nodes that the path search expands per place: enough for the far end of the home,
+/// and little where no path exists.
 const NODES: usize = 6_000;
-/// Distances of the chair's frame from the edge of a surface, or from furniture
-/// that slides, at which it would stop there, metres.
+/// Distances of the chair's frame from the edge of a surface, or from sliding
+/// furniture, at which it would stop, metres.
 const STOPS: [f64; 4] = [0.95, 1.15, 1.35, 1.6];
-/// Furniture that slides is in the chair's way out to this position, metres.
+/// Sliding furniture blocks the chair's path out to this position, metres.
 const AJAR: f64 = 0.12;
-/// Samples of the arm's way home from a posture.
+/// Samples of the arm's path home from a posture.
 const WAY_HOME: u32 = 20;
-/// How the chair would drive: as the scripted operator, with no haste.
+/// Driving preferences, as of the scripted operator without haste.
 const PREFERENCES: PathPreferences = PathPreferences {
     radius: 0.8,
     margin: 0.05,
@@ -44,7 +44,7 @@ const PREFERENCES: PathPreferences = PathPreferences {
 pub struct Floor {
     /// The chair, with the person if it is occupied.
     pub(super) check: FootprintCheck,
-    /// The empty chair; `None` where `check` is that already.
+    /// The empty chair; `None` when `check` is that already.
     empty: Option<FootprintCheck>,
     home: [f64; 6],
     /// Postures of the arm that are clear of the person.
@@ -53,14 +53,14 @@ pub struct Floor {
     closed: f64,
 }
 
-/// Where and how the robot starts.
+/// Start of the robot.
 pub(super) struct Start {
     pub pose: Isometry3<f64>,
     /// `None` for home.
     pub arm: Option<[f64; 6]>,
     /// `None` for open.
     pub knuckle: Option<f64>,
-    /// Places that were sampled before and rejected because of the person.
+    /// Places sampled before and rejected because of the person.
     pub rejected: u32,
 }
 
@@ -78,10 +78,10 @@ impl Floor {
         }
     }
 
-    /// The floor for a chair in which `person` sits: knees, shins, feet and elbows
-    /// belong to the footprint. `is_clear` says whether the arm keeps clear of the
-    /// person with its joints at these positions, radians; a posture counts only when
-    /// the straight way home in joint space is clear too.
+    /// The floor for a chair with `person`: knees, shins, feet and elbows are part of
+    /// the footprint. `is_clear` tests whether the arm is clear of the person with its
+    /// joints at these positions, radians. A posture counts only when the straight path
+    /// home in joint space is clear too.
     #[must_use]
     pub fn occupied(
         model: &RobotModel,
@@ -113,9 +113,9 @@ impl Floor {
         }
     }
 
-    /// A start anywhere, uniform over where the chair fits with room and has a
-    /// way to the area; arm and gripper in any of their postures. `None` when
-    /// none was found.
+    /// Samples a start uniformly over the poses where the chair fits with clearance and
+    /// has a path to the area, with arm and gripper in any of their postures. `None`
+    /// when none was found.
     pub(super) fn start(
         &self,
         area: &AreaSpec,
@@ -126,7 +126,7 @@ impl Floor {
         self.start_where(area, variant, scene, seed, &|_| true)
     }
 
-    /// As `start`, of the poses that `accepts` holds for.
+    /// As `start`, restricted to poses that `accepts` holds for.
     fn start_where(
         &self,
         area: &AreaSpec,
@@ -138,7 +138,7 @@ impl Floor {
         let goal = self.stop(area, variant, scene)?;
         let mut random = stream(&area.name, seed, "posture");
         let mut rejected = 0;
-        // Home is the last; it is clear of everybody who fits the chair.
+        // Home is the last; it is clear of every person who fits the chair.
         let posture = index(&mut random, self.postures.len() + 1);
         let arm = self.postures.get(posture).copied().unwrap_or(self.home);
         let knuckle = [0.0, self.closed][index(&mut random, 2)];
@@ -181,8 +181,8 @@ impl Floor {
         None
     }
 
-    /// A start that `sees` the target: anywhere, or near by at a heading of its own.
-    /// `None` where none was found.
+    /// Samples a start that `sees` the target: anywhere, or near the area with its own
+    /// heading. `None` when none was found.
     pub(crate) fn start_in_view(
         &self,
         area: &AreaSpec,
@@ -192,7 +192,7 @@ impl Floor {
         sees: &dyn Fn(&Isometry3<f64>) -> bool,
     ) -> Option<Isometry3<f64>> {
         if starts == Starts::Anywhere {
-            // Few places see it: more of the same stream.
+            // Few places have the target in view: continue the stream.
             let tries = (0..SEEN_TRIES).map(|more| seed ^ (more << 48));
             let mut found = tries.map(|seed| self.start_where(area, variant, scene, seed, sees));
             return found.find_map(|start| Some(start?.pose));
@@ -216,8 +216,8 @@ impl Floor {
         None
     }
 
-    /// Poses on a grid of `spacing` metres and eight headings from which the chair could
-    /// start.
+    /// Poses on a grid of `spacing` metres and eight headings from which the chair
+    /// could start.
     #[cfg(test)]
     pub(crate) fn start_poses(
         &self,
@@ -245,8 +245,8 @@ impl Floor {
         poses.filter(starts).collect()
     }
 
-    /// The rough seconds of the chair's way from `start` to where it would stop in
-    /// front of an area; `None` when none is found.
+    /// Estimated driving time from `start` to a stop in front of an area, s; `None`
+    /// without a path.
     #[must_use]
     pub fn way_seconds(
         &self,
@@ -266,7 +266,7 @@ impl Floor {
         Some(path.cost)
     }
 
-    /// Whether a place lies on the floor, which is the first piece of furniture.
+    /// Whether a place is on the floor, which is the first piece of furniture.
     fn is_inside(&self, scene: &Scene, place: &Pose2) -> bool {
         let floor = scene.furniture.first();
         let bounds = floor.and_then(|floor| floor.collision_bounds(&floor.pose));
@@ -276,7 +276,7 @@ impl Floor {
         })
     }
 
-    /// Where the chair would stop in front of an area, facing it.
+    /// The pose at which the chair would stop in front of an area, facing it.
     fn stop(&self, area: &AreaSpec, variant: &Variant, scene: &Scene) -> Option<Pose2> {
         let surface = variant
             .places
@@ -305,13 +305,14 @@ impl Floor {
     }
 }
 
-/// The chair against the furniture of `scene`, grown by the person's limbs.
+/// Footprint check of the chair against the furniture of `scene`, including the
+/// person's limbs.
 fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> FootprintCheck {
     let outlines = model.settings.outlines.iter();
     let outlines: Vec<_> = outlines
         .map(|o| (o.top, Outline { sides: o.footprint }))
         .collect();
-    let mut check = FootprintCheck::of(occupied(&outlines, limbs));
+    let mut check = FootprintCheck::from_outlines(occupied(&outlines, limbs));
     for (index, body) in scene.furniture.iter().enumerate() {
         let mut out = body.clone();
         if let Some(joint) = scene.joint_of(index) {
@@ -324,7 +325,7 @@ fn footprint_check(model: &RobotModel, scene: &Scene, limbs: &[Limb]) -> Footpri
     check
 }
 
-/// Boxes around the parts of furniture that collide, in `house`.
+/// Boxes around the colliding parts of furniture, in `house`.
 pub fn collision_boxes(body: &Body) -> impl Iterator<Item = Obb> + '_ {
     body.collision.iter().filter_map(|part| {
         let (centre, half) = bounds(&part.shape)?;

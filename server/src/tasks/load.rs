@@ -1,5 +1,5 @@
-//! Reads `assets/tasks/NAME.toml`, resolves what it asks for in its area and
-//! checks it against the scene.
+//! Reads `assets/tasks/NAME.toml`, resolves its queries in its area and checks it
+//! against the scene.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use super::condition::{Name, Threshold};
 use super::context::TARGET;
 use super::file::TaskFile;
 use super::goal::Goal;
-use super::known::known;
+use super::name_check::check_name;
 use super::spec::{FailureSpec, TaskSpec, WaitSpec};
 use super::template::{FailureEntry, PersonEntry, Template, Verb};
 use crate::robot::CorridorSettings;
@@ -22,9 +22,9 @@ const JOINT_POSITION: [&str; 2] = ["travel", "position"];
 /// Every task below `assets/tasks`, by name, for a robot with this hand.
 ///
 /// # Errors
-/// When one of them cannot be used.
+/// When one of them is invalid.
 pub fn list(assets: &Path, hand: &CorridorSettings) -> Result<Vec<TaskSpec>, SceneError> {
-    // Most tasks share a scene and an area, and these take far longer to read.
+    // Most tasks share a scene and an area, which take far longer to read.
     let mut scenes: BTreeMap<String, Scene> = BTreeMap::new();
     let mut areas: BTreeMap<String, AreaSpec> = BTreeMap::new();
     let mut tasks = Vec::new();
@@ -58,11 +58,11 @@ fn read(assets: &Path, name: &str) -> Result<TaskFile, SceneError> {
 }
 
 impl TaskSpec {
-    /// Reads `assets/tasks/NAME.toml` and checks it against the scene in which
-    /// it is to be done, as it was loaded: with all that is optional.
+    /// Reads `assets/tasks/NAME.toml` and checks it against its scene, loaded with all
+    /// optional furniture.
     ///
     /// # Errors
-    /// When a file is missing or something in it cannot be.
+    /// When a file is missing or a value is invalid.
     pub fn load(
         assets: &Path,
         name: &str,
@@ -84,13 +84,13 @@ impl TaskSpec {
     ) -> Result<Self, SceneError> {
         let place = place(name);
         let template = Template::read(assets, &place, &file.template, &file.thresholds)?;
-        let asked = place.key("object");
+        let object_key = place.key("object");
         let region = match (template.goal, &file.place) {
             (Verb::Put, Some(query)) => Some(query.region(&place.key("place"), &area, scene)?),
             (Verb::Put, None) => {
                 return Err(place.key("place").wrong(
                     "absent",
-                    "where the thing is to be put",
+                    "where to put the object",
                     "for example place = { name = \"placemat\" }",
                 ));
             }
@@ -105,15 +105,15 @@ impl TaskSpec {
         };
         let targets = match template.goal {
             Verb::Lift | Verb::Put | Verb::Give | Verb::Bring => {
-                file.object.objects(&asked, &area, scene)?
+                file.object.objects(&object_key, &area, scene)?
             }
-            Verb::Open | Verb::Close => file.object.sliding(&asked, &area, scene)?,
+            Verb::Open | Verb::Close => file.object.sliding(&object_key, &area, scene)?,
         };
         if file.instructions.is_empty() || file.instructions.iter().any(|s| s.trim().is_empty()) {
             return Err(place.key("instructions").wrong(
                 format!("{:?}", file.instructions),
                 "at least one sentence, none empty",
-                "write what a person would ask for",
+                "write what a person would say",
             ));
         }
         let joint_of = |name: &String| {
@@ -162,14 +162,14 @@ impl TaskSpec {
             },
         };
         spec.check_goal(&place)?;
-        spec.check_tips(&asked, scene)?;
+        spec.check_tips(&object_key, scene)?;
         if spec.variants().next().is_none() {
             let offers = |v: &super::area::Variant| match v.name.as_str() {
                 "" => "the area by itself".to_owned(),
                 name => format!("the variant {name:?}"),
             };
             let known: Vec<_> = spec.area.variants.iter().map(offers).collect();
-            return Err(asked.wrong(
+            return Err(object_key.wrong(
                 format!("{} with {:?}", spec.targets.join(", "), spec.region_name()),
                 format!("all of it together in {}", known.join(" or ")),
                 format!("ask for less, or add to areas/{}.toml", spec.area.name),
@@ -178,7 +178,7 @@ impl TaskSpec {
         Ok(spec)
     }
 
-    /// The joint position that success asks for, metres.
+    /// The joint position required for success, metres.
     fn joint_position(&self) -> f64 {
         let required = self.conditions.iter().filter(|c| c.required);
         let mut thresholds = required.flat_map(|c| c.predicate.as_dyn().thresholds());
@@ -191,14 +191,14 @@ impl TaskSpec {
             return Err(place.key("template").wrong(
                 format!("a list of {} without a required one", self.conditions.len()),
                 "at least one condition with required = true",
-                "say what success is",
+                "define success",
             ));
         }
         for condition in &self.conditions {
             let predicate = condition.predicate.as_dyn();
             let place = place.key("thresholds").key(predicate.word());
             for name in predicate.names() {
-                known(&place, scene, name)?;
+                check_name(&place, scene, name)?;
             }
             for Threshold {
                 key,
@@ -214,7 +214,7 @@ impl TaskSpec {
         Ok(())
     }
 
-    /// Refuses a goal that success does not depend on.
+    /// Rejects a goal that is not required for success.
     fn check_goal(&self, place: &Place) -> Result<(), SceneError> {
         let is_target = |name: &str| name == TARGET || self.targets.iter().any(|t| t == name);
         let required = self.conditions.iter().filter(|c| c.required);
@@ -232,22 +232,22 @@ impl TaskSpec {
         Err(place.key("template").wrong(
             format!("{:?}", self.goal),
             "what a required condition names",
-            "say what is to be done, and judge it by a condition with required = true",
+            "name the goal in a condition with required = true",
         ))
     }
 
-    /// Refuses to bring to the mouth what has nothing to drink or eat from.
-    fn check_tips(&self, asked: &Place, scene: &Scene) -> Result<(), SceneError> {
+    /// Rejects a target without a tip for the goal `bring`.
+    fn check_tips(&self, object_key: &Place, scene: &Scene) -> Result<(), SceneError> {
         if self.goal != Goal::Bring {
             return Ok(());
         }
         let tip = |name: &String| scene.objects[scene.object_named(name)?].tip;
         match self.targets.iter().find(|name| tip(name).is_none()) {
             None => Ok(()),
-            Some(name) => Err(asked.wrong(
+            Some(name) => Err(object_key.wrong(
                 format!("{name:?}, which has no tip"),
                 "an object with a tip",
-                "name another, or give `tip` in the object's file: where one drinks or eats",
+                "name another, or give `tip` in the object's file: the point to drink or eat from",
             )),
         }
     }

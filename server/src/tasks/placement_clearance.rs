@@ -1,5 +1,5 @@
-//! Room between things that stand on surfaces: outlines on the floor plan, their
-//! distances, and what a thing keeps clear of.
+//! Clearance between objects on surfaces: outlines on the floor plan and their
+//! distances.
 
 use nalgebra::{Isometry3, Point2, UnitComplex, UnitQuaternion, Vector2, Vector3};
 use wheelarm_proto::exact;
@@ -8,10 +8,10 @@ use super::rest::heading;
 use crate::geometry::Part;
 use crate::scene::{Body, Bounds, Placement, Scene, Surface};
 
-/// Least distance between two objects, metres.
+/// Smallest distance between two objects, metres.
 const GAP: f64 = 0.02;
 
-/// The outline of a thing on the floor plan: a rectangle grown by a radius.
+/// The outline of an object on the floor plan: a rectangle extended by a radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outline {
     /// Middle of the rectangle, metres.
@@ -20,13 +20,13 @@ pub(super) struct Outline {
     pub turn: UnitComplex<f64>,
     /// Half extents, metres.
     pub half: Vector2<f64>,
-    /// What it is grown by, metres.
+    /// Extension, metres.
     pub radius: f64,
 }
 
 impl Outline {
-    /// Of an object in its own frame; what is round stays round.
-    fn of(body: &Body) -> Self {
+    /// Outline of an object in its own frame; a round object stays round.
+    fn from_body(body: &Body) -> Self {
         let bounds = body.collision_bounds(&Isometry3::identity());
         let bounds = bounds.unwrap_or(Bounds {
             min: [0.0; 3].into(),
@@ -44,7 +44,7 @@ impl Outline {
         }
     }
 
-    /// Of something that fills bounds in `house`.
+    /// Outline of bounds in `house`.
     fn filling(bounds: &Bounds) -> Self {
         Self {
             centre: (bounds.min + bounds.size() / 2.0).xy(),
@@ -54,8 +54,8 @@ impl Outline {
         }
     }
 
-    /// The same at a pose.
-    fn at(&self, pose: &Isometry3<f64>) -> Self {
+    /// The outline at a pose.
+    fn posed(&self, pose: &Isometry3<f64>) -> Self {
         let forward = pose.rotation * Vector3::x();
         let turn = UnitComplex::new(exact::atan2(forward.y, forward.x));
         Self {
@@ -71,8 +71,8 @@ impl Outline {
         local.x.abs() * self.half.x + local.y.abs() * self.half.y
     }
 
-    /// Distance to another outline, metres, never more than the true one; below
-    /// zero when they overlap.
+    /// Distance to another outline, metres, never more than the true one; negative when
+    /// they overlap.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         let between = other.centre - self.centre;
         let apart = |axis: Vector2<f64>| {
@@ -90,25 +90,25 @@ impl Outline {
     }
 }
 
-/// What stands somewhere: its outline and how high it reaches.
+/// Outline and height of a placed object.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Standing {
+pub(super) struct PlacedOutline {
     pub outline: Outline,
     /// Highest point in `house`, metres.
     pub top: f64,
 }
 
-/// What the objects of a scene must keep clear of.
+/// The objects and furniture of a scene that must keep clear of each other.
 pub(super) struct Clearance<'a> {
     scene: &'a Scene,
-    /// Of the objects in their own frames, with their heights.
+    /// Outlines of the objects in their own frames, with their heights.
     outlines: Vec<(Outline, f64)>,
     /// Parts of the furniture.
     furniture: Vec<(Bounds, Outline)>,
 }
 
 impl<'a> Clearance<'a> {
-    /// Of a scene with the optional furniture that is there, and no other.
+    /// For a scene with its present optional furniture.
     pub(super) fn new(scene: &'a Scene) -> Self {
         let part_bounds = |body: &Body, part: &Part| {
             let mut piece = body.clone();
@@ -136,26 +136,28 @@ impl<'a> Clearance<'a> {
         let objects = scene.objects.iter();
         Self {
             scene,
-            outlines: objects.map(|body| (Outline::of(body), top(body))).collect(),
+            outlines: objects
+                .map(|body| (Outline::from_body(body), top(body)))
+                .collect(),
             furniture,
         }
     }
 
-    /// An object where it is placed. Of what is not upright, the outline is the rectangle
-    /// around it along its level axis.
-    pub(super) fn standing(&self, object: usize, placement: &Placement) -> Standing {
+    /// The outline of a placed object. For an object that is not upright it is the
+    /// rectangle around it along its level axis.
+    pub(super) fn standing(&self, object: usize, placement: &Placement) -> PlacedOutline {
         let up = placement.pose.rotation * Vector3::z();
         if up.z < 0.9999 {
             return self.turned(object, &placement.pose);
         }
         let (outline, top) = &self.outlines[object];
-        Standing {
-            outline: outline.at(&placement.pose),
+        PlacedOutline {
+            outline: outline.posed(&placement.pose),
             top: placement.pose.translation.z + top,
         }
     }
 
-    fn turned(&self, object: usize, pose: &Isometry3<f64>) -> Standing {
+    fn turned(&self, object: usize, pose: &Isometry3<f64>) -> PlacedOutline {
         let body = &self.scene.objects[object];
         let level = Isometry3::from_parts(
             pose.translation,
@@ -166,16 +168,15 @@ impl<'a> Clearance<'a> {
             min: [0.0; 3].into(),
             max: [0.0; 3].into(),
         });
-        Standing {
-            outline: Outline::filling(&bounds).at(&level),
+        PlacedOutline {
+            outline: Outline::filling(&bounds).posed(&level),
             top: pose.translation.z + bounds.max.z,
         }
     }
 
-    /// The least distance that `object` on its surface leaves to the edges, the
-    /// furniture and the other objects except its `holder`, metres; negative where
-    /// something overlaps.
-    pub(super) fn of(
+    /// The smallest distance of `object` on its surface to the edges, the furniture and
+    /// the other objects except its `holder`, metres; negative for an overlap.
+    pub(super) fn distance(
         &self,
         object: usize,
         holder: Option<usize>,

@@ -1,12 +1,12 @@
-//! What a task asks for, by words instead of by name: resolved against what an
-//! area offers. A query that nothing there satisfies says what there is.
+//! Queries of a task for objects by properties instead of names, resolved against the
+//! contents of an area. A query without a match reports the available objects.
 
 use serde::Deserialize;
 
 use super::area::{AreaSpec, Variant};
 use crate::scene::{Body, Place, Scene, SceneError};
 
-/// Words that all must fit.
+/// Properties that must all match.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Query {
@@ -18,14 +18,14 @@ pub(super) struct Query {
 impl Query {
     fn fits(&self, body: &Body) -> bool {
         let fits =
-            |asked: &Option<String>, is: &str| asked.as_deref().is_none_or(|asked| asked == is);
+            |wanted: &Option<String>, is: &str| wanted.as_deref().is_none_or(|wanted| wanted == is);
         fits(&self.name, &body.name)
             && fits(&self.category, &body.category)
             && fits(&self.colour, &body.colour)
     }
 
-    /// Names of the objects of an area that fit, can be grasped and are there in
-    /// some variant whenever it is drawn.
+    /// Names of the matching objects of an area that can be grasped and exist in some
+    /// variant.
     pub(super) fn objects(
         &self,
         place: &Place,
@@ -37,25 +37,25 @@ impl Query {
             let is_certain = |v: &Variant| v.place(&body.name).is_some_and(|p| p.is_certain());
             !body.grasps.is_empty() && variants.any(is_certain)
         };
-        let things: Vec<&Body> = scene.objects.iter().filter(offered).collect();
-        self.among(place, &things, "objects that can be grasped", area)
+        let candidates: Vec<&Body> = scene.objects.iter().filter(offered).collect();
+        self.among(place, &candidates, "objects that can be grasped", area)
     }
 
-    /// Names of the furniture of an area that fits, slides and can be grasped.
+    /// Names of the matching furniture of an area that slides and can be grasped.
     pub(super) fn sliding(
         &self,
         place: &Place,
         area: &AreaSpec,
         scene: &Scene,
     ) -> Result<Vec<String>, SceneError> {
-        let things: Vec<_> = area
+        let candidates: Vec<_> = area
             .sliding(scene)
             .filter(|b| !b.grasps.is_empty())
             .collect();
-        self.among(place, &things, "furniture that slides", area)
+        self.among(place, &candidates, "furniture that slides", area)
     }
 
-    /// Name of the one region of an area that fits.
+    /// Name of the single matching region of an area.
     pub(super) fn region(
         &self,
         place: &Place,
@@ -64,8 +64,8 @@ impl Query {
     ) -> Result<String, SceneError> {
         let is_region = |name: &String| area.variants.iter().any(|v| v.regions.contains(name));
         let bodies = scene.furniture.iter();
-        let things: Vec<_> = bodies.filter(|body| is_region(&body.name)).collect();
-        let mut found = self.among(place, &things, "regions", area)?;
+        let candidates: Vec<_> = bodies.filter(|body| is_region(&body.name)).collect();
+        let mut found = self.among(place, &candidates, "regions", area)?;
         if found.len() > 1 {
             return Err(place.wrong(
                 format!("{self}, which {} are", found.join(" and ")),
@@ -79,11 +79,11 @@ impl Query {
     fn among(
         &self,
         place: &Place,
-        things: &[&Body],
+        candidates: &[&Body],
         what: &str,
         area: &AreaSpec,
     ) -> Result<Vec<String>, SceneError> {
-        let found: Vec<String> = things
+        let found: Vec<String> = candidates
             .iter()
             .filter(|body| self.fits(body))
             .map(|body| body.name.clone())
@@ -99,16 +99,16 @@ impl Query {
                 false => format!("{} ({})", body.name, words.join(" ")),
             }
         };
-        let known: Vec<_> = things.iter().map(words).collect();
+        let known: Vec<_> = candidates.iter().map(words).collect();
         let known = match known.is_empty() {
             true => "none".to_owned(),
             false => known.join(", "),
         };
         Err(place.wrong(
             format!("{self}"),
-            format!("what fits one of the {what} of {}: {known}", area.name),
+            format!("a match among the {what} of {}: {known}", area.name),
             format!(
-                "ask for one of these, or add it to areas/{}.toml",
+                "request one of these, or add it to areas/{}.toml",
                 area.name
             ),
         ))

@@ -1,5 +1,5 @@
-//! Every draw of every task leaves a grasp that the arm reaches from a place
-//! where the chair can stand.
+//! Every sample of every task has a grasp that the arm reaches from a valid pose of the
+//! chair.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -12,10 +12,10 @@ use crate::robot::kinematics::ArmKinematics;
 use crate::scene::tests::{assets, home};
 use crate::scene::{Grasp, Scene};
 
-/// Room that the chair keeps from furniture, metres.
+/// Clearance between chair and furniture, metres.
 const MARGIN: f64 = 0.03;
 
-/// Where things stand and which arm has to get there.
+/// A scene and the arm that must reach its objects.
 struct Reach {
     arm: ArmKinematics,
     root_from_base: Isometry3<f64>,
@@ -37,8 +37,9 @@ impl Reach {
         }
     }
 
-    /// Whether a chair stands free, its foot plate perhaps below a table.
-    fn stands_free(&self, house_from_chair: &Isometry3<f64>) -> bool {
+    /// Whether a chair at this pose is collision-free; its foot plate may be below a
+    /// table.
+    fn is_collision_free(&self, house_from_chair: &Isometry3<f64>) -> bool {
         let forward = house_from_chair.rotation * Vector3::x();
         let place = Pose2 {
             x: house_from_chair.translation.x,
@@ -48,8 +49,8 @@ impl Reach {
         self.check.is_free(&place, MARGIN)
     }
 
-    /// A chair facing `inwards` from which the arm gets to one of the grasps and
-    /// to the point `before` it.
+    /// A chair pose facing `inwards` from which the arm reaches one of the grasps and
+    /// its approach point.
     fn stop(
         &self,
         house_from_body: &Isometry3<f64>,
@@ -67,11 +68,12 @@ impl Reach {
                 let half = about(std::f64::consts::PI * f64::from(turn % 2));
                 let grasp = house_from_body * turned * grasp.pose * half;
                 let steep = (grasp.rotation * Vector3::z()).z < -0.8;
-                // From above the hand may lean, its camera above, as the operator's does.
+                // From above the hand may lean with its camera upwards, as the
+                // operator's does.
                 let leans: &[f64] = match (steep, at_floor(&grasp)) {
                     (true, _) => &[0.0, -0.25, -0.5],
                     (false, false) => &[0.0],
-                    // As the operator's level hand leans.
+                    // A level hand leans as the operator's does.
                     (false, true) => &[0.0, 0.25, 0.5, 0.75],
                 };
                 for lean in leans {
@@ -100,7 +102,7 @@ impl Reach {
                                     self.arm.solve(&(from_base * pose), &self.home).is_ok()
                                 })
                             };
-                            if self.stands_free(&chair) && reached() {
+                            if self.is_collision_free(&chair) && reached() {
                                 return Some(chair);
                             }
                         }
@@ -112,20 +114,20 @@ impl Reach {
     }
 }
 
-/// Whether a grasp is at what stands on the floor.
+/// Whether a grasp is for an object on the floor.
 fn at_floor(grasp: &Isometry3<f64>) -> bool {
     grasp.translation.z < 0.35
 }
 
 #[test]
-fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
+fn every_possible_target_is_reachable_in_every_scene() {
     for spec in list(&assets(), &super::tests::hand()).unwrap_or_else(|error| panic!("{error}")) {
         for variant in spec.variants() {
             let mut scene = home();
             scene.keep_optional(&variant.furniture);
             let reach = Reach::new(&scene);
             for seed in 0..100 {
-                let drawn = draw(&spec, variant, &scene, seed, None);
+                let drawn = sample(&spec, variant, &scene, seed, None);
                 let (pose, grasps, inwards) = match scene.object_named(&drawn.target) {
                     Some(object) => {
                         let place = variant.place(&drawn.target).unwrap();
@@ -146,7 +148,7 @@ fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
                         (pose, &body.grasps, -joint.axis.into_inner())
                     }
                 };
-                // What stands on the floor is got at from all sides.
+                // An object on the floor is reachable from all sides.
                 let ways = if spec.area.name == "floor" { 8 } else { 1 };
                 let stop = (0..ways).find_map(|way| {
                     let turn = std::f64::consts::FRAC_PI_4 * f64::from(way);
@@ -156,11 +158,11 @@ fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
                 let name = &drawn.target;
                 assert!(
                     stop.is_some(),
-                    "{} seed {seed}: {name} out of reach",
+                    "{} seed {seed}: {name} is unreachable",
                     spec.name
                 );
                 if let Some(region) = spec.region(&scene) {
-                    // As it lay, or turned by a quarter.
+                    // As it was, or rotated by a quarter turn.
                     let stop = [0.0, FRAC_PI_2, -FRAC_PI_2].into_iter().find_map(|turn| {
                         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
                         let there = Isometry3::from_parts(
@@ -169,7 +171,7 @@ fn everything_that_may_be_asked_for_can_be_reached_in_every_scene() {
                         );
                         reach.stop(&there, grasps, &inwards, 0.08)
                     });
-                    assert!(stop.is_some(), "{}: the region is out of reach", spec.name);
+                    assert!(stop.is_some(), "{}: the region is unreachable", spec.name);
                 }
             }
         }

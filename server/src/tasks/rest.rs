@@ -1,6 +1,6 @@
-//! How an object rests where it is not simply upright: lying, on top of another,
-//! against another, or behind another. Poses are exact: the object touches what
-//! carries it, so that it is at rest when the simulation begins.
+//! Poses of objects at rest other than upright: lying, on top of another, leaning
+//! against another, or behind another. Poses are exact contacts, so that the object is
+//! at rest when the simulation begins.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -13,7 +13,7 @@ use super::random::{fraction, index, number};
 use crate::geometry::Shape;
 use crate::scene::{Body, Bounds};
 
-/// How one object rests.
+/// Kind of rest pose of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rest {
     Upright,
@@ -24,7 +24,7 @@ pub(super) enum Rest {
 }
 
 impl Rest {
-    /// By the shares of an object.
+    /// Samples by the probabilities of an object.
     pub(super) fn sample(shares: &RestShares, random: &mut ChaCha8Rng) -> Self {
         let mut left = fraction(random);
         for (share, rest) in [
@@ -42,36 +42,35 @@ impl Rest {
     }
 }
 
-/// A vertical face or round side that another object can lean against.
+/// A vertical face or round side that can support a leaning object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Support {
     /// Middle of the top in `house`.
     pub top: Isometry3<f64>,
-    /// Height over what carries it, metres.
+    /// Height above its support, metres.
     pub height: f64,
-    /// From the middle to the face, metres.
+    /// Distance from the middle to the face, metres.
     pub reach: f64,
-    /// Direction from the middle to the face in the frame of `top`, radians; `None`
-    /// for what is round.
+    /// Direction from the middle to the face in the frame of `top`, radians; `None` for
+    /// a round support.
     pub facing: Option<f64>,
 }
 
-/// Least height of what others lean against, and least width of what they stand on,
-/// metres.
+/// Smallest height of a support for leaning, and smallest width for stacking, metres.
 const LEAST_HEIGHT: f64 = 0.1;
 const LEAST_HALF: f64 = 0.03;
-/// An object leans by this much more than the angle at which it would fall back, rad.
+/// Additional lean beyond the angle at which the object would fall back, rad.
 const BEYOND: Range = Range {
     min: 0.07,
     max: 0.16,
 };
-/// Gap to what it leans against: contact begins in the first step, metres.
+/// Initial gap to the support: contact begins in the first step, metres.
 const GAP: f64 = 2e-4;
 
 impl Support {
-    /// The top of `body` at `pose`, where it is one flat shape: a box on any of its
-    /// sides or an upright cylinder.
-    pub(super) fn of(body: &Body, pose: &Isometry3<f64>) -> Option<Self> {
+    /// The top of `body` at `pose`, if it is one flat shape: a box on any of its sides
+    /// or an upright cylinder.
+    pub(super) fn top_of(body: &Body, pose: &Isometry3<f64>) -> Option<Self> {
         let [part] = &body.collision[..] else {
             return None;
         };
@@ -84,7 +83,7 @@ impl Support {
                 true => (half[0], Some(0.0), half[0]),
                 false => (half[1], Some(FRAC_PI_2), half[1]),
             },
-            // On its side it carries, and is too low to lean against.
+            // On its side it can carry, but is too low to lean against.
             Shape::Cuboid { .. } => (0.0, None, LEAST_HALF),
             _ => return None,
         };
@@ -112,12 +111,13 @@ impl Support {
     }
 
     /// Whether another object can lean against it.
-    pub(super) fn holds(&self) -> bool {
+    pub(super) fn can_support(&self) -> bool {
         self.reach > 0.0
     }
 }
 
-/// Turn of a pose about the vertical, radians; of what lies, that of an axis that is level.
+/// Rotation of a pose about the vertical, radians; for a lying object that of its level
+/// axis.
 pub(super) fn heading(pose: &Isometry3<f64>) -> f64 {
     let [x, y] = [Vector3::x(), Vector3::y()].map(|axis| pose.rotation * axis);
     match x.xy().norm() > 0.5 {
@@ -126,8 +126,8 @@ pub(super) fn heading(pose: &Isometry3<f64>) -> f64 {
     }
 }
 
-/// Turns that lay a body on one of its sides. With `for_hand` only those from which a
-/// grasp of the body points down, else those on the widest side.
+/// Rotations that lay a body on one of its sides: with `for_hand` only those with a
+/// grasp from above, otherwise those on the widest side.
 pub(super) fn lying(body: &Body, for_hand: bool) -> Vec<UnitQuaternion<f64>> {
     let turns = [Vector3::x_axis(), Vector3::y_axis()]
         .into_iter()
@@ -153,8 +153,8 @@ pub(super) fn lying(body: &Body, for_hand: bool) -> Vec<UnitQuaternion<f64>> {
         .collect()
 }
 
-/// `body`, turned by `turn`, with the middle of its outline on the origin and its lowest
-/// point at height 0.
+/// `body`, rotated by `turn`, with the middle of its outline at the origin and its
+/// lowest point at height 0.
 pub(super) fn grounded(body: &Body, turn: UnitQuaternion<f64>) -> Isometry3<f64> {
     let turned = Isometry3::from_parts(Translation3::identity(), turn);
     let bounds = body.collision_bounds(&turned).unwrap_or(Bounds {
@@ -165,7 +165,7 @@ pub(super) fn grounded(body: &Body, turn: UnitQuaternion<f64>) -> Isometry3<f64>
     Translation3::new(-middle.x, -middle.y, -bounds.min.z) * turned
 }
 
-/// On top of a support, nearly in its middle, upright or lying.
+/// A pose on top of a support, near its middle, upright or lying.
 pub(super) fn stacked(
     random: &mut ChaCha8Rng,
     body: &Body,
@@ -187,8 +187,8 @@ pub(super) fn stacked(
     on * place * grounded(body, turn)
 }
 
-/// Against a support: the lower front edge on the ground, the front face on the rim of
-/// the support or its upper edge on the support's side.
+/// A pose leaning against a support: the lower front edge on the ground, the front face
+/// on the rim of the support or its upper edge on the support's side.
 pub(super) fn leaning(
     random: &mut ChaCha8Rng,
     body: &Body,

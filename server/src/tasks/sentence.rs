@@ -1,51 +1,51 @@
-//! The sentence of an episode by the grammar in `assets/language`: what the task
-//! asks of the scene as it stands, in words that tell it from all else there. Its
-//! random numbers are of a stream of their own.
+//! Generates the instruction of an episode by the grammar in `assets/language`: a
+//! sentence that identifies the target in the present scene. Uses its own random
+//! stream.
 
 use std::path::Path;
 
-use wheelarm_language::{self as language, Grammar, Options, Role, Said, Split, Verb, Wish};
+use wheelarm_language::{self as language, Grammar, Options, Role, Sentence, Split, Verb, Wish};
 use wheelarm_proto::settings::LanguageSplit;
 
 use super::goal::Goal;
 use super::spec::TaskSpec;
 use crate::scene::{Placement, Scene, SceneError, text};
 
-/// How a task is said.
+/// Language settings of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Language {
     /// Seed of the sentence.
     pub seed: u64,
-    /// Which templates and names are said.
+    /// Which templates and names are used.
     pub split: LanguageSplit,
     /// Share of sentences with a typing error, 0 to 1.
     pub typo_share: f64,
     /// Share of sentences with politeness, 0 to 1.
     pub politeness_share: f64,
-    /// Share of sentences that may mean several things, 0 to 1.
+    /// Share of ambiguous sentences, 0 to 1.
     pub ambiguous_share: f64,
-    /// Template of the sentence; empty where none was drawn.
+    /// Template of the sentence; empty when none was generated.
     pub template: String,
-    /// What must be asked back; empty where the sentence is clear.
+    /// Clarification question; empty when the sentence is unambiguous.
     pub question: String,
 }
 
-/// Politeness where nobody says how much.
+/// Default share of sentences with politeness.
 pub const POLITENESS: f64 = 0.5;
 
-/// A sentence for the task about this target, with objects in the order of
-/// `scene.objects` at `placements`. `None` where the grammar has no words for it.
+/// A sentence for the task with this target, with objects in the order of
+/// `scene.objects` at `placements`. `None` when the grammar has no words for it.
 ///
 /// # Errors
-/// When a file of the grammar cannot be used.
+/// When a file of the grammar is invalid.
 pub fn sentence(
     assets: &Path,
     (task, target): (&TaskSpec, &str),
     scene: &Scene,
     placements: &[Placement],
     seed: u64,
-    asked: &Language,
-) -> Result<Option<Said>, SceneError> {
+    settings: &Language,
+) -> Result<Option<Sentence>, SceneError> {
     let mut texts = Vec::new();
     for file in language::FILES {
         texts.push((file, text(assets, &format!("language/{file}"))?));
@@ -57,38 +57,43 @@ pub fn sentence(
             .map(|(_, text)| text.clone())
     };
     let grammar = Grammar::read(&of).map_err(|e| SceneError::Language(Box::new(e)))?;
-    let seen = seen(scene, placements, task);
+    let described = language_scene(scene, placements, task);
     let (verb, goal) = match &task.goal {
         Goal::Lift => (Verb::Lift, None),
         Goal::Give => (Verb::Give, None),
         Goal::Bring => (Verb::Bring, None),
-        Goal::Put { on } => (Verb::Put, seen.named(on)),
+        Goal::Put { on } => (Verb::Put, described.named(on)),
         Goal::Open { .. } => (Verb::Open, None),
         Goal::Close { .. } => (Verb::Close, None),
     };
-    let Some(target) = seen.named(target) else {
+    let Some(target) = described.named(target) else {
         return Ok(None);
     };
     let wish = Wish { verb, target, goal };
     let options = Options {
-        split: match asked.split {
+        split: match settings.split {
             LanguageSplit::Any => Split::Any,
             LanguageSplit::Train => Split::Train,
             LanguageSplit::HeldOut => Split::HeldOut,
         },
-        typos: asked.typo_share,
-        politeness: asked.politeness_share,
-        ambiguous: asked.ambiguous_share,
+        typos: settings.typo_share,
+        politeness: settings.politeness_share,
+        ambiguous: settings.ambiguous_share,
     };
     let purpose = format!("{} {seed}", task.name);
-    Ok(language::say(
-        &grammar, &seen, &wish, &options, asked.seed, &purpose,
+    Ok(language::generate(
+        &grammar,
+        &described,
+        &wish,
+        &options,
+        settings.seed,
+        &purpose,
     ))
 }
 
-/// The scene as language takes it: areas, objects, what slides, and the task's
-/// region and those of its area.
-fn seen(scene: &Scene, placements: &[Placement], task: &TaskSpec) -> language::Scene {
+/// The scene for the grammar: areas, objects, sliding furniture, and the regions of the
+/// task and its area.
+fn language_scene(scene: &Scene, placements: &[Placement], task: &TaskSpec) -> language::Scene {
     let mut out = language::Scene::default();
     for surface in &scene.surfaces {
         let body = &scene.furniture[surface.furniture];
@@ -104,7 +109,7 @@ fn seen(scene: &Scene, placements: &[Placement], task: &TaskSpec) -> language::S
     for joint in &scene.joints {
         let body = &scene.furniture[joint.furniture];
         let words = [body.category.as_str(), body.colour.as_str()];
-        // Closed: nobody tells drawers apart by how far they stand open.
+        // Closed: drawers are not distinguished by how far they are open.
         let at = body.pose.translation.vector.into();
         out.add(&body.name, words, Role::Slide, at, Some(&body.area));
     }

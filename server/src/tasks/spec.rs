@@ -1,4 +1,4 @@
-//! What a task is: plain data, checked against its scene by who loads it.
+//! Specification of a task: plain data, checked against its scene by the loader.
 
 use super::area::{AreaSpec, Variant};
 use super::goal::Goal;
@@ -6,45 +6,43 @@ use super::predicates::AnyPredicate;
 use crate::people::PersonSetting;
 use crate::scene::{Place, Scene, Surface};
 
-/// What is asked, of what, and when it is done.
+/// A task: target, goal and conditions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSpec {
     /// Name of the file below assets/tasks.
     pub name: String,
-    /// Template below assets/templates of which it is an instance.
+    /// Its template below assets/templates.
     pub template: String,
     /// Activity of daily living: `serve`, `organize`.
     pub activity: String,
-    /// Where it happens, and what stands there.
+    /// Area of the home.
     pub area: AreaSpec,
-    /// What the task is about: objects or furniture that slides; a draw takes
-    /// one of them.
+    /// Possible targets: objects or sliding furniture; sampling selects one.
     pub targets: Vec<String>,
-    /// What is to be done with it.
+    /// What to do with the target.
     pub goal: Goal,
-    /// Sentences that ask for it; a draw takes one. `{from_left}`,
-    /// `{from_right}` and `{from_top}` stand for the target's place among the
-    /// targets.
+    /// Instructions; sampling selects one. `{from_left}`, `{from_right}` and
+    /// `{from_top}` stand for the target's position among the targets.
     pub instructions: Vec<String>,
-    /// Simulated seconds after which it has failed.
+    /// Simulated seconds after which it fails.
     pub time_limit: f64,
-    /// What must hold, or is reported.
+    /// Required and reported conditions.
     pub conditions: Vec<ConditionSpec>,
-    /// When the target counts as lost.
+    /// Failure of the target.
     pub failure: FailureSpec,
-    /// How somebody waits for it, where the scenario does not say.
+    /// Behaviour of the person, unless the scenario sets it.
     pub waits: WaitSpec,
 }
 
-/// Posture of somebody for whom a task is done, where the scenario names none.
+/// Default posture of the person in care tasks.
 const FREE_LAP: &str = "hands_on_armrests";
 
-/// How somebody waits for what a task brings.
+/// Behaviour of a person who waits for the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitSpec {
-    /// How much the head moves, 0 to 1.
+    /// Motion of the head, 0 to 1.
     pub motion: f64,
-    /// The mouth opens and stays open.
+    /// The mouth is open.
     pub mouth_open: bool,
 }
 
@@ -60,53 +58,52 @@ impl Default for WaitSpec {
 /// A condition of the task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConditionSpec {
-    /// What must be true.
+    /// What must hold.
     pub(super) predicate: AnyPredicate,
-    /// Needed for success, or only reported.
+    /// Required for success, or only reported.
     pub required: bool,
-    /// Only where somebody sits in the chair.
+    /// Only with a person in the chair.
     pub with_person: bool,
 }
 
 /// When the target counts as dropped or tipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FailureSpec {
-    /// Metres below its start, or above it for having been lifted.
+    /// Fall below its start, or rise above it that counts as lifted, metres.
     pub drop: f64,
-    /// Lean from how it stood while not held, radians.
+    /// Lean from its start while not held, radians.
     pub tilt: f64,
-    /// At rest further than this inwards from the approach edge no arm gets it,
-    /// metres; `None` where that does not matter.
+    /// Distance inwards from the approach edge beyond which a resting target is
+    /// unreachable, metres; `None` for no limit.
     pub reach: Option<f64>,
-    /// The robot pressed furniture harder than this, N.
+    /// Contact force of the robot with furniture above which the task fails, N.
     pub force: f64,
 }
 
 impl ConditionSpec {
-    /// The predicate with what it is about, for example `inside(knife, placemat)`.
+    /// The predicate with its subjects, for example `inside(knife, placemat)`.
     #[must_use]
     pub fn label(&self) -> String {
         self.predicate.label()
     }
 }
 
-/// Activity of the tasks that are done for somebody in the seat.
+/// Activity of care tasks.
 const CARE: &str = "care";
 
 impl TaskSpec {
-    /// Whether it is done for somebody in the seat: one is drawn where the scenario
-    /// names nobody.
+    /// Whether it is a care task: its person is sampled unless the scenario names one.
     #[must_use]
     pub fn is_care(&self) -> bool {
         self.activity == CARE || matches!(self.goal, Goal::Give | Goal::Bring)
     }
 
-    /// Somebody for whom the task is done: who is `asked` for, and as the task needs it
-    /// where that says nothing. Hands leave the lap free. Who was drawn before stays as
-    /// told.
+    /// The person for a care task: the `requested` one, with the task's values where
+    /// that has none. The hands leave the lap free. A person sampled before is
+    /// unchanged.
     #[must_use]
-    pub fn cared_for(&self, asked: Option<PersonSetting>) -> PersonSetting {
-        let mut person = asked.unwrap_or_default();
+    pub fn cared_for(&self, requested: Option<PersonSetting>) -> PersonSetting {
+        let mut person = requested.unwrap_or_default();
         if person.drawn.is_some() {
             return person;
         }
@@ -118,7 +115,7 @@ impl TaskSpec {
         person
     }
 
-    /// The furniture on which the task puts something, if it does.
+    /// The furniture on which the task puts the target, if any.
     #[must_use]
     pub fn region_name(&self) -> Option<&str> {
         match &self.goal {
@@ -127,27 +124,27 @@ impl TaskSpec {
         }
     }
 
-    /// The surface in which the task puts something, if it does.
+    /// The surface on which the task puts the target, if any.
     #[must_use]
     pub fn region<'a>(&self, scene: &'a Scene) -> Option<&'a Surface> {
         scene.surface_named(self.region_name()?, None)
     }
 
-    /// Variants of the area in which everything is that the task asks for.
+    /// Variants of the area that contain everything that the task needs.
     pub fn variants(&self) -> impl DoubleEndedIterator<Item = &Variant> {
         let objects = self.targets.iter().map(String::as_str);
-        let asked: Vec<&str> = match self.goal {
-            // Furniture is always there.
+        let needed: Vec<&str> = match self.goal {
+            // Furniture always exists.
             Goal::Open { .. } | Goal::Close { .. } => Vec::new(),
             Goal::Lift | Goal::Give | Goal::Bring | Goal::Put { .. } => {
                 objects.chain(self.region_name()).collect()
             }
         };
         let variants = self.area.variants.iter();
-        variants.filter(move |variant| asked.iter().all(|name| variant.offers(name)))
+        variants.filter(move |variant| needed.iter().all(|name| variant.offers(name)))
     }
 
-    /// Where errors about this task stand.
+    /// Place of this task in error messages.
     pub(super) fn place(&self) -> Place {
         Place::file(&format!("tasks/{}.toml", self.name))
     }

@@ -1,4 +1,4 @@
-//! Draws as a table, one line each: what a classifier may see of them.
+//! Samples as a table, one line each, for classifiers.
 
 use std::fmt::Write;
 
@@ -6,12 +6,12 @@ use nalgebra::{Isometry3, Vector3};
 use wheelarm_proto::exact;
 
 use super::area::AreaSpec;
-use super::draw::Draw;
+use super::task_sampling::TaskSample;
 use crate::scene::{Placement, Scene};
 
-/// Columns of the table, comma separated: metres, radians, kg, N and N·s/m; `up` is the
-/// cosine between the object's upright axis and the vertical, `home` the areas that were
-/// sampled. All values of an absent object are zero. The areas of one home have the same
+/// Columns of the table, comma separated: metres, radians, kg, N and N·s/m. `up` is the
+/// cosine between the object's upright axis and the vertical, `home` lists the sampled
+/// areas. All values of an absent object are zero. The areas of one home have the same
 /// columns.
 #[must_use]
 pub fn columns(area: &AreaSpec) -> String {
@@ -35,7 +35,7 @@ pub fn columns(area: &AreaSpec) -> String {
     text
 }
 
-/// One draw as a line of the table of its area. `scene` is the one that was drawn.
+/// One sample as a line of the table of its area. `scene` is the sampled scene.
 #[must_use]
 pub fn row(
     area: &AreaSpec,
@@ -43,7 +43,7 @@ pub fn row(
     task: &str,
     variant: &str,
     seed: u64,
-    draw: &Draw,
+    draw: &TaskSample,
 ) -> String {
     let mut home: Vec<&str> = draw.scene.surroundings.iter().map(String::as_str).collect();
     home.push(&area.name);
@@ -95,7 +95,7 @@ fn areas(area: &AreaSpec) -> impl Iterator<Item = &AreaSpec> {
     [area].into_iter().chain(&area.surroundings)
 }
 
-/// Every joint that any area of the home slides.
+/// Every joint that an area of the home slides.
 fn slides(area: &AreaSpec) -> Vec<&str> {
     let slides = areas(area).flat_map(|area| &area.slides);
     let mut names: Vec<&str> = slides.map(|slide| slide.joint.as_str()).collect();
@@ -103,7 +103,7 @@ fn slides(area: &AreaSpec) -> Vec<&str> {
     names
 }
 
-/// Every object that any area of the home places.
+/// Every object that an area of the home places.
 fn objects(area: &AreaSpec) -> Vec<&str> {
     let variants = areas(area).flat_map(|area| &area.variants);
     let places = variants.flat_map(|variant| &variant.places);
@@ -113,7 +113,7 @@ fn objects(area: &AreaSpec) -> Vec<&str> {
     names
 }
 
-/// Place on the floor plan and turn about the vertical.
+/// Position on the floor plan and rotation about the vertical.
 fn place(pose: &Isometry3<f64>) -> [f64; 3] {
     let forward = pose.rotation * Vector3::x();
     let yaw = exact::atan2(forward.y, forward.x);

@@ -1,5 +1,5 @@
-//! Templates: `assets/templates/VERB.toml` says for all tasks of a verb when they
-//! are done. A task file may give other thresholds, key by key.
+//! Templates: `assets/templates/VERB.toml` contains the conditions of all tasks with a
+//! verb. A task file may override thresholds, key by key.
 
 use std::path::Path;
 
@@ -11,10 +11,10 @@ use super::predicates::AnyPredicate;
 use super::spec::ConditionSpec;
 use crate::scene::{Place, SceneError, names, parse, provenance};
 
-/// Word in a template that stands for the place that the task names.
+/// Placeholder in a template for the place of the task.
 const REGION: &str = "region";
 
-/// What is to be done.
+/// Verb of a task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Verb {
@@ -26,7 +26,7 @@ pub(super) enum Verb {
     Close,
 }
 
-/// A template with the thresholds of one task, not yet checked.
+/// A template with the thresholds of one task, before validation.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Template {
@@ -36,7 +36,7 @@ pub(super) struct Template {
     pub time_limit: f64,
     condition: Vec<ConditionEntry>,
     pub failure: FailureEntry,
-    /// How somebody waits for it.
+    /// Behaviour of the person.
     pub person: Option<PersonEntry>,
 }
 
@@ -51,10 +51,10 @@ pub(super) struct PersonEntry {
 #[serde(deny_unknown_fields)]
 struct ConditionEntry {
     required: bool,
-    /// Only where the task could mean one of several things.
+    /// Only when the task has several possible targets.
     #[serde(default)]
     when_several: bool,
-    /// Only where somebody sits in the chair.
+    /// Only with a person in the chair.
     #[serde(default)]
     with_person: bool,
     predicate: Table,
@@ -72,8 +72,8 @@ pub(super) struct FailureEntry {
 }
 
 impl Template {
-    /// Reads `assets/templates/NAME.toml` with a task's `thresholds` over it:
-    /// tables by the word of a predicate, and one for `failure`.
+    /// Reads `assets/templates/NAME.toml` and overrides it with a task's `thresholds`:
+    /// tables by predicate name, and one for `failure`.
     pub(super) fn read(
         assets: &Path,
         task: &Place,
@@ -109,7 +109,7 @@ impl Template {
         Ok(template)
     }
 
-    /// Takes thresholds of one predicate over.
+    /// Overrides thresholds of one predicate.
     fn take(&mut self, place: &Place, word: &str, over: &Table) -> Result<(), SceneError> {
         let mut conditions = self.condition.iter_mut();
         let found = conditions.find_map(|entry| entry.predicate.get_mut(word));
@@ -138,8 +138,8 @@ impl Template {
         Ok(())
     }
 
-    /// The conditions of a task with these targets, which puts things on `region`.
-    /// A task with one target names it.
+    /// The conditions of a task with these targets and this `region`. A single target
+    /// is named.
     pub(super) fn conditions(
         &self,
         name: &str,

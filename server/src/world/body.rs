@@ -1,9 +1,9 @@
 //! The robot in the engine: one multibody of chair, driven wheels, arm and
 //! gripper, with couplings for the gripper's linkage.
 //!
-//! Measured at rest: with wheels on impulse joints the chair shivered by
-//! 10 mm/s and crept 10 mm in 10 s; in the multibody it moves by 0.05 mm. Front
-//! wheels as bodies would cost another half of a tick.
+//! Measured at rest: with wheels on impulse joints the chair shivered by 10 mm/s and
+//! crept 10 mm in 10 s; in the multibody it moves by 0.05 mm. Front wheels as bodies
+//! would make a tick half as long again.
 
 use std::f64::consts::TAU;
 
@@ -27,7 +27,7 @@ use crate::snapshot::BodyRef;
 
 /// Collision group of the floor.
 pub(super) const FLOOR_GROUP: Group = Group::GROUP_31;
-/// Collision group of everything else that is not the robot.
+/// Collision group of all other bodies except the robot.
 pub(super) const SCENE_GROUP: Group = Group::GROUP_32;
 /// Collision group of the chair; the arm's groups follow by depth.
 const CHAIR_BIT: u32 = 1;
@@ -36,27 +36,27 @@ const CHAIR_CLEAR: u32 = 2;
 /// Links of the arm this many joints apart may touch each other.
 const ARM_CLEAR: u32 = 4;
 
-/// Radius of the rims of the robot's cylinders, metres, less at thin ones (see
+/// Radius of the rims of the robot's cylinders, metres, smaller for thin ones (see
 /// `shape::solids`). [choice: contacts at rest are less than 1 mm deep]
 const RIM: f64 = 0.01;
 
 /// Friction of the robot's shell (painted metal and plastic; a guess).
 const SHELL_FRICTION: f32 = 0.5;
-/// Friction of the driven wheels: rubber, the larger coefficient counts.
+/// Friction of the driven wheels: rubber; the larger coefficient applies.
 const TYRE_FRICTION: f32 = 1.0;
-/// Friction of the front omni wheels, the smaller coefficient counts.
+/// Friction of the front omni wheels; the smaller coefficient applies.
 const ROLLER_FRICTION: f32 = 0.0;
 /// Reflected inertia of the gripper's motor at a crank, kg·m² (MuJoCo Menagerie, robotiq_2f85).
 const CRANK_ARMATURE: f32 = 0.005;
 
-/// The same at a finger tip, kg·m² (Menagerie, robotiq_2f85_v4: follower).
-/// Without it tip and crank chatter at 50 Hz and the grip force swings by half.
+/// The same at a finger tip, kg·m² (Menagerie, robotiq_2f85_v4: follower). Without it
+/// tip and crank chatter at 50 Hz and the grip force oscillates by half.
 const TIP_ARMATURE: f32 = 0.001;
 
-/// A shape of an inner knuckle may be off by this much, metres.
+/// Largest error in the pose of an inner knuckle's shape, metres.
 const STILL: f32 = 1e-5;
 
-/// What a collider of the robot is made of.
+/// Surface of a collider of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Surface {
     /// Plain shell.
@@ -65,19 +65,19 @@ pub(super) enum Surface {
     Tyre,
     /// Front wheel.
     Roller,
-    /// Silicone pad of a finger: it takes the coefficient of what it touches,
-    /// because the coefficient of an object is that against the pads.
+    /// Silicone pad of a finger: uses the coefficient of the other body, because an
+    /// object's coefficient is defined against the pads.
     Pad,
 }
 
 impl Surface {
-    /// Wheels meet the floor in one point, under their middle: a cylinder's
-    /// line of contact scrubs when it turns and moves the effective track.
+    /// Wheels touch the floor in one point, under their middle: a cylinder's line of
+    /// contact scrubs in a turn and changes the effective track.
     fn rolls(self) -> bool {
         matches!(self, Self::Tyre | Self::Roller)
     }
 
-    /// The collider with this surface and no mass of its own.
+    /// The collider with this surface, without mass.
     fn coat(self, collider: ColliderBuilder) -> ColliderBuilder {
         let (friction, rule) = match self {
             Self::Shell => (SHELL_FRICTION, CoefficientCombineRule::Average),
@@ -120,9 +120,10 @@ struct MovingShape {
 }
 
 impl RobotBody {
-    /// Puts a robot into the engine with its root at `start` and the joint positions `q(joint)`.
+    /// Inserts a robot into the engine with its root at `start` and the joint positions
+    /// `q(joint)`.
     ///
-    /// `surface(link)` says what a link is made of.
+    /// `surface(link)` returns the surface of a link.
     pub(super) fn insert(
         physics: &mut PhysicsWorld,
         model: &RobotModel,
@@ -221,7 +222,7 @@ impl RobotBody {
         Ok(robot)
     }
 
-    /// Gives the multibody its joint positions and no damping.
+    /// Sets the joint positions of the multibody and removes its damping.
     fn set_positions(&mut self, physics: &mut PhysicsWorld, q: &impl Fn(usize) -> f64) {
         let Some(multibody) = self
             .multibody
@@ -242,9 +243,9 @@ impl RobotBody {
         multibody.damping_mut().fill(0.0);
     }
 
-    /// Puts the shapes of the inner knuckles where the joints have them now, before a
-    /// tick. A shape that is off by less than [`STILL`] stays: the engine sums up the mass
-    /// of the whole body whenever one of its shapes moves.
+    /// Moves the shapes of the inner knuckles to the present joint positions, before a
+    /// tick. A shape with an error below [`STILL`] is not moved: the engine recomputes
+    /// the mass of the whole body whenever one of its shapes moves.
     pub(super) fn place_shapes(&self, physics: &mut PhysicsWorld, model: &RobotModel) {
         for shape in &self.moving {
             let (angle, _) = self.joint_state(physics, shape.parallel.tip);
@@ -260,14 +261,14 @@ impl RobotBody {
         }
     }
 
-    /// Whether the collider is one that moves in its body.
+    /// Whether the collider moves in its body.
     pub(super) fn moves(&self, collider: ColliderHandle) -> bool {
         self.moving.iter().any(|shape| shape.collider == collider)
     }
 
-    /// Couples joints that follow another one. Where the followed joint is also
-    /// followed by the joint's own parent, the coupling goes to that parent: a
-    /// finger tip follows its own crank. Cranks and tips get their armature.
+    /// Couples joints that follow another one. If the joint's parent follows the same
+    /// joint, the coupling is to that parent: a finger tip follows its own crank. Adds
+    /// the armature of cranks and tips.
     fn couple(&mut self, physics: &mut PhysicsWorld, model: &RobotModel) {
         let mut couplings = Vec::new();
         let mut armatures = Vec::new();
@@ -399,7 +400,7 @@ impl RobotBody {
         })
     }
 
-    /// Gives the joint that moves a body a velocity, rad/s.
+    /// Sets the velocity of the joint that moves a body, rad/s.
     pub(super) fn set_velocity(&self, physics: &mut PhysicsWorld, body: usize, speed: f64) {
         let multibody = self
             .multibody
@@ -425,8 +426,8 @@ impl RobotBody {
         root.unwrap_or_else(|| (Vector3::zeros(), Vector3::zeros()))
     }
 
-    /// Takes whole turns out of a joint without limits, so that single
-    /// precision stays fine however far a wheel has rolled.
+    /// Removes whole turns from a joint without limits, so that single precision
+    /// remains accurate over any rolled distance.
     pub(super) fn take_turns_out(&self, physics: &mut PhysicsWorld, body: usize) {
         let (position, _) = self.joint_state(physics, body);
         let turns = (position / TAU).round();
@@ -474,7 +475,8 @@ fn joint_data(model: &RobotModel, tree_joint: &TreeJoint) -> GenericJoint {
     data.build()
 }
 
-/// Collision groups of the person: those of the chair, which the person never touches.
+/// Collision groups of the person: those of the chair, which does not collide with the
+/// person.
 pub(super) fn person_groups() -> InteractionGroups {
     groups(None)
 }
@@ -493,8 +495,8 @@ fn arm_depths(model: &RobotModel) -> Vec<Option<u32>> {
     depths
 }
 
-/// Collision groups of a link: everything of the scene, and those parts of
-/// the robot itself that can be reached.
+/// Collision groups of a link: the whole scene, and those parts of the robot that it
+/// can reach.
 fn groups(depth: Option<u32>) -> InteractionGroups {
     const DEEPEST: u32 = 15;
     let arm_bit = |d: u32| CHAIR_BIT << (1 + d.min(DEEPEST));

@@ -1,4 +1,4 @@
-//! Who touches whom, and how hard.
+//! Contacts and their forces.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::snapshot::{BodyRef, Contact};
 
 const KINDS: u32 = 32;
 
-/// Number that a collider carries, so that a contact knows its body.
+/// User data of a collider that identifies its body.
 pub(super) fn tag(body: BodyRef) -> u128 {
     let (kind, index) = match body {
         BodyRef::Link(i) => (0, i),
@@ -22,7 +22,7 @@ pub(super) fn tag(body: BodyRef) -> u128 {
     (kind << KINDS) | (index as u128)
 }
 
-/// Body of a collider's number.
+/// Body of a collider's user data.
 pub(super) fn body_of(tag: u128) -> BodyRef {
     let index = (tag & ((1 << KINDS) - 1)) as usize;
     match tag >> KINDS {
@@ -41,21 +41,21 @@ struct Sum {
     weight: f64,
 }
 
-/// The pairs that touch with force: the robot with anything but the floor,
-/// objects with objects and furniture. Sorted by pair.
+/// The pairs with contact force: the robot with anything but the floor, objects with
+/// objects and furniture. Sorted by pair.
 pub(super) fn contacts(physics: &PhysicsWorld) -> Vec<Contact> {
-    let are_told = |first, second| {
+    let is_reported = |first, second| {
         !matches!(
             (first, second),
             (BodyRef::Link(_), BodyRef::Furniture(0))
                 | (BodyRef::Furniture(_), BodyRef::Furniture(_))
         )
     };
-    contacts_among(physics, physics.narrow_phase.contact_pairs(), are_told)
+    contacts_among(physics, physics.narrow_phase.contact_pairs(), is_reported)
 }
 
-/// Those among the engine's pairs of which `wanted(first, second)` says so, sorted by
-/// pair; the lesser body is the first.
+/// The engine's pairs for which `wanted(first, second)` holds, sorted by pair; the
+/// lesser body is the first.
 pub(super) fn contacts_among<'a>(
     physics: &PhysicsWorld,
     pairs: impl Iterator<Item = &'a ContactPair>,
@@ -98,16 +98,16 @@ pub(super) fn contacts_among<'a>(
 /// How the engine solves and stores the friction of a manifold.
 #[derive(Clone, Copy)]
 enum Friction {
-    /// One constraint per point, where a link of the robot takes part. The engine stores
-    /// the impulse of all substeps.
+    /// One constraint per point, for contacts of a robot link. The engine stores the
+    /// impulse of all substeps.
     PerPoint,
     /// One constraint per manifold, stored at its first point, between free bodies. The
     /// engine stores the impulse of the last substep only.
     PerManifold,
 }
 
-/// Whether the collider belongs to a link of the robot's multibody. The capsules of the
-/// person do.
+/// Whether the collider belongs to a link of the robot's multibody; the person's
+/// capsules do.
 fn is_articulated(physics: &PhysicsWorld, collider: &Collider) -> bool {
     let link = |body| physics.multibody_joints.rigid_body_link(body);
     collider.parent().is_some_and(|body| link(body).is_some())

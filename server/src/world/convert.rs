@@ -1,5 +1,5 @@
-//! Between the double precision of the rest of the system and the engine's
-//! single precision. The only place where the two kinds of number meet.
+//! Conversions between double precision and the engine's single precision. No other
+//! module converts.
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d::math::{Matrix, Pose, Rotation, Vector};

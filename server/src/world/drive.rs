@@ -1,26 +1,26 @@
-//! The motors: what turns `Targets` into torques.
+//! The motors: convert `Targets` to torques.
 //!
-//! Every motor is a spring and a damper. The spring pulls towards a reference
-//! that moves on during the tick, and is taken at the tick's middle: towards a
-//! point that stands still for a tick and then jumps, four substeps would feel
-//! a saw tooth of force, and light joints shiver at 240 Hz by a tenth of their
-//! speed. Gravity is compensated by a torque at each arm joint; the
-//! compensation knows the arm and the gripper, not what it holds.
+//! Every motor is a spring and a damper. The spring pulls towards a reference that
+//! moves during the tick, evaluated at the tick's middle. With a fixed reference per
+//! tick, four substeps would see a sawtooth force, and light joints would shiver at 240
+//! Hz by a tenth of their speed. Gravity is compensated by a torque at each arm joint
+//! for the arm and the gripper, not for a held object.
 //!
-//! Of the arm, the dampers are part of the multibody's dynamics, which are
-//! solved exactly, and the rest of a motor's torque is constant over a tick: the
-//! engine's iterations over constraints would leave a fifth of a newton metre
-//! of joints whose axes are nearly parallel. Wheels and cranks, which drive
-//! against contacts up to a cap, are solved with the contacts.
+//! The arm's dampers are part of the multibody's dynamics, which are solved exactly,
+//! and the rest of a motor's torque is constant over a tick. The engine's constraint
+//! iterations would leave an error of 0.2 N·m in joints with nearly parallel axes.
+//! Wheels and cranks, which drive against contacts up to a cap, are solved with the
+//! contacts.
 //!
-//! Friction of joints, gears and tyres is a damper of the dynamics as well: dry friction
-//! is its torque over the speed at the begin of the tick, so it is solved exactly at any
-//! speed and never turns a joint around. Below `friction::CREEP` it falls linearly.
+//! Friction of joints, gears and tyres is also a damper of the dynamics: dry friction
+//! is its torque divided by the speed at the start of the tick, so it is solved exactly
+//! at any speed and never reverses a joint. Below `friction::CREEP` it decreases
+//! linearly.
 //!
-//! Efforts: of the arm what the gear passes on to the link, friction taken off. That is
-//! the torque of inverse dynamics, and what a torque sensor behind the gear measures
-//! (assumption for the Gen3, whose actuators have torque sensors). Wheels and gripper
-//! have none: theirs is the motor's torque, which overcomes the friction, too.
+//! Efforts of the arm are the torque that the gear passes on to the link, without
+//! friction. That is the torque of inverse dynamics, and of a torque sensor behind the
+//! gear (assumption for the Gen3, whose actuators have torque sensors). Wheels and
+//! gripper have no such sensor: their effort is the motor's torque, including friction.
 
 use nalgebra::Vector3;
 use rapier3d::dynamics::MotorModel;
@@ -36,16 +36,16 @@ use super::wheels::Wheels;
 use crate::robot::control::Targets;
 use crate::robot::{ARM_JOINTS, RobotModel};
 
-/// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is
-/// reached 4 mm behind the led position or at an error of 0.04 m/s.
+/// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is reached 4 mm
+/// behind the reference position or at an error of 0.04 m/s.
 const WHEEL_STIFFNESS: f64 = 1000.0;
 const WHEEL_DAMPING: f64 = 100.0;
-/// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N
-/// is reached 0.02 rad behind the target; near critical damping with the armature.
+/// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N is
+/// reached 0.02 rad behind the target; near critical damping with the armature.
 const CRANK_STIFFNESS: f64 = 200.0;
 const CRANK_DAMPING: f64 = 3.0;
 
-/// Which body each motor moves, and how strongly.
+/// Body and strength of each motor.
 #[derive(Clone, Debug)]
 pub(super) struct Drives {
     wheels: [usize; 2],
@@ -69,8 +69,8 @@ struct Gains {
     stiffness: f64,
     damping: f64,
     torque: f64,
-    /// Speed that the motor itself makes at the most, rad/s: however far its joint is
-    /// behind, as after a hand that was held up slips off.
+    /// Largest speed that the motor itself commands, rad/s, however large its error is,
+    /// for example after a blocked hand slips free.
     fastest: f64,
 }
 
@@ -81,18 +81,18 @@ struct Crank {
     sign: f64,
 }
 
-/// What a joint is to do in the coming tick.
+/// Set point of a joint for the coming tick.
 #[derive(Clone, Copy, Debug)]
 struct Aim {
-    /// Where it should be at the end of the tick, rad.
+    /// Position at the end of the tick, rad.
     position: f64,
-    /// How fast it should move until then, rad/s.
+    /// Speed until then, rad/s.
     speed: f64,
-    /// Torque that is there in any case, N·m.
+    /// Feed-forward torque, N·m.
     torque: f64,
 }
 
-/// What the wheels of a model are made of, for `RobotBody::insert`.
+/// Surface of a model's wheels, for `RobotBody::insert`.
 pub(super) fn surface(model: &RobotModel, link: usize) -> Surface {
     let Some(joint) = link.checked_sub(1) else {
         return Surface::Shell;
@@ -253,9 +253,9 @@ impl Drives {
         &self.limits
     }
 
-    /// Brakes joints that something drives faster than their limits, after the engine's
-    /// tick, to the limits. The drives further in hold what the brake takes up. A speed
-    /// that breaks the state is left for `health` to find.
+    /// Brakes joints that are driven beyond their speed limits, after the engine's
+    /// tick. The drives closer to the base absorb the braking torque. A speed that
+    /// breaks the state is left for `health` to detect.
     pub(super) fn brake(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
         for (body, &limit) in self.limits.iter().enumerate() {
             let (_, velocity) = robot.joint_state(physics, body);
@@ -269,7 +269,8 @@ impl Drives {
         }
     }
 
-    /// Torque that holds an arm joint against the weight of what it carries of the robot, N·m.
+    /// Torque that holds an arm joint against the weight of the robot parts that it
+    /// carries, N·m.
     fn gravity_torque(&self, physics: &PhysicsWorld, robot: &RobotBody, joint: usize) -> f64 {
         let body = self.arm[joint];
         let Some(data) = robot.joint(physics, body) else {
@@ -287,7 +288,7 @@ impl Drives {
         let moment: Vector3<f64> = self.carried[joint]
             .iter()
             .map(|&b| {
-                // The engine's own centre of mass is there from the first tick on.
+                // The engine's centre of mass exists from the first tick on.
                 let mass = &robot.tree.bodies[b].mass;
                 let com = (robot.frame(physics, b) * mass.com).coords;
                 (com - pivot).cross(&(gravity * mass.mass))
@@ -296,8 +297,8 @@ impl Drives {
         -axis.dot(&moment)
     }
 
-    /// How far a pad closes per radian of its crank, metres: the height of the
-    /// finger tip's pivot above the crank's, along the hand.
+    /// How far a pad closes per radian of its crank, metres: the height of the finger
+    /// tip's pivot above the crank's, along the hand.
     fn lever(&self, physics: &PhysicsWorld, robot: &RobotBody, crank: Crank) -> f64 {
         let hand = &physics.bodies[robot.handles[self.hand]];
         let approach = hand.rotation() * self.approach(robot);
@@ -306,7 +307,7 @@ impl Drives {
         f64::from(rise.dot(approach)).abs()
     }
 
-    /// Direction in which the hand points, in its body's frame.
+    /// Direction of the hand in its body's frame.
     fn approach(&self, robot: &RobotBody) -> rapier3d::math::Vector {
         let turn = robot.tree.bodies[self.cranks[0].body]
             .joint
@@ -327,16 +328,15 @@ fn carried_by(robot: &RobotBody, root: usize) -> Vec<usize> {
 }
 
 impl Aim {
-    /// The motor's law over the coming tick of a joint at `now`, rad, as a torque
-    /// at velocity 0, N·m, and a damping, N·m·s/rad. Averaged over the tick, the
+    /// Control law over the coming tick of a joint at `now`, rad, as a torque at
+    /// velocity 0, N·m, and a damping, N·m·s/rad. Averaged over the tick, the
     /// torque is
     /// stiffness · (reference - position) + damping · (speed - velocity) + torque,
-    /// where the reference arrives at the aim's position with the tick's end.
+    /// where the reference reaches the aim's position at the end of the tick.
     ///
-    /// With e the distance to the reference at the begin and v the velocity, the
-    /// spring's mean is stiffness · (e + (speed - v) · dt / 2): a constant and a
-    /// part that damps. The two are never worth more than the gains' fastest speed
-    /// against a friction, N·m·s/rad.
+    /// With e the initial distance to the reference and v the velocity, the spring's mean
+    /// is stiffness · (e + (speed - v) · dt / 2): a constant and a damping part. Their sum
+    /// is limited to the gains' fastest speed against a friction, N·m·s/rad.
     fn law(&self, now: f64, gains: Gains, friction: f64, dt: f64) -> (f64, f64) {
         let behind = self.position - self.speed * dt - now;
         let damping = gains.effective_damping(dt);
@@ -347,7 +347,7 @@ impl Aim {
 }
 
 impl Gains {
-    /// What damps in the mean over a tick of `dt` seconds, N·m·s/rad.
+    /// Mean damping over a tick of `dt` seconds, N·m·s/rad.
     fn effective_damping(&self, dt: f64) -> f64 {
         self.damping + self.stiffness * dt / 2.0
     }
@@ -362,7 +362,7 @@ fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Ai
         ..gains
     };
     let (torque, damping) = aim.law(now, free, 0.0, dt);
-    // A motor that is far behind pushes as much as it can, and no faster than it can.
+    // With a large error the motor uses its full torque, limited by its fastest speed.
     let damping = damping.max(torque.abs() / gains.fastest);
     let Some(joint) = robot.joint_mut(physics, body) else {
         return;
@@ -378,15 +378,14 @@ fn set_motor(physics: &mut PhysicsWorld, robot: &RobotBody, body: usize, aim: Ai
     joint.set_motor_max_force(JointAxis::AngX, real(gains.torque));
 }
 
-/// Sets a motor whose damper is part of the dynamics. Its torque at the begin of
-/// the tick, with the damper, is within the cap; what drives the joint faster
-/// than the motor itself can is braked beyond the cap, in proportion to the
-/// excess, as a motor does whose induced voltage is above its supply's.
+/// Sets a motor whose damper is part of the dynamics. Its torque at the start of the tick,
+/// with the damper, is within the cap. A joint driven faster than the motor's own speed is
+/// braked beyond the cap, in proportion to the excess, like a motor whose induced voltage
+/// exceeds its supply.
 ///
-/// A torque that does not depend on velocity is, to the engine, a motor that
-/// wants to be far faster than its force allows; then its damping does nothing.
-/// It tells what is not in the dynamics of one substep: how much more the joint
-/// resists over the whole tick, which soft contact goes by.
+/// In the engine, a torque that does not depend on velocity is a motor whose target speed
+/// is far above what its force allows; its damping then has no effect. The damping is used
+/// for the joint's additional resistance over the whole tick, for soft contact.
 fn set_push(
     physics: &mut PhysicsWorld,
     robot: &RobotBody,
@@ -420,14 +419,12 @@ fn set_push(
     joint.set_motor_max_force(JointAxis::AngX, real(push.abs()));
 }
 
-/// Speed that a motor of the arm asks of the engine, rad/s: its torque, and no speed, is
-/// what counts.
+/// Speed command of an arm motor, rad/s: only its torque limit has an effect.
 const FAR_FASTER: f64 = 1e4;
 
-/// Mean torque, N·m, of the drive of the joint that moves a body, over a tick in
-/// which the joint moved at a mean velocity, rad/s; 0 where there is no drive.
-/// Of the arm friction is taken off, see the module.
-/// The engine does not report it; this is its law.
+/// Mean torque, N·m, of the drive of the joint that moves a body, over a tick with a mean
+/// velocity of `velocity`, rad/s; 0 without a drive. For the arm, friction is subtracted
+/// (see the module). The engine does not report it; this is the control law.
 pub(super) fn torque(physics: &PhysicsWorld, robot: &RobotBody, body: usize, velocity: f64) -> f64 {
     let Some(motor) = robot
         .joint(physics, body)

@@ -13,7 +13,7 @@ use super::contact::body_of;
 use super::convert::{from_vector, real};
 use crate::snapshot::BodyRef;
 
-/// The nearest points of two shapes. Places and directions are in `house`, metres.
+/// The nearest points of two shapes. Positions and directions are in `house`, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
     /// Body of the first shape.
@@ -24,16 +24,16 @@ pub struct Gap {
     pub point: Vector3<f64>,
     /// Unit vector from the first shape to the second.
     pub normal: Vector3<f64>,
-    /// Distance, m; negative: how deep the shapes overlap.
+    /// Distance, m; negative: penetration depth.
     pub distance: f64,
-    /// Speed at which the second shape moves towards the first by itself, m/s: the
-    /// person's head. Motion of the chair is left out.
+    /// Speed at which the second shape moves towards the first on its own, m/s: the
+    /// person's head. Motion of the chair is excluded.
     pub closing: f64,
     /// Corners of a box that contains the first shape.
     pub corners: [Vector3<f64>; 8],
 }
 
-/// A shape at a place.
+/// A shape at a pose.
 struct Placed<'a> {
     body: BodyRef,
     pose: Pose,
@@ -52,9 +52,10 @@ impl<'a> Placed<'a> {
         }
     }
 
-    /// The gap to another shape where it is less than `range` metres. Cores are measured:
-    /// of shapes that overlap the search for the depth (EPA, single precision) now and then
-    /// returns the wrong side, and rounded cores overlap only when pressed in deeply.
+    /// The gap to another shape if it is below `range` metres. Measured between cores:
+    /// for overlapping shapes the search for the depth (EPA, single precision)
+    /// sometimes returns the wrong side, and rounded cores overlap only at deep
+    /// penetration.
     fn gap(&self, other: &Self, range: f64) -> Option<Gap> {
         let (one, two) = (&self.pose, &other.pose);
         let ((own, rim), (others, other_rim)) = (core(self.shape), core(other.shape));
@@ -101,8 +102,8 @@ fn core(shape: &dyn Shape) -> (&dyn Shape, f32) {
 }
 
 impl World {
-    /// Gaps below `range` metres between these links and objects and the person, who is
-    /// placed as in the control tick that comes. Empty without a person.
+    /// Gaps below `range` metres between these links and objects and the person, posed
+    /// as in the coming control tick. Empty without a person.
     #[must_use]
     pub fn gaps_to_person(&self, bodies: &[BodyRef], range: f64) -> Vec<Gap> {
         let Some(seated) = &self.seated else {
@@ -118,7 +119,7 @@ impl World {
                 let Some(mut gap) = mover.gap(&capsule, range) else {
                     continue;
                 };
-                // The same point of the capsule where it is now.
+                // The same point of the capsule at its present pose.
                 let at = gap.point + gap.normal * gap.distance;
                 let now = place(&self.physics, collider);
                 if now != pose {
@@ -135,7 +136,7 @@ impl World {
     }
 
     /// Gaps below `range` metres between the person, with these links and objects, and
-    /// furniture other than the floor. In no particular order.
+    /// furniture other than the floor. Unordered.
     #[must_use]
     pub fn gaps_to_furniture(&self, bodies: &[BodyRef], range: f64) -> Vec<Gap> {
         let mut movers = self.placed(bodies);
@@ -179,7 +180,7 @@ impl World {
             };
             let colliders = self.physics.bodies[handle].colliders().iter();
             let colliders = colliders.filter_map(|c| self.physics.colliders.get(*c));
-            // Links that do not move against each other share an engine body.
+            // Links without relative motion share an engine body.
             let own = colliders.filter(|c| body_of(c.user_data) == body);
             placed.extend(own.map(|c| Placed::new(body, place(&self.physics, c), c.shape())));
         }
@@ -187,7 +188,7 @@ impl World {
     }
 }
 
-/// Where a shape is after the last tick.
+/// Pose of a shape after the last tick.
 pub(super) fn place(physics: &PhysicsWorld, collider: &Collider) -> Pose {
     let body = collider.parent().and_then(|body| physics.bodies.get(body));
     match (body, collider.position_wrt_parent()) {

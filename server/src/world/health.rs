@@ -1,10 +1,9 @@
-//! Whether the state can be believed. All thresholds stand here.
+//! Plausibility checks of the state, with all thresholds.
 //!
-//! Two grades: a [`Fault`] breaks the state, and nothing goes on from it; an
-//! [`Anomaly`] is noted, and the simulation goes on. The thresholds of a fault
-//! lie beyond everything that a sound run has shown: in 420 minutes of adversarial
-//! commands in the rigid home (physics version 3) joints reached 19 rad/s, those
-//! of the arm 6, and contacts 25.5 kN.
+//! Two grades: a [`Fault`] breaks the state and stops the simulation; an [`Anomaly`] is
+//! reported and the simulation continues. Thresholds of a fault are beyond all values
+//! of sound runs: in 420 minutes of adversarial commands in the rigid home (physics
+//! version 3) joints reached 19 rad/s, those of the arm 6, and contacts 25.5 kN.
 
 use nalgebra::Vector3;
 use rapier3d::geometry::PairContacts;
@@ -15,33 +14,33 @@ use super::contact::body_of;
 use super::convert::from_pose;
 use crate::snapshot::{Anomaly, BodyRef, Fault, JointState};
 
-/// Greatest speed of an arm joint, in units of its limit.
+/// Largest speed of an arm joint, in units of its limit.
 pub const ARM_SPEED: f64 = 5.0;
-/// Greatest speed of any other joint of the robot, rad/s.
+/// Largest speed of any other joint of the robot, rad/s.
 pub const JOINT_SPEED: f64 = 60.0;
-/// Greatest force between two bodies, N.
+/// Largest force between two bodies, N.
 pub const CONTACT_FORCE: f64 = 30e3;
-/// Greatest speed of a node of a soft object, m/s.
+/// Largest speed of a node of a deformable, m/s.
 pub const NODE_SPEED: f64 = 20.0;
-/// Greatest elastic and kinetic energy of a soft object, J.
+/// Largest elastic and kinetic energy of a deformable, J.
 pub const SOFT_ENERGY: f64 = 20.0;
-/// How far above the floor the chair's frame may be, and how far below, metres:
-/// higher it is in the free air, deeper it has fallen off the floor.
+/// Allowed height of the chair's frame relative to the floor, metres: higher it is
+/// airborne, lower it has fallen off the floor.
 pub const CHAIR_HEIGHT: [f64; 2] = [-0.5, 1.0];
-/// Speed of a joint from which on it is noted, in units of its limit.
+/// Speed of a joint above which an anomaly is reported, in units of its limit.
 pub const NOTED_SPEED: f64 = 2.0;
 
-/// Objects farther away than this, metres, were put there by mistake; what has
-/// fallen off the floor gets there in seven minutes.
+/// Largest distance of an object, metres. An object that fell off the floor reaches it
+/// after seven minutes.
 pub const FARTHEST: f64 = 1e6;
-/// Greatest speed of a body in a stored state, m/s and rad/s.
+/// Largest speed of a body in a stored state, m/s and rad/s.
 pub const STORED_SPEED: f64 = 1e4;
-/// Greatest angle of a joint in a stored state, rad.
+/// Largest angle of a joint in a stored state, rad.
 pub const STORED_ANGLE: f64 = 1e4;
-/// How far the norm of a stored rotation may be from one.
+/// Largest deviation of the norm of a stored rotation from one.
 pub const STORED_NORM: f64 = 1e-3;
 
-/// Ticks between two looks at the energy of soft objects, which takes some time.
+/// Ticks between checks of the energy of deformables, which are expensive.
 const ENERGY_TICKS: u64 = 4;
 
 impl World {
@@ -51,9 +50,9 @@ impl World {
         self.body_fault().or_else(|| self.fault_of_tick())
     }
 
-    /// As [`World::fault`] between the ticks of a control tick, where nobody sees
-    /// the state: the numbers of the engine's bodies are left out, for what is not
-    /// finite stays so. A contact lasts no longer than its tick.
+    /// As [`World::fault`], between the ticks of a control tick, where the state is not
+    /// visible: the check for finite numbers is left out, because they stay non-finite.
+    /// A contact lasts no longer than its tick.
     #[must_use]
     pub fn fault_of_tick(&self) -> Option<Fault> {
         self.contact_fault()
@@ -97,7 +96,7 @@ impl World {
         let at = (from_pose(root.position()) * root_from_body.inverse())
             .translation
             .vector;
-        (!self.stage.holds_chair(&at)).then_some(Fault::Outside { at })
+        (!self.scene_bodies.holds_chair(&at)).then_some(Fault::Outside { at })
     }
 
     fn contact_fault(&self) -> Option<Fault> {
@@ -148,12 +147,12 @@ impl World {
         })
     }
 
-    /// The body that an engine body is for people.
+    /// The body of an engine body.
     pub(super) fn name_of(&self, handle: RigidBodyHandle) -> BodyRef {
         if let Some(body) = self.robot.handles.iter().position(|h| *h == handle) {
             return BodyRef::Link(self.robot.tree.bodies[body].link);
         }
-        if let Some(object) = self.stage.objects.iter().position(|h| *h == handle) {
+        if let Some(object) = self.scene_bodies.objects.iter().position(|h| *h == handle) {
             return BodyRef::Object(object);
         }
         let body = self.physics.bodies.get(handle);
@@ -161,7 +160,7 @@ impl World {
         collider.map_or(BodyRef::Furniture(0), |c| body_of(c.user_data))
     }
 
-    /// Gives a joint of the robot a velocity, rad/s, to see what happens.
+    /// Sets the velocity of a robot joint, rad/s, for tests.
     #[cfg(test)]
     pub(crate) fn spin(&mut self, joint: usize, speed: f64) {
         if let Some(body) = self.robot.tree.body_moved_by(joint) {
@@ -169,16 +168,16 @@ impl World {
         }
     }
 
-    /// Puts an object aside, as the engine does with one whose numbers are none.
+    /// Disables an object, as the engine does with non-finite ones, for tests.
     #[cfg(test)]
     pub(crate) fn put_aside(&mut self, object: usize) {
-        let handle = self.stage.objects[object];
+        let handle = self.scene_bodies.objects[object];
         if let Some(body) = self.physics.bodies.get_mut(handle) {
             body.set_enabled(false);
         }
     }
 
-    /// Joints that are faster than they should be, of states in the order of
+    /// Joints beyond their speed limits, for states in the order of
     /// `RobotModel::joints`.
     pub(super) fn fast_joints(&self, joints: &[JointState]) -> impl Iterator<Item = Anomaly> {
         let all = self.model.joints.iter().zip(joints).enumerate();
@@ -191,7 +190,7 @@ impl World {
     }
 }
 
-/// Whether all numbers of a body are finite and the engine has not put it aside.
+/// Whether all numbers of a body are finite and the engine has not disabled it.
 fn is_sound(body: &RigidBody) -> bool {
     is_finite(body) && body.is_enabled()
 }
@@ -209,8 +208,7 @@ fn is_finite(body: &RigidBody) -> bool {
 
 /// Sum of the normal impulses of a pair in the last tick, N·s.
 pub(super) fn impulse(pair: &ContactPair) -> f32 {
-    // Plain loops: hundreds of pairs are near each other in every tick, and most
-    // of them do not touch.
+    // Plain loops: hundreds of pairs are close in every tick, and most do not touch.
     let PairContacts::Rigid(rigid) = &pair.contacts else {
         return 0.0;
     };
@@ -225,10 +223,10 @@ pub(super) fn impulse(pair: &ContactPair) -> f32 {
     sum
 }
 
-/// All numbers are finite and at most `most` away from zero.
+/// Checks that all numbers are finite and at most `most` in magnitude.
 ///
 /// # Errors
-/// With the first that is not.
+/// With the first invalid number.
 pub(super) fn within<'a>(
     what: &str,
     numbers: impl IntoIterator<Item = &'a f64>,
@@ -236,11 +234,11 @@ pub(super) fn within<'a>(
 ) -> Result<(), String> {
     match numbers.into_iter().find(|x| x.is_nan() || x.abs() > most) {
         None => Ok(()),
-        Some(x) => Err(format!("{what} is {x:e}, at most {most:e} can be")),
+        Some(x) => Err(format!("{what} is {x:e}, the limit is {most:e}")),
     }
 }
 
-/// What a stored state must keep beside all that a fault says.
+/// Additional checks of a body in a stored state.
 pub(super) fn stored_problem(body: &RigidBody, place: &Vector3<f64>) -> Option<String> {
     let rotation = f64::from(body.rotation().length());
     let speed = f64::from(body.linvel().length()).max(f64::from(body.angvel().length()));
@@ -249,7 +247,7 @@ pub(super) fn stored_problem(body: &RigidBody, place: &Vector3<f64>) -> Option<S
     } else if (rotation - 1.0).abs() > STORED_NORM {
         Some(format!("has a rotation of norm {rotation:.4}, not 1"))
     } else if place.norm() > FARTHEST {
-        Some(format!("lies {:.3e} m away", place.norm()))
+        Some(format!("is {:.3e} m away", place.norm()))
     } else if speed > STORED_SPEED {
         Some(format!("moves at {speed:.3e} m/s or rad/s"))
     } else {

@@ -1,4 +1,4 @@
-//! Mass properties that add up: several rigidly joined links are one body.
+//! Additive mass properties: several rigidly joined links are one body.
 
 use nalgebra::{Isometry3, Matrix3, Point3};
 
@@ -23,8 +23,8 @@ impl Mass {
         }
     }
 
-    /// The same body seen from a frame in which its own frame lies at `frame_from_body`.
-    pub(super) fn seen_from(&self, frame_from_body: &Isometry3<f64>) -> Self {
+    /// The same body in a frame in which its own frame is at `frame_from_body`.
+    pub(super) fn transformed_by(&self, frame_from_body: &Isometry3<f64>) -> Self {
         let r = frame_from_body.rotation.to_rotation_matrix();
         Self {
             mass: self.mass,
@@ -52,8 +52,8 @@ impl Mass {
         }
     }
 
-    /// Whether a body can move with these properties: positive mass and
-    /// positive definite inertia, all finite.
+    /// Whether a body with these properties can move: positive mass and positive
+    /// definite inertia, all finite.
     pub(super) fn is_physical(&self) -> bool {
         self.mass > 0.0
             && self.mass.is_finite()
@@ -71,9 +71,9 @@ impl Mass {
 mod tests {
     use super::*;
 
-    /// Two halves of a rod are the whole rod.
+    /// Two halves of a rod equal the whole rod.
     #[test]
-    fn halves_make_the_whole() {
+    fn two_halves_equal_the_whole() {
         let rod = |m: f64, l: f64, x: f64| Mass {
             mass: m,
             com: Point3::new(x, 0.0, 0.0),
@@ -87,9 +87,9 @@ mod tests {
             nalgebra::Vector3::new(0.3, 0.2, 0.1),
             nalgebra::Vector3::new(0.4, -0.2, 0.9),
         );
-        let half = |x| rod(1.0, 1.0, x).seen_from(&turn);
+        let half = |x| rod(1.0, 1.0, x).transformed_by(&turn);
         let sum = half(-0.5).plus(&half(0.5));
-        let whole = rod(2.0, 2.0, 0.0).seen_from(&turn);
+        let whole = rod(2.0, 2.0, 0.0).transformed_by(&turn);
         assert!((sum.mass - whole.mass).abs() < 1e-12);
         assert!((sum.com - whole.com).norm() < 1e-12);
         assert!((sum.inertia - whole.inertia).norm() < 1e-12);

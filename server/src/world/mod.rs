@@ -1,28 +1,28 @@
 //! The physics: bodies, joints, contacts. `apply`, `step`, `snapshot`.
 //!
-//! The only module that names rapier. A world is made once from validated
-//! types and then cannot fail: oddities are reported in the snapshot. It reads
-//! no clock and draws no random numbers; the same calls give the same bits,
-//! also across `save` and `restore`.
+//! Only this module uses rapier. A world is created once from validated types and then
+//! cannot fail: anomalies are reported in the snapshot. It reads no clock and samples
+//! no random numbers; the same calls give the same bits, also across `save` and
+//! `restore`.
 
 mod body;
-mod clib;
 mod contact;
 mod convert;
 mod drive;
 mod friction;
 mod gap;
-mod grip;
 pub mod health;
+mod libm_overrides;
 mod mass;
+mod pad_friction;
+mod scene_bodies;
 mod seat;
 mod shape;
 mod signals;
 mod slide;
 mod soft;
-mod stage;
 mod state;
-mod stored;
+mod state_validation;
 mod tree;
 mod wheels;
 
@@ -48,37 +48,37 @@ use body::RobotBody;
 use contact::body_of;
 use drive::Drives;
 pub use gap::Gap;
-use grip::GripFriction;
+use pad_friction::GripFriction;
+use scene_bodies::SceneBodies;
 use seat::Seated;
 use signals::Signals;
 use soft::SoftObject;
-pub use soft::Worst as WorstOfSoft;
-use stage::Stage;
+pub use soft::WorstValues as WorstOfSoft;
 use tree::Place;
 use wheels::Wheels;
 
 /// Gravity along -z, m/s².
 pub const GRAVITY: f64 = 9.81;
 
-/// No target is as large, rad, rad/s or N.
+/// Limit of targets, rad, rad/s or N.
 const WILD: f64 = 1e4;
 
-/// Why a world cannot be made or restored.
+/// Why a world cannot be created or restored.
 #[derive(Debug, Error)]
 pub enum WorldError {
-    /// A joint that the drives need does not exist.
+    /// A joint of the drives that does not exist.
     #[error("joint {joint} moves no body of its own; make it a turning joint in the URDF")]
     MissingJoint {
         /// Name.
         joint: String,
     },
-    /// A joint stands in the wrong place of the model.
+    /// A joint at the wrong place in the model.
     #[error("joint {joint} must follow the joint of its parent link, and its parent must move")]
     JointOrder {
         /// Name.
         joint: String,
     },
-    /// A joint of a kind that is not simulated.
+    /// A joint type that is not supported.
     #[error("joint {joint} to link {link} slides; the world knows fixed and turning joints")]
     JointKind {
         /// Joint.
@@ -86,7 +86,7 @@ pub enum WorldError {
         /// Its child link.
         link: String,
     },
-    /// A moving body without proper mass properties.
+    /// A moving body with invalid mass properties.
     #[error("body {body} has mass {mass} kg; a moving body needs a positive mass and inertia")]
     Mass {
         /// Link or object.
@@ -94,7 +94,7 @@ pub enum WorldError {
         /// kg.
         mass: f64,
     },
-    /// A shape that cannot collide.
+    /// An unsupported collision shape.
     #[error("collision shape of {body}: {problem}")]
     Shape {
         /// Link, object or piece of furniture.
@@ -112,7 +112,7 @@ pub enum WorldError {
         /// Placements given.
         placements: usize,
     },
-    /// A saved state cannot be read.
+    /// An unreadable saved state.
     #[error("saved world state cannot be read: {0}; it is damaged, take it from its source again")]
     State(#[from] postcard::Error),
     /// A saved state of another version of the physics.
@@ -124,7 +124,7 @@ pub enum WorldError {
         /// Version in the state.
         found: u32,
     },
-    /// Letting soft objects sink took too long.
+    /// Deformables took too long to settle.
     #[error(
         "letting soft objects sink takes longer than this server allows a reset; start a server with \
          this scenario (it has no limit then), on a less loaded host and as a release build"
@@ -140,7 +140,7 @@ pub enum WorldError {
         /// Fingerprint in the state.
         found: u64,
     },
-    /// A saved state that cannot be.
+    /// An invalid saved state.
     #[error("saved state is damaged: {problem}; take another copy of it")]
     Damaged {
         /// What is wrong with it.
@@ -148,18 +148,18 @@ pub enum WorldError {
     },
 }
 
-/// How far objects may reach into each other where a scenario places them, metres:
-/// what was drawn or has come to rest does so by less.
+/// Largest overlap of placed objects, metres: sampled or settled objects overlap by
+/// less.
 const OVERLAP: f64 = 0.005;
 
-/// Height at which an object is pushed, as a share of that of its middle.
+/// Height at which an object is pushed, as a share of the height of its centre.
 const PUSH_HEIGHT: f32 = 0.5;
 
 /// The simulated home with the robot in it.
 pub struct World {
     physics: PhysicsWorld,
     grip: GripFriction,
-    stage: Stage,
+    scene_bodies: SceneBodies,
     soft: Vec<SoftObject>,
     model: RobotModel,
     robot: RobotBody,
@@ -168,20 +168,20 @@ pub struct World {
     wheels: Wheels,
     signals: Signals,
     seated: Option<Seated>,
-    /// Body and force of the push of the present control tick; not part of the
-    /// state, it is set before every one.
+    /// Body and force of the push in the present control tick; not part of the state,
+    /// since it is set before every one.
     push: Option<(RigidBodyHandle, Vector3<f64>)>,
     tick: u64,
     fingerprint: u64,
 }
 
 impl World {
-    /// Puts a robot with its root at `start` (world_from_root) and its arm at
-    /// `arm` (rad), the gripper open, into a scene with its objects as placed.
-    /// Targets hold that position until [`World::apply`].
+    /// Inserts a robot with its root at `start` (world_from_root) and its arm at `arm`
+    /// (rad), the gripper open, into a scene with its objects as placed. Targets hold
+    /// that position until [`World::apply`].
     ///
     /// # Errors
-    /// When a joint, a mass or a shape is not fit for simulation; the error names it.
+    /// When a joint, a mass or a shape cannot be simulated; the error names it.
     pub fn new(
         model: &RobotModel,
         scene: &Scene,
@@ -192,8 +192,8 @@ impl World {
         Self::new_within(model, scene, placements, start, arm, 0.0, &|| false)
     }
 
-    /// As [`World::new`] with the gripper's knuckle at an angle, rad, giving up
-    /// where soft objects settle for so long that `late` says so.
+    /// As [`World::new`] with the gripper's knuckle at an angle, rad; fails when
+    /// deformables settle for longer than `late` allows.
     ///
     /// # Errors
     /// As [`World::new`], and [`WorldError::Settling`].
@@ -207,7 +207,7 @@ impl World {
         late: &dyn Fn() -> bool,
     ) -> Result<Self, WorldError> {
         let mut physics = engine();
-        let stage = Stage::insert(&mut physics, scene, placements)?;
+        let scene_bodies = SceneBodies::insert(&mut physics, scene, placements)?;
         let soft = scene.objects.iter().zip(placements).enumerate();
         let soft = soft
             .filter_map(|(i, (body, placement))| SoftObject::placed(i, body, placement))
@@ -216,7 +216,7 @@ impl World {
         let at_start = |joint: usize| match model.roles.arm_index(joint) {
             Some(place) => arm[place],
             None if joint == leader => knuckle,
-            // The rest of the gripper follows; what follows nothing stands at 0.
+            // The rest of the gripper follows; independent joints are at 0.
             None => match model.joints[joint].mimic {
                 Some((followed, by, offset)) if followed == leader && knuckle != 0.0 => {
                     by * knuckle + offset
@@ -233,7 +233,7 @@ impl World {
         let mut world = Self {
             physics,
             grip,
-            stage,
+            scene_bodies,
             soft,
             model: model.clone(),
             robot,
@@ -260,9 +260,9 @@ impl World {
         Ok(world)
     }
 
-    /// Puts a person into the seat, before the first tick.
+    /// Seats a person, before the first tick.
     pub fn seat(&mut self, person: &Arc<Person>, motion: Motion) {
-        let masses = self.stage.masses.iter();
+        let masses = self.scene_bodies.masses.iter();
         let mut weights: Vec<f64> = masses.map(|mass| mass * GRAVITY).collect();
         for soft in &self.soft {
             weights[soft.object] = soft.mass() * GRAVITY;
@@ -272,8 +272,8 @@ impl World {
         self.fingerprint = self.hash();
     }
 
-    /// What the drives follow from the next tick on. A target that is not
-    /// finite or beyond all reason is ignored: its group keeps what it had.
+    /// Sets the targets of the drives from the next tick on. A target that is not
+    /// finite or beyond its limit is ignored: its group keeps the former one.
     pub fn apply(&mut self, targets: &Targets) {
         let finite = |values: &[f64]| values.iter().all(|v| v.abs() < WILD);
         if finite(&targets.arm_position) && finite(&targets.arm_velocity) {
@@ -336,20 +336,20 @@ impl World {
                 Place::InBody(body, _) => self.robot.handles.get(body).copied(),
                 Place::Rolling(_) | Place::Parallel(_) => None,
             },
-            BodyRef::Object(object) => self.stage.objects.get(object).copied(),
+            BodyRef::Object(object) => self.scene_bodies.objects.get(object).copied(),
             BodyRef::Furniture(_) | BodyRef::Person(_) => None,
         }
     }
 
-    /// An object is pushed below its middle, as by something that slides against
-    /// it; the robot in the middle of the link.
+    /// An object is pushed below its centre, as by a body that slides against it; the
+    /// robot at the centre of the link.
     fn begin_push(&mut self) {
         let Some((handle, force)) = self.push else {
             return;
         };
         let body = &self.physics.bodies[handle];
         let mut point = body.center_of_mass();
-        if self.stage.objects.contains(&handle) {
+        if self.scene_bodies.objects.contains(&handle) {
             let colliders = body.colliders().iter();
             let lowest = colliders.map(|&c| self.physics.colliders[c].compute_aabb().mins.z);
             let lowest = lowest.fold(point.z, f32::min);
@@ -359,7 +359,7 @@ impl World {
         body.add_force_at_point(convert::vector(&force), point, true);
     }
 
-    /// What was pushed with lasts one tick.
+    /// A push lasts one tick.
     fn end_push(&mut self) {
         let Some((handle, _)) = self.push else {
             return;
@@ -379,7 +379,7 @@ impl World {
         );
     }
 
-    /// Soft objects go first; what they push with lasts one tick.
+    /// Deformables are stepped first; their pushes on solids last one tick.
     fn step_soft(&mut self) {
         if self.soft.is_empty() {
             return;
@@ -394,7 +394,7 @@ impl World {
         }
     }
 
-    /// Lets soft objects sink into what they stand on, before the first tick.
+    /// Lets deformables settle on their supports, before the first tick.
     fn settle_soft(&mut self, late: &dyn Fn() -> bool) -> Result<(), WorldError> {
         const TICKS: usize = 300;
         const KEEP: f64 = 0.97;
@@ -413,28 +413,27 @@ impl World {
         Ok(())
     }
 
-    /// The worst that was seen of each soft object since the start: whether its
-    /// contacts and its energy keep their laws.
+    /// The worst audit of each deformable since the start: violations of its contact
+    /// and energy laws.
     #[must_use]
     pub fn worst_of_soft(&self) -> Vec<WorstOfSoft> {
         self.soft.iter().map(SoftObject::worst).collect()
     }
 
-    /// Two objects that reach into each other by more than `OVERLAP`, one of them
-    /// of those that `asked` tells by index, and how far, metres. What is soft is
-    /// not looked at: it settles.
+    /// Two objects that overlap by more than `OVERLAP`, one of them selected by
+    /// `checked`, and their overlap, metres. Deformables are skipped: they settle.
     #[must_use]
-    pub fn overlap(&self, asked: &[bool]) -> Option<(usize, usize, f64)> {
+    pub fn overlap(&self, checked: &[bool]) -> Option<(usize, usize, f64)> {
         let parts = |object: usize| {
-            let body = &self.physics.bodies[self.stage.objects[object]];
+            let body = &self.physics.bodies[self.scene_bodies.objects[object]];
             let colliders = body.colliders().iter();
             colliders.map(|&handle| &self.physics.colliders[handle])
         };
-        let count = self.stage.objects.len();
+        let count = self.scene_bodies.objects.len();
         let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
-        let is_asked = |object: usize| asked.get(object).copied().unwrap_or_default();
+        let is_checked = |object: usize| checked.get(object).copied().unwrap_or_default();
         pairs
-            .filter(|&(a, b)| is_asked(a) || is_asked(b))
+            .filter(|&(a, b)| is_checked(a) || is_checked(b))
             .find_map(|(a, b)| {
                 let depths = parts(a).flat_map(|one| {
                     parts(b).filter_map(move |other| {
@@ -448,9 +447,9 @@ impl World {
             })
     }
 
-    /// A link of the robot that reaches into furniture, an object or the person by more
-    /// than `OVERLAP`, the deepest of all: link, the other body, depth in metres. The
-    /// floor and deformable objects are left out.
+    /// The robot link that penetrates furniture, an object or the person deepest, by
+    /// more than `OVERLAP`: link, the other body, depth in metres. The floor and
+    /// deformables are excluded.
     #[must_use]
     pub fn robot_overlap(&self) -> Option<(BodyRef, BodyRef, f64)> {
         let colliders = || self.physics.colliders.iter().map(|(_, collider)| collider);
@@ -492,12 +491,12 @@ impl World {
             let frame = convert::from_pose(self.physics.bodies[handle].position());
             self.body_state(handle, frame)
         };
-        let objects = self.stage.objects.iter().map(|&h| free_body(h));
+        let objects = self.scene_bodies.objects.iter().map(|&h| free_body(h));
         let mut objects: Vec<BodyState> = objects.collect();
         for soft in &self.soft {
             objects[soft.object] = soft.frame();
         }
-        let slides = &self.stage.slides;
+        let slides = &self.scene_bodies.slides;
         let robot = self
             .robot
             .handles
@@ -507,10 +506,11 @@ impl World {
                 let link = self.robot.tree.bodies[body].link;
                 (handle, BodyRef::Link(link), links[link].pose)
             });
-        let free = self.stage.objects.iter().enumerate();
+        let free = self.scene_bodies.objects.iter().enumerate();
         let free = free.map(|(i, &handle)| (handle, BodyRef::Object(i), objects[i].pose));
         let anomalies = robot.chain(free).filter_map(|(handle, body, frame)| {
-            self.stage.anomaly(&self.physics, handle, body, &frame)
+            self.scene_bodies
+                .anomaly(&self.physics, handle, body, &frame)
         });
         let soft = self.soft.iter().filter(|soft| soft.is_broken());
         let soft = soft.map(|soft| Anomaly::NotFinite(BodyRef::Object(soft.object)));
@@ -578,8 +578,8 @@ impl World {
         links
     }
 
-    /// State of one link after the last tick, the same as in the snapshot and
-    /// far cheaper; `None` when there is no such link.
+    /// State of one link after the last tick, the same as in the snapshot and far
+    /// cheaper; `None` when the link does not exist.
     #[must_use]
     pub fn link(&self, link: usize) -> Option<BodyState> {
         match *self.robot.tree.places.get(link)? {
@@ -590,9 +590,8 @@ impl World {
         }
     }
 
-    /// State of a body of the robot, from that of its parent: it moves as its
-    /// joint tells, not as the engine's body, whose velocity is that of a
-    /// substep before.
+    /// State of a body of the robot, from that of its parent and its joint. The
+    /// engine's body has the velocity of an earlier substep.
     fn robot_body(&self, body: usize, parent: Option<BodyState>) -> BodyState {
         let pose = self.robot.frame(&self.physics, body);
         let joint = self.robot.tree.bodies[body].joint;
@@ -612,7 +611,7 @@ impl World {
         }
     }
 
-    /// State of a frame that rides on an engine body.
+    /// State of a frame that is fixed to an engine body.
     fn body_state(&self, handle: RigidBodyHandle, pose: Isometry3<f64>) -> BodyState {
         let body = &self.physics.bodies[handle];
         let angular = convert::from_vector(body.angvel());
@@ -631,7 +630,7 @@ impl World {
         self.turned(joint, parent, pose, state.velocity)
     }
 
-    /// State of a frame that a joint turns at its origin.
+    /// State of a frame that a joint rotates at its origin.
     fn turned(
         &self,
         joint: usize,
@@ -648,16 +647,19 @@ impl World {
     }
 }
 
-/// An empty engine with the settings that were measured: 4 substeps of 1/960 s
-/// with 4 iterations each, each tick begun with 0.9 of the last one's impulses
-/// (with all of them the four wheels under a heavy person keep each other's load
-/// and friction up in a cycle, and the chair creeps by itself); no contact
-/// recycling and friction in every pass, without which grasps creep; contacts stiff enough for a finger of 80 g, and
-/// those with what stands fixed no stiffer, or a chair that wedges itself in
-/// presses with 30 kN; what overlaps parts with at most 0.5 m/s. One
-/// friction constraint per manifold: with one per point a sliding box feels
-/// 9 % less than its coefficient. Contacts of the robot have one per point in
-/// either case.
+/// An empty engine with these measured settings:
+///
+/// - 4 substeps of 1/960 s with 4 iterations each.
+/// - Each tick starts with 0.9 of the last one's impulses. With all of them the four
+///   wheels under a heavy person sustain each other's load and friction in a cycle, and
+///   the chair creeps.
+/// - No contact recycling, and friction in every pass; otherwise grasps creep.
+/// - Contacts are stiff enough for a finger of 80 g. Those with fixed bodies are no
+///   stiffer, or a chair that wedges itself in presses with 30 kN.
+/// - Overlapping bodies separate with at most 0.5 m/s.
+/// - One friction constraint per manifold: with one per point a sliding box has 9 %
+///   less than its coefficient. Contacts of the robot have one per point in either
+///   case.
 fn engine() -> PhysicsWorld {
     let mut physics = PhysicsWorld::new();
     physics.gravity = convert::vector(&Vector3::new(0.0, 0.0, -GRAVITY));

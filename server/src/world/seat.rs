@@ -1,9 +1,9 @@
-//! Who sits in the chair: mass on the chair's body, capsules that everything but the
-//! chair touches, and what presses on them.
+//! The person in the chair: mass on the chair's body, capsules that collide with
+//! everything but the chair, and contact forces.
 //!
-//! The body is rigid with the chair but for head and jaw, whose capsules stand through a
-//! control tick where the motion's track has them at its end: the engine sums up the whole
-//! chair again whenever one of its shapes moves.
+//! The body is fixed to the chair except for head and jaw. During a control tick their
+//! capsules are at the motion's pose at its end: the engine recomputes the whole chair
+//! whenever one of its shapes moves.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,15 +25,16 @@ use super::tree::Place;
 use crate::people::{BodyPart, HeadPose, Motion, PARTS, Person};
 use crate::snapshot::{BodyRef, Contact, PersonState, Touch};
 
-/// Friction of clothes and skin, the mean with the other body's counts. [guess]
+/// Friction of clothes and skin, averaged with the other body's. [guess]
 const FRICTION: f32 = 0.6;
-/// What touches somebody loses its turning at this rate, 1/s: flesh gives way around
-/// it. On rigid bodies a bar over both thighs rocks on two points for ever. [guess]
+/// Damping of the rotation of objects that touch the person, 1/s: flesh yields. On
+/// rigid bodies a bar over both thighs would rock on two points for ever. [guess]
 const FLESH: f32 = 100.0;
-/// What touches the face this near to the mouth touches the mouth, metres.
+/// Distance to the mouth within which a contact with the face is one with the mouth,
+/// metres.
 const MOUTH: f64 = 0.035;
 
-/// Whether things may lie on a part; nothing stays on a head, a shank or a foot.
+/// Whether objects may rest on a part; nothing stays on a head, a shank or a foot.
 fn may_carry(part: BodyPart) -> bool {
     match part {
         BodyPart::Head | BodyPart::Face | BodyPart::Mouth | BodyPart::Legs => false,
@@ -50,19 +51,19 @@ pub(super) struct Seated {
     body: RigidBodyHandle,
     /// All capsules.
     colliders: Vec<ColliderHandle>,
-    /// Capsules that move with the head: index, collider, and its pose at the joint.
+    /// Capsules that move with the head: index, collider, and pose at the joint.
     moving: Vec<(usize, ColliderHandle, Pose)>,
     /// Objects that touched the person at the end of the last tick.
     cushioned: Vec<RigidBodyHandle>,
     /// Weights of the objects, N.
     weights: Vec<f64>,
-    /// Now.
+    /// The present state.
     state: PersonState,
 }
 
 impl Seated {
-    /// Puts a person into the seat of a robot; `None` where its root is no body.
-    /// `weights`: of the objects, N.
+    /// Seats a person on a robot; `None` when its root is not a body. `weights` are
+    /// those of the objects, N.
     pub(super) fn insert(
         physics: &mut PhysicsWorld,
         robot: &RobotBody,
@@ -81,15 +82,15 @@ impl Seated {
         };
         let mass = robot.tree.bodies[index]
             .mass
-            .plus(&own.seen_from(&body_from_chair));
+            .plus(&own.transformed_by(&body_from_chair));
         physics.bodies[body].set_additional_mass_properties(mass_properties(&mass), true);
-        let head = motion.at(0);
+        let head = motion.head_pose(0);
         let (mut colliders, mut moving) = (Vec::new(), Vec::new());
         for (index, capsule) in person.capsules.iter().enumerate() {
             let [a, b] = &capsule.ends;
-            // What has no size was refused when the person was loaded.
+            // Capsules without size were rejected when the person was loaded.
             let solid = if may_carry(capsule.part) {
-                shape::capsule_to_lie_on(a, b, capsule.radius)
+                shape::supporting_capsule(a, b, capsule.radius)
             } else {
                 shape::capsule(a, b, capsule.radius)
             };
@@ -125,13 +126,13 @@ impl Seated {
         })
     }
 
-    /// At the begin of a control tick head and jaw go where they are at its end.
+    /// Moves head and jaw at the start of a control tick to their poses at its end.
     pub(super) fn begin_tick(&mut self, physics: &mut PhysicsWorld, tick: u64) {
         if tick.is_multiple_of(TICKS_PER_CONTROL) {
             self.state.forces = [0.0; PARTS.len()];
             self.state.robot_force = 0.0;
             self.state.touches.clear();
-            self.move_head(physics, self.motion.at(tick + TICKS_PER_CONTROL));
+            self.move_head(physics, self.motion.head_pose(tick + TICKS_PER_CONTROL));
         }
         self.damp(physics, FLESH);
     }
@@ -151,14 +152,14 @@ impl Seated {
         }
     }
 
-    /// Adds the contacts of a tick, those of soft objects as well: of each force the
-    /// greatest since the control tick began counts.
+    /// Adds the contacts of a tick, including those of deformables; of each force the
+    /// largest since the start of the control tick is kept.
     pub(super) fn end_tick<'a>(
         &mut self,
         physics: &mut PhysicsWorld,
         soft: impl Iterator<Item = &'a Contact>,
     ) {
-        // So that no saved state holds it.
+        // Reset, so that saved states do not contain it.
         self.damp(physics, 0.0);
         let touching = touching(physics, &self.colliders);
         self.cushioned = objects_in(physics, &touching);
@@ -200,10 +201,10 @@ impl Seated {
         }
     }
 
-    /// Adds what a body presses on a part in one tick: of an object the mean over the control
-    /// tick counts, of everything else the greatest force. The engine's bodies are rigid and
-    /// end a blow within one tick of 4 ms; soft tissue of 2 N/mm spreads that of an object of
-    /// 0.1 kg over pi sqrt(m / k) = 20 ms.
+    /// Adds the force of a body on a part in one tick. For an object the mean over the
+    /// control tick is used, for all others the largest force. The engine's bodies are
+    /// rigid and end an impact within one tick of 4 ms; soft tissue of 2 N/mm spreads
+    /// that of an object of 0.1 kg over pi sqrt(m / k) = 20 ms.
     fn touch(&mut self, part: BodyPart, partner: BodyRef, force: f64) {
         let touches = &mut self.state.touches;
         let is_object = matches!(partner, BodyRef::Object(_));
@@ -232,7 +233,7 @@ impl Seated {
         }
     }
 
-    /// Objects that touch the person lose their turning at a rate, 1/s.
+    /// Damps the rotation of objects that touch the person, 1/s.
     fn damp(&self, physics: &mut PhysicsWorld, rate: f32) {
         for handle in &self.cushioned {
             if let Some(body) = physics.bodies.get_mut(*handle) {
@@ -241,13 +242,14 @@ impl Seated {
         }
     }
 
-    /// All capsules with their index and their place at a tick, the chair where it is now.
+    /// All capsules with their index and pose at a tick, for the present pose of the
+    /// chair.
     pub(super) fn capsules<'a>(
         &self,
         physics: &'a PhysicsWorld,
         tick: u64,
     ) -> Vec<(usize, &'a Collider, Pose)> {
-        let head = self.motion.at(tick);
+        let head = self.motion.head_pose(tick);
         let body = physics.bodies[self.body].position();
         let mut capsules = Vec::with_capacity(self.colliders.len());
         for handle in &self.colliders {
@@ -272,28 +274,30 @@ impl Seated {
         capsules
     }
 
-    /// Now.
+    /// The present state.
     pub(super) fn state(&self) -> PersonState {
         self.state.clone()
     }
 
-    /// Goes on from a saved state at a tick, with the engine's own state.
+    /// Restores a saved state at a tick, together with the engine's state.
     pub(super) fn restore(&mut self, physics: &PhysicsWorld, state: PersonState, tick: u64) {
         self.cushioned = objects_in(physics, &touching(physics, &self.colliders));
         self.state = PersonState {
-            // The colliders stand in the engine's state; the track tells the rest.
-            head: self.motion.at(tick.next_multiple_of(TICKS_PER_CONTROL)),
+            // The colliders are part of the engine's state; the motion provides the
+            // rest.
+            head: self
+                .motion
+                .head_pose(tick.next_multiple_of(TICKS_PER_CONTROL)),
             ..state
         };
     }
 
-    /// Whether the collider is one that the motion moves.
+    /// Whether the collider is moved by the motion.
     pub(super) fn moves(&self, collider: ColliderHandle) -> bool {
         self.moving.iter().any(|(_, handle, _)| *handle == collider)
     }
 
-    /// What tells this person from others, and numbers that take part in the state's
-    /// hash.
+    /// Numbers that identify this person, and those included in the state hash.
     pub(super) fn bits(&self) -> impl Iterator<Item = u64> + '_ {
         let HeadPose {
             yaw,
@@ -315,7 +319,7 @@ impl Seated {
     }
 }
 
-/// The engine's pairs in which one of the person's colliders touches something.
+/// The engine's contact pairs of the person's colliders.
 fn touching<'a>(physics: &'a PhysicsWorld, person: &[ColliderHandle]) -> Vec<&'a ContactPair> {
     let mut touching = Vec::new();
     for own in person {

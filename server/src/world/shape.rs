@@ -1,7 +1,7 @@
-//! How a shape of `geometry` collides.
+//! Collision shapes of `geometry` shapes.
 //!
-//! Shapes with an axis have it along z; the engine's stand along y. Curved
-//! walls become polygons of equal cross section.
+//! Shapes with an axis have it along z; the engine's have it along y. Curved walls
+//! become polygons of equal cross section.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -13,36 +13,36 @@ use wheelarm_proto::exact;
 use super::convert::{point, pose, real};
 use crate::geometry::{Part, Shape};
 
-/// Sides of the polygon that stands for a truncated cone.
+/// Sides of the polygon for a truncated cone.
 const FRUSTUM_SIDES: usize = 24;
-/// Wall pieces of a cup: fewer make the wall's corners stand out, more cost time.
+/// Wall pieces of a cup: fewer have prominent corners, more cost time.
 const CUP_SIDES: usize = 16;
-/// The wall of a cup begins this far above its foot, so that only the floor
-/// of the cup carries it, metres.
+/// The wall of a cup begins this far above its foot, so that only the floor of the cup
+/// carries it, metres.
 const CUP_FOOT: f64 = 0.002;
 
-/// Sides of the polygon that stands for a capsule of a person: the fewest with flats
-/// that lie inside the circle by no more than `CAPSULE_FLAT`, or the last. In every tick
-/// the engine turns every corner of every capsule, for its box.
+/// Sides of the polygon for a person's capsule: the fewest whose flats are inside the
+/// circle by at most `CAPSULE_FLAT`, or the last. The engine transforms every corner of
+/// every capsule in every tick, for its bounding box.
 const CAPSULE_SIDES: [usize; 3] = [6, 8, 10];
-/// Metres. [choice: flesh gives way by more]
+/// Metres. [choice: flesh yields by more]
 const CAPSULE_FLAT: f64 = 0.002;
-/// Up to this radius of the core a round end has one ring between wall and pole, and two
-/// beyond, metres.
+/// Up to this radius of the core a round end has one ring between wall and pole, above
+/// it two, metres.
 const CAPSULE_PLAIN_END: f64 = 0.04;
-/// Its edges are round with this radius at most, metres.
+/// Largest rounding radius of its edges, metres.
 const CAPSULE_RIM: f64 = 0.01;
 
-/// A shape as the engine wants it, with its pose in the body.
+/// An engine shape with its pose in the body.
 pub(super) type Solid = (Pose, SharedShape);
 
 /// The solids of a part whose cylinders have rims rounded by at most `rim` metres,
-/// inside the same extents; an error says what is wrong with it.
+/// within the same extents; an error describes what is wrong with it.
 ///
-/// A rounded solid is a core and a radius around it: as long as it sinks in by
-/// less than that, contacts follow from the distance of the core. Once a sharp
-/// cylinder sinks into a large box, the engine's search for the least depth
-/// (EPA, single precision) now and then ends on the wrong side, 80 mm deep.
+/// A rounded solid is a core and a radius around it: up to that penetration, contacts
+/// follow from the distance of the core. Once a sharp cylinder penetrates a large box,
+/// the engine's search for the least depth (EPA, single precision) sometimes ends on
+/// the wrong side, 80 mm deep.
 pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
     let at = |body_from_shape: &Isometry3<f64>, shape| Ok(vec![(pose(body_from_shape), shape)]);
     match &part.shape {
@@ -73,7 +73,7 @@ pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
         } => {
             positive("radius and half height", &[*radius, *half_height])?;
             let z_from_y = Isometry3::rotation(Vector3::x() * FRAC_PI_2);
-            // A core must be left.
+            // The core must not vanish.
             let rim = rim.min(0.4 * radius).min(0.4 * half_height);
             let shape = if rim > 0.0 {
                 SharedShape::round_cylinder(real(half_height - rim), real(radius - rim), real(rim))
@@ -116,16 +116,17 @@ pub(super) fn solids(part: &Part, rim: f64) -> Result<Vec<Solid>, String> {
             wall,
         } => cup(&part.pose, [*bottom_radius, *top_radius], *height, *wall),
         Shape::Lathe { .. } => Err(
-            "a surface of revolution is drawn only; give collision parts of other shapes".into(),
+            "a surface of revolution is for visuals only; give collision parts of other shapes"
+                .into(),
         ),
         Shape::Mesh { path, .. } => Err(format!(
-            "mesh {path} has no vertices here; a scene gives its hulls, a robot collides as solids"
+            "mesh {path} has no vertices here; a scene uses its hulls, a robot collides as solids"
         )),
     }
 }
 
-/// The engine's own capsule with the axis from `a` to `b` in the body frame, metres. A
-/// wall touches it in one or two points, and its box costs next to nothing.
+/// The engine's own capsule with the axis from `a` to `b` in the body frame, metres. It
+/// touches a wall in one or two points, and its bounding box is cheap.
 pub(super) fn capsule(a: &Point3<f64>, b: &Point3<f64>, radius: f64) -> Result<Solid, String> {
     positive("radius", &[radius])?;
     let (at, half) = along(a, b);
@@ -136,13 +137,12 @@ pub(super) fn capsule(a: &Point3<f64>, b: &Point3<f64>, radius: f64) -> Result<S
     Ok((pose(&at), shape))
 }
 
-/// A solid for a capsule on which things may lie: a polygon with rings towards the
+/// A solid for a capsule on which objects may rest: a polygon with rings towards the
 /// poles, of the same cross section.
 ///
-/// The engine's own capsule is round along its axis: what lies on two of them, a box for
-/// example, gets other contact points and normals at every tick, rocks for ever and
-/// wanders off.
-pub(super) fn capsule_to_lie_on(
+/// The engine's own capsule is round along its axis: a box on two of them, for example,
+/// gets other contact points and normals at every tick, rocks for ever and drifts away.
+pub(super) fn supporting_capsule(
     a: &Point3<f64>,
     b: &Point3<f64>,
     radius: f64,
@@ -179,7 +179,7 @@ pub(super) fn capsule_to_lie_on(
     Ok((pose(&at), shape))
 }
 
-/// Middle of a way with z along it, and half its length.
+/// Middle of a segment with z along it, and half its length.
 fn along(a: &Point3<f64>, b: &Point3<f64>) -> (Isometry3<f64>, f64) {
     let turn = UnitQuaternion::rotation_between(&Vector3::z(), &(b - a));
     let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
@@ -207,8 +207,8 @@ fn cup(
     )?;
     let place = pose(body_from_cup);
     let radius = |z: f64| bottom + (top - bottom) * z / height;
-    // A hull's face touches with four neighbouring corners only: on a floor of
-    // sixteen corners a cup would stand on a sliver and wobble.
+    // The engine uses only four neighbouring corners of a hull's face: on a floor of
+    // sixteen corners a cup would wobble on a sliver.
     let floor = Part {
         pose: body_from_cup * Isometry3::translation(0.0, 0.0, wall / 2.0),
         shape: Shape::Cylinder {
@@ -233,14 +233,14 @@ fn cup(
     Ok(solids)
 }
 
-/// Distance of the corners from the middle of a regular polygon whose area is that of
-/// the circle.
+/// Distance of the corners from the centre of a regular polygon with the area of the
+/// circle.
 fn outer(sides: usize, radius: f64) -> f64 {
     let step = TAU / sides as f64;
     radius * (step / exact::sin(step)).sqrt()
 }
 
-/// Corners of a regular polygon whose area is that of the circle.
+/// Corners of a regular polygon with the area of the circle.
 fn ring(sides: usize, radius: f64, z: f64) -> Vec<Vector> {
     let step = TAU / sides as f64;
     let corner = outer(sides, radius);
@@ -273,16 +273,17 @@ mod tests {
     use super::super::convert::from_vector;
     use super::*;
 
-    /// From a child's thumb to the widest chest: along the sides a capsule's solid is
-    /// the capsule within millimetres, its ends have its length.
+    /// From a child's thumb to the widest chest: along the sides a capsule's solid
+    /// matches the capsule within millimetres, and its ends have its length.
     #[test]
     fn a_capsule_is_nearly_round() {
         for radius in [0.0145, 0.025, 0.05, 0.0731, 0.1, 0.1337, 0.1744] {
             let (a, b) = (Point3::new(0.1, 0.0, 0.3), Point3::new(0.1, 0.2, 0.3));
-            let (body_from_solid, solid) = capsule_to_lie_on(&a, &b, radius).expect("a solid");
+            let (body_from_solid, solid) = supporting_capsule(&a, &b, radius).expect("a solid");
             let round = solid.as_round_convex_polyhedron().expect("a polygon");
             let points = round.inner_shape.points();
-            // Fewer than half of what sixteen sides with three rings had, but for trunks.
+            // Fewer than half of those of sixteen sides with three rings, except for
+            // trunks.
             assert!(points.len() <= if radius < 0.09 { 50 } else { 62 });
             let reach = |towards: Vector3<f64>| {
                 let far = points.iter().map(|p| {

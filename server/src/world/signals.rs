@@ -1,11 +1,11 @@
-//! What the joints' sensors show: velocity and effort at the end of a tick.
+//! Joint sensors: velocity and effort at the end of a tick.
 //!
-//! The engine's velocity after a tick is that of its last substep or, of a
-//! joint that follows its reference stiffly, that of the whole tick: it is up
-//! to half a tick old. The ways of the last two ticks tell the velocity at the
-//! end of the tick in either case, but with the rounding of the positions; so
-//! the engine's velocity is carried on by what they differ, smoothed a little.
-//! Then the trapezoids of the velocities are the way, and what the momenta
+//! The engine's velocity after a tick is that of its last substep or, for a joint that
+//! follows its reference stiffly, that of the whole tick: it is up to half a tick old.
+//! The travel in the last two ticks gives the velocity at the end of the tick in either
+//! case, but with the rounding of the positions. So the engine's velocity is
+//! extrapolated by the smoothed difference. The velocities then integrate to the
+//! travel, and the change of momentum equals the effort.
 //! change by is the effort.
 
 use rapier3d::prelude::PhysicsWorld;
@@ -16,10 +16,10 @@ use super::body::RobotBody;
 use super::drive;
 use crate::snapshot::JointState;
 
-/// Share of a new difference that is taken over in a tick.
+/// Share of a new difference that is used in a tick.
 const SHARE: f64 = 0.7;
-/// No drive accelerates a joint as much, rad/s²: what is more is a blow, after
-/// which a joint is as fast as the engine says.
+/// Largest acceleration by a drive, rad/s²: a larger one is an impact, after which the
+/// engine's velocity is used.
 const BLOW: f64 = 25.0;
 
 /// One joint's sensors.
@@ -29,7 +29,7 @@ struct Signal {
     velocity: f64,
     /// Mean over the tick, rad/s.
     mean: f64,
-    /// By how much the engine's velocity is carried on, rad/s.
+    /// Extrapolation of the engine's velocity, rad/s.
     ahead: f64,
     /// Torque of the drive, N·m.
     effort: f64,
@@ -39,13 +39,13 @@ struct Signal {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Signals {
     joints: Vec<Signal>,
-    /// Positions at the begin of the tick, rad.
+    /// Positions at the start of the tick, rad.
     #[serde(skip)]
     before: Vec<f64>,
 }
 
 impl Signals {
-    /// At rest, with the drives' torques as they are set.
+    /// At rest, with the drives' present torques.
     pub(super) fn at_rest(physics: &PhysicsWorld, robot: &RobotBody) -> Self {
         let joints = (0..robot.handles.len()).map(|body| Signal {
             effort: drive::torque(physics, robot, body, 0.0),
@@ -57,7 +57,7 @@ impl Signals {
         }
     }
 
-    /// All numbers, to see whether they are numbers.
+    /// All numbers, for validation.
     pub(super) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
         let joints = self.joints.iter();
         joints.flat_map(|s| [s.velocity, s.mean, s.ahead, s.effort])
@@ -76,8 +76,8 @@ impl Signals {
             .extend(bodies.map(|body| robot.joint_state(physics, body).0));
     }
 
-    /// Call after the engine's tick. A joint that keeps its limit, of `limits` in rad/s by
-    /// body, is told to: the estimate of its velocity is not carried beyond.
+    /// Call after the engine's tick. The velocity estimate is not extrapolated beyond
+    /// the joint's limit, from `limits` in rad/s by body.
     pub(super) fn end_tick(&mut self, physics: &PhysicsWorld, robot: &RobotBody, limits: &[f64]) {
         let dt = f64::from(physics.integration_parameters.dt);
         let blow = BLOW * dt / 2.0;

@@ -1,7 +1,7 @@
 //! Furniture that slides: a body on a prismatic joint with dry and viscous friction.
 //!
-//! The joint's motor holds still with at most the dry friction; the viscous
-//! part is the body's own damping. Limits are hard stops.
+//! The joint's motor holds with at most the dry friction; the viscous part is the
+//! body's own damping. Limits are hard stops.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use rapier3d::dynamics::MotorModel;
@@ -14,11 +14,11 @@ use super::mass::Mass;
 use crate::scene::{Body, FurnitureJoint};
 use crate::snapshot::JointState;
 
-/// Force per speed at which dry friction sets in, N·s/m: it is whole from
-/// 1.6 mm/s on at the 8 N of a stiff drawer.
+/// Force per speed at which dry friction sets in, N·s/m: fully developed from 1.6 mm/s
+/// on at the 8 N of a stiff drawer.
 const STICTION: f64 = 5000.0;
 
-/// Pose of the body where it starts: at position 0 the very bits of its rest.
+/// Initial pose of the body: at position 0 with the exact bits of its rest pose.
 fn started(joint: &FurnitureJoint, rest: &Isometry3<f64>) -> Isometry3<f64> {
     if joint.start == 0.0 {
         return *rest;
@@ -37,7 +37,7 @@ pub(super) struct Slide {
 }
 
 impl Slide {
-    /// The moving body, not yet joined to anything.
+    /// The moving body, not yet joined.
     pub(super) fn body(joint: &FurnitureJoint, body: &Body) -> RigidBodyBuilder {
         let mass = Mass {
             mass: joint.mass.mass,
@@ -51,7 +51,7 @@ impl Slide {
             .additional_mass_properties(mass_properties(&mass))
     }
 
-    /// Joins the body to what it slides in.
+    /// Joins the body to its housing.
     pub(super) fn insert(
         physics: &mut PhysicsWorld,
         joint: &FurnitureJoint,

@@ -3,8 +3,9 @@
 use rapier3d::prelude::PhysicsWorld;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::PHYSICS_VERSION;
+use wheelarm_proto::random::Fnv1a;
 
-use super::grip::Bristles;
+use super::pad_friction::Bristles;
 use super::seat::Seated;
 use super::signals::Signals;
 use super::soft::{self, SoftObject};
@@ -12,10 +13,10 @@ use super::{World, WorldError};
 use crate::robot::control::Targets;
 use crate::snapshot::PersonState;
 
-/// Everything that a tick changes, to be written.
+/// State that a tick changes, for writing.
 #[derive(Serialize)]
-struct Written<'a> {
-    /// First, so that it can be read whatever follows.
+struct EncodedState<'a> {
+    /// First, so that it can be decoded in any version.
     physics_version: u32,
     fingerprint: u64,
     tick: u64,
@@ -25,14 +26,14 @@ struct Written<'a> {
     wheel_rates: [f64; 2],
     signals: &'a Signals,
     bristles: Bristles,
-    soft: Vec<soft::Saved>,
+    soft: Vec<soft::SavedState>,
     physics: &'a PhysicsWorld,
 }
 
-/// The same, read.
+/// State that a tick changes, for reading.
 #[derive(Deserialize)]
-pub(super) struct Read {
-    /// Looked at before the rest is read.
+pub(super) struct DecodedState {
+    /// Checked before the rest is decoded.
     _physics_version: u32,
     pub(super) fingerprint: u64,
     pub(super) tick: u64,
@@ -42,19 +43,19 @@ pub(super) struct Read {
     pub(super) wheel_rates: [f64; 2],
     pub(super) signals: Signals,
     pub(super) bristles: Bristles,
-    pub(super) soft: Vec<soft::Saved>,
+    pub(super) soft: Vec<soft::SavedState>,
     pub(super) physics: PhysicsWorld,
-    /// Follows the rest where somebody sits in the chair.
+    /// Follows the rest if a person sits in the chair.
     #[serde(skip)]
     pub(super) person: Option<PersonState>,
 }
 
 impl World {
-    /// The whole state. A world made from the same scenario continues from it
-    /// with identical bits.
+    /// Serializes the whole state. A world created from the same scenario continues
+    /// from it with identical bits.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
-        let written = Written {
+        let written = EncodedState {
             physics_version: PHYSICS_VERSION,
             fingerprint: self.fingerprint,
             tick: self.tick,
@@ -67,28 +68,28 @@ impl World {
             soft: self.soft.iter().map(SoftObject::save).collect(),
             physics: &self.physics,
         };
-        // Writing to memory fails for types that cannot be written at all,
-        // which the tests would show.
+        // Writing to memory fails only for types that cannot be serialized, which the
+        // tests would detect.
         let mut bytes = postcard::to_stdvec(&written).unwrap_or_default();
-        // A chair without a person is stored as it was before there were any.
+        // A chair without a person is stored as before persons existed.
         if let Some(seated) = &self.seated {
             bytes.extend(postcard::to_stdvec(&seated.state()).unwrap_or_default());
         }
         bytes
     }
 
-    /// What soft objects are in [`World::save`], for who damages it.
+    /// The state of deformables in [`World::save`], for tests that damage it.
     #[cfg(test)]
     pub(crate) fn saved_soft(&self) -> Vec<u8> {
-        let soft: Vec<soft::Saved> = self.soft.iter().map(SoftObject::save).collect();
+        let soft: Vec<soft::SavedState> = self.soft.iter().map(SoftObject::save).collect();
         postcard::to_stdvec(&soft).expect("plain data")
     }
 
-    /// Takes over a saved state.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// When the bytes are no saved state, that of another world, of another
-    /// version of the physics, or one that cannot be; the world stays as it was.
+    /// When the bytes are not a saved state, belong to another world or physics
+    /// version, or are invalid; the world is unchanged.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
         let read = self.read(bytes)?;
         self.examine(&read)
@@ -97,30 +98,30 @@ impl World {
         Ok(())
     }
 
-    /// Takes over a state that this very world has saved or examined before,
-    /// whatever became of it since: what is examined is held against the present
-    /// state, in which a body may have been put aside or a joint be nowhere.
+    /// Restores a state that this world has saved or validated before. Validation would
+    /// compare it with the present state, in which a body may be disabled or a joint
+    /// invalid.
     ///
     /// # Errors
-    /// As [`World::restore`] for bytes that are no saved state of this world.
+    /// As [`World::restore`] for bytes that are not a saved state of this world.
     pub fn put_back(&mut self, bytes: &[u8]) -> Result<(), WorldError> {
         let read = self.read(bytes)?;
         self.take(read);
         Ok(())
     }
 
-    fn read(&self, bytes: &[u8]) -> Result<Read, WorldError> {
+    fn read(&self, bytes: &[u8]) -> Result<DecodedState, WorldError> {
         let (found, _) = postcard::take_from_bytes::<u32>(bytes)?;
         if found != PHYSICS_VERSION {
             return Err(WorldError::OtherPhysics { found });
         }
-        let (mut read, mut rest) = postcard::take_from_bytes::<Read>(bytes)?;
+        let (mut read, mut rest) = postcard::take_from_bytes::<DecodedState>(bytes)?;
         if self.seated.is_some() && read.fingerprint == self.fingerprint {
             let (person, after) = postcard::take_from_bytes::<PersonState>(rest)?;
             (read.person, rest) = (Some(person), after);
         }
         if !rest.is_empty() {
-            let problem = format!("{} bytes follow its end", rest.len());
+            let problem = format!("{} bytes after its end", rest.len());
             return Err(WorldError::Damaged { problem });
         }
         let other = |found| WorldError::OtherWorld {
@@ -142,7 +143,7 @@ impl World {
         Ok(read)
     }
 
-    fn take(&mut self, read: Read) {
+    fn take(&mut self, read: DecodedState) {
         for (soft, saved) in self.soft.iter_mut().zip(read.soft) {
             soft.restore(saved);
         }
@@ -162,7 +163,7 @@ impl World {
     /// Hash of all poses, velocities, bristles and soft nodes (FNV-1a over their bits).
     #[must_use]
     pub fn hash(&self) -> u64 {
-        let mut hash = Fnv::default();
+        let mut hash = Fnv1a::default();
         hash.add(&self.tick.to_le_bytes());
         for (_, body) in self.physics.bodies.iter() {
             let (t, r) = (body.translation(), body.rotation());
@@ -183,23 +184,5 @@ impl World {
             hash.add(&bits.to_le_bytes());
         }
         hash.0
-    }
-}
-
-/// FNV-1a, 64 bits.
-struct Fnv(u64);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Fnv {
-    fn add(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.0 ^= u64::from(*byte);
-            self.0 = self.0.wrapping_mul(0x0000_0100_0000_01b3);
-        }
     }
 }

@@ -1,12 +1,13 @@
-//! The robot's links folded into the bodies that really move.
+//! Merges the robot's links into the bodies that actually move.
 //!
-//! Links joined by fixed joints are one body: masses are composed exactly,
-//! collision parts move along. Two kinds of links are posed by forward
-//! kinematics only. The front omni wheels roll forward and slip sideways
-//! without friction: they slide with the chassis and turn as far as they
-//! travelled. The inner knuckles of the gripper are the closed side of a
-//! parallelogram. Their mass rides on the hand. Their collision parts ride on the
-//! crank, which turns as they do, and are put in place before each tick.
+//! Links joined by fixed joints are one body: masses are composed exactly, collision
+//! parts are attached. Two kinds of links are posed by forward kinematics only:
+//!
+//! - The front omni wheels roll forward and slip sideways without friction: they are
+//!   fixed to the chassis and rotate by the travelled distance.
+//! - The inner knuckles of the gripper are the closing link of a parallelogram. Their
+//!   mass is part of the hand. Their collision parts are attached to the crank, which
+//!   rotates alike, and are moved before each tick.
 
 use nalgebra::Isometry3;
 
@@ -15,7 +16,7 @@ use super::mass::Mass;
 use crate::geometry::Part;
 use crate::robot::{Joint, JointKind, PAD, RobotModel};
 
-/// The bodies of a robot; index 0 is the root. Parents stand before children.
+/// The bodies of a robot; index 0 is the root. Parents precede children.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     /// Bodies.
@@ -29,14 +30,14 @@ pub(super) struct Tree {
 /// One body.
 #[derive(Clone, Debug)]
 pub(super) struct TreeBody {
-    /// Link whose frame is the body's frame; the root body's frame is moved to
-    /// its centre of mass.
+    /// Link whose frame is the body's frame; the root body's frame is at its centre of
+    /// mass.
     pub link: usize,
     /// Mass of all links in it.
     pub mass: Mass,
     /// Collision parts in the body's frame.
     pub parts: Vec<TreePart>,
-    /// How it hangs on its parent; `None` for the root.
+    /// Joint to its parent; `None` for the root.
     pub joint: Option<TreeJoint>,
 }
 
@@ -45,31 +46,31 @@ pub(super) struct TreeBody {
 pub(super) struct TreePart {
     /// Link that it belongs to.
     pub link: usize,
-    /// Place and shape in the body's frame.
+    /// Pose and shape in the body's frame.
     pub part: Part,
     /// Whether it is the pad of a finger.
     pub pad: bool,
-    /// How it moves in the body; `None` where it is rigid with it.
+    /// Its motion in the body; `None` when it is fixed.
     pub parallel: Option<Parallel>,
 }
 
-/// The motion of an inner knuckle in the frame of its crank. The knuckle hangs on a pin
-/// of the finger tip, which turns on the crank.
+/// The motion of an inner knuckle in the frame of its crank. The knuckle is attached to
+/// a pin of the finger tip, which turns on the crank.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parallel {
     /// Body of the finger tip.
     pub tip: usize,
-    /// How the finger tip hangs on the crank.
+    /// Joint between the finger tip and the crank.
     pub hinge: TreeJoint,
     /// Joint of the model at the pin.
     pub pin: usize,
-    /// Angle of the pin over that of the finger tip's joint.
+    /// Angle of the pin divided by that of the finger tip's joint.
     pub ratio: f64,
 }
 
 impl Parallel {
-    /// Pose of the inner knuckle in its crank while the finger tip's joint is at an
-    /// angle, rad.
+    /// Pose of the inner knuckle in its crank, for an angle of the finger tip's joint,
+    /// rad.
     pub(super) fn crank_from_link(&self, model: &RobotModel, angle: f64) -> Isometry3<f64> {
         let joint = &model.joints[self.hinge.joint];
         let turn = joint.origin.inverse() * joint.transform(angle);
@@ -88,19 +89,19 @@ pub(super) struct TreeJoint {
     pub origin: Isometry3<f64>,
 }
 
-/// Where a link is.
+/// Location of a link.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Place {
-    /// Rigidly in a body: `(body, body_from_link)`.
+    /// Fixed in a body: `(body, body_from_link)`.
     InBody(usize, Isometry3<f64>),
-    /// Front wheel: posed by this joint from its parent link.
+    /// Front wheel: posed by this joint relative to its parent link.
     Rolling(usize),
-    /// Inner knuckle: posed by this joint from its parent link.
+    /// Inner knuckle: posed by this joint relative to its parent link.
     Parallel(usize),
 }
 
 impl Tree {
-    /// Folds a model.
+    /// Merges the links of a model.
     pub(super) fn new(model: &RobotModel) -> Result<Self, WorldError> {
         let root = TreeBody {
             link: 0,
@@ -137,7 +138,7 @@ impl Tree {
                     inertia: inertial.inertia,
                 };
                 let body = &mut tree.bodies[body];
-                body.mass = body.mass.plus(&own.seen_from(&body_from_link));
+                body.mass = body.mass.plus(&own.transformed_by(&body_from_link));
             }
             let (body, parallel) = match tree.places[index] {
                 Place::Parallel(joint) => {
@@ -174,8 +175,8 @@ impl Tree {
         Ok(tree)
     }
 
-    /// The crank beside an inner knuckle, which hangs on the finger tip with the joint
-    /// `pin`, and how the knuckle moves in its frame.
+    /// The crank beside an inner knuckle, which is attached to the finger tip by the
+    /// joint `pin`, and the knuckle's motion in the crank's frame.
     fn crank_of(&self, model: &RobotModel, pin: usize) -> Result<(usize, Parallel), WorldError> {
         let ratio = |joint: usize| model.joints[joint].mimic.map(|(_, by, _)| by);
         let tip = self.body_of(model.joints[pin].parent);
@@ -195,15 +196,15 @@ impl Tree {
         })
     }
 
-    /// Moves the frame of the root body to its centre of mass. The engine
-    /// integrates the free root as if its origin were its centre of mass; in
-    /// another frame a turning chair would slide sideways.
+    /// Moves the frame of the root body to its centre of mass. The engine integrates
+    /// the free root as if its origin were its centre of mass; otherwise a turning
+    /// chair would slide sideways.
     fn centre_root(&mut self) {
         let root_from_body =
             Isometry3::from(nalgebra::Translation3::from(self.bodies[0].mass.com.coords));
         let body_from_root = root_from_body.inverse();
         let root = &mut self.bodies[0];
-        root.mass = root.mass.seen_from(&body_from_root);
+        root.mass = root.mass.transformed_by(&body_from_root);
         for part in &mut root.parts {
             part.part.pose = body_from_root * part.part.pose;
         }
@@ -265,7 +266,7 @@ impl Tree {
         }
     }
 
-    /// Body that holds a link; posed links have none.
+    /// Body that contains a link; posed links have none.
     pub(super) fn body_of(&self, link: usize) -> Option<usize> {
         match self.places[link] {
             Place::InBody(body, _) => Some(body),
@@ -273,7 +274,7 @@ impl Tree {
         }
     }
 
-    /// Body moved by a joint of the model, if it moves one.
+    /// Body moved by a joint of the model, if any.
     pub(super) fn body_moved_by(&self, joint: usize) -> Option<usize> {
         self.bodies
             .iter()

@@ -1,10 +1,10 @@
-//! Angles of the wheels, counted in double precision over any distance, and what it
-//! takes to roll them.
+//! Angles of the wheels, counted in double precision over any distance, and their
+//! rolling resistance.
 //!
-//! Rolling resistance is a coefficient times the load of the last tick. A driven wheel
-//! feels it in its joint, with the friction of its gear. A front wheel is no body: the
-//! floor holds the chair back at its foot, against the motion there whatever its
-//! direction, for the rollers of an omni wheel roll no lighter.
+//! Rolling resistance is a coefficient times the load of the last tick. For a driven
+//! wheel it acts in the joint, with the friction of its gear. A front wheel is not a
+//! body: the floor brakes the chair at its contact point, opposite to the motion in any
+//! direction, because the rollers of an omni wheel have the same resistance.
 
 use std::f64::consts::TAU;
 
@@ -21,7 +21,7 @@ use super::health;
 use crate::robot::RobotModel;
 use crate::snapshot::{BodyRef, JointState};
 
-/// Speed below which the rolling resistance of front wheels falls linearly, m/s.
+/// Speed below which the rolling resistance of front wheels decreases linearly, m/s.
 /// [choice: 1 % of the chair's speed; stiff enough to hold it and stable at 240 Hz]
 const CREEP: f64 = 0.005;
 
@@ -30,7 +30,7 @@ const CREEP: f64 = 0.005;
 pub(super) struct Wheels {
     /// Unwrapped angles, rad.
     pub angles: [f64; 4],
-    /// Angles that the driven wheels are led to, rad.
+    /// Reference angles of the driven wheels, rad.
     pub led: [f64; 2],
     /// Rates of the front wheels, rad/s.
     pub rolling: [f64; 2],
@@ -40,7 +40,7 @@ pub(super) struct Wheels {
     /// Frames of the front wheels in the root body, and their axes there.
     front: [(Isometry3<f64>, Vector3<f64>); 2],
     radius: f64,
-    /// Balls on which the wheels roll.
+    /// Spheres on which the wheels roll.
     balls: [Option<ColliderHandle>; 4],
     /// Dry friction of a driven wheel, N·m, and rolling resistance of tyres and front
     /// wheels, N/N.
@@ -92,9 +92,9 @@ impl Wheels {
         })
     }
 
-    /// Leads the driven wheels on by a tick at the asked rates, rad/s, but by at
-    /// most `leash` rad ahead of where they are. Returns the lead, rad: a wheel
-    /// that is asked to stand is held in place like one with its brake on.
+    /// Advances the reference of the driven wheels by a tick at the commanded rates,
+    /// rad/s, at most `leash` rad ahead of their angle. Returns the lead, rad: a wheel
+    /// commanded to stop is held in place like with a brake.
     pub(super) fn lead(&mut self, rates: [f64; 2], dt: f64, leash: f64) -> [f64; 2] {
         std::array::from_fn(|i| {
             let lead = self.led[i] + rates[i] * dt - self.angles[i];
@@ -126,7 +126,7 @@ impl Wheels {
         })
     }
 
-    /// Has the floor hold back the front wheels during the coming tick.
+    /// Applies the rolling resistance of the front wheels for the coming tick.
     pub(super) fn begin_tick(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
         let [_, _, left, right] = self.loads(physics);
         let frame = robot.frame(physics, 0);
@@ -143,14 +143,14 @@ impl Wheels {
         }
     }
 
-    /// What held the front wheels back lasts one tick.
+    /// The resistance lasts one tick.
     pub(super) fn end_tick(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
         let root = &mut physics.bodies[robot.handles[0]];
         root.reset_forces(false);
         root.reset_torques(false);
     }
 
-    /// Counts what the wheels turned in the tick that just ended.
+    /// Counts the rotation of the wheels in the last tick.
     pub(super) fn roll(&mut self, physics: &PhysicsWorld, robot: &RobotBody) {
         for (angle, &body) in self.angles.iter_mut().zip(&self.driven) {
             let (now, _) = robot.joint_state(physics, body);
@@ -174,7 +174,7 @@ impl Wheels {
         (linear + angular.cross(&arm)).dot(&forward) / self.radius
     }
 
-    /// Takes whole turns out of the engine's angles of the driven wheels.
+    /// Removes whole turns from the engine's angles of the driven wheels.
     pub(super) fn take_turns_out(&self, physics: &mut PhysicsWorld, robot: &RobotBody) {
         for &body in &self.driven {
             robot.take_turns_out(physics, body);

@@ -21,7 +21,7 @@ use anyhow::{Context, bail};
 use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
 use wheelarm_proto::installed;
-use wheelarm_proto::program::{told, version};
+use wheelarm_proto::program::{error_chain, version};
 use wheelarm_rig::order::{Asked, Said};
 use wheelarm_server::environment;
 use wheelarm_server::sensors::camera::Graphics;
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", told(error.as_ref()));
+            eprintln!("error: {}", error_chain(error.as_ref()));
             ExitCode::FAILURE
         }
     }
@@ -95,7 +95,7 @@ fn work(args: Args) -> anyhow::Result<()> {
     let room = Arc::new(Room {
         session: service::session::within()?,
         assets,
-        graphics: Graphics::on(args.adapter.as_deref()),
+        graphics: Graphics::for_adapter(args.adapter.as_deref()),
         runtime: runtime.handle().clone(),
     });
     let voice = Voice::default();

@@ -270,7 +270,7 @@ fn a_server_is_not_open_to_other_hosts_by_mistake() {
         (&["tls/127.0.0.1:0", "--no-cameras"], "needs keys"),
         (
             &["tcp/127.0.0.1:0", "--no-cameras", "--keys", path],
-            "everybody in",
+            "every client",
         ),
         (
             &["tls/127.0.0.1:0", "--no-cameras", "--keys", "/nowhere"],

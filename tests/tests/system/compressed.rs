@@ -47,7 +47,7 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
     let name = format!("compressed-{}", depth.name());
     let options = Options {
         keys: Keys::new(&name).expect("a name"),
-        graphics: Graphics::on(None).packing(Packing::Adapter),
+        graphics: Graphics::for_adapter(None).packing(Packing::Adapter),
         no_cameras: false,
         depth,
         access: v1::Access::Local,

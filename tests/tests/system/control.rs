@@ -87,7 +87,7 @@ fn lock_step_waits_for_whoever_is_in_control() {
         })
     };
     let told = start("a", "idle").expect_err("a refusal").to_string();
-    assert!(told.contains("nobody holds control"), "{told}");
+    assert!(told.contains("no commander holds control"), "{told}");
     let status = || link.ask(&v1::StatusRequest {}).expect("a status");
     let tick = || status().header.expect("a header").tick;
     {
@@ -99,7 +99,7 @@ fn lock_step_waits_for_whoever_is_in_control() {
     }
     // Its end leaves the episode waiting for another one, and says so.
     wait_until("the server says for whom it waits", || {
-        status().waiting_for.contains("nobody holds control")
+        status().waiting_for.contains("no commander holds control")
     });
     let before = tick();
     let _next = IdleCommander::start(&server.link());

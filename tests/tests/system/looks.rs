@@ -41,7 +41,9 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
     let file = recorded.to_string_lossy();
     let original = Episode::open(&recorded).expect("an episode");
     let scenario = original.scenario().expect("a scenario");
-    let look = LookText::read("9:light=1,lens=2").expect("a look").of(0);
+    let look = LookText::read("9:light=1,lens=2")
+        .expect("a look")
+        .for_episode(0);
     assert_eq!(scenario.look, Some(look));
     assert!(
         scenario

@@ -201,7 +201,7 @@ fn every_query_of_a_flood_is_answered_or_refused_while_time_goes_on() {
         match reply {
             Ok(()) => answered += 1,
             Err(why) => {
-                assert!(why.contains("ask again"), "{why}");
+                assert!(why.contains("try again"), "{why}");
                 refused += 1;
             }
         }
@@ -517,7 +517,7 @@ fn reach_tells_a_code_beside_its_words() {
     let jump = follow(vec![higher], Some(1e-6)).expect("an answer");
     assert_eq!(jump.problem(), v1::ReachProblem::Jump, "{jump:?}");
     for (path, most, cure) in [
-        (vec![higher; 257], None, "in parts"),
+        (vec![higher; 257], None, "split the path"),
         (vec![higher], Some(-1.0), "more than 0"),
         (vec![v1::Pose::default()], None, "next_poses"),
     ] {

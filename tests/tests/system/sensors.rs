@@ -232,10 +232,7 @@ fn a_sensor_that_cannot_be_is_refused_with_the_cure() {
         (&["--sensor", "imu@gen3"], "leave it out"),
         (&["--sensor", "eyes@gen3"], "kinova_vision"),
         (&["--sensor", "surfaces"], "no sensor model \"surfaces\""),
-        (
-            &["--sensor", "kinova_vision@gen3"],
-            "leaves all cameras out",
-        ),
+        (&["--sensor", "kinova_vision@gen3"], "disables all cameras"),
         (&["--sensor", "imu=4"], "strength"),
         (
             &["--sensor", "imu", "--sensor", "imu=2"],

@@ -6,6 +6,7 @@
 pub mod smooth;
 
 use bytes::Bytes;
+use wheelarm_proto::random::{SPLITMIX64_STEP, splitmix64};
 use wheelarm_proto::{Message, TopicId, stamp_nanos, v1};
 
 /// A generator of numbers that need not be good, only repeatable.
@@ -13,12 +14,9 @@ pub struct Random(pub u64);
 
 impl Random {
     pub fn bits(&mut self) -> u64 {
-        // splitmix64
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        let bits = splitmix64(self.0);
+        self.0 = self.0.wrapping_add(SPLITMIX64_STEP);
+        bits
     }
 
     pub fn below(&mut self, n: u64) -> u64 {

@@ -258,12 +258,12 @@ fn side(
     };
     let object = *turns.next(&able)?;
     let (word, side, words) = *turns.next(&SIDES)?;
-    let thing = &scene.things[scene.named(&state.objects[object])?];
+    let thing = &scene.entities[scene.named(&state.objects[object])?];
     let beside = stands.iter().filter(|&&other| other != object);
     let mut names: Vec<&str> = beside
         .filter(|&&other| {
             let other = scene.named(&state.objects[other]);
-            other.is_some_and(|i| space::is(&scene.things[i], thing, side))
+            other.is_some_and(|i| space::is_on_side(&scene.entities[i], thing, side))
         })
         .map(|&other| state.objects[other].as_str())
         .collect();

@@ -177,7 +177,7 @@ impl State {
                 .zip(first)
                 .filter(|(o, _)| kind_of(o) == kind)
             {
-                let thing = scene.named(other).map(|i| &scene.things[i]);
+                let thing = scene.named(other).map(|i| &scene.entities[i]);
                 like.push((other, thing.map_or(0.0, |t| -t.at[1])));
             }
         }

@@ -137,7 +137,7 @@ fn area_of(state: &State) -> String {
     let scene = state.scene(0);
     let area = scene
         .named(&state.target)
-        .and_then(|i| scene.things[i].area);
+        .and_then(|i| scene.entities[i].area);
     area.map_or(String::new(), |i| scene.areas[i].name.clone())
 }
 

@@ -26,7 +26,7 @@ fn record(dir: &Path) -> PathBuf {
                 .collect();
             Received {
                 stream: stream.clone(),
-                digest: digest::StreamDigest::of(&all).to_vec(),
+                digest: digest::StreamDigest::from_messages(&all).to_vec(),
                 doubtful: 0,
                 compressed: Vec::new(),
             }

@@ -125,7 +125,7 @@ mod tests {
         let outline = Outline {
             sides: [-0.4, 0.8, -0.3, 0.3],
         };
-        let mut footprint = FootprintCheck::of([(1.0, outline)]);
+        let mut footprint = FootprintCheck::from_outlines([(1.0, outline)]);
         let chair = Pose2 {
             x: 0.0,
             y: 0.0,

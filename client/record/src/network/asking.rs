@@ -81,7 +81,7 @@ pub(super) async fn ask_samples(
             let payload = sample.payload().clone();
             let bytes = payload.len();
             let raw = Raw::Sample(id.clone(), payload);
-            unanswered.to.sample(raw, bytes, id.is_pictures());
+            unanswered.to.sample(raw, bytes, id.is_images());
         })
         .consolidation(ConsolidationMode::None)
         .accept_replies(ReplyKeyExpr::Any)

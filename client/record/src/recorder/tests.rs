@@ -499,7 +499,7 @@ fn what_somebody_else_wrote_is_found_by_the_digest() {
     };
     let true_ones: Vec<_> = (0..3).map(|i| encoded(&hash(1, i))).collect();
     let mut told = stopped(1, 3, 0);
-    told.manifest[0].digest = StreamDigest::of(&true_ones).to_vec();
+    told.manifest[0].digest = StreamDigest::from_messages(&true_ones).to_vec();
     let forged = |tick: u64| {
         let message = v1::StateHash {
             header: Some(header(1, 2, tick)),

@@ -1,5 +1,5 @@
-//! The table, asked as the transport asks it: does a key of a grant include the
-//! key of the message?
+//! Tests of the rule table with the check of the transport: does a key of a grant
+//! include the key of the message?
 
 use zenoh::key_expr::keyexpr;
 
@@ -19,13 +19,13 @@ fn may(user: &User, sim: &str, flow: Flow, kind: Kind, key: &str) -> bool {
         .any(|allowed| keyexpr::new(allowed.as_str()).unwrap().includes(key))
 }
 
-/// A row: way, kind, key below the server's, and who may: viewer, operator,
-/// operator with pictures, recorder, admin.
+/// A row: direction, kind, key below the server's, and the allowed users: viewer,
+/// operator, operator with images, recorder, admin.
 type Row = (Flow, Kind, &'static str, &'static str);
 
 use Flow::{Egress as Out, Ingress as In};
 
-/// Every user is called `me`. `v`, `o`, `p`, `r`, `a` may.
+/// Every user has the name `me`. `v`, `o`, `p`, `r`, `a` are allowed.
 const ROWS: &[Row] = &[
     // Sending.
     (In, Kind::Put, "command/me", "opa"),
@@ -46,7 +46,7 @@ const ROWS: &[Row] = &[
     (In, Kind::Put, "refusal", ""),
     (In, Kind::Delete, "stream/imu", ""),
     (In, Kind::Delete, "command/me", ""),
-    // Answering in the server's place.
+    // Replying in place of the server.
     (In, Kind::DeclareQueryable, "query/status", ""),
     (In, Kind::Reply, "query/status", ""),
     (In, Kind::Reply, "stream/imu", ""),
@@ -63,7 +63,7 @@ const ROWS: &[Row] = &[
         "stream/imu/@adv/pub/a/1/uhlc",
         "",
     ),
-    // Asking.
+    // Queries.
     (In, Kind::Query, "query/status", "vopra"),
     (Out, Kind::Reply, "query/status", "vopra"),
     (In, Kind::Query, "query/scene", "vopra"),
@@ -86,7 +86,7 @@ const ROWS: &[Row] = &[
     (In, Kind::Query, "query/shutdown", "a"),
     (In, Kind::Query, "query/*", "a"),
     (In, Kind::Query, "query/**", "a"),
-    // Signs of life.
+    // Liveliness tokens.
     (In, Kind::LivelinessToken, "commander/me/1/alive", "opa"),
     (In, Kind::LivelinessToken, "commander/you/1/alive", "a"),
     (In, Kind::LivelinessToken, "recorder/me/alive", "ra"),
@@ -97,7 +97,7 @@ const ROWS: &[Row] = &[
     (In, Kind::LivelinessQuery, "recorder/me/alive", "ra"),
     (In, Kind::LivelinessQuery, "commander/*/*/alive", "a"),
     (Out, Kind::LivelinessToken, "commander/you/1/alive", "a"),
-    // Listening.
+    // Subscriptions.
     (In, Kind::DeclareSubscriber, "stream/imu", "vopra"),
     (In, Kind::DeclareSubscriber, "stream/*", "vopra"),
     (Out, Kind::Put, "stream/imu", "vopra"),
@@ -117,7 +117,7 @@ const ROWS: &[Row] = &[
     (Out, Kind::Put, "command/me", "a"),
     (In, Kind::DeclareSubscriber, "recorder/*", "a"),
     (In, Kind::DeclareSubscriber, "**", "a"),
-    // What publishers keep for who came late or missed something.
+    // Publishers' caches of late or missed samples.
     (In, Kind::Query, "stream/imu/@adv/pub/a/1/uhlc", "vopra"),
     (In, Kind::Query, "stream/*/@adv/**", "vopra"),
     (Out, Kind::Reply, "stream/imu", "vopra"),
@@ -143,28 +143,28 @@ const ROWS: &[Row] = &[
         "camera/*/@adv/pub/**",
         "pra",
     ),
-    // The transport sends nothing where it knows of nobody who listens.
+    // The transport sends nothing without known subscribers.
     (Out, Kind::DeclareSubscriber, "command/*", "vopra"),
     (Out, Kind::DeclareQueryable, "query/status", "vopra"),
 ];
 
 fn everybody() -> Vec<(char, User)> {
-    let mut pictures = user("me", Role::Operator);
-    pictures.pictures = true;
+    let mut with_images = user("me", Role::Operator);
+    with_images.pictures = true;
     vec![
         ('v', user("me", Role::Viewer)),
         ('o', user("me", Role::Operator)),
-        ('p', pictures),
+        ('p', with_images),
         ('r', user("me", Role::Recorder)),
         ('a', user("me", Role::Admin)),
     ]
 }
 
 #[test]
-fn each_role_may_what_the_table_says_and_nothing_else() {
+fn each_role_has_exactly_the_rights_of_the_table() {
     for (flow, kind, rest, who) in ROWS {
         for (letter, user) in everybody() {
-            // A server's own rules, and those of a router in front of many.
+            // The rules of a server, and those of a router for several.
             for (sim, key) in [("lab", "lab"), ("*", "lab")] {
                 let key = format!("wheelarm/{key}/{rest}");
                 let found = may(&user, sim, *flow, *kind, &key);
@@ -179,7 +179,7 @@ fn each_role_may_what_the_table_says_and_nothing_else() {
 }
 
 #[test]
-fn nobody_has_a_right_on_another_server_or_outside() {
+fn no_user_has_rights_on_another_server_or_outside() {
     for (flow, kind, rest, _) in ROWS.iter().filter(|row| !row.2.starts_with("alive")) {
         for (letter, user) in everybody() {
             for key in [
@@ -225,7 +225,7 @@ fn every_kind_of_key_of_the_contract_is_in_the_table() {
         };
         assert!(rows(&name), "no row for {name}");
     }
-    // Of each topic somebody has the right to listen, and the admin always.
+    // Each topic is available to some role, and to the admin always.
     for topic in TOPICS {
         let key: Vec<&str> = topic
             .key
@@ -241,7 +241,7 @@ fn every_kind_of_key_of_the_contract_is_in_the_table() {
 }
 
 #[test]
-fn servers_may_everything_of_this_system_through_a_router() {
+fn servers_have_all_rights_of_this_system_through_a_router() {
     let grants = grants_of_servers();
     for key in [
         "wheelarm/lab/stream/imu",

@@ -1,10 +1,11 @@
-//! Scenes by the ranges of `assets/areas`, without the server's rules of what can
-//! be taken: things stand where they may, 0.12 m apart.
+//! Scenes sampled from the ranges of `assets/areas`, without the server's rule that
+//! every target can be grasped: objects are at least 0.12 m apart.
 
 use std::path::Path;
 
 use serde::Deserialize;
 use wheelarm_language::{Grammar, Home, Meaning, Role, Scene, Verb};
+use wheelarm_proto::random::{self, SPLITMIX64_STEP, SplitMix64};
 
 pub fn text(path: &str) -> String {
     let full = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -81,27 +82,23 @@ struct Place {
     chance: Option<f64>,
 }
 
-/// Numbers between 0 and 1 from a seed (splitmix64, Steele et al. 2014).
-pub struct Draws(u64);
+/// Random numbers between 0 and 1 from a seed.
+pub struct TestRandom(SplitMix64);
 
-impl Draws {
-    pub fn of(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+impl TestRandom {
+    pub fn from_seed(seed: u64) -> Self {
+        Self(SplitMix64(seed.wrapping_mul(SPLITMIX64_STEP)))
     }
 
     pub fn fraction(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        random::fraction(self.0.bits())
     }
 }
 
-/// A scene with the things of all areas, the bear's included.
+/// A scene with the objects of all areas, including the bear's.
 pub fn scene(home: &Home, seed: u64) -> Scene {
     let mut scene = home.scene(&|_| true);
-    let mut draws = Draws::of(seed);
+    let mut draws = TestRandom::from_seed(seed);
     let mut all: Vec<Place> = Vec::new();
     for name in names("areas") {
         let file: AreaFile = toml::from_str(&text(&format!("areas/{name}"))).expect("an area");
@@ -114,13 +111,13 @@ pub fn scene(home: &Home, seed: u64) -> Scene {
             if place.chance.is_some_and(|chance| draws.fraction() > chance) {
                 continue;
             }
-            // What two areas have stands in one of them.
+            // An object of two areas is placed in one of them.
             if all.iter().all(|known| known.object != place.object) {
                 all.push(place);
             }
         }
     }
-    // What has the least room first.
+    // Objects with the least room first.
     let room = |place: &Place| {
         let [inwards, along] = [place.inwards, place.along].map(|[low, high]| high - low);
         inwards * along
@@ -132,7 +129,7 @@ pub fn scene(home: &Home, seed: u64) -> Scene {
     scene
 }
 
-fn stand(scene: &mut Scene, home: &Home, place: &Place, draws: &mut Draws) {
+fn stand(scene: &mut Scene, home: &Home, place: &Place, draws: &mut TestRandom) {
     let area = scene
         .areas
         .iter()
@@ -143,7 +140,7 @@ fn stand(scene: &mut Scene, home: &Home, place: &Place, draws: &mut Draws) {
     for _ in 0..200 {
         let (inwards, along) = (within(place.inwards), within(place.along));
         let index = scene.areas.iter().position(|a| a.name == place.on);
-        let is_free = scene.things.iter().all(|t| {
+        let is_free = scene.entities.iter().all(|t| {
             t.area != index
                 || t.role != Role::Object
                 || wheelarm_proto::exact::hypot(t.at[0] - inwards, t.at[1] - along) > 0.12
@@ -171,12 +168,12 @@ pub fn put(scene: &mut Scene, home: &Home, object: &str, area: &str, [inwards, a
     ];
     scene.add(object, home.words_of(object), Role::Object, at, None);
     assert!(
-        scene.things.last().is_some_and(|t| t.area.is_some()),
-        "{object} stands on nothing"
+        scene.entities.last().is_some_and(|t| t.area.is_some()),
+        "{object} is on no area"
     );
 }
 
-/// The scene of the sentences that were written by hand.
+/// The scene of the hand-written sentences.
 pub fn fixed(home: &Home) -> Scene {
     let mut scene = home.scene(&|_| true);
     for (object, area, at) in [
@@ -203,17 +200,17 @@ pub fn fixed(home: &Home) -> Scene {
     scene
 }
 
-/// Everything that can be asked for in a scene.
+/// All possible requests in a scene.
 pub fn wishes(scene: &Scene) -> Vec<Meaning> {
     let mut out = Vec::new();
-    for (target, thing) in scene.things.iter().enumerate() {
-        let goal = match thing.name.as_str() {
+    for (target, entity) in scene.entities.iter().enumerate() {
+        let goal = match entity.name.as_str() {
             "knife" => Some("placemat"),
             "teddy_bear" => Some("bear_cushion"),
             _ => None,
         };
         let mut add = |verb, goal| out.push(Meaning { verb, target, goal });
-        match (thing.role, goal) {
+        match (entity.role, goal) {
             (Role::Slide, _) => {
                 add(Verb::Open, None);
                 add(Verb::Close, None);
@@ -221,7 +218,7 @@ pub fn wishes(scene: &Scene) -> Vec<Meaning> {
             (Role::Object, Some(goal)) => add(Verb::Put, scene.named(goal)),
             (Role::Object, None) => {
                 add(Verb::Lift, None);
-                match thing.name.as_str() {
+                match entity.name.as_str() {
                     "straw_cup" | "feeding_spoon" => add(Verb::Bring, None),
                     "remote_control" => add(Verb::Give, None),
                     "meat_can" => add(Verb::Put, scene.named("table_bin")),
@@ -234,7 +231,7 @@ pub fn wishes(scene: &Scene) -> Vec<Meaning> {
     out
 }
 
-/// A task of the library: what is done, with which object, and where it goes.
+/// A task of the library: action, object and goal.
 #[derive(Clone, Debug)]
 pub struct Task {
     /// Name of its file.
@@ -252,7 +249,7 @@ struct Query {
     category: Option<String>,
 }
 
-/// The tasks of the library in the order of their names.
+/// The tasks of the library, sorted by name.
 pub fn library() -> Vec<Task> {
     #[derive(Deserialize)]
     struct File {
@@ -276,13 +273,13 @@ pub fn library() -> Vec<Task> {
 }
 
 impl Task {
-    /// A scene with the objects of the task's area, and those of the areas that
-    /// stand on other furniture.
+    /// A scene with the objects of the task's area, and those of the areas on other
+    /// furniture.
     pub fn scene(&self, home: &Home, seed: u64) -> Scene {
         let mut scene = home.scene(&|name| self.goal.as_deref() == Some(name));
         let bear = self.object.name.as_deref() == Some("teddy_bear");
         let own: Vec<Place> = places(&self.area, bear);
-        let mut draws = Draws::of(seed);
+        let mut draws = TestRandom::from_seed(seed);
         let others = ["coffee_table", "kitchen_table", "shelf"];
         let others = others
             .iter()
@@ -297,19 +294,19 @@ impl Task {
         scene
     }
 
-    /// What the task requests in a scene; of several objects one by the seed.
+    /// The task's request in a scene; the seed selects among several objects.
     pub fn wish(&self, scene: &Scene, seed: u64) -> Meaning {
         let fits = |i: &usize| {
-            let thing = &scene.things[*i];
-            let is_named = self.object.name.as_ref().is_some_and(|n| *n == thing.name);
+            let entity = &scene.entities[*i];
+            let is_named = self.object.name.as_ref().is_some_and(|n| *n == entity.name);
             let on = |area: usize| scene.areas[area].name == self.area;
             let category = self.object.category.as_ref();
             let is_of =
-                category.is_some_and(|c| *c == thing.category && thing.area.is_some_and(on));
+                category.is_some_and(|c| *c == entity.category && entity.area.is_some_and(on));
             is_named || is_of
         };
-        let all: Vec<usize> = (0..scene.things.len()).filter(fits).collect();
-        let chosen = (Draws::of(seed ^ 0x7a5c).fraction() * all.len() as f64) as usize;
+        let all: Vec<usize> = (0..scene.entities.len()).filter(fits).collect();
+        let chosen = (TestRandom::from_seed(seed ^ 0x7a5c).fraction() * all.len() as f64) as usize;
         Meaning {
             verb: self.verb,
             target: all[chosen.min(all.len() - 1)],
@@ -318,7 +315,7 @@ impl Task {
     }
 }
 
-/// Objects of an area with where they stand, those of its variants by request.
+/// Objects of an area with their positions, those of its variants on request.
 fn places(area: &str, with_variants: bool) -> Vec<Place> {
     let file: AreaFile = toml::from_str(&text(&format!("areas/{area}.toml"))).expect("an area");
     let mut places = file.place;

@@ -1,4 +1,4 @@
-//! Laws of the colour camera.
+//! Tests of the colour camera.
 
 use super::*;
 
@@ -41,15 +41,15 @@ fn flat(level: u8) -> Vec<u8> {
     vec![level; 3 * SIZE[0] * SIZE[1]]
 }
 
-fn statistics(picture: &[u8]) -> (f64, f64) {
-    let n = picture.len() as f64;
-    let mean = picture.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+fn statistics(image: &[u8]) -> (f64, f64) {
+    let n = image.len() as f64;
+    let mean = image.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
     let square = |v: &u8| (f64::from(*v) - mean).powi(2);
-    (mean, (picture.iter().map(square).sum::<f64>() / n).sqrt())
+    (mean, (image.iter().map(square).sum::<f64>() / n).sqrt())
 }
 
 #[test]
-fn strength_0_is_the_exact_picture() {
+fn strength_0_is_the_exact_image() {
     let rgb: Vec<u8> = (0..3 * SIZE[0] * SIZE[1])
         .map(|i| (i % 251) as u8)
         .collect();
@@ -59,9 +59,9 @@ fn strength_0_is_the_exact_picture() {
         gamma: 1.2,
         ..parameters()
     };
-    let made = ColorModel::new(with, 1, 0.0).picture(&exact(&rgb, 0));
+    let made = ColorModel::new(with, 1, 0.0).image(&exact(&rgb, 0));
     let worst = made.iter().zip(&rgb).map(|(a, b)| a.abs_diff(*b)).max();
-    // 12 bits of linear levels tell the darkest of sRGB apart.
+    // 12 bits of linear levels distinguish the darkest sRGB levels.
     assert!(worst.unwrap() <= 1);
 }
 
@@ -73,11 +73,11 @@ fn photon_noise_has_the_deviation_of_counting() {
             exposure_range: [1.0, 1.0],
             ..parameters()
         };
-        let made = ColorModel::new(one, 1, 1.0).picture(&exact(&rgb, 0));
+        let made = ColorModel::new(one, 1, 1.0).image(&exact(&rgb, 0));
         let linear = to_linear(f64::from(level) / 255.0);
         let electrons = linear * 5000.0;
         let deviation = (electrons + 16.0).sqrt() / 5000.0;
-        // Through the slope of the tone curve; whole levels add 1/12.
+        // Through the slope of the tone curve; quantisation adds 1/12.
         let slope = (to_srgb(linear + 1e-4) - to_srgb(linear - 1e-4)) / 2e-4;
         let expected = ((255.0 * slope * deviation).powi(2) + 1.0 / 12.0).sqrt();
         let (mean, found) = statistics(&made);
@@ -90,13 +90,13 @@ fn photon_noise_has_the_deviation_of_counting() {
 }
 
 #[test]
-fn exposure_goes_to_its_target_a_share_at_a_time() {
+fn exposure_approaches_its_target_by_a_share_per_image() {
     let mut model = ColorModel::new(parameters(), 1, 1.0);
     let (dark, bright) = (flat(70), flat(200));
-    model.picture(&exact(&bright, 0));
+    model.image(&exact(&bright, 0));
     let mut before = f64::INFINITY;
     for tick in 1..20 {
-        let (mean, _) = statistics(&model.picture(&exact(&dark, tick)));
+        let (mean, _) = statistics(&model.image(&exact(&dark, tick)));
         let aim = 255.0 * to_srgb(0.2);
         let off = (mean - aim).abs();
         assert!(off <= before + 0.5, "{off} after {before}");
@@ -119,7 +119,7 @@ fn coding_costs_detail_and_the_same_seed_gives_the_same_bits() {
     let run = |parameters: &ColorParameters, seed| {
         let mut model = ColorModel::new(parameters.clone(), seed, 1.0);
         (0..12)
-            .map(|tick| model.picture(&exact(&rgb, tick)))
+            .map(|tick| model.image(&exact(&rgb, tick)))
             .collect::<Vec<_>>()
     };
     let (plain, coarse) = (run(&parameters(), 1), run(&coded, 1));

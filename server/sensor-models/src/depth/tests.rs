@@ -1,4 +1,4 @@
-//! Laws of the depth camera.
+//! Tests of the depth camera.
 
 use super::*;
 
@@ -40,14 +40,14 @@ fn sized(width: usize, height: usize) -> DepthParameters {
     p
 }
 
-/// An exact image whose depth and id follow from the point's direction (X/Z, Y/Z).
-struct Seen {
+/// An exact image whose depth and ID are functions of the direction (X/Z, Y/Z).
+struct TestView {
     lens: Lens,
     depth: Vec<u8>,
     ids: Vec<u8>,
 }
 
-impl Seen {
+impl TestView {
     fn of(at: impl Fn(f64, f64) -> (f32, u16)) -> Self {
         Self::through(parameters().lens, at)
     }
@@ -85,8 +85,8 @@ impl Seen {
     }
 }
 
-fn pixels(picture: &[u8]) -> Vec<u16> {
-    let (pairs, _) = picture.as_chunks::<2>();
+fn pixels(image: &[u8]) -> Vec<u16> {
+    let (pairs, _) = image.as_chunks::<2>();
     pairs.iter().map(|&p| u16::from_le_bytes(p)).collect()
 }
 
@@ -97,16 +97,16 @@ fn model(strength: f64) -> DepthModel {
 #[test]
 fn noise_grows_with_the_square_of_the_distance() {
     for z in [0.5_f32, 1.0, 2.0] {
-        let seen = Seen::of(|_, _| (z, 0));
+        let view = TestView::of(|_, _| (z, 0));
         let model = model(1.0);
         let mut all = Vec::new();
         for tick in 0..4 {
-            let picture = pixels(&model.image(&seen.exact(tick), &[]));
-            all.extend(picture.into_iter().filter(|v| *v > 0).map(f64::from));
+            let image = pixels(&model.image(&view.exact(tick), &[]));
+            all.extend(image.into_iter().filter(|v| *v > 0).map(f64::from));
         }
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let variance = all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / all.len() as f64;
-        // Writing whole millimetres adds 1/12.
+        // Rounding to millimetres adds 1/12.
         let deviation = (variance - 1.0 / 12.0).sqrt();
         let expected = 1000.0 * f64::from(z * z) * 0.1 / (360.0 * 0.055);
         assert!(
@@ -119,16 +119,16 @@ fn noise_grows_with_the_square_of_the_distance() {
 
 #[test]
 fn a_perfect_sensor_returns_the_exact_depth_of_every_pixel_that_both_eyes_see() {
-    // A board of 40 cm by 20 cm before a wall, and a plane that slants.
-    let board = Seen::of(|right, down| {
+    // A board of 40 cm by 20 cm in front of a wall, and a slanted plane.
+    let board = TestView::of(|right, down| {
         let on = (right * 0.8).abs() < 0.2 && (down * 0.8).abs() < 0.1;
         (if on { 0.8 } else { 1.6 }, u16::from(on))
     });
-    let slanted = Seen::of(|right, _| ((1.0 / (1.0 - 0.5 * right)) as f32, 0));
-    for seen in [board, slanted] {
-        let image = pixels(&model(0.0).image(&seen.exact(0), &[]));
+    let slanted = TestView::of(|right, _| ((1.0 / (1.0 - 0.5 * right)) as f32, 0));
+    for view in [board, slanted] {
+        let image = pixels(&model(0.0).image(&view.exact(0), &[]));
         let mut returns = 0;
-        for (mm, z) in image.iter().zip(seen.depths()).filter(|(mm, _)| **mm > 0) {
+        for (mm, z) in image.iter().zip(view.depths()).filter(|(mm, _)| **mm > 0) {
             assert!(
                 (f64::from(*mm) - 1000.0 * z).abs() <= 0.51,
                 "{mm} mm of {z} m"
@@ -142,7 +142,7 @@ fn a_perfect_sensor_returns_the_exact_depth_of_every_pixel_that_both_eyes_see() 
 
 #[test]
 fn nine_in_ten_pixels_of_a_plain_view_have_a_return() {
-    let wall = Seen::of(|right, down| ((0.8 + 0.1 * right + 0.1 * down) as f32, 0));
+    let wall = TestView::of(|right, down| ((0.8 + 0.1 * right + 0.1 * down) as f32, 0));
     let p = DepthParameters {
         holes: [0.005, 0.9, 0.85, 0.5, 0.4],
         ..parameters()
@@ -150,7 +150,7 @@ fn nine_in_ten_pixels_of_a_plain_view_have_a_return() {
     let image = pixels(&DepthModel::new(p, 3, 1.0).image(&wall.exact(7), &[]));
     let returns = image.iter().filter(|mm| **mm > 0).count() as f64 / image.len() as f64;
     assert!(returns >= 0.9, "{returns} of the pixels have a return");
-    // The left band alone lies beyond the view of the second eye.
+    // Only the left band is outside the view of the second camera.
     let right = image.chunks(480).flat_map(|row| &row[60..]);
     let returns = right.clone().filter(|mm| **mm > 0).count() as f64 / right.count() as f64;
     assert!(returns >= 0.98, "{returns} of the pixels right of the band");
@@ -159,15 +159,15 @@ fn nine_in_ten_pixels_of_a_plain_view_have_a_return() {
 #[test]
 fn noise_is_correlated_over_the_matching_window() {
     let window = parameters().window;
-    let seen = Seen::of(|_, _| (1.5, 0));
+    let view = TestView::of(|_, _| (1.5, 0));
     let model = model(1.0);
     let (width, height) = (480, 270);
-    // Right of what the second eye does not see.
+    // Right of the region that the second camera does not see.
     let first = 40;
     let mut products = vec![[0.0; 2]; window + 4];
     let mut counts = vec![[0.0; 2]; window + 4];
     for tick in 0..8 {
-        let image = pixels(&model.image(&seen.exact(tick), &[]));
+        let image = pixels(&model.image(&view.exact(tick), &[]));
         let error = |x: usize, y: usize| f64::from(image[y * width + x]) - 1500.0;
         for (lag, (products, counts)) in products.iter_mut().zip(&mut counts).enumerate() {
             for y in 0..height - lag {
@@ -197,8 +197,8 @@ fn depth_has_no_bias_at_small_and_large_sizes() {
     for [width, height] in [[320, 180], [1280, 720]] {
         let p = sized(width, height);
         let per_square = p.disparity_noise / (p.lens.focal[0] * p.baseline);
-        // Over many whole millimetres, so that writing them rounds both ways.
-        let near = Seen::through(p.lens, |right, down| {
+        // Over many millimetres, so that rounding averages out.
+        let near = TestView::through(p.lens, |right, down| {
             ((0.4 + 0.1 * right + 0.05 * down) as f32, 0)
         });
         let model = DepthModel::new(p, 5, 1.0);
@@ -217,28 +217,28 @@ fn depth_has_no_bias_at_small_and_large_sizes() {
 }
 
 #[test]
-fn the_second_eye_casts_a_shadow_as_wide_as_the_disparities_differ() {
-    let seen = Seen::of(|right, _| (if right * 0.8 < 0.0 { 1.6 } else { 0.8 }, 0));
-    let picture = pixels(&model(0.0).image(&seen.exact(0), &[]));
-    // Left of the near board's left edge stands what the right eye does not see:
-    // f·b·(1/0.8 - 1/1.6) = 12.4 pixels.
-    let row = &picture[100 * 480..101 * 480];
+fn the_occluded_band_is_as_wide_as_the_difference_of_disparities() {
+    let view = TestView::of(|right, _| (if right * 0.8 < 0.0 { 1.6 } else { 0.8 }, 0));
+    let image = pixels(&model(0.0).image(&view.exact(0), &[]));
+    // Left of the near board's left edge is the region that the right camera does not
+    // see: f·b·(1/0.8 - 1/1.6) = 12.4 pixels.
+    let row = &image[100 * 480..101 * 480];
     let edge = row.iter().position(|mm| *mm == 800).unwrap();
     let hole = row[..edge].iter().rev().take_while(|mm| **mm == 0).count();
     assert!((11..=14).contains(&hole), "{hole} pixels");
 }
 
 #[test]
-fn surfaces_lose_the_share_that_is_theirs() {
+fn each_surface_loses_its_share_of_returns() {
     let classes = Surface::ALL;
     for (id, class) in classes.into_iter().enumerate() {
-        let seen = Seen::of(|_, _| (1.0, id as u16));
-        let (model, full) = (model(1.0), model(0.0).image(&seen.exact(0), &classes));
-        let returns = |picture: Vec<u8>| pixels(&picture).iter().filter(|v| **v > 0).count();
+        let view = TestView::of(|_, _| (1.0, id as u16));
+        let (model, full) = (model(1.0), model(0.0).image(&view.exact(0), &classes));
+        let returns = |image: Vec<u8>| pixels(&image).iter().filter(|v| **v > 0).count();
         let full = returns(full) as f64;
         let mut lost = 0.0;
         for tick in 0..8 {
-            lost += 1.0 - returns(model.image(&seen.exact(tick), &classes)) as f64 / full;
+            lost += 1.0 - returns(model.image(&view.exact(tick), &classes)) as f64 / full;
         }
         let (lost, expected) = (lost / 8.0, parameters().holes[id]);
         assert!(
@@ -250,25 +250,25 @@ fn surfaces_lose_the_share_that_is_theirs() {
 }
 
 #[test]
-fn edges_bleed_and_what_is_too_near_has_no_return() {
-    let seen = Seen::of(|_, down| (if down < 0.0 { 0.5 } else { 1.0 }, 0));
-    let picture = pixels(&model(1.0).image(&seen.exact(0), &[]));
-    let between = picture.iter().filter(|mm| (540..940).contains(*mm)).count();
+fn edges_have_flying_pixels_and_too_near_surfaces_no_return() {
+    let view = TestView::of(|_, down| (if down < 0.0 { 0.5 } else { 1.0 }, 0));
+    let image = pixels(&model(1.0).image(&view.exact(0), &[]));
+    let between = image.iter().filter(|mm| (540..940).contains(*mm)).count();
     assert!(between > 30, "{between} pixels between near and far");
-    let near = Seen::of(|_, _| (0.14, 0));
-    let picture = pixels(&model(0.0).image(&near.exact(0), &[]));
-    assert!(picture.iter().all(|mm| *mm == 0));
+    let near = TestView::of(|_, _| (0.14, 0));
+    let image = pixels(&model(0.0).image(&near.exact(0), &[]));
+    assert!(image.iter().all(|mm| *mm == 0));
 }
 
 #[test]
-fn disparity_comes_in_the_steps_of_the_parameters() {
+fn disparity_is_quantised_in_the_given_steps() {
     let stepped = DepthParameters {
         disparity_step: 0.125,
         ..parameters()
     };
-    let seen = Seen::of(|_, _| (2.0, 0));
-    let picture = pixels(&DepthModel::new(stepped, 1, 1.0).image(&seen.exact(0), &[]));
-    let mut values: Vec<u16> = picture.into_iter().filter(|v| *v > 0).collect();
+    let view = TestView::of(|_, _| (2.0, 0));
+    let image = pixels(&DepthModel::new(stepped, 1, 1.0).image(&view.exact(0), &[]));
+    let mut values: Vec<u16> = image.into_iter().filter(|v| *v > 0).collect();
     values.sort_unstable();
     values.dedup();
     // 9.9 pixels ± 4σ in eighths.
@@ -276,15 +276,15 @@ fn disparity_comes_in_the_steps_of_the_parameters() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bits_and_another_one_others() {
-    let seen = Seen::of(|right, _| (1.0 + 0.2 * right as f32, 1));
+fn only_the_same_seed_gives_the_same_bits() {
+    let view = TestView::of(|right, _| (1.0 + 0.2 * right as f32, 1));
     let classes = [Surface::Matte, Surface::Glass];
     let take =
-        |seed, tick| DepthModel::new(parameters(), seed, 1.0).image(&seen.exact(tick), &classes);
+        |seed, tick| DepthModel::new(parameters(), seed, 1.0).image(&view.exact(tick), &classes);
     assert_eq!(take(1, 24), take(1, 24));
     assert_ne!(take(1, 24), take(2, 24));
     assert_ne!(take(1, 24), take(1, 48));
-    // Strength 0 knows no seed.
-    let perfect = |seed| DepthModel::new(parameters(), seed, 0.0).image(&seen.exact(0), &classes);
+    // Strength 0 does not depend on the seed.
+    let perfect = |seed| DepthModel::new(parameters(), seed, 0.0).image(&view.exact(0), &classes);
     assert_eq!(perfect(1), perfect(2));
 }

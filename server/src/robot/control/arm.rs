@@ -1,17 +1,17 @@
-//! The arm: an intent becomes a motion, a motion becomes joint targets.
+//! The arm: converts an intent to a motion, and a motion to joint targets.
 //!
-//! Whatever the motion asks, one rule makes the targets: the wanted joint
-//! speeds are scaled together to the joints' and the tool's speed limits, and
-//! the present speeds move towards them, all by the same fraction, within the
-//! joint acceleration. So the direction of a motion survives its limits, and
-//! an intent may change at any time without a jump.
+//! One rule computes the targets of every motion: the wanted joint speeds are scaled
+//! together to the speed limits of joints and tool, and the present speeds approach
+//! them, all by the same fraction, within the joint acceleration. So limits do not
+//! change the direction of a motion, and an intent may change at any time without a
+//! jump.
 //!
-//! How a Cartesian pose is reached:
-//! - near (0.05 m and 0.2 rad) on the same branch: joints interpolate, which
-//!   is straight to a millimetre there; streamed poses take this way;
-//! - further: along a straight line, when samples of it have joint positions
-//!   within the limits and without jumps;
-//! - else: joints interpolate to the solution that turns them least.
+//! A Cartesian pose is reached in one of three ways:
+//! - near (0.05 m and 0.2 rad) on the same branch: joints interpolate, which is
+//!   straight to a millimetre; streamed poses use this;
+//! - further: along a straight line, if its samples have joint positions within the
+//!   limits and without jumps;
+//! - otherwise: joints interpolate to the solution with the smallest rotation.
 
 mod cartesian;
 mod line;
@@ -28,28 +28,28 @@ use crate::robot::kinematics::{ArmKinematics, joint_word};
 use crate::robot::{ArmSettings, RobotModel};
 use crate::snapshot::Snapshot;
 
-/// Share of the tool speed that is planned; the rest covers the change of the
-/// Jacobian while the joints brake.
+/// Share of the tool speed that is planned; the rest covers the change of the Jacobian
+/// while the joints brake.
 const TOOL_SHARE: f64 = 0.91;
 
-/// Joint acceleration that the guard of a person may ask for, in units of the arm's own.
+/// Joint acceleration available to the person guard, in units of the arm's own.
 const GUARD_BRAKING: f64 = 4.0;
 
-/// What the arm does.
+/// Motion of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Motion {
-    /// Comes to rest and holds.
+    /// Brakes and holds.
     Hold,
     /// Joints interpolate to a goal.
     Joints {
         /// From base to hand, rad.
         goal: [f64; 6],
-        /// Goal before it in a stream of goals, rad.
+        /// Previous goal in a stream of goals, rad.
         from: [f64; 6],
-        /// Steps until the goal has taken the place of the one before.
+        /// Steps until the goal has replaced the previous one.
         left: u32,
     },
-    /// The end effector moves straight.
+    /// The end effector moves along a straight line.
     Line {
         /// base_from_end_effector.
         goal: Isometry3<f64>,
@@ -58,23 +58,23 @@ pub enum Motion {
         /// Steps without motion.
         still: u32,
     },
-    /// The end effector moves by a twist.
+    /// The end effector moves with a twist.
     Twist {
-        /// The twist turns with the end effector.
+        /// The twist rotates with the end effector.
         in_tool: bool,
-        /// Asked, along the base's or the tool's axes.
+        /// Commanded twist, along the base's or the tool's axes.
         wanted: Velocity,
-        /// Ramped up so far, along the same axes.
+        /// Present twist of the ramp, along the same axes.
         now: Velocity,
     },
 }
 
-/// Greatest joint change between neighbouring goals of a stream, rad.
+/// Largest joint change between neighbouring goals of a stream, rad.
 const STREAM_CHANGE: f64 = 0.1;
 
 impl Motion {
     /// Joints interpolate to a goal.
-    fn to(goal: [f64; 6]) -> Motion {
+    fn toward(goal: [f64; 6]) -> Motion {
         Motion::Joints {
             goal,
             from: goal,
@@ -82,9 +82,9 @@ impl Motion {
         }
     }
 
-    /// As [`Motion::to`]; a goal near the one before is a stream's, and takes its
-    /// place during the control tick: towards goals that jump at each control
-    /// tick and stand still in between, the arm would brake 60 times a second.
+    /// As [`Motion::to`]. A goal near the previous one is part of a stream and replaces
+    /// it gradually during the control tick: with goals that jump at each control tick
+    /// the arm would brake 60 times per second.
     fn on_to(&self, goal: [f64; 6]) -> Motion {
         let near = |before: [f64; 6]| {
             let mut pairs = before.iter().zip(&goal);
@@ -96,11 +96,11 @@ impl Motion {
                 from: self.aim(),
                 left: TICKS as u32,
             },
-            _ => Motion::to(goal),
+            _ => Motion::toward(goal),
         }
     }
 
-    /// Where joints that interpolate are led to now, rad.
+    /// Present goal of interpolating joints, rad.
     fn aim(&self) -> [f64; 6] {
         let Motion::Joints { goal, from, left } = *self else {
             return [0.0; 6];
@@ -117,15 +117,15 @@ pub struct ArmState {
     pub position: [f64; 6],
     /// Their speeds, rad/s.
     pub velocity: [f64; 6],
-    /// What the arm does.
+    /// Present motion.
     pub motion: Motion,
-    /// base_from_end_effector that the motion leads to.
+    /// base_from_end_effector at the goal of the motion.
     pub desired: Isometry3<f64>,
     /// Why the last intent is not followed.
     pub problem: Option<String>,
 }
 
-/// What does not change: kinematics and limits.
+/// Constant data: kinematics and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ArmControl {
     pub kinematics: ArmKinematics,
@@ -161,21 +161,21 @@ impl ArmControl {
         }
     }
 
-    /// Takes a new intent.
+    /// Accepts a new intent.
     pub(super) fn take(&self, state: &mut ArmState, intent: &ArmIntent, snapshot: &Snapshot) {
         let problem = state.problem.take();
         match *intent {
             ArmIntent::Hold => state.motion = Motion::Hold,
-            ArmIntent::Joints(asked) => {
-                let mut goal = asked;
+            ArmIntent::Joints(commanded) => {
+                let mut goal = commanded;
                 self.kinematics.clamp(&mut goal);
                 state.motion = state.motion.on_to(goal);
                 state.desired = self.kinematics.forward(&goal);
-                state.problem = (0..6).find(|&i| goal[i] != asked[i]).map(|i| {
+                state.problem = (0..6).find(|&i| goal[i] != commanded[i]).map(|i| {
                     format!(
-                        "{} is asked to {:.4} rad, its limit is {:.4} rad",
+                        "{} is commanded to {:.4} rad, its limit is {:.4} rad",
                         joint_word(i),
-                        asked[i],
+                        commanded[i],
                         goal[i]
                     )
                 });
@@ -214,7 +214,7 @@ impl ArmControl {
                 let wanted = velocity
                     .turned(&axes)
                     .cut(self.settings.tool_speed, self.settings.tool_turn_rate);
-                // Its own problem lasts until the arm follows again.
+                // The twist's problem lasts until the arm follows again.
                 if matches!(state.motion, Motion::Twist { .. }) {
                     state.problem = problem;
                 }
@@ -223,7 +223,7 @@ impl ArmControl {
         }
     }
 
-    /// base_from_frame now; `tool` stands for the end effector.
+    /// Present base_from_frame; `tool` is the end effector.
     fn base_from(
         &self,
         frame: IntentFrame,
@@ -241,7 +241,7 @@ impl ArmControl {
         }
     }
 
-    /// Takes the commanded positions back to the lead that the guard allows.
+    /// Reduces the lead of the commanded positions to that allowed by the guard.
     pub(super) fn shorten_lead(&self, state: &mut ArmState, guard: &Guard) {
         let (_, jacobian) = self.kinematics.forward_and_jacobian(&state.position);
         guard.shorten_lead(&mut state.position, &self.settings.stiffness, |lead| {
@@ -288,8 +288,8 @@ impl ArmControl {
         way.map(|part| part * rate)
     }
 
-    /// Moves the joint speeds towards the wanted ones within all limits, and
-    /// the joints by them.
+    /// Moves the joint speeds towards the wanted ones within all limits, and integrates
+    /// them.
     fn follow(
         &self,
         state: &mut ArmState,
@@ -300,10 +300,10 @@ impl ArmControl {
     ) {
         let speed = self.kinematics.speed();
         let (lower, upper) = (self.kinematics.lower(), self.kinematics.upper());
-        // Once below the stopping speed, a joint can always stay below it.
+        // A joint below the stopping speed can always stay below it.
         let room = |distance: f64| stopping_speed(distance, self.settings.acceleration, dt);
         if guard.is_some() {
-            // A joint that stops at its end no longer turns against the others.
+            // A joint that stops at its limit no longer affects the others.
             for i in 0..6 {
                 let (below, above) = (state.position[i] - lower[i], upper[i] - state.position[i]);
                 wanted[i] = exact::within(wanted[i], -room(below), room(above));
@@ -336,8 +336,8 @@ impl ArmControl {
             exact::within(state.velocity[i] + part * change[i], least[i], greatest[i])
         });
         if let Some(guard) = guard {
-            // Beside a person it may brake harder than it may accelerate. Without any limit
-            // the speeds of light links jump where the nearest point changes.
+            // Near a person it may brake harder than it may accelerate. Without a limit
+            // the speeds of light links would jump where the nearest point changes.
             let before = state.velocity;
             let most = GUARD_BRAKING * allowed;
             let least = std::array::from_fn(|i| least[i].max(-SPEED_SHARE * speed[i]));
@@ -352,7 +352,7 @@ impl ArmControl {
         for (position, velocity) in state.position.iter_mut().zip(velocity) {
             *position += velocity * dt;
         }
-        // Rounding only: the stopping speed lands on the limit.
+        // Rounding only: the stopping speed ends exactly at the limit.
         self.kinematics.clamp(&mut state.position);
     }
 

@@ -1,5 +1,5 @@
-//! The chair: body twist in, wheel speeds out, along the chair's own
-//! acceleration profile.
+//! The chair: converts a body twist to wheel speeds, along the chair's own acceleration
+//! profile.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
@@ -18,7 +18,7 @@ pub struct DriveGeometry {
 }
 
 impl DriveGeometry {
-    /// From the numbers of `robot.toml`.
+    /// From the values of `robot.toml`.
     #[must_use]
     pub fn new(settings: &Settings) -> DriveGeometry {
         DriveGeometry {
@@ -37,8 +37,8 @@ impl DriveGeometry {
         ]
     }
 
-    /// Motion of the chair for left and right wheel speed, rad/s. For angles
-    /// instead of speeds the same gives the travelled distance and turn.
+    /// Motion of the chair for left and right wheel speed, rad/s; for angles instead of
+    /// speeds, the travelled distance and turn.
     #[must_use]
     pub fn motion(&self, [left, right]: [f64; 2]) -> BaseIntent {
         BaseIntent {
@@ -48,17 +48,17 @@ impl DriveGeometry {
     }
 }
 
-/// What the chair is asked and what it does now.
+/// Commanded and present velocity of the chair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BaseState {
-    /// Asked, within the caps.
+    /// Commanded, within the caps.
     pub wanted: BaseIntent,
-    /// Commanded to the wheels now.
+    /// Present command to the wheels.
     pub now: BaseIntent,
 }
 
 impl BaseState {
-    /// Takes a new intent, cut to the caps.
+    /// Accepts a new intent, limited to the caps.
     pub(super) fn take(&mut self, intent: &BaseIntent, drive: &DriveSettings) {
         let forward = drive.forward_speed.min(drive.hard_forward_speed);
         let backward = drive.backward_speed.min(drive.hard_backward_speed);
@@ -69,10 +69,10 @@ impl BaseState {
         };
     }
 
-    /// One step of the profile, `left` steps before the next intent may come. A
-    /// speed that can be reached by then is reached just then: towards a stream of
-    /// speeds the chair would change its own in jerks, 60 times a second.
-    /// A guard bounds what is wanted, but for how long only it knows: `wanted` stays.
+    /// One step of the profile, `left` steps before the next intent may arrive. A speed
+    /// that is reachable by then is reached exactly then: with a stream of speeds the
+    /// chair would otherwise jerk 60 times per second. A guard limits the speed but
+    /// does not change `wanted`, because its limits may end at any time.
     pub(super) fn advance(
         &mut self,
         drive: &DriveSettings,
@@ -111,9 +111,9 @@ impl BaseState {
     }
 }
 
-/// One step of a speed: it brakes while it is too fast or of the wrong sign,
-/// and gains otherwise. It never passes zero within a step, and takes no larger
-/// steps than bring it there in `left` of them, but to stop.
+/// One step of a speed: it brakes while it is too fast or has the wrong sign, and
+/// accelerates otherwise. It never crosses zero within a step, and except for stopping
+/// its steps are no larger than needed to arrive in `left` of them.
 fn ramp(now: f64, wanted: f64, gain: f64, braking: f64, left: usize) -> f64 {
     let reverses = now * wanted < 0.0;
     let even = if wanted == 0.0 {

@@ -1,5 +1,5 @@
-//! The gripper: the exact map between knuckle angle and opening, and the
-//! knuckle's speed profile.
+//! The gripper: the exact map between knuckle angle and opening, and the knuckle's
+//! speed profile.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::exact;
@@ -12,23 +12,22 @@ use crate::robot::{GripperSettings, PAD, RobotModel};
 /// Geometry of the parallelogram fingers, from the URDF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GripperMap {
-    /// Knuckle pin from the middle of the gripper, m.
+    /// Distance of the knuckle pin from the middle of the gripper, m.
     pin: f64,
     /// Knuckle pin to tip pin at angle 0: outwards and along the tool, m.
     crank: [f64; 2],
     /// Tip pin inwards to the pad's face, m.
     pad: f64,
-    /// Greatest opening that may be asked, m.
+    /// Largest commanded opening, m.
     stroke: f64,
-    /// Greatest knuckle angle that may be asked, rad.
+    /// Largest commanded knuckle angle, rad.
     max_knuckle: f64,
-    /// Greatest force cap that may be asked, N.
+    /// Largest commanded force cap, N.
     max_force: f64,
 }
 
 impl GripperMap {
-    /// From the left finger's joints and pad; `RobotModel::load` has checked
-    /// that they are there.
+    /// From the left finger's joints and pad, which `RobotModel::load` has checked.
     #[must_use]
     pub fn new(model: &RobotModel) -> GripperMap {
         let hand = model.roles.end_effector;
@@ -62,7 +61,7 @@ impl GripperMap {
         }
     }
 
-    /// Knuckle pin from the middle of the gripper, m.
+    /// Distance of the knuckle pin from the middle of the gripper, m.
     #[must_use]
     pub fn pin(&self) -> f64 {
         self.pin
@@ -80,19 +79,19 @@ impl GripperMap {
         self.pad
     }
 
-    /// Greatest opening that may be asked, m.
+    /// Largest commanded opening, m.
     #[must_use]
     pub fn stroke(&self) -> f64 {
         self.stroke
     }
 
-    /// Greatest knuckle angle that may be asked, rad.
+    /// Largest commanded knuckle angle, rad.
     #[must_use]
     pub fn max_knuckle(&self) -> f64 {
         self.max_knuckle
     }
 
-    /// Greatest force cap that may be asked, N.
+    /// Largest commanded force cap, N.
     #[must_use]
     pub fn max_force(&self) -> f64 {
         self.max_force
@@ -105,8 +104,8 @@ impl GripperMap {
         2.0 * (self.pin + self.crank[0] * cos - self.crank[1] * sin - self.pad)
     }
 
-    /// Knuckle angle, rad, at which the pads are `opening` m apart; the angle
-    /// of the nearest opening that the linkage has.
+    /// Knuckle angle, rad, at which the pads are `opening` m apart; clamped to the
+    /// linkage's range.
     #[must_use]
     pub fn knuckle(&self, opening: f64) -> f64 {
         let [out, along] = self.crank;
@@ -114,8 +113,8 @@ impl GripperMap {
         exact::acos(cosine.clamp(-1.0, 1.0)) - exact::atan2(along, out)
     }
 
-    /// Way of each pad per knuckle angle, m/rad; a force of F at each pad takes
-    /// F times this at each knuckle, N·m.
+    /// Travel of each pad per knuckle angle, m/rad; a force of F at each pad needs F
+    /// times this torque at each knuckle, N·m.
     #[must_use]
     pub fn lever(&self, knuckle: f64) -> f64 {
         let (sin, cos) = exact::sin_cos(knuckle);
@@ -123,12 +122,12 @@ impl GripperMap {
     }
 }
 
-/// Where the knuckle is and should be.
+/// Commanded and present state of the knuckle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {
-    /// Asked knuckle angle, rad.
+    /// Commanded knuckle angle, rad.
     pub goal: f64,
-    /// Commanded knuckle angle now, rad.
+    /// Present set point of the knuckle angle, rad.
     pub position: f64,
     /// Its speed, rad/s.
     pub velocity: f64,
@@ -147,7 +146,7 @@ impl GripperState {
         }
     }
 
-    /// Takes a new intent, cut to the limits.
+    /// Accepts a new intent, limited to the range.
     pub(super) fn take(&mut self, intent: &GripperIntent, settings: &GripperSettings) {
         self.goal = exact::within(intent.knuckle, 0.0, settings.closed);
         self.force = intent.max_force.map_or(settings.force, |cap| {
@@ -155,7 +154,7 @@ impl GripperState {
         });
     }
 
-    /// One step towards the goal, within the bound beside a person.
+    /// One step towards the goal, within the limit near a person.
     pub(super) fn advance(
         &mut self,
         settings: &GripperSettings,
@@ -174,7 +173,7 @@ impl GripperState {
         });
         let speed = stopping_speed(way.abs(), settings.acceleration, dt).min(most);
         let room = |distance: f64| stopping_speed(distance, settings.acceleration, dt);
-        // A turned command may not carry the knuckle past its range.
+        // A reversed command must not carry the knuckle beyond its range.
         let velocity = towards(
             self.velocity,
             speed.copysign(way),

@@ -1,72 +1,71 @@
-//! Bounds of the motion beside a seated person. `sim/person_guard` computes them before
-//! each control tick from the state of that tick; this module applies them to whatever
-//! moves: every arm intent, the chair and the gripper.
+//! Limits of the motion near a seated person. `sim/person_guard` computes them before
+//! each control tick from the state of that tick; this module applies them to every
+//! motion: arm intents, the chair and the gripper.
 
 use wheelarm_proto::exact;
 
 use super::BaseIntent;
 
-/// Passes over the bounds of the arm: a motion between two parts of the body needs more
+/// Iterations over the arm's limits: a motion between two parts of the body needs more
 /// than one.
 const PASSES: usize = 6;
-/// Share of the braking that a planned approach counts on: the rest covers the ticks in
-/// which the chair still speeds up.
+/// Share of the braking that a planned approach assumes: the rest covers the ticks in
+/// which the chair still accelerates.
 pub const PLANNED_BRAKING: f64 = 0.6;
 /// Below this squared norm, (m/rad)², a joint motion does not move the point.
 const NO_LEVER: f64 = 1e-4;
-/// Least distance, m, that the commanded grasp point may be ahead of the measured one:
-/// an arm sags by less under what it can lift.
+/// Smallest allowed lead, m, of the commanded grasp point over the measured one: an arm
+/// sags by less under its payload.
 const LEAST_LEAD: f64 = 0.006;
-/// Time constant of the servo, s: an arm that comes free catches up with a lead at
-/// lead / LEAD_TIME. [damping / stiffness of the arm's drives]
+/// Time constant of the servo, s: a released arm catches up with a lead at lead /
+/// LEAD_TIME. [damping / stiffness of the arm's drives]
 const LEAD_TIME: f64 = 0.05;
-/// Greatest lead of a joint, rad.
+/// Largest lead of a joint, rad.
 const JOINT_LEAD: f64 = 0.05;
 
-/// The bounds of one control tick.
+/// The limits of one control tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guard {
-    /// Greatest speed of the grasp point, m/s.
+    /// Largest speed of the grasp point, m/s.
     pub tool_speed: f64,
     /// Measured positions of the arm's joints, rad.
     pub measured: [f64; 6],
-    /// Bounds of points of the arm and of what it holds.
+    /// Limits of points of the arm and of a held object.
     pub arm: Vec<ArmBound>,
-    /// Bounds of points of the person that the chair carries.
+    /// Limits of points of the person on the chair.
     pub chair: Vec<ChairBound>,
-    /// Forward and turn deceleration that the bounds of the chair count on, m/s², rad/s².
+    /// Forward and turn deceleration assumed by the limits of the chair, m/s², rad/s².
     pub chair_braking: [f64; 2],
-    /// Motion of the chair that takes the load off the person; `None` where nothing
-    /// presses.
+    /// Motion of the chair that relieves the person; `None` without contact force.
     pub retreat: Option<BaseIntent>,
-    /// Bound of the fingers; `None` away from the person.
+    /// Limit of the fingers; `None` away from the person.
     pub fingers: Option<FingerBound>,
 }
 
-/// One point of the arm before the person.
+/// One point of the arm near the person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmBound {
     /// Speed towards the person per joint speed, m/rad.
     pub row: [f64; 6],
-    /// Greatest speed towards the person, m/s; negative: the point backs off.
+    /// Largest speed towards the person, m/s; negative: the point backs off.
     pub speed: f64,
-    /// How far the commanded point may be ahead of the measured one, m.
+    /// Largest lead of the commanded point over the measured one, m.
     pub lead: f64,
 }
 
-/// One point of the person before furniture.
+/// One point of the person near furniture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChairBound {
     /// Speed towards the furniture per forward speed (1) and turn rate (m).
     pub row: [f64; 2],
-    /// Distance that is left to the stop, m.
+    /// Remaining distance to the stop, m.
     pub left: f64,
 }
 
 impl ChairBound {
-    /// How far this point still goes towards the furniture while the chair brakes from
-    /// `motion` at `braking`, m/s² and rad/s², m. A part of the motion that leads away is
-    /// not counted: it may end first.
+    /// Distance that this point still moves towards the furniture while the chair
+    /// brakes from `motion` at `braking`, m/s² and rad/s², m. A component that leads
+    /// away is not counted: it may end first.
     fn stop_distance(&self, motion: &BaseIntent, braking: [f64; 2]) -> f64 {
         let parts = [motion.linear, motion.angular];
         let way = |i: usize| {
@@ -81,14 +80,14 @@ impl ChairBound {
     }
 }
 
-/// The fingers near the person.
+/// Limits of the fingers near the person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerBound {
-    /// Greatest knuckle speed of closing, rad/s.
+    /// Largest knuckle speed of closing, rad/s.
     pub closing: f64,
-    /// Greatest knuckle speed of opening, rad/s.
+    /// Largest knuckle speed of opening, rad/s.
     pub opening: f64,
-    /// Greatest force at each pad, N.
+    /// Largest force at each pad, N.
     pub force: f64,
 }
 
@@ -97,8 +96,9 @@ fn dot(one: &[f64; 6], other: &[f64; 6]) -> f64 {
 }
 
 impl Guard {
-    /// Changes joint speeds, rad/s, as little as keeps every bound, within `lower` and
-    /// `upper`. Where the bounds contradict each other, nothing moves towards the person.
+    /// Changes joint speeds, rad/s, as little as possible to satisfy every limit,
+    /// within `lower` and `upper`. When the limits contradict each other, nothing moves
+    /// towards the person.
     pub(super) fn bound(&self, velocity: &mut [f64; 6], lower: &[f64; 6], upper: &[f64; 6]) {
         for _ in 0..PASSES {
             let mut kept = true;
@@ -131,10 +131,10 @@ impl Guard {
         }
     }
 
-    /// Takes the commanded joint positions, rad, back to where they are no further ahead
-    /// of the measured ones than the bounds allow. `tool_way` is the way of the grasp point,
-    /// m, for a change of the joints; `stiffness` is that of the drives, N·m/rad: the force
-    /// of a lead is reduced by the smallest change of the drives' energy.
+    /// Reduces the lead of the commanded joint positions, rad, over the measured ones
+    /// to the allowed one. `tool_way` is the displacement of the grasp point, m, for a
+    /// change of the joints; `stiffness` is that of the drives, N·m/rad: the force of a
+    /// lead is reduced by the smallest change of the drives' energy.
     pub(super) fn shorten_lead(
         &self,
         position: &mut [f64; 6],
@@ -171,8 +171,8 @@ impl Guard {
         }
     }
 
-    /// The motion of the chair that the bounds leave of a wanted one while it moves at
-    /// `now`. Both speeds are scaled alike, so the chair stays on its curve.
+    /// The wanted motion of the chair reduced to the limits, while it moves at `now`.
+    /// Both speeds are scaled alike, so the chair stays on its curve.
     pub(super) fn of_chair(&self, wanted: BaseIntent, now: BaseIntent) -> BaseIntent {
         if let Some(retreat) = self.free_retreat() {
             let backs_off = wanted.linear * retreat.linear + wanted.angular * retreat.angular;
@@ -181,7 +181,7 @@ impl Guard {
                 return retreat;
             }
         }
-        // What is still speeding up or turns the other way would brake too late.
+        // Motion that still accelerates or reverses would brake too late.
         let braking = self.chair_braking;
         let late = |bound: &ChairBound| bound.stop_distance(&now, braking) > bound.left;
         if self.chair.iter().any(late) {
@@ -201,8 +201,8 @@ impl Guard {
         }
     }
 
-    /// The retreat along what other furniture leaves free; `None` where nothing presses or
-    /// no way is left.
+    /// The retreat, limited by other furniture; `None` without contact force or without
+    /// a free direction.
     fn free_retreat(&self) -> Option<BaseIntent> {
         let mut retreat = self.retreat?;
         for _ in 0..PASSES {

@@ -1,9 +1,9 @@
-//! Control laws: intent in, joint targets out.
+//! Control laws: convert intents to joint targets.
 //!
-//! Open loop and deterministic: the targets follow from the intents alone (and
-//! from the chair's pose, when an intent is given in the house). Beside a seated
-//! person the [`Guard`] bounds them by the measured state. All that
-//! changes is one [`ControlState`], which is saved with the world.
+//! Open loop and deterministic: the targets depend on the intents only (and on the
+//! chair's pose, for intents in the house frame). Near a seated person the [`Guard`]
+//! limits them by the measured state. The complete state is one [`ControlState`], which
+//! is saved with the world.
 
 mod arm;
 mod base;
@@ -26,19 +26,19 @@ use crate::snapshot::Snapshot;
 /// Physics ticks of one control tick.
 pub const TICKS: usize = TICKS_PER_CONTROL as usize;
 
-/// Turns intents into targets.
+/// Converts intents to targets.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotControl {
     arm: ArmControl,
     drive: DriveSettings,
     wheels: DriveGeometry,
     gripper: GripperSettings,
-    /// Bounds beside a person. Not part of the state: set before every control tick.
+    /// Limits near a person. Not part of the state: set before every control tick.
     guard: Option<Guard>,
     state: ControlState,
 }
 
-/// All that changes in the control, bit for bit.
+/// Complete state of the control, bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlState {
     /// Arm.
@@ -53,13 +53,13 @@ impl RobotControl {
     /// At rest in the home position, the gripper open.
     #[must_use]
     pub fn new(model: &RobotModel) -> RobotControl {
-        RobotControl::at(model, &model.settings.home, 0.0)
+        RobotControl::at_rest(model, &model.settings.home, 0.0)
     }
 
-    /// At rest at given positions of the arm, from base to hand, and of the
-    /// gripper's knuckle, rad.
+    /// At rest at given positions of the arm, from base to hand, and of the gripper's
+    /// knuckle, rad.
     #[must_use]
-    pub fn at(model: &RobotModel, joints: &[f64; 6], knuckle: f64) -> RobotControl {
+    pub fn at_rest(model: &RobotModel, joints: &[f64; 6], knuckle: f64) -> RobotControl {
         let arm = ArmControl::new(model);
         let state = ControlState {
             arm: arm.at_rest(joints),
@@ -76,14 +76,13 @@ impl RobotControl {
         }
     }
 
-    /// Bounds of the control tick that comes; `None` where nothing is guarded.
+    /// Sets the limits of the coming control tick; `None` without a guard.
     pub fn set_guard(&mut self, guard: Option<Guard>) {
         self.guard = guard;
     }
 
-    /// One control tick: takes what is newly asked and returns the targets of
-    /// the physics ticks up to the next one. Numbers that are not finite are
-    /// not taken.
+    /// One control tick: accepts new intents and returns the targets of the physics
+    /// ticks up to the next one. Non-finite intents are ignored.
     pub fn update(&mut self, input: &ControlInput, snapshot: &Snapshot) -> [Targets; TICKS] {
         let ControlState { arm, base, gripper } = &mut self.state;
         let guard = self.guard.as_ref();
@@ -122,24 +121,24 @@ impl RobotControl {
         })
     }
 
-    /// base_from_end_effector that the arm is to reach, in `base_link`.
+    /// base_from_end_effector at the arm's goal, in `base_link`.
     #[must_use]
     pub fn desired_pose(&self) -> Isometry3<f64> {
         self.state.arm.desired
     }
 
-    /// Why the last arm intent is not followed, or not wholly.
+    /// Why the last arm intent is not followed, or only in part.
     #[must_use]
     pub fn arm_problem(&self) -> Option<&str> {
         self.state.arm.problem.as_deref()
     }
 
-    /// What kind of problem [`RobotControl::arm_problem`] tells of.
+    /// The kind of problem in [`RobotControl::arm_problem`].
     #[must_use]
     pub fn arm_problem_kind(&self) -> Option<ArmProblem> {
         let arm = &self.state.arm;
         arm.problem.as_ref().map(|_| match arm.motion {
-            // What cannot be reached is not begun.
+            // An unreachable goal is not started.
             Motion::Hold => ArmProblem::Unreachable,
             Motion::Joints { .. } => ArmProblem::JointLimit,
             Motion::Line { .. } => ArmProblem::Stalled,
@@ -147,19 +146,19 @@ impl RobotControl {
         })
     }
 
-    /// Velocity that the wheels are commanded to now.
+    /// Present velocity command of the wheels.
     #[must_use]
     pub fn base_velocity_command(&self) -> BaseIntent {
         self.state.base.now
     }
 
-    /// All that changes.
+    /// The complete state.
     #[must_use]
     pub fn state(&self) -> &ControlState {
         &self.state
     }
 
-    /// Goes on from a state that another run has saved.
+    /// Continues from the saved state of another run.
     pub fn restore(&mut self, state: ControlState) {
         self.state = state;
     }
@@ -171,7 +170,7 @@ impl RobotControl {
     }
 }
 
-/// What is newly asked at one control tick. Absent groups stay as they are.
+/// New intents of one control tick. Absent groups are unchanged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ControlInput {
     /// Arm.
@@ -195,21 +194,21 @@ pub enum IntentFrame {
     House,
 }
 
-/// What is asked of the arm.
+/// Intent of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ArmIntent {
     /// From base to hand, rad, absolute: continuous joints are not wrapped.
     Joints([f64; 6]),
     /// End effector pose in `frame`.
     Pose {
-        /// Frame in which it is said.
+        /// Frame of the values.
         frame: IntentFrame,
         /// frame_from_tool.
         pose: Isometry3<f64>,
     },
     /// End effector velocity in `frame`, m/s and rad/s; held until the next intent.
     Twist {
-        /// Frame in which it is said.
+        /// Frame of the values.
         frame: IntentFrame,
         /// m/s.
         linear: Vector3<f64>,
@@ -219,7 +218,7 @@ pub enum ArmIntent {
     /// Step from the present target: translation in `frame`, m, and rotation
     /// vector about the tool's own axes, rad.
     Step {
-        /// Frame in which it is said.
+        /// Frame of the values.
         frame: IntentFrame,
         /// Metres.
         translation: Vector3<f64>,
@@ -255,17 +254,17 @@ impl ArmIntent {
 /// Why the arm does not follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArmProblem {
-    /// No joint positions reach the pose, or no straight line leads there.
+    /// No joint positions reach the pose, or no straight line leads to it.
     Unreachable,
-    /// A joint was asked beyond its limit and goes to the limit.
+    /// A joint was commanded beyond its limit and moves to the limit.
     JointLimit,
-    /// It does not come on along its line.
+    /// It makes no progress along its line.
     Stalled,
-    /// A limit or a singular posture keeps it from following a twist.
+    /// A limit or a singular posture prevents it from following a twist.
     Hindered,
 }
 
-/// What is asked of the chair, in `wheelchair_root`.
+/// Intent of the chair, in `wheelchair_root`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BaseIntent {
     /// Forward speed, m/s.
@@ -274,17 +273,17 @@ pub struct BaseIntent {
     pub angular: f64,
 }
 
-/// What is asked of the gripper.
+/// Intent of the gripper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripperIntent {
-    /// Knuckle angle, rad, from 0 (open); openings in metres are mapped
-    /// first, by [`GripperMap::knuckle`].
+    /// Knuckle angle, rad, from 0 (open); openings in metres are converted first, by
+    /// [`GripperMap::knuckle`].
     pub knuckle: f64,
-    /// Force cap at each pad, N; `None` takes the usual force of the robot.
+    /// Force cap at each pad, N; `None` is the default force of the robot.
     pub max_force: Option<f64>,
 }
 
-/// What the drives follow during one physics tick.
+/// Set points of the drives for one physics tick.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Targets {
     /// From base to hand, rad.

@@ -1,19 +1,18 @@
-//! Speeds from which a coordinate can still stop in time.
+//! Largest speeds from which a coordinate can still stop in time.
 
 use wheelarm_proto::exact;
 
-/// Share of a joint's speed limit that is commanded. The rest covers what a drive
-/// overshoots, so that the measured speed keeps the limit as well.
+/// Commanded share of a joint's speed limit. The rest covers the overshoot of a drive,
+/// so that the measured speed is within the limit too.
 pub(super) const SPEED_SHARE: f64 = 0.98;
 
-/// Greatest speed for the coming step of `dt` seconds from which a coordinate,
-/// `distance` before its goal, stops at the goal without overshoot when it
-/// brakes by at most `deceleration`. Any unit of distance; 0 at or beyond the
-/// goal.
+/// Largest speed for the coming step of `dt` seconds from which a coordinate,
+/// `distance` before its goal, stops at the goal without overshoot when it brakes by at
+/// most `deceleration`. Any unit of distance; 0 at or beyond the goal.
 ///
-/// A speed holds for a whole step. Stopping from `v` in `n` steps takes
-/// `dt (v + (v - a dt) + … )`, n terms; that is solved for `v`. Whoever keeps
-/// to this speed once can keep to it always, and lands exactly.
+/// A speed lasts for a whole step. Stopping from `v` in `n` steps takes `dt (v + (v - a
+/// dt) + … )`, n terms, solved for `v`. A coordinate that keeps this speed once can
+/// always keep it, and ends exactly at the goal.
 #[must_use]
 pub(super) fn stopping_speed(distance: f64, deceleration: f64, dt: f64) -> f64 {
     if distance <= 0.0 {

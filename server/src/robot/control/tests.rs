@@ -1,5 +1,5 @@
-//! Laws of the control: limits hold whatever is asked, goals are reached,
-//! and a saved state goes on with the same bits.
+//! Tests of the control: limits hold for any intent, goals are reached, and a saved
+//! state continues with the same bits.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ fn model() -> RobotModel {
     RobotModel::load(&assets, "wheelarm").unwrap()
 }
 
-/// The chair at a pose, the arm as it may be.
+/// The chair at a pose, with an arbitrary arm.
 fn snapshot(model: &RobotModel, house_from_chair: Isometry3<f64>) -> Snapshot {
     let links = model
         .link_poses(&vec![0.0; model.joints.len()])
@@ -107,7 +107,7 @@ fn arm_limits_hold_for_any_sequence_of_intents() {
     for _ in 0..400 {
         let intent = random_intent(&mut random, &kinematics, &position);
         let mut input = arm(intent);
-        // From streams of one tick up to intents that are nearly finished.
+        // From streams of one tick to intents that are nearly completed.
         for _ in 0..random.random_range(1..60) {
             for targets in control.update(&input, &here) {
                 let before = kinematics.forward(&position) * grasp;
@@ -153,7 +153,7 @@ fn joint_goals_are_reached_together_and_exactly() {
         for i in 1..6 {
             assert!(
                 (part(i) - part(0)).abs() < 1e-6,
-                "joints part from the line"
+                "joints deviate from the line"
             );
         }
     }
@@ -381,7 +381,7 @@ fn the_chair_keeps_its_profile_for_any_sequence_of_commands() {
     let mut control = RobotControl::new(&model);
     let mut now = BaseIntent::default();
     for _ in 0..500 {
-        let asked = if random.random_bool(0.2) {
+        let input = if random.random_bool(0.2) {
             base(0.0, 0.0)
         } else {
             base(
@@ -390,11 +390,11 @@ fn the_chair_keeps_its_profile_for_any_sequence_of_commands() {
             )
         };
         for _ in 0..random.random_range(1..40) {
-            for targets in control.update(&asked, &here) {
+            for targets in control.update(&input, &here) {
                 let next = wheels.motion(targets.wheel_velocity);
                 assert!(-0.5 - 1e-9 <= next.linear && next.linear <= 0.5 + 1e-9);
                 assert!(next.angular.abs() <= 1.0 + 1e-9);
-                let stop = asked.base == Some(BaseIntent::default());
+                let stop = input.base == Some(BaseIntent::default());
                 let change = (next.linear - now.linear) / DT;
                 let (least, most) = if now.linear > 1e-9 {
                     (-drive.forward_deceleration, drive.forward_acceleration)
@@ -450,7 +450,7 @@ fn the_chair_stops_within_045_seconds() {
 }
 
 #[test]
-fn gripper_map_is_that_of_the_makers_geometry() {
+fn the_gripper_map_matches_the_manufacturers_geometry() {
     let map = GripperMap::new(&model());
     // Knuckle in rad, opening in mm, way of a pad per angle in m.
     let table = [
@@ -512,7 +512,7 @@ fn gripper_moves_within_its_limits_and_lands_exactly() {
 }
 
 #[test]
-fn a_saved_state_goes_on_with_the_same_bits() {
+fn a_saved_state_continues_with_the_same_bits() {
     let model = model();
     let kinematics = ArmKinematics::new(&model);
     let here = snapshot(&model, Isometry3::identity());
@@ -541,7 +541,7 @@ fn a_saved_state_goes_on_with_the_same_bits() {
 }
 
 #[test]
-fn numbers_that_are_not_finite_change_nothing() {
+fn non_finite_intents_are_ignored() {
     let model = model();
     let here = snapshot(&model, Isometry3::identity());
     let mut control = RobotControl::new(&model);
@@ -561,7 +561,7 @@ fn numbers_that_are_not_finite_change_nothing() {
 }
 
 #[test]
-fn a_cap_of_zero_is_no_force_and_none_is_the_usual_one() {
+fn a_cap_of_zero_means_no_force_and_none_the_default() {
     let model = model();
     let here = snapshot(&model, Isometry3::identity());
     let usual = model.settings.gripper.force;

@@ -1,11 +1,11 @@
 //! Inverse kinematics: damped Newton-Raphson on the logarithm of the error
 //! transform, in SI.
 //!
-//! The method is that of the paper (Lynch & Park 2017, section 6.2.2) made
-//! sound: the step is damped by the squared error (Sugihara 2011), so that it
-//! is short near singularities and quadratic near the solution; joints at a
-//! limit leave the step; an attempt that stagnates starts again from a fixed
-//! sequence of joint positions.
+//! The method is that of the paper (Lynch & Park 2017, section 6.2.2) with three
+//! changes. The step is damped by the squared error (Sugihara 2011), so that it is
+//! short near singularities and quadratic near the solution. Joints at a limit are
+//! excluded from the step. A stagnating attempt restarts from a fixed sequence of joint
+//! positions.
 
 use std::fmt;
 
@@ -19,11 +19,11 @@ use super::{ArmKinematics, joint_word};
 const POSITION_TOLERANCE: f64 = 1e-9;
 /// Rotation error at which a solution is exact, rad.
 const ROTATION_TOLERANCE: f64 = 1e-9;
-/// Errors up to which a solution counts when no further progress is made, m and rad.
+/// Errors that are accepted without further progress, m and rad.
 const ACCEPTED: f64 = 1e-7;
-/// Length that makes a radian comparable with a metre, m: about half the arm.
+/// Length that converts radians to metres, m: about half the arm.
 const LENGTH: f64 = 0.3;
-/// Greatest change of a joint in one iteration, rad.
+/// Largest change of a joint in one iteration, rad.
 const LONGEST_STEP: f64 = 0.8;
 /// Iterations of one attempt.
 const ITERATIONS: usize = 60;
@@ -32,13 +32,13 @@ const PATIENCE: usize = 8;
 /// Attempts after the first.
 const RESTARTS: usize = 40;
 
-/// Starts that `solve_nearest` tries beside those of `solve`.
+/// Additional starts of `solve_nearest`.
 const STARTS: usize = 32;
 
 /// Joint positions that reach a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// From base to hand, rad, continuous ones within half a turn of the guess.
+    /// From base to hand, rad; continuous ones within half a turn of the guess.
     pub joints: [f64; 6],
     /// Remaining distance, m.
     pub position_error: f64,
@@ -46,35 +46,35 @@ pub struct Solution {
     pub rotation_error: f64,
     /// Newton iterations over all attempts.
     pub iterations: usize,
-    /// Attempts that were begun anew.
+    /// Number of restarts.
     pub restarts: usize,
 }
 
-/// Why a pose is not reached.
+/// Why a pose is unreachable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reason {
     /// The target is further from the shoulder than the arm is long, m.
     TooFar {
         /// Distance of the target from the shoulder.
         distance: f64,
-        /// Greatest distance that the arm reaches.
+        /// Largest distance that the arm reaches.
         reach: f64,
     },
-    /// The closest joint positions lie on limits: flags from base to hand.
+    /// The closest joint positions are at limits: flags from base to hand.
     Limits([bool; 6]),
     /// Within reach, but no joint positions were found.
     NoSolution,
-    /// A streamed target that only a jump of this joint (0 to 5) by this much
-    /// would reach, rad.
+    /// A streamed target that is reachable only with a jump of this joint (0 to 5) by
+    /// this angle, rad.
     Jump(usize, f64),
 }
 
-/// A pose that is not reached, and what came closest.
+/// An unreachable pose with the closest joint positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unreachable {
     /// Why.
     pub reason: Reason,
-    /// Joint positions that came closest, rad.
+    /// Closest joint positions, rad.
     pub closest: [f64; 6],
     /// Their distance from the target, m.
     pub position_error: f64,
@@ -116,13 +116,13 @@ impl fmt::Display for Unreachable {
     }
 }
 
-/// Where an attempt ended.
+/// Result of an attempt.
 struct Attempt {
     joints: [f64; 6],
     position_error: f64,
     rotation_error: f64,
     iterations: usize,
-    /// Limits that hold the attempt back.
+    /// Limits that block the attempt.
     blocked: [bool; 6],
 }
 
@@ -151,7 +151,8 @@ impl ArmKinematics {
         let mut best = self.attempt(target, guess);
         let mut iterations = best.iterations;
         let mut restarts = 0;
-        // Beyond the arm's length (and the shoulder's small offset) no start helps.
+        // Beyond the arm's length (and the shoulder's small offset) restarts are
+        // useless.
         let too_far = distance > self.reach + 0.02;
         while !best.is_solved() && !too_far && restarts < RESTARTS {
             restarts += 1;
@@ -221,8 +222,8 @@ impl ArmKinematics {
         Ok(best)
     }
 
-    /// Like `solve`, for targets that come in a stream: one attempt from `guess`,
-    /// and no joint may end further than `largest_change` rad from it.
+    /// Like `solve`, for streamed targets: one attempt from `guess`, and each joint
+    /// must end within `largest_change` rad of it.
     ///
     /// # Errors
     /// [`Unreachable`] with the reason and the closest joint positions.
@@ -306,7 +307,7 @@ impl ArmKinematics {
         best
     }
 
-    /// One damped step within the limits. Returns the joints that a limit holds.
+    /// One damped step within the limits. Returns the joints at a limit.
     fn advance(
         &self,
         joints: &mut [f64; 6],
@@ -314,7 +315,7 @@ impl ArmKinematics {
         angular: &nalgebra::Vector3<f64>,
         linear: &nalgebra::Vector3<f64>,
     ) -> [bool; 6] {
-        // Rows weighted so that radians and metres compare.
+        // Rows weighted so that radians and metres are comparable.
         let mut weighted = *jacobian;
         for column in 0..6 {
             for row in 0..3 {
@@ -334,7 +335,7 @@ impl ArmKinematics {
         let gradient = weighted.tr_mul(&twist);
         let mut blocked = [false; 6];
         let mut step = Vector6::zeros();
-        // Each round may find more joints that would leave their range.
+        // Each iteration may find more joints that would leave their range.
         for _ in 0..4 {
             let (mut matrix, mut vector) = (normal, gradient);
             for i in (0..6).filter(|&i| blocked[i]) {
@@ -395,14 +396,14 @@ impl ArmKinematics {
         joints
     }
 
-    /// Puts limited joints into their ranges.
+    /// Clamps limited joints to their ranges.
     pub(in crate::robot) fn clamp(&self, joints: &mut [f64; 6]) {
         for (joint, (lower, upper)) in joints.iter_mut().zip(self.lower.iter().zip(&self.upper)) {
             *joint = exact::within(*joint, *lower, *upper);
         }
     }
 
-    /// Turns continuous joints by whole turns to within half a turn of `guess`.
+    /// Shifts continuous joints by whole turns to within half a turn of `guess`.
     fn nearest_turn(&self, mut joints: [f64; 6], guess: &[f64; 6]) -> [f64; 6] {
         let turn = std::f64::consts::TAU;
         for i in 0..6 {

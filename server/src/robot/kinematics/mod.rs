@@ -1,7 +1,7 @@
 //! Kinematics of the arm: product of exponentials, body Jacobian and inverse
-//! kinematics, all computed from the loaded URDF. Its one home in this project.
+//! kinematics, computed from the loaded URDF.
 //!
-//! Nothing here allocates after [`ArmKinematics::new`], and nothing keeps state.
+//! Stateless, and without allocation after [`ArmKinematics::new`].
 
 mod inverse;
 pub mod screw;
@@ -12,7 +12,7 @@ use super::RobotModel;
 pub use inverse::{Reason, Solution, Unreachable};
 use screw::Screw;
 
-/// Name of a joint of the arm for people, counted from 0 at the base.
+/// Name of a joint of the arm in messages, counted from 0 at the base.
 pub(super) fn joint_word(joint: usize) -> String {
     format!("arm joint {}", joint + 1)
 }
@@ -27,21 +27,21 @@ pub struct ArmKinematics {
     zero: Isometry3<f64>,
     /// Joint axes in the end effector frame at zero.
     screws: [Screw; 6],
-    /// Least joint positions, rad; `-inf` for continuous joints.
+    /// Lower joint limits, rad; `-inf` for continuous joints.
     lower: [f64; 6],
-    /// Greatest joint positions, rad; `inf` for continuous joints.
+    /// Upper joint limits, rad; `inf` for continuous joints.
     upper: [f64; 6],
-    /// Greatest joint speeds, rad/s.
+    /// Joint speed limits, rad/s.
     speed: [f64; 6],
     /// Origin of the second joint at zero in the arm's base, m.
     shoulder: Point3<f64>,
-    /// The end effector is never further from the shoulder, m.
+    /// Largest distance of the end effector from the shoulder, m.
     reach: f64,
 }
 
 impl ArmKinematics {
-    /// From the joints between arm base and end effector; `RobotModel::load`
-    /// has checked that these are the six of the arm and fixed ones.
+    /// From the joints between arm base and end effector, which `RobotModel::load` has
+    /// checked: the six of the arm and fixed ones.
     #[must_use]
     pub fn new(model: &RobotModel) -> ArmKinematics {
         let roles = &model.roles;
@@ -87,19 +87,19 @@ impl ArmKinematics {
         }
     }
 
-    /// Least joint positions, rad; `-inf` for continuous joints.
+    /// Lower joint limits, rad; `-inf` for continuous joints.
     #[must_use]
     pub fn lower(&self) -> &[f64; 6] {
         &self.lower
     }
 
-    /// Greatest joint positions, rad; `inf` for continuous joints.
+    /// Upper joint limits, rad; `inf` for continuous joints.
     #[must_use]
     pub fn upper(&self) -> &[f64; 6] {
         &self.upper
     }
 
-    /// Greatest joint speeds, rad/s.
+    /// Joint speed limits, rad/s.
     #[must_use]
     pub fn speed(&self) -> &[f64; 6] {
         &self.speed
@@ -108,7 +108,7 @@ impl ArmKinematics {
     /// base_from_end_effector.
     #[must_use]
     pub fn forward(&self, joints: &[f64; 6]) -> Isometry3<f64> {
-        // Multiplied in the order of `forward_and_jacobian`: the same bits.
+        // Multiplied in the order of `forward_and_jacobian`, for the same bits.
         let joints = self.screws.iter().zip(joints).rev();
         self.zero
             * joints.fold(Isometry3::identity(), |beyond, (screw, angle)| {

@@ -1,19 +1,19 @@
 //! Screws, exponentials and logarithms of rigid motions.
 //!
-//! Twists are `[angular; linear]` as in Lynch & Park, Modern Robotics (2017),
-//! chapter 3. Nothing here knows a robot.
+//! Twists are `[angular; linear]` as in Lynch & Park, Modern Robotics (2017), chapter
+//! 3. Independent of the robot.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
-/// A revolute joint as a screw of pitch zero: a turning axis in space.
+/// A revolute joint as a screw of pitch zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Screw {
     /// Unit vector along the axis.
     pub angular: Vector3<f64>,
     /// Velocity of the origin for a unit turn rate, m/rad.
     pub linear: Vector3<f64>,
-    /// The point of the axis nearest to the origin, m.
+    /// The point of the axis closest to the origin, m.
     point: Vector3<f64>,
 }
 
@@ -38,8 +38,8 @@ impl Screw {
     }
 }
 
-/// Rotation vector of a rotation, its length in 0 to pi. Accurate at both ends:
-/// the angle comes from both parts of the quaternion by `atan2`.
+/// Rotation vector of a rotation, with a length of 0 to pi. Accurate at both ends: the
+/// angle is computed from both parts of the quaternion by `atan2`.
 #[must_use]
 pub fn rotation_vector(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let (scalar, vector) = (rotation.scalar(), rotation.imag());
@@ -52,9 +52,9 @@ pub fn rotation_vector(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     vector * (angle * scalar.signum() / length)
 }
 
-/// Logarithm of a rigid motion as a twist: `(angular, linear)`, rad and m.
-/// Lynch & Park 2017, section 3.3.3, with the angle from `atan2`, so that it
-/// holds up to a half turn.
+/// Logarithm of a rigid motion as a twist: `(angular, linear)`, rad and m. Lynch & Park
+/// 2017, section 3.3.3, with the angle from `atan2`, so that it is valid up to a half
+/// turn.
 #[must_use]
 pub fn logarithm(motion: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let angular = rotation_vector(&motion.rotation);

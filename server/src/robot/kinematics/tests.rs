@@ -1,5 +1,5 @@
-//! Laws of the kinematics, against the chained URDF transforms and the table
-//! of the maker's named poses.
+//! Tests of the kinematics against the chained URDF transforms and the manufacturer's
+//! named poses.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
@@ -72,7 +72,7 @@ fn jacobian_is_the_derivative_of_forward() {
 }
 
 #[test]
-fn named_poses_of_the_maker_are_met() {
+fn named_poses_of_the_manufacturer_are_reproduced() {
     let arm = ArmKinematics::new(&model());
     // Positions of the end effector in m and quaternions xyzw; joints in rad.
     let table = [
@@ -135,7 +135,7 @@ fn a_near_target_is_solved_on_the_same_branch() {
     let mut solved = 0;
     for _ in 0..2000 {
         let joints = random_joints(&arm, &mut random);
-        // Turned on by two turns: the answer stays there.
+        // Shifted by two turns: the solution stays there.
         let guess = joints.map(|position| position + 0.01);
         let mut far = guess;
         far[5] += 2.0 * std::f64::consts::TAU;
@@ -145,12 +145,12 @@ fn a_near_target_is_solved_on_the_same_branch() {
             solved += 1;
         }
     }
-    // The others lie at singularities, where a small step needs a large turn.
+    // The others are at singularities, where a small step needs a large rotation.
     assert!(solved > 1900, "{solved} of 2000 solved");
 }
 
 #[test]
-fn what_is_out_of_reach_says_why() {
+fn unreachable_poses_have_a_reason() {
     let model = model();
     let arm = ArmKinematics::new(&model);
     let far = Isometry3::translation(1.5, 0.0, 0.5);
@@ -161,7 +161,7 @@ fn what_is_out_of_reach_says_why() {
         answer.to_string().contains("the arm reaches 0.892 m"),
         "{answer}"
     );
-    // Inside the arm's own base: near enough, but folded too far.
+    // Inside the arm's own base: close enough, but folded too far.
     let inside = Isometry3::translation(0.0, 0.0, 0.30);
     let answer = arm.solve(&inside, &model.settings.home).unwrap_err();
     assert!(answer.to_string().contains("unreachable"), "{answer}");

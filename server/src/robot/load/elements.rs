@@ -73,8 +73,8 @@ impl Reader<'_> {
         let pose = isometry(&inertial.origin);
         let turn = pose.rotation.to_rotation_matrix();
         let inertia = turn * about_axes * turn.transpose();
-        // A body of positive mass also obeys the triangle inequality: the
-        // matrix trace/2 - I (the second moments) is positive definite too.
+        // A physical inertia also obeys the triangle inequality: the matrix trace/2 - I
+        // (the second moments) is positive definite too.
         let moments = Matrix3::identity() * (inertia.trace() / 2.0) - inertia;
         if Cholesky::new(inertia).is_none() || Cholesky::new(moments).is_none() {
             return Err(self.invalid(

@@ -1,5 +1,5 @@
-//! The robot that ships loads and says what its makers say; a broken one is
-//! refused with the reason.
+//! The bundled robot loads and matches the manufacturers' data; a broken one is
+//! rejected with the reason.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ fn masses_add_up_to_the_catalogue() {
 }
 
 #[test]
-fn frames_stand_where_the_mounting_says() {
+fn frames_are_at_their_mounts() {
     let model = RobotModel::load(&assets(), "wheelarm").unwrap();
     let poses = model.link_poses(&vec![0.0; model.joints.len()]);
     let at = |name: &str| poses[model.link(name).unwrap()];
@@ -45,8 +45,8 @@ fn frames_stand_where_the_mounting_says() {
         (base * Vector3::x() + Vector3::x()).norm() < 1e-12,
         "yaw 180"
     );
-    // The chair camera looks forward and down from the boom, upright; where it was
-    // before it can be had by name.
+    // The chair camera looks forward and down from the boom, upright; its former mount
+    // is available by name.
     for (link, place, down) in [
         ("wheelchair_camera_frame", [0.15, 0.0, 1.75], 52f64),
         ("wheelchair_pole_camera_frame", [-0.05, 0.0, 1.35], 30.0),
@@ -57,7 +57,7 @@ fn frames_stand_where_the_mounting_says() {
         assert!((camera * Vector3::z() - Vector3::new(cos, 0.0, -sin)).norm() < 1e-12);
         assert!((camera * Vector3::x() + Vector3::y()).norm() < 1e-12);
     }
-    // The inner knuckles' other pins lie on the gripper's base at every angle.
+    // The inner knuckles' other pins are on the gripper's base at every angle.
     let hand = model.link("robotiq_85_base_link").unwrap();
     for knuckle in [0.0, 0.3, 0.7929] {
         let leader = model.joint("robotiq_85_left_knuckle_joint").unwrap();

@@ -1,5 +1,5 @@
-//! Finding a Vulkan adapter: by its place in the list, by its place on the bus, or
-//! by its name, which several equal cards share.
+//! Selects a Vulkan adapter by index, by PCI address, or by name, which several equal
+//! GPUs share.
 
 use std::fmt;
 
@@ -8,32 +8,32 @@ use super::RenderError;
 /// A Vulkan adapter of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterInfo {
-    /// Place in the list, from 0.
+    /// Index in the list, from 0.
     pub index: usize,
-    /// Place on the PCI bus, for example `0000:65:00.0`; empty where it has none.
+    /// PCI address, for example `0000:65:00.0`; empty if it has none.
     pub pci: String,
     /// Name, for example `llvmpipe (LLVM 15.0.6, 256 bits)`.
     pub name: String,
     /// Driver and its version.
     pub driver: String,
-    /// What kind of processor.
+    /// Kind of processor.
     pub kind: AdapterKind,
     /// `vulkan`.
     pub backend: String,
 }
 
-/// What an adapter computes with.
+/// Kind of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum AdapterKind {
-    /// A graphics card.
+    /// A dedicated GPU.
     DiscreteGpu,
-    /// Graphics within the processor.
+    /// A GPU integrated in the CPU.
     IntegratedGpu,
-    /// A part of a card that a host lends.
+    /// A virtual GPU of a host.
     VirtualGpu,
-    /// Not said.
+    /// Unknown.
     Other,
-    /// The processor itself.
+    /// The CPU itself.
     Cpu,
 }
 
@@ -59,7 +59,7 @@ impl fmt::Display for AdapterInfo {
 }
 
 impl AdapterInfo {
-    fn of(index: usize, adapter: &wgpu::Adapter) -> Self {
+    fn from_adapter(index: usize, adapter: &wgpu::Adapter) -> Self {
         let info = adapter.get_info();
         Self {
             index,
@@ -89,16 +89,16 @@ fn enumerate() -> Vec<(AdapterInfo, wgpu::Adapter)> {
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN))
         .into_iter()
         .enumerate()
-        .map(|(index, adapter)| (AdapterInfo::of(index, &adapter), adapter))
+        .map(|(index, adapter)| (AdapterInfo::from_adapter(index, &adapter), adapter))
         .collect()
 }
 
-/// All Vulkan adapters, as the loader lists them.
+/// All Vulkan adapters, in the loader's order.
 pub(super) fn list() -> Vec<AdapterInfo> {
     enumerate().into_iter().map(|(info, _)| info).collect()
 }
 
-/// The adapter that `wanted` names, or the first of the strongest kind.
+/// The adapter that `wanted` names, or the first of the best kind.
 pub(super) fn choose(wanted: Option<&str>) -> Result<(AdapterInfo, wgpu::Adapter), RenderError> {
     let mut found = enumerate();
     let infos: Vec<AdapterInfo> = found.iter().map(|(info, _)| info.clone()).collect();
@@ -106,9 +106,8 @@ pub(super) fn choose(wanted: Option<&str>) -> Result<(AdapterInfo, wgpu::Adapter
     Ok(found.swap_remove(chosen))
 }
 
-/// Which of the adapters `wanted` names: an index, a place on the PCI bus (with or
-/// without its domain), or a part of a name in any case. Without it the first of the
-/// strongest kind.
+/// Index of the adapter that `wanted` names: an index, a PCI address (with or without
+/// domain), or a part of a name in any case. Without it the first of the best kind.
 fn chosen(found: &[AdapterInfo], wanted: Option<&str>) -> Result<usize, RenderError> {
     if found.is_empty() {
         return Err(RenderError::NoDriver);
@@ -139,7 +138,7 @@ fn chosen(found: &[AdapterInfo], wanted: Option<&str>) -> Result<usize, RenderEr
     })
 }
 
-/// Whether a text is a place on the PCI bus: `65:00.0` or `0000:65:00.0`.
+/// Whether a text is a PCI address: `65:00.0` or `0000:65:00.0`.
 fn is_pci(text: &str) -> bool {
     let hex = |part: &str, digits: std::ops::RangeInclusive<usize>| {
         digits.contains(&part.len()) && part.bytes().all(|c| c.is_ascii_hexdigit())
@@ -157,7 +156,7 @@ fn is_pci(text: &str) -> bool {
     place && hex(function, 1..=1)
 }
 
-/// A place on the PCI bus with its domain as a number.
+/// A PCI address with its domain as a number.
 fn with_domain(place: &str) -> (u32, &str) {
     match place.splitn(2, ':').collect::<Vec<_>>()[..] {
         [domain, rest] if domain.len() >= 4 => {
@@ -188,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_cards_are_told_apart_by_index_and_by_place() {
+    fn equal_gpus_are_selected_by_index_and_pci_address() {
         let all = adapters();
         for (wanted, index) in [
             (None, 1),
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_is_told_with_what_is() {
+    fn an_unknown_adapter_is_reported_with_the_available_ones() {
         let all = adapters();
         for wanted in [
             "3",

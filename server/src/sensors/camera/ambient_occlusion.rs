@@ -1,6 +1,5 @@
-//! How much of the surroundings reaches a point: corners, niches and the floor
-//! below furniture get less light from all around. Worked out once, at load,
-//! from what never moves, in cells of 8 cm.
+//! Ambient occlusion: corners, niches and the floor below furniture receive less
+//! ambient light. Computed once, at load, from static geometry, in cells of 8 cm.
 
 use std::collections::BTreeMap;
 
@@ -13,25 +12,25 @@ use super::scene::{Binding, RenderItem, RenderScene};
 
 /// Side of a cell, metres.
 const CELL: f64 = 0.08;
-/// Occluders further away do not count, metres.
+/// Occluders beyond this distance do not count, metres.
 const REACH: f64 = 1.1;
-/// Darkening where everything is near.
+/// Darkening when all directions are occluded.
 const STRENGTH: f64 = 0.65;
-/// Most cells along each axis.
+/// Largest number of cells along each axis.
 const MOST_CELLS: usize = 256;
 
-/// Cells that hold something, and the directions to look.
+/// Occupied cells and sampling directions.
 pub(super) struct Surroundings {
     low: Point3<f64>,
     count: [usize; 3],
     filled: Vec<bool>,
-    /// Unit vectors, evenly over the half sphere about z, denser at the pole.
+    /// Unit vectors over the hemisphere about z, denser at the pole.
     directions: Vec<Vector3<f64>>,
 }
 
 impl Surroundings {
     pub(super) fn new(scene: &RenderScene) -> Self {
-        // What shines of itself (a garden behind the windows) is no part of the house.
+        // An emissive surface (a garden behind the windows) is not part of the house.
         let dark = |i: &&RenderItem| i.binding == Binding::World && i.material.emission < 0.3;
         let fixed = scene.items.iter().filter(dark);
         let fixed: Vec<&RenderItem> = fixed.collect();
@@ -58,7 +57,7 @@ impl Surroundings {
             filled: vec![false; count.iter().product()],
             directions: half_sphere(),
         };
-        // Every so many items to each thread, into cells of its own.
+        // Items are distributed over threads, each with its own cells.
         let threads = parallel::threads();
         let filled = parallel::map((0..threads).collect(), |share: usize| {
             let mut built = empty();
@@ -106,10 +105,10 @@ impl Surroundings {
         Some(index)
     }
 
-    /// Share of the light from all around that reaches a surface, 0 to 1.
+    /// Share of the ambient light that reaches a surface, 0 to 1.
     fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let (right, ahead) = across(normal);
-        // Out of the surface's own cells first.
+        // Leave the surface's own cells first.
         let start = p + normal * (1.5 * CELL);
         let blocked: f64 = self
             .directions
@@ -119,10 +118,9 @@ impl Surroundings {
         1.0 - STRENGTH * blocked / self.directions.len() as f64
     }
 
-    /// The mean of [`Self::of_surface`] around a point of a wide surface. Its vertices lie
-    /// up to [`LONGEST`] apart: what changes faster shows as wing-shaped smudges. Points
-    /// inside something that stands before the surface do not count, nor do points
-    /// behind it.
+    /// The mean of [`Self::of_surface`] around a point of a wide surface. Its vertices
+    /// are up to [`LONGEST`] apart, so faster variation would show as wing-shaped
+    /// smudges. Points inside or behind a body in front of the surface do not count.
     fn of_wide_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let (right, ahead) = across(normal);
         let out = normal * (1.5 * CELL);
@@ -145,7 +143,7 @@ impl Surroundings {
         }
     }
 
-    /// Share of the light from above that reaches a body that moves.
+    /// Share of the ambient light from above that reaches a moving body.
     pub(super) fn of_body(&self, p: &Point3<f64>) -> f64 {
         let start = p + Vector3::z() * (1.5 * CELL);
         let blocked: f64 = self
@@ -156,7 +154,7 @@ impl Surroundings {
         1.0 - STRENGTH * blocked / self.directions.len() as f64
     }
 
-    /// 1 when something is right ahead, 0 when nothing is within reach.
+    /// 1 for an occluder directly ahead, 0 for none within reach.
     fn blocked(&self, start: &Point3<f64>, direction: &Vector3<f64>) -> f64 {
         let mut distance = 0.0;
         while distance < REACH {
@@ -170,7 +168,7 @@ impl Surroundings {
     }
 }
 
-/// Two unit vectors across a normal.
+/// Two unit vectors perpendicular to a normal.
 fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let helper = if normal.x.abs() < 0.7 {
         Vector3::x()
@@ -181,9 +179,9 @@ fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     (right, normal.cross(&right))
 }
 
-/// Points of a disc, metres, and their weights: its middle and two rings of six.
+/// Points of a disc, metres, and their weights: its centre and two rings of six.
 fn patch() -> [[f64; 3]; 13] {
-    /// Radius and weight: a tent of the radius [`LONGEST`].
+    /// Radius and weight: a tent filter of radius [`LONGEST`].
     const RINGS: [[f64; 2]; 2] = [[0.13, 0.675], [0.26, 0.35]];
     std::array::from_fn(|i| {
         let Some(on_ring) = i.checked_sub(1) else {
@@ -210,7 +208,7 @@ fn half_sphere() -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// A corner of a triangle that never moves, in the world.
+/// A corner of a static triangle, in the world frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner {
     pub(super) position: Point3<f64>,
@@ -219,31 +217,31 @@ pub(super) struct Corner {
     pub(super) ambient_occlusion: f64,
 }
 
-/// Longer edges are cut in halves, so that light can change along them, metres.
+/// Longer edges are halved, so that light can vary along them, metres.
 const LONGEST: f64 = 0.4;
 
-/// What was worked out so far of one body, by the bits of place and normal: neighbours
-/// share their corners, and near and far detail of a board are the same triangles.
+/// Computed values of one body, keyed by the bits of position and normal: neighbours
+/// share corners, and full and coarse detail of a board are the same triangles.
 pub(super) struct AmbientOcclusion<'a> {
     around: &'a Surroundings,
-    known: Known,
+    known: AmbientCache,
 }
 
-/// Light of places by the bits of place and normal, and whether the surface is wide.
-pub(super) type Known = BTreeMap<([u64; 6], bool), f64>;
+/// Ambient light by the bits of position and normal, and whether the surface is wide.
+pub(super) type AmbientCache = BTreeMap<([u64; 6], bool), f64>;
 
-/// The light of a home, body by body, so that several can be worked out at one time.
+/// The ambient light of a home, by body, so that bodies can be computed in parallel.
 pub(super) struct HomeLight<'a> {
     around: &'a Surroundings,
-    known: Vec<Known>,
+    known: Vec<AmbientCache>,
 }
 
-/// What was worked out for the home that was drawn last: the next scene is most often
-/// another draw of the same one.
+/// Values of the home that was rendered last: the next scene is usually another sample
+/// of the same home.
 #[derive(Default)]
-pub(super) struct LastHome(Mutex<Option<(Home, Vec<Known>)>>);
+pub(super) struct LastHome(Mutex<Option<(Home, Vec<AmbientCache>)>>);
 
-/// Cells that hold something, by which homes are told apart.
+/// Occupied cells, which identify a home.
 #[derive(PartialEq)]
 struct Home {
     low: Point3<f64>,
@@ -252,8 +250,8 @@ struct Home {
 }
 
 impl LastHome {
-    /// Takes what is known of a home out.
-    pub(super) fn of<'a>(&self, around: &'a Surroundings) -> HomeLight<'a> {
+    /// Takes the stored values of a home.
+    pub(super) fn take<'a>(&self, around: &'a Surroundings) -> HomeLight<'a> {
         let known = self.0.lock().take();
         let same = |home: &Home| {
             (home.low, home.count) == (around.low, around.count) && home.filled == around.filled
@@ -266,7 +264,7 @@ impl LastHome {
         }
     }
 
-    /// Keeps it for the next scene.
+    /// Stores the values for the next scene.
     pub(super) fn keep(&self, worked_out: HomeLight<'_>) {
         let Surroundings {
             low, count, filled, ..
@@ -281,29 +279,29 @@ impl LastHome {
 }
 
 impl<'a> HomeLight<'a> {
-    /// Takes out what is known of a body, by its number among those that never move.
+    /// Takes the values of a body, by its number among the static ones.
     pub(super) fn of_body(&mut self, fixed: usize) -> AmbientOcclusion<'a> {
         AmbientOcclusion {
             around: self.around,
             known: self
                 .known
                 .get_mut(fixed)
-                .map_or_else(Known::new, std::mem::take),
+                .map_or_else(AmbientCache::new, std::mem::take),
         }
     }
 
-    /// Puts what is known of a body in its place.
-    pub(super) fn put_back(&mut self, fixed: usize, known: Known) {
+    /// Puts the values of a body back.
+    pub(super) fn put_back(&mut self, fixed: usize, known: AmbientCache) {
         if self.known.len() <= fixed {
-            self.known.resize_with(fixed + 1, Known::new);
+            self.known.resize_with(fixed + 1, AmbientCache::new);
         }
         self.known[fixed] = known;
     }
 }
 
 impl AmbientOcclusion<'_> {
-    /// Share of the light from all around that reaches a surface, 0 to 1; that of a wide
-    /// one is smoothed.
+    /// Share of the ambient light that reaches a surface, 0 to 1; smoothed for a wide
+    /// surface.
     pub(super) fn of_surface(
         &mut self,
         p: &Point3<f64>,
@@ -321,13 +319,13 @@ impl AmbientOcclusion<'_> {
             })
     }
 
-    /// All of it.
-    pub(super) fn into_known(self) -> Known {
+    /// All values.
+    pub(super) fn into_known(self) -> AmbientCache {
         self.known
     }
 
-    /// Pieces of a triangle that never moves. Every edge is cut by its length
-    /// alone, as is the neighbour's: no gaps. What looks out of the house stays whole.
+    /// Subdivides a static triangle. Edges are split by their length only, as those of
+    /// the neighbour, so there are no gaps. Surfaces facing outdoors stay whole.
     pub(super) fn cut(&mut self, triangle: [Corner; 3], is_wide: bool) -> Vec<[Corner; 3]> {
         let [a, b, c] = &triangle;
         let middle =
@@ -381,11 +379,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_of_a_home_is_used_for_the_same_one_alone() {
+    fn stored_values_are_used_only_for_the_same_home() {
         let last = LastHome::default();
         let at = (Point3::new(0.3, 0.0, 0.0), Vector3::z());
         let light = |around: &Surroundings| {
-            let mut home = last.of(around);
+            let mut home = last.take(around);
             let mut body = home.of_body(3);
             let before = body.known.len();
             let light = body.of_surface(&at.0, &at.1, false);
@@ -404,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_darkens_the_floor_beside_it_and_not_further_off() {
+    fn a_wall_darkens_only_the_floor_beside_it() {
         let mut around = empty();
         let wall = |y: f64, z: f64| Point3::new(0.5, y, z);
         around.fill([wall(-1.5, 0.0), wall(1.5, 0.0), wall(1.5, 2.0)]);
@@ -436,11 +434,11 @@ mod tests {
             corner(1.5, 1.5),
             corner(-1.5, 1.5),
         ];
-        let mut ambient_occlusion = LastHome::default().of(&around).of_body(0);
+        let mut ambient_occlusion = LastHome::default().take(&around).of_body(0);
         let mut pieces = ambient_occlusion.cut([a, b, c], true);
         pieces.extend(ambient_occlusion.cut([a, c, d], true));
         assert!(pieces.len() > 20);
-        // Every inner edge is met from both sides, the rim once.
+        // Every inner edge has two pieces, the rim one.
         let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();
         for piece in &pieces {
             for k in 0..3 {
@@ -470,16 +468,16 @@ mod tests {
     }
 
     #[test]
-    fn furniture_before_a_wall_leaves_no_dark_wings_beside_it() {
+    fn furniture_in_front_of_a_wall_leaves_no_dark_smudges() {
         let mut around = empty();
-        // A board upright before the wall y = 0, as deep as a curtain.
+        // An upright board in front of the wall y = 0, as deep as a curtain.
         let board = |x: f64, z: f64| Point3::new(x, 0.13, z);
         around.fill([board(-0.05, 0.0), board(0.05, 0.0), board(0.05, 2.0)]);
         around.fill([board(-0.05, 0.0), board(0.05, 2.0), board(-0.05, 2.0)]);
         let wall = |x: f64| Point3::new(x, 0.0, 1.0);
         let sharp = |x: f64| around.of_surface(&wall(x), &Vector3::y());
         let wide = |x: f64| around.of_wide_surface(&wall(x), &Vector3::y());
-        // The hidden vertex has the light of what is seen around it.
+        // The hidden vertex has the light of the visible surface around it.
         assert!(
             sharp(0.0) < 0.4 && wide(0.0) > 0.6,
             "{} {}",

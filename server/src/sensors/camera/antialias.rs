@@ -1,27 +1,27 @@
 //! Anti-aliasing of finished images: smooths color along the edges of shapes. Depth and
-//! ids stay as they were rendered. Four samples per pixel would halve the rate of a CPU
-//! adapter.
+//! IDs are unchanged. Four samples per pixel would halve the rate of a CPU adapter.
 //!
-//! A pixel is on an edge where a neighbor has another id or where reversed depth bends:
-//! reversed depth is linear over a plane, so flat printed surfaces keep their bytes. There
-//! the length of the stair step is searched by luma, and the color is blended with that
-//! across the edge by the share of the pixel that the step covers (after Lottes, FXAA 3.11).
+//! A pixel is on an edge where a neighbor has another ID or where reversed depth bends.
+//! Reversed depth is linear over a plane, so flat printed surfaces keep their bytes. On
+//! an edge the length of the stair step is searched by luma. The color is blended
+//! across the edge by the share of the pixel that the step covers (after Lottes, FXAA
+//! 3.11).
 //!
-//! All arithmetic is on whole numbers. `pack.wgsl` holds the same rules for images that
-//! the adapter packs; `packing_tests` compares the two byte for byte.
+//! All arithmetic is on integers. `pack.wgsl` implements the same rules for images that
+//! the GPU packs; `packing_tests` compares the two byte for byte.
 
-/// Pixels that the search of a stair step covers in each direction.
+/// Pixels searched in each direction of a stair step.
 const REACH: i32 = 8;
-/// Least luma contrast of an edge, of 2040.
+/// Smallest luma contrast of an edge, of 2040.
 const LEAST_CONTRAST: i32 = 64;
 /// Or this share of the brightest neighbor, as a shift.
 const CONTRAST_SHIFT: u32 = 3;
-/// Second difference of reversed depth on an edge, as a share of the depth and at least.
-/// Both products are exact, so that every adapter finds the same edges.
+/// Second difference of reversed depth on an edge, as a share of the depth and at
+/// least. Both products are exact, so that every adapter finds the same edges.
 const BEND: f32 = 1.0 / 8192.0;
 const LEAST_BEND: f32 = 1.0 / 33_554_432.0;
 
-/// Color and reversed depth as the adapter rendered them, four bytes per pixel.
+/// Color and reversed depth as rendered, four bytes per pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Rendered<'a> {
     pub(super) colors: &'a [u8],
@@ -40,7 +40,7 @@ pub(super) fn smooth(from: Rendered<'_>, ids: &[u8], rgb: &mut [u8]) {
         let ids = &ids[y * width * 2..][..width * 2];
         row.read(from.depth_row(y), ids);
     };
-    // Of the row above, this one and the one below.
+    // Row above, this row, row below.
     let mut rows = [0, 0, last.min(1)].map(|y| {
         let mut row = Row::new(width);
         read(y, &mut row);
@@ -66,7 +66,7 @@ pub(super) fn smooth(from: Rendered<'_>, ids: &[u8], rgb: &mut [u8]) {
     }
 }
 
-/// Reversed depth and ids of a row, the first and the last pixel twice.
+/// Reversed depth and IDs of a row, with the first and the last pixel repeated.
 struct Row {
     depths: Vec<f32>,
     ids: Vec<u16>,
@@ -97,8 +97,8 @@ impl Row {
     }
 }
 
-/// Marks the pixels of the middle row that are on an edge. Slices of one length, which
-/// the compiler turns into vector instructions.
+/// Marks the pixels of the middle row that are on an edge. Slices have equal lengths,
+/// so that the compiler vectorizes.
 fn find_edges([above, here, below]: &[Row; 3], edges: &mut [u8]) {
     let count = edges.len();
     let (left, middle, right) = (
@@ -144,9 +144,9 @@ impl Rendered<'_> {
         }
     }
 
-    /// The color of a pixel on an edge, if it is another than was rendered.
+    /// The blended color of a pixel on an edge, if it differs.
     fn blended(&self, x: i32, y: i32) -> Option<[u8; 3]> {
-        // Byte offsets of a column and of a row, those of the nearest inside the image.
+        // Byte offsets of a column and of a row, clamped to the image.
         let column = |x: i32| x.clamp(0, self.width as i32 - 1) as usize * 4;
         let line = |y: i32| y.clamp(0, self.height as i32 - 1) as usize * self.row;
         let (west, middle, east) = (column(x - 1), column(x), column(x + 1));
@@ -176,8 +176,8 @@ impl Rendered<'_> {
             (false, false) => here + east,
         };
         let gradient = (side - m).abs();
-        // How far the step reaches and on which side of the edge's mean it ends. Beyond
-        // the border of the image the last pixel repeats.
+        // How far the step extends and on which side of the edge's mean it ends. Beyond
+        // the image border the last pixel repeats.
         let end = |direction: i32| {
             let mut difference = 0;
             for i in 1..=REACH {
@@ -218,8 +218,7 @@ mod tests {
     const LIGHT: u8 = 220;
     const DARK: u8 = 40;
 
-    /// An image of a slanted edge: below it light, above it dark; `depth` and `id` by the
-    /// side.
+    /// An image of a slanted edge: bright below, dark above; `depth` and `id` per side.
     fn slanted(
         depth: impl Fn(usize, usize, bool) -> f32,
         id: impl Fn(bool) -> u16,
@@ -260,8 +259,8 @@ mod tests {
         rgb
     }
 
-    /// Mean distance from the color that the covered share of each pixel gives, in the
-    /// rows and columns where the edge is inside the image.
+    /// Mean distance to the color of the covered share of each pixel, in the rows and
+    /// columns where the edge is inside the image.
     fn error(values: impl Fn(usize, usize) -> u8) -> f64 {
         let [width, height] = SIZE;
         let mut sum = 0.0;
@@ -279,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_of_an_edge_become_the_covered_share_of_each_pixel() {
+    fn edge_pixels_get_the_color_of_their_covered_share() {
         let by_depth = slanted(|_, _, below| if below { 0.2 } else { 0.1 }, |_| 7);
         let by_id = slanted(|_, _, _| 0.2, |below| if below { 7 } else { 8 });
         for image in [by_depth, by_id] {
@@ -288,7 +287,7 @@ mod tests {
             let before = error(|x, y| image.0[(y * width + x) * 4]);
             let after = error(|x, y| rgb[(y * width + x) * 3]);
             assert!(after < 0.4 * before, "{after} {before}");
-            // Away from the edge nothing changes.
+            // Pixels away from the edge are unchanged.
             for (i, (color, rgb)) in image.0.chunks(4).zip(rgb.chunks(3)).enumerate() {
                 let (x, y) = ((i % width) as f64, (i / width) as f64);
                 if (y + 0.5 - edge(x + 0.5)).abs() > 1.5 {

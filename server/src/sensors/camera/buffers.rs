@@ -1,4 +1,4 @@
-//! The render scene as vertices, indices, materials and pictures, ready to upload.
+//! The render scene as vertices, indices, materials and images, ready to upload.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -6,8 +6,8 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ambient_occlusion::{AmbientOcclusion, Corner, HomeLight, Known};
-use super::cells::{Cell, Division, bounds, cells};
+use super::ambient_occlusion::{AmbientCache, AmbientOcclusion, Corner, HomeLight};
+use super::culling_clusters::{Cluster, Division, bounds, clusters};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
@@ -33,30 +33,30 @@ pub(super) struct GpuMaterial {
     more: [f32; 4],
 }
 
-/// What a pixel shows beside its colour.
+/// Shading of a pixel beyond its diffuse colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shine {
-    /// Highlights, and a surrounding that is bright above and dark below.
+    /// Highlights, and an environment that is bright above and dark below.
     Glossy,
-    /// Nothing: lit at its vertices.
+    /// None: lit per vertex.
     Matte,
-    /// Mirrors the room; only where a look is drawn.
+    /// Reflects the room; only with a look.
     Mirror,
-    /// What is behind it, and the room; only where a look is drawn.
+    /// Shows the background and reflects the room; only with a look.
     Glass,
 }
 
-/// How a pixel is computed.
+/// Shading variant of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Finish {
     pub(super) textured: bool,
     pub(super) shine: Shine,
-    /// May be lit by the sun; others never move and look away from it.
+    /// May be lit by the sun; other surfaces are static and face away from it.
     pub(super) sunny: bool,
 }
 
 impl Finish {
-    /// All, in drawing order; without a look the first [`Self::PLAIN`].
+    /// All, in rendering order; without a look the first [`Self::PLAIN`].
     pub(super) const ALL: [Self; 16] = {
         let mut all = [Self {
             textured: false,
@@ -78,10 +78,10 @@ impl Finish {
         all
     };
 
-    /// How many there are without a look.
+    /// Number of variants without a look.
     pub(super) const PLAIN: usize = 8;
 
-    /// Are items of `material` drawn with it?
+    /// Whether items of `material` use it.
     fn suits(self, material: &Material, tier: Tier) -> bool {
         let metal = material.metallic >= MIRROR_METALLIC && material.roughness <= MIRROR_ROUGHNESS;
         let glossy = tier.all_glossy
@@ -97,51 +97,51 @@ impl Finish {
     }
 }
 
-/// How far a soft object changes its shape, metres: culling allows for it.
+/// Largest deformation of a deformable, metres: culling allows for it.
 const SOFT_REACH: f64 = 0.1;
-/// Rougher surfaces show no highlight worth its pixels.
+/// Roughness above which highlights are not worth their cost.
 const MATTE_ROUGHNESS: f32 = 0.4;
-/// Smoother metal mirrors the room, rougher metal only light and dark.
+/// Roughness below which metal reflects the room, above it only light and dark.
 const MIRROR_ROUGHNESS: f32 = 0.5;
 const MIRROR_METALLIC: f32 = 0.5;
-/// Less metallic surfaces mirror nothing worth seeing.
+/// Metallic value below which reflections are not worth their cost.
 const MATTE_METALLIC: f32 = 0.2;
 
-/// Triangles of a body that are drawn together, those of one finish.
+/// Triangles of a body that are rendered together, with one shading variant.
 #[derive(Clone, Debug)]
 pub(super) struct Batch {
     pub(super) body: usize,
     pub(super) finish: Finish,
     /// Triangles at full detail.
-    pub(super) full: Vec<Cell>,
-    /// Triangles for far away.
-    pub(super) coarse: Vec<Cell>,
-    /// Ball around it in the frame of its body.
+    pub(super) full: Vec<Cluster>,
+    /// Triangles for distant views.
+    pub(super) coarse: Vec<Cluster>,
+    /// Bounding sphere in the frame of its body.
     pub(super) centre: Point3<f64>,
     pub(super) radius: f64,
 }
 
-/// A body: what it moves with, its id, its part of the shadow.
+/// A body: binding, ID, part of the shadow.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     pub(super) binding: Binding,
     pub(super) instance: u16,
-    /// Middle of its bounding box, in its frame.
+    /// Centre of its bounding box, in its frame.
     pub(super) centre: Point3<f64>,
-    /// What throws a shadow.
+    /// Shadow casters.
     pub(super) casters: Vec<Caster>,
 }
 
-/// Triangles that throw a shadow, at coarse detail.
+/// Triangles of a shadow caster, at coarse detail.
 #[derive(Clone, Debug)]
 pub(super) struct Caster {
     pub(super) indices: Range<u32>,
-    /// Ball around it in the frame of its body.
+    /// Bounding sphere in the frame of its body.
     pub(super) centre: Point3<f64>,
     pub(super) radius: f64,
 }
 
-/// All of it.
+/// All buffers of a scene.
 pub(super) struct Buffers {
     pub(super) vertices: Vec<Vertex>,
     pub(super) indices: Vec<u32>,
@@ -153,7 +153,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// What is drawn how is a matter of the tier.
+    /// The tier determines the shading variants.
     pub(super) fn new(scene: &RenderScene, light: &mut HomeLight<'_>, tier: Tier) -> Self {
         let mut built = Self {
             vertices: Vec::new(),
@@ -216,13 +216,13 @@ impl Buffers {
         };
         let numbers: Vec<Option<usize>> = built.bodies.iter().map(&mut number).collect();
         let shares = shares.into_iter().zip(&numbers).map(|(share, number)| {
-            // What moves has none.
+            // Moving bodies have none.
             (share, light.of_body(number.unwrap_or(usize::MAX)))
         });
         let parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
             share.worked_out(light)
         });
-        // All the room at once: what grows is copied, and holds twice as much for a moment.
+        // Reserve all memory at once: growing copies and briefly doubles the memory.
         let lengths = |length: fn(&Part) -> usize| parts.iter().map(|(part, _)| length(part)).sum();
         built
             .vertices
@@ -239,16 +239,16 @@ impl Buffers {
         built
     }
 
-    /// Takes the part of a body behind all others.
+    /// Appends the part of a body.
     fn take(&mut self, body: usize, part: Part) {
         let (vertices, indices) = (self.vertices.len() as u32, self.indices.len() as u32);
         let moved = |range: Range<u32>| range.start + indices..range.end + indices;
-        let all_moved = |cells: Vec<Cell>| {
-            let moved = |cell: Cell| Cell {
-                indices: moved(cell.indices),
-                ..cell
+        let all_moved = |clusters: Vec<Cluster>| {
+            let moved = |cluster: Cluster| Cluster {
+                indices: moved(cluster.indices),
+                ..cluster
             };
-            cells.into_iter().map(moved).collect()
+            clusters.into_iter().map(moved).collect()
         };
         let batches = part.batches.into_iter().map(|batch| Batch {
             full: all_moved(batch.full),
@@ -307,10 +307,10 @@ impl Buffers {
     }
 }
 
-/// What is to be worked out of a body.
+/// Work of one body.
 struct Share<'a> {
     body: usize,
-    /// Towards it.
+    /// Direction towards the sun.
     sun: Vector3<f32>,
     /// Ambient light of wide surfaces is smoothed.
     smooths_light: bool,
@@ -343,7 +343,7 @@ impl Share<'_> {
         self.smooths_light && (0..3).any(|k| side(k) > WIDE)
     }
 
-    fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, Known) {
+    fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, AmbientCache) {
         let mut part = Part::default();
         for (finish, chosen) in &self.finished {
             self.append_finish(&mut part, *finish, chosen, &mut ambient_occlusion);
@@ -391,13 +391,13 @@ impl Share<'_> {
             reach: self.reach,
         };
         let [full, mut coarse, others] = [start..middle, middle..caster_end, caster_end..end]
-            .map(|range| part.cells(range, division));
-        // What looks away from the sun lies behind what looks at it.
+            .map(|range| part.clusters(range, division));
+        // Triangles that face away from the sun come after those that face it.
         if finish.sunny {
-            part.casters.extend(coarse.iter().map(|cell| Caster {
-                indices: cell.indices.clone(),
-                centre: cell.centre,
-                radius: cell.radius,
+            part.casters.extend(coarse.iter().map(|cluster| Caster {
+                indices: cluster.indices.clone(),
+                centre: cluster.centre,
+                radius: cluster.radius,
             }));
         }
         coarse.extend(others);
@@ -413,15 +413,15 @@ impl Share<'_> {
 }
 
 impl Part {
-    /// Triangles in cells.
-    fn cells(&mut self, range: Range<u32>, division: Division) -> Vec<Cell> {
+    /// Triangles in clusters.
+    fn clusters(&mut self, range: Range<u32>, division: Division) -> Vec<Cluster> {
         let vertices = &self.vertices;
         let position = |i: u32| Point3::from(vertices[i as usize].position.map(f64::from));
         let range = range.start as usize..range.end as usize;
-        cells(&mut self.indices, range, &position, division)
+        clusters(&mut self.indices, range, &position, division)
     }
 
-    /// Appends the triangles that belong, by the normals of their corners.
+    /// Appends the matching triangles, by the normals of their corners.
     fn append(
         &mut self,
         item: &RenderItem,

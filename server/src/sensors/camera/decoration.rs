@@ -1,14 +1,14 @@
-//! Shapes of decoration.
+//! Shapes of decoration objects.
 
 use crate::geometry::{Material, Shape};
 use crate::look::{Decoration, Kind};
 
-/// Shapes of a thing, where they are on it, and what they are made of.
-pub(super) fn parts(thing: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
-    let [w, h] = thing.size;
-    let [first, second] = &thing.materials;
+/// Shapes of a decoration, their positions on it, and their materials.
+pub(super) fn parts(decoration: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {
+    let [w, h] = decoration.size;
+    let [first, second] = &decoration.materials;
     let plate = |half: [f64; 3]| Shape::Cuboid { half };
-    match thing.kind {
+    match decoration.kind {
         Kind::Picture => {
             let paper = Material {
                 color: [0.93, 0.91, 0.87],

@@ -1,4 +1,4 @@
-//! What the adapter deflates is the picture, whatever reads it.
+//! Streams deflated on the GPU decompress to the image.
 
 use wheelarm_compress::depth::to_millimetres;
 use wheelarm_compress::{Deflate, inflate};
@@ -8,7 +8,7 @@ use super::packing_tests::{SIZES, both, sizes};
 use super::tests::{camera, floor_and_box, looking, snapshot};
 use super::*;
 
-/// Colour, depth as it is kept, and ids, with the bytes of their elements.
+/// Colour, depth in its stored form, and IDs, with the bytes of their elements.
 fn planes(frame: &Frame, kept: Depth) -> [(Vec<u8>, usize); 3] {
     let depth = match kept {
         Depth::Metres => (frame.depth.to_vec(), 4),
@@ -22,12 +22,12 @@ fn planes(frame: &Frame, kept: Depth) -> [(Vec<u8>, usize); 3] {
     [(frame.rgb.to_vec(), 1), depth, (frame.ids.to_vec(), 2)]
 }
 
-/// How many of the planes were deflated; those that were hold the exact ones.
+/// Number of deflated planes; those must decompress to the exact ones.
 fn check(frame: &Frame, kept: Depth) -> usize {
     let mut count = 0;
     for ((exact, element), stream) in planes(frame, kept).iter().zip(&frame.deflated) {
         let Some(stream) = stream else { continue };
-        // Its end holds a checksum that was not made from these bytes.
+        // The checksum at the end is of the original bytes.
         let again = inflate(stream, *element, exact.len()).unwrap();
         assert!(again == exact[..], "{:?} {kept:?}", frame.intrinsics);
         count += 1;
@@ -36,7 +36,7 @@ fn check(frame: &Frame, kept: Depth) -> usize {
 }
 
 #[test]
-fn streams_of_every_size_are_the_picture() {
+fn streams_of_every_size_decompress_to_the_image() {
     let scene = floor_and_box();
     let cameras = sizes();
     let all: Vec<usize> = (0..cameras.len()).collect();
@@ -54,15 +54,15 @@ fn streams_of_every_size_are_the_picture() {
             adapter.deflate(camera, Some(kept));
         }
         let mut counts = vec![0; SIZES.len()];
-        // Long enough for codes of pictures before.
+        // Long enough for codes from previous images.
         for i in 0..11 {
             let now = snapshot(&[[0.2 - 0.1 * f64::from(i), 0.1, 0.6]]);
             for frame in adapter.render(&now, &all).unwrap() {
                 counts[frame.camera] += check(&frame, kept);
             }
         }
-        // All but those of the first picture at most: of other codes, it may want more
-        // room than there is.
+        // All except possibly those of the first image, which uses other codes and may
+        // exceed its room.
         let least = 10 * all_planes;
         assert!(counts.iter().all(|&count| count >= least), "{counts:?}");
         adapter.deflate(1, None);
@@ -75,7 +75,7 @@ fn streams_of_every_size_are_the_picture() {
 }
 
 #[test]
-fn a_large_picture_shrinks_as_the_processor_makes_it_shrink() {
+fn a_large_image_compresses_as_well_as_on_the_cpu() {
     let scene = floor_and_box();
     let eye = camera(
         looking([2.5, 1.0, 1.5], [0.0; 3]),
@@ -100,11 +100,11 @@ fn a_large_picture_shrinks_as_the_processor_makes_it_shrink() {
         }
         let exact = planes(&last[0], kept);
         assert!(exact == planes(&plain[0], kept));
-        // Each 64 bytes take a few bits, be they ever so even.
+        // Every 64 bytes take a few bits, even in uniform data.
         for ((exact, element), stream) in exact.iter().zip(&last[0].deflated) {
             let (mut out, stream) = (Vec::new(), stream.as_ref().unwrap());
             let usual = deflate.append(exact, *element, &mut out);
-            println!("{kept:?}: {} bytes, {usual} by the processor", stream.len());
+            println!("{kept:?}: {} bytes, {usual} on the CPU", stream.len());
             assert!(
                 stream.len() < usual * 5 / 4 + exact.len() / 64,
                 "{} {usual}",
@@ -114,13 +114,13 @@ fn a_large_picture_shrinks_as_the_processor_makes_it_shrink() {
     }
 }
 
-/// Renderers of one device, each in a thread of its own, make their shaders and streams at
-/// the same time.
+/// Renderers of one device, each in its own thread, create shaders and streams at the
+/// same time.
 #[test]
 fn several_renderers_of_one_device_deflate_at_once() {
     let scene = floor_and_box();
     let cameras = sizes();
-    let graphics = Graphics::on(None).packing(Packing::Adapter);
+    let graphics = Graphics::for_adapter(None).packing(Packing::Adapter);
     let mut renderers = Vec::new();
     for _ in 0..3 {
         match Renderer::over(&graphics, &scene, &cameras, Quality::Fast) {

@@ -1,10 +1,10 @@
-//! Why there are no pictures.
+//! Errors of rendering.
 
 use crate::geometry::mesh::MeshError;
 use crate::geometry::texture::TextureError;
 use crate::scene::SceneError;
 
-/// Why a scene or a picture cannot be drawn.
+/// Why a scene or an image cannot be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     /// A shape of a body has no triangles.
@@ -17,13 +17,13 @@ pub enum RenderError {
         /// The reason.
         source: MeshError,
     },
-    /// A look that cannot be drawn.
+    /// An invalid look.
     #[error(transparent)]
     Look(#[from] SceneError),
-    /// A texture that cannot be used.
+    /// An invalid texture.
     #[error(transparent)]
     Texture(#[from] TextureError),
-    /// More bodies than a vertex can name.
+    /// More bodies than a vertex can reference.
     #[error(
         "{objects} objects, {links} robot links and {furniture} pieces of furniture are drawn; \
          {} are too many: join pieces of furniture into one body",
@@ -37,7 +37,7 @@ pub enum RenderError {
         /// Furniture with visuals.
         furniture: usize,
     },
-    /// A camera names a link that the robot lacks.
+    /// A camera on an unknown link.
     #[error("camera '{camera}' is on link '{link}', which the robot does not have")]
     UnknownLink {
         /// Camera.
@@ -45,7 +45,7 @@ pub enum RenderError {
         /// Link.
         link: String,
     },
-    /// A camera that cannot be.
+    /// An invalid camera.
     #[error("camera '{camera}': {reason}")]
     BadCamera {
         /// Camera.
@@ -53,16 +53,16 @@ pub enum RenderError {
         /// What is wrong and what is expected.
         reason: String,
     },
-    /// A camera index beyond the list.
-    #[error("camera {index} was asked for, there are {count}")]
+    /// A camera index out of range.
+    #[error("camera {index} does not exist: there are {count} cameras")]
     NoSuchCamera {
-        /// Index asked for.
+        /// Requested index.
         index: usize,
         /// Cameras of this renderer.
         count: usize,
     },
-    /// Batches that were begun must be collected first.
-    #[error("pictures that were begun before are being drawn; collect them first")]
+    /// Submitted batches must be collected first.
+    #[error("submitted images are still being rendered; collect them first")]
     InFlight,
     /// A snapshot of another scene or robot.
     #[error("the snapshot has {found} {kind}, the render scene was built for {expected}")]
@@ -81,22 +81,22 @@ pub enum RenderError {
          its vendor's driver, or run without cameras (--no-cameras)"
     )]
     NoDriver,
-    /// No such adapter.
+    /// An unknown adapter.
     #[error(
-        "no Vulkan adapter has the index, the PCI id or the part of a name '{wanted}'; present are: {present}"
+        "no Vulkan adapter has the index, the PCI ID or the part of a name '{wanted}'; available: {present}"
     )]
     UnknownAdapter {
-        /// What was asked for.
+        /// Requested adapter.
         wanted: String,
         /// Names of all adapters.
         present: String,
     },
-    /// The adapter refused or failed.
+    /// The adapter failed.
     #[error("adapter '{adapter}' failed: {reason}")]
     Device {
         /// Adapter.
         adapter: String,
-        /// Answer of the driver.
+        /// Message of the driver.
         reason: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The scene on the adapter: what is where, and which of it a camera sees.
+//! The scene on the GPU, and the part of it that a camera sees.
 
 use std::ops::Range;
 
@@ -22,26 +22,26 @@ pub(super) struct Geometry {
 /// World_from_body as rows; id, ambient occlusion.
 pub(super) type BodyRow = [f32; 16];
 
-/// Coarse triangles serve where 5 mm are less than a pixel.
+/// Coarse triangles are used where 5 mm are less than a pixel.
 const COARSE_BELOW: f64 = 0.005;
 
-/// Rank of large batches: further than any other is.
+/// Sort key of large batches: beyond any distance.
 const LARGE: f64 = 100.0;
 
-/// In which order batches are drawn.
+/// Order of rendering.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
-    /// Strictly front to back, for a CPU adapter: what is hidden costs more there than
-    /// a change of pipeline.
+    /// Strictly front to back, for a CPU adapter: overdraw costs more there than a
+    /// pipeline change.
     Depth,
-    /// By pipeline, each front to back, for a graphics card: strictly front to back the
-    /// robot's two cameras change the pipeline a hundred times in the home. Where two
-    /// surfaces lie in one plane to the last bit, the one that is drawn later is seen.
+    /// By pipeline, each front to back, for a GPU: strictly front to back the robot's
+    /// two cameras change the pipeline a hundred times in the home. Of two exactly
+    /// coplanar surfaces the one rendered later is visible.
     Finish,
 }
 
-/// Triangles in view that are drawn together.
-pub(super) struct Seen {
+/// Triangles in view that are rendered together.
+pub(super) struct VisibleRange {
     pub(super) finish: Finish,
     pub(super) indices: Range<u32>,
 }
@@ -77,7 +77,7 @@ impl Geometry {
         }
     }
 
-    /// Replaces the vertices from `first` on.
+    /// Overwrites the vertices from `first` on.
     pub(super) fn write_vertices(&self, queue: &wgpu::Queue, first: usize, vertices: &[Vertex]) {
         let offset = (first * std::mem::size_of::<Vertex>()) as u64;
         queue.write_buffer(&self.vertices, offset, bytemuck::cast_slice(vertices));
@@ -88,10 +88,15 @@ impl Geometry {
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
     }
 
-    /// What is in view, batch by batch in `order`; large ones (rugs, walls, the floor)
-    /// last: they are mostly hidden.
-    pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>], order: Order) -> Vec<Seen> {
-        let mut seen: Vec<(f64, Finish, Vec<Range<u32>>)> = self
+    /// The geometry in view, batch by batch in `order`. Large batches (rugs, walls, the
+    /// floor) come last because they are mostly hidden.
+    pub(super) fn visible(
+        &self,
+        view: &View,
+        poses: &[Isometry3<f64>],
+        order: Order,
+    ) -> Vec<VisibleRange> {
+        let mut visible: Vec<(f64, Finish, Vec<Range<u32>>)> = self
             .batches
             .iter()
             .filter_map(|batch| {
@@ -102,41 +107,46 @@ impl Geometry {
                 } else {
                     distance
                 };
-                let cells = match distance > view.focal * COARSE_BELOW {
+                let clusters = match distance > view.focal * COARSE_BELOW {
                     true => &batch.coarse,
                     false => &batch.full,
                 };
                 let placed = view.placed(&poses[batch.body]);
                 let mut ranges: Vec<Range<u32>> = Vec::new();
-                for cell in cells.iter().filter(|cell| view.shows(&placed, cell)) {
+                for cluster in clusters
+                    .iter()
+                    .filter(|cluster| view.shows(&placed, cluster))
+                {
                     match ranges.last_mut() {
-                        Some(last) if last.end == cell.indices.start => last.end = cell.indices.end,
-                        _ => ranges.push(cell.indices.clone()),
+                        Some(last) if last.end == cluster.indices.start => {
+                            last.end = cluster.indices.end
+                        }
+                        _ => ranges.push(cluster.indices.clone()),
                     }
                 }
                 (!ranges.is_empty()).then_some((rank, batch.finish, ranges))
             })
             .collect();
-        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        visible.sort_by(|a, b| a.0.total_cmp(&b.0));
         if order == Order::Finish {
             let finish = |of: Finish| Finish::ALL.iter().position(|f| *f == of);
-            seen.sort_by_key(|(rank, of, _)| (*rank >= LARGE, finish(*of)));
+            visible.sort_by_key(|(rank, of, _)| (*rank >= LARGE, finish(*of)));
         }
-        // Glass comes last, what is behind first.
-        let (glass, mut seen): (Vec<_>, Vec<_>) = seen
+        // Glass comes last, from back to front.
+        let (glass, mut visible): (Vec<_>, Vec<_>) = visible
             .into_iter()
             .partition(|(_, finish, _)| finish.shine == Shine::Glass);
-        seen.extend(glass.into_iter().rev());
+        visible.extend(glass.into_iter().rev());
         let pieces = |(_, finish, ranges): (f64, Finish, Vec<Range<u32>>)| {
-            let piece = move |indices| Seen { finish, indices };
+            let piece = move |indices| VisibleRange { finish, indices };
             ranges.into_iter().map(piece)
         };
-        seen.into_iter().flat_map(pieces).collect()
+        visible.into_iter().flat_map(pieces).collect()
     }
 }
 
-/// What the shader knows of the bodies. Rows of bodies that stand still are kept: what
-/// lights a body is looked up in many places around it.
+/// Shader data of the bodies. Rows of bodies at rest are kept, because the ambient
+/// light of a body is sampled at many points.
 #[derive(Default)]
 pub(super) struct BodyRows {
     poses: Vec<Isometry3<f64>>,
@@ -144,7 +154,7 @@ pub(super) struct BodyRows {
 }
 
 impl BodyRows {
-    /// Brings the rows up to date; whether any changed.
+    /// Updates the rows; returns whether any changed.
     pub(super) fn update(
         &mut self,
         poses: &[Isometry3<f64>],
@@ -173,7 +183,7 @@ impl BodyRows {
     }
 }
 
-/// What the shader knows of a body at `pose`.
+/// Shader data of a body at `pose`.
 fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surroundings) -> BodyRow {
     let m = pose.to_homogeneous();
     let mut row = [0.0; 16];
@@ -183,7 +193,7 @@ fn body_row(pose: &Isometry3<f64>, body: &Body, surroundings: &Surroundings) -> 
         }
     }
     row[12] = f32::from(body.instance);
-    // Bodies that never move know it for every vertex.
+    // Static bodies have it per vertex.
     row[13] = match body.binding {
         Binding::World => 1.0,
         _ => surroundings.of_body(&(pose * body.centre)) as f32,

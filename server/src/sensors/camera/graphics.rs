@@ -1,5 +1,5 @@
-//! A graphics device and its pipelines, kept from one renderer to the next: drivers
-//! take long to start and to compile.
+//! A graphics device and its pipelines, shared between renderers: drivers take long to
+//! start and to compile.
 
 use std::fmt;
 use std::sync::Arc;
@@ -10,43 +10,43 @@ use parking_lot::Mutex;
 use super::RenderError;
 use super::adapter::{self, AdapterInfo, AdapterKind};
 use super::ambient_occlusion::LastHome;
+use super::driver_lock::DriverLock;
 use super::packing::{Packer, Packing};
 use super::pipelines::Pipelines;
 use super::tier::Tier;
 use super::timing;
-use super::turn::Turn;
 
-/// An adapter that renderers share, opened with the first of them. A device that
-/// failed is not handed out again.
+/// An adapter shared by renderers, opened with the first of them. A failed device is
+/// not reused.
 #[derive(Clone, Default)]
 pub struct Graphics {
     wanted: Option<String>,
-    /// `None`: as suits the adapter.
+    /// `None`: the default of the adapter.
     packing: Option<Packing>,
     /// For [`Renderer::spent`](super::Renderer::spent).
     timed: bool,
-    kept: Arc<Mutex<Kept>>,
+    kept: Arc<Mutex<CachedParts>>,
     last_home: Arc<LastHome>,
 }
 
 #[derive(Default)]
-struct Kept {
-    opened: Option<Opened>,
+struct CachedParts {
+    opened: Option<OpenDevice>,
     pipelines: Vec<(Tier, Arc<Pipelines>)>,
     packer: Option<Arc<Packer>>,
 }
 
-/// What a renderer is opened with.
-type Parts = (Opened, Arc<Pipelines>, Option<Arc<Packer>>);
+/// Parts of an opened device.
+type Parts = (OpenDevice, Arc<Pipelines>, Option<Arc<Packer>>);
 
-/// A device and where it tells of its failures.
+/// A device and the slot for its errors.
 #[derive(Clone)]
-pub(super) struct Opened {
+pub(super) struct OpenDevice {
     pub(super) info: AdapterInfo,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) failure: Arc<Mutex<Option<String>>>,
-    /// It has failed once.
+    /// It has failed before.
     pub(super) broken: Arc<AtomicBool>,
 }
 
@@ -59,18 +59,18 @@ impl fmt::Debug for Graphics {
 }
 
 impl Graphics {
-    /// The adapter that `wanted` names: its index in the list, its PCI id, or a part
-    /// of its name; without it the strongest.
+    /// The adapter that `wanted` names: its index in the list, its PCI ID, or a part of
+    /// its name; without it the best one.
     #[must_use]
-    pub fn on(wanted: Option<&str>) -> Self {
+    pub fn for_adapter(wanted: Option<&str>) -> Self {
         Self {
             wanted: wanted.map(str::to_owned),
             ..Self::default()
         }
     }
 
-    /// The same with pictures packed there; else as suits the adapter: the processor
-    /// packs what it has drawn itself.
+    /// The same with images packed on the GPU; by default a CPU adapter packs on the
+    /// CPU.
     #[must_use]
     pub fn packing(self, packing: Packing) -> Self {
         Self {
@@ -79,8 +79,8 @@ impl Graphics {
         }
     }
 
-    /// The same with the time of each part of a picture taken, where the adapter can:
-    /// for benches.
+    /// The same with timing of each part of an image, if the adapter supports it: for
+    /// benchmarks.
     #[must_use]
     pub fn timed(self) -> Self {
         Self {
@@ -89,8 +89,8 @@ impl Graphics {
         }
     }
 
-    /// Opens the device for a renderer that comes later, which waits for it. What fails
-    /// is told to the renderer: it tries again.
+    /// Opens the device for a later renderer, which waits for it. On failure the
+    /// renderer tries again.
     pub fn open_ahead(&self) {
         let mut kept = self.kept.lock();
         if kept.opened.is_none() {
@@ -105,23 +105,23 @@ impl Graphics {
         })
     }
 
-    /// A device of its own for a test.
+    /// A separate device for a test.
     #[cfg(test)]
-    pub(super) fn device(&self) -> Result<Opened, RenderError> {
+    pub(super) fn device(&self) -> Result<OpenDevice, RenderError> {
         self.open_device()
     }
 
-    /// The light of the home that was drawn last.
+    /// Ambient light of the home that was rendered last.
     pub(super) fn last_home(&self) -> &LastHome {
         &self.last_home
     }
 
-    /// The device, the pipelines of a tier, and what packs pictures if the adapter does.
+    /// The device, the pipelines of a tier, and the packer if the adapter packs.
     pub(super) fn open(&self, tier: Tier) -> Result<Parts, RenderError> {
         let mut kept = self.kept.lock();
-        let broken = |opened: &Opened| opened.broken.load(Ordering::Acquire);
+        let broken = |opened: &OpenDevice| opened.broken.load(Ordering::Acquire);
         if kept.opened.as_ref().is_some_and(broken) {
-            *kept = Kept::default();
+            *kept = CachedParts::default();
         }
         let opened = match &kept.opened {
             Some(opened) => opened.clone(),
@@ -144,14 +144,14 @@ impl Graphics {
         Ok((opened, pipelines, packer))
     }
 
-    fn open_device(&self) -> Result<Opened, RenderError> {
+    fn open_device(&self) -> Result<OpenDevice, RenderError> {
         open(self.wanted.as_deref(), self.timed)
     }
 }
 
-fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
-    // Until the device is there.
-    let turn = Turn::wait();
+fn open(adapter: Option<&str>, timed: bool) -> Result<OpenDevice, RenderError> {
+    // Held until the device is open.
+    let lock = DriverLock::acquire();
     let (info, chosen) = adapter::choose(adapter)?;
     let features = match timed {
         true => timing::FEATURES & chosen.features(),
@@ -161,7 +161,7 @@ fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
         required_features: features,
         required_limits: wgpu::Limits {
             max_buffer_size: chosen.limits().max_buffer_size,
-            // Pictures beyond ten million pixels are packed through larger ones.
+            // Images beyond ten million pixels need larger bindings.
             max_storage_buffer_binding_size: chosen.limits().max_storage_buffer_binding_size,
             max_compute_workgroup_storage_size: chosen.limits().max_compute_workgroup_storage_size,
             ..Default::default()
@@ -172,7 +172,7 @@ fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
         adapter: info.name.clone(),
         reason: e.to_string(),
     })?;
-    drop(turn);
+    drop(lock);
     let failure = Arc::new(Mutex::new(None));
     device.on_uncaptured_error(Arc::new({
         let failure = failure.clone();
@@ -181,7 +181,7 @@ fn open(adapter: Option<&str>, timed: bool) -> Result<Opened, RenderError> {
             slot.get_or_insert(error.to_string());
         }
     }));
-    Ok(Opened {
+    Ok(OpenDevice {
         info,
         device,
         queue,

@@ -1,4 +1,4 @@
-//! Pictures of the home as it ships.
+//! Images of the bundled home.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -28,8 +28,8 @@ fn ids_of_the_home_follow_the_legend() {
     let names = |from: &str| scene.instances.iter().position(|(_, n)| n == from);
     assert!(names("floor") > names("base_link") && names("base_link") >= Some(home.objects.len()));
 
-    // Every object is seen from above, by its own id: the cans from below the
-    // next board of the shelf.
+    // Every object is visible from above by its own ID; the cans from below the next
+    // board of the shelf.
     let cameras: Vec<_> = home
         .objects
         .iter()
@@ -50,7 +50,7 @@ fn ids_of_the_home_follow_the_legend() {
     let Some(mut renderer) = renderer(&scene, &cameras, Quality::Fast) else {
         return;
     };
-    // Out of the way.
+    // Out of view.
     let rest = BodyState::resting(Translation3::new(0.0, 0.0, -50.0).into());
     let mut snapshot = snapshot(&vec![[0.0; 3]; home.objects.len()]);
     snapshot.links = vec![rest; robot.links.len()];
@@ -73,7 +73,7 @@ fn ids_of_the_home_follow_the_legend() {
 }
 
 #[test]
-fn a_part_of_a_picture_of_the_home_shows_the_same_and_so_does_a_fresh_renderer() {
+fn a_part_of_an_image_and_a_fresh_renderer_show_the_same() {
     let (robot, home, scene) = load();
     let whole = Intrinsics::centred([320, 180], 1.2);
     let [left, top] = [170_u32, 95];
@@ -112,7 +112,7 @@ fn a_part_of_a_picture_of_the_home_shows_the_same_and_so_does_a_fresh_renderer()
     let all: Vec<usize> = (0..cameras.len()).collect();
     let elsewhere = renderer.render(&there, &all).unwrap();
     let frames = renderer.render(&here, &all).unwrap();
-    // Shadows that were drawn anew in part, and all of them.
+    // Shadows updated in part, and all of them.
     let mut other = super::tests::renderer(&scene, &cameras, Quality::Standard).unwrap();
     let fresh = other.render(&here, &all).unwrap();
     for (frame, fresh) in frames.iter().zip(&fresh) {
@@ -127,7 +127,7 @@ fn a_part_of_a_picture_of_the_home_shows_the_same_and_so_does_a_fresh_renderer()
         let (of_whole, of_part) = (ids(whole), ids(part));
         let cut =
             (0..70).flat_map(|y| &of_whole[(y + top as usize) * 320 + left as usize..][..120]);
-        // Edges may lie a pixel elsewhere: adapters place them in single precision.
+        // Edges may be off by a pixel: adapters compute them in single precision.
         let others = cut.zip(&of_part).filter(|(a, b)| a != b).count();
         assert!(others <= of_part.len() / 200, "{others}");
         let kinds: BTreeSet<_> = of_part.iter().collect();
@@ -154,8 +154,8 @@ fn filters_of_standard_leave_depth_and_ids_of_draft() {
     }
     let link = |i| BodyState::resting(Translation3::new(-8.0, 3.0, 0.05 * f64::from(i)).into());
     now.links = (0..robot.links.len() as u32).map(link).collect();
-    let seen = |quality| Some(renderer(&scene, &cameras, quality)?.render(&now, &[0, 1, 2]));
-    let (Some(draft), Some(standard)) = (seen(Quality::Draft), seen(Quality::Standard)) else {
+    let images = |quality| Some(renderer(&scene, &cameras, quality)?.render(&now, &[0, 1, 2]));
+    let (Some(draft), Some(standard)) = (images(Quality::Draft), images(Quality::Standard)) else {
         return;
     };
     for (draft, standard) in draft.unwrap().iter().zip(&standard.unwrap()) {

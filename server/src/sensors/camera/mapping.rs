@@ -1,16 +1,16 @@
-//! How a texture lies on a shape: metres become repetitions.
+//! Texture mapping of shapes: converts metres to repetitions.
 
 use crate::geometry::texture::{has_grain, is_label};
 use crate::geometry::{Shape, Texture, TriMesh};
 
-/// Turns texture coordinates from metres into repetitions of the texture.
+/// Converts texture coordinates from metres to repetitions of the texture.
 ///
-/// - A label covers the height of its shape once; around a round shape it
-///   repeats a whole number of times, on a box it fills each side; lids and
-///   bottoms take the colour of the upper edge.
+/// - A label covers the height of its shape once. Around a round shape it repeats a
+///   whole number of times, on a box it fills each side; lids and bottoms have the
+///   colour of the upper edge.
 /// - A grain follows the longer side of a board, the axis of a round post.
-/// - Around a round shape everything else repeats a whole number of times too,
-///   so that there is no seam.
+/// - Around a round shape all other textures repeat a whole number of times, so that
+///   there is no seam.
 pub(super) fn fit(mesh: &mut TriMesh, shape: &Shape, texture: &Texture) {
     let round = widest_radius(shape);
     if is_label(&texture.pattern) {
@@ -81,7 +81,7 @@ fn fit_label(mesh: &mut TriMesh, round: Option<f64>) {
     }
 }
 
-/// Where a triangle looks: +x is east, +y north, +z top.
+/// Orientation of a triangle: +x is east, +y north, +z top.
 #[derive(Clone, Copy)]
 enum Side {
     East,

@@ -1,17 +1,18 @@
-//! Cameras: colour, depth in metres and instance ids, drawn headless with
-//! Vulkan. The only folder that names wgpu. Reads snapshots, changes nothing.
+//! Cameras: colour, depth in metres and instance IDs, rendered headless with Vulkan
+//! from snapshots. Only this folder uses wgpu.
 //!
-//! The pictures of a batch are one submission, all drawn before the first is read:
-//! what ends a pass ends the work of a CPU adapter too. On one adapter the same
-//! snapshot gives the same bytes; adapters differ in single bits.
+//! All images of a batch are one submission, rendered before the first is read back,
+//! because a CPU adapter finishes its work at the end of a pass. On one adapter the
+//! same snapshot gives the same bytes; adapters differ in single bits.
 
 mod adapter;
 mod ambient_occlusion;
 mod antialias;
 mod buffers;
-mod cells;
+mod culling_clusters;
 mod decoration;
 mod deflate;
+mod driver_lock;
 mod error;
 mod geometry;
 mod graphics;
@@ -33,7 +34,6 @@ pub mod spec;
 mod target;
 mod tier;
 mod timing;
-mod turn;
 mod uniform;
 mod view;
 
@@ -50,19 +50,19 @@ pub use scene::{Binding, MOST_BODIES, RenderItem, RenderScene, RenderedPerson, S
 pub use spec::{CameraSpec, Intrinsics};
 pub use wheelarm_proto::settings::Quality;
 
-/// Environment variable and value that keep Mesa's loader layer from looking for
-/// a desktop and complaining that `XDG_RUNTIME_DIR` is not set. To be set for
-/// the process by whoever starts it; harmless everywhere.
+/// Environment variable and value that prevent Mesa's loader layer from searching for a
+/// desktop and warning about `XDG_RUNTIME_DIR`. Set it when starting a process;
+/// harmless everywhere.
 pub const QUIET_LOADER: (&str, &str) = ("NODEVICE_SELECT", "1");
 
-/// What one camera saw.
+/// An image of one camera.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Index into the renderer's cameras.
     pub camera: usize,
     /// Lens.
     pub intrinsics: Intrinsics,
-    /// Pose of the camera in `house` when the picture was taken.
+    /// Pose of the camera in `house` when the image was taken.
     pub world_from_optical: Isometry3<f64>,
     /// sRGB, height x width x 3 bytes, rows from the top.
     pub rgb: Bytes,
@@ -71,7 +71,7 @@ pub struct Frame {
     pub depth: Bytes,
     /// Instance ids, height x width little-endian u16; 0 where nothing is hit.
     pub ids: Bytes,
-    /// The planes deflated, where that was asked for and the adapter can.
+    /// The deflated planes, if requested and supported by the adapter.
     pub deflated: Deflated,
 }
 

@@ -1,6 +1,6 @@
-// Pictures as they are handed out, one plane behind the other in a buffer of words:
-// colour without alpha, depth in metres, ids of 16 bits. Each invocation packs four
-// neighbours of the row-by-row order, so that it writes whole words.
+// Output images, one plane after the other in a buffer of words: color without alpha,
+// depth in metres, ids of 16 bits. Each invocation packs four neighbors in row order,
+// so it writes whole words.
 
 struct Planes {
     // Pixels per row, and in all.
@@ -12,7 +12,8 @@ struct Planes {
     // Bits of the nearest and the farthest depth, float32 metres.
     near: u32,
     far: u32,
-    // Colour where nothing is hit, its alpha byte 0; another where that is drawn.
+    // Color where nothing is hit, its alpha byte 0; another color where the background
+    // is rendered.
     background: u32,
     // Edges are smoothed where this is not 0.
     smooth_edges: u32,
@@ -27,11 +28,11 @@ struct Planes {
 const INFINITE: u32 = 0x7f800000u;
 const HIDDEN: u32 = 0x800000u;
 
-// near / reversed as bits, rounded to the nearest as IEEE 754 says, by whole
-// numbers: the division of a graphics card may be off by some units in the last
-// place. Infinite beyond the camera's range and where nothing is hit.
+// near / reversed as bits, rounded to nearest as in IEEE 754, in integers: the division
+// of a GPU may be off by some units in the last place. Infinite beyond the camera's
+// range and where nothing is hit.
 fn metres(reversed: u32) -> u32 {
-    // 0, and what is too small to be told from it.
+    // 0 and values too small to distinguish from it.
     if (reversed >> 23u) == 0u {
         return INFINITE;
     }
@@ -46,7 +47,7 @@ fn metres(reversed: u32) -> u32 {
         rest -= below * fits;
         quotient = (quotient << 1u) | fits;
     }
-    // Never a tie: the quotient of two numbers of 24 bits is none.
+    // Never a tie: the quotient of two 24-bit numbers cannot be one.
     quotient += u32(rest * 2u > below);
     let exponent = (planes.near >> 23u) + 127u - (reversed >> 23u) - less;
     let bits = (exponent << 23u) + (quotient - HIDDEN);

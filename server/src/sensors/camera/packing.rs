@@ -1,4 +1,4 @@
-//! Pictures packed on the adapter: what is read back is what is handed out.
+//! Packs images on the GPU, so that the read-back bytes are the final ones.
 
 use std::sync::{Arc, OnceLock};
 
@@ -10,13 +10,13 @@ use super::planes::Planes;
 use super::target::Target;
 use super::timing::Timing;
 
-/// Where pictures are packed: colour without alpha, depth in metres, ids of 16
-/// bits. The bytes are the same.
+/// Where images are packed: colour without alpha, depth in metres, IDs of 16 bits. The
+/// bytes are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
-    /// On the adapter; the pictures are handed out in the memory that it wrote.
+    /// On the GPU; images are shared in the memory that it wrote.
     Adapter,
-    /// By the processor, which reads what the adapter drew.
+    /// On the CPU, from the rendered textures.
     Processor,
 }
 
@@ -39,13 +39,13 @@ const PER_GROUP: usize = 256;
 /// Most workgroups along one axis.
 const MOST_GROUPS: usize = 32_768;
 
-/// The pipelines that pack.
+/// The pipelines for packing.
 pub(super) struct Packer {
     /// Ids in the alpha bytes.
     narrow: wgpu::ComputePipeline,
-    /// Ids in a texture of their own.
+    /// IDs in a separate texture.
     wide: wgpu::ComputePipeline,
-    /// There once somebody wants deflated pictures.
+    /// Created when deflated images are first requested.
     deflater: OnceLock<Option<Deflater>>,
 }
 
@@ -72,15 +72,15 @@ impl Packer {
         }
     }
 
-    /// What packs the pictures of a camera, `background` where nothing is hit; `None`
-    /// where they are larger than what a shader of this adapter can write.
+    /// Packer of a camera, with `background` where nothing is hit; `None` when the
+    /// images are larger than a shader of this adapter can write.
     pub(super) fn for_camera(
         self: &Arc<Self>,
         device: &wgpu::Device,
         target: &Target,
         background: wgpu::Color,
     ) -> Option<CameraPacker> {
-        let planes = Planes::of(target);
+        let planes = Planes::from_target(target);
         let [near, far] = target.spec.range.map(|metres| metres as f32);
         let most = device.limits().max_storage_buffer_binding_size;
         if planes.bytes() > most || !near.is_normal() {
@@ -146,14 +146,14 @@ impl Packer {
     }
 }
 
-/// As a picture's bytes, from the lowest on.
+/// Bytes of an image pixel, lowest first.
 fn rgb_bytes(color: wgpu::Color) -> u32 {
     let byte = |c: f64| (c as f32).clamp(0.0, 1.0).mul_add(255.0, 0.5) as u32;
     byte(color.r) | byte(color.g) << 8 | byte(color.b) << 16
 }
 
-/// What `make` makes, if the adapter takes it: the processor can do the same, so that a
-/// refusal or too little memory ends nothing.
+/// Returns the result of `make`, unless the adapter reports an error or too little
+/// memory: the CPU can do the same.
 fn tried<T>(device: &wgpu::Device, make: impl FnOnce() -> Option<T>) -> Option<T> {
     let filters = [
         wgpu::ErrorFilter::Internal,
@@ -163,11 +163,11 @@ fn tried<T>(device: &wgpu::Device, make: impl FnOnce() -> Option<T>) -> Option<T
     let scopes = filters.map(|filter| device.push_error_scope(filter));
     let made = make();
     let mut refused = false;
-    // The last that was opened is closed first.
+    // Scopes are closed in reverse order.
     for scope in scopes.into_iter().rev() {
         if let Some(error) = pollster::block_on(scope.pop()) {
             tracing::warn!(
-                "the processor compresses pictures, the graphics adapter cannot: {error}"
+                "images are compressed on the CPU because the graphics adapter cannot: {error}"
             );
             refused = true;
         }
@@ -175,7 +175,7 @@ fn tried<T>(device: &wgpu::Device, make: impl FnOnce() -> Option<T>) -> Option<T
     made.filter(|_| !refused)
 }
 
-/// What packs the pictures of one camera.
+/// Packer of the images of one camera.
 pub(super) struct CameraPacker {
     pub(super) planes: Planes,
     pipeline: wgpu::ComputePipeline,
@@ -183,12 +183,12 @@ pub(super) struct CameraPacker {
     groups: [u32; 2],
     packed: wgpu::Buffer,
     packer: Arc<Packer>,
-    /// By the form of depth, made when it is first asked for.
+    /// By the form of depth, created on first use.
     deflaters: [OnceLock<Option<Arc<CameraDeflater>>>; Depth::ALL.len()],
 }
 
 impl CameraPacker {
-    /// Appends what packs the picture that was drawn and copies it to `read`.
+    /// Records the commands that pack the rendered image and copy it to `read`.
     pub(super) fn pack(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -206,8 +206,8 @@ impl CameraPacker {
         encoder.copy_buffer_to_buffer(&self.packed, 0, read, 0, self.planes.bytes());
     }
 
-    /// What deflates what was packed, depth in that form, if that can be; made when it is
-    /// first asked for.
+    /// Deflater of the packed images with depth in the given form, if possible; created
+    /// on first use.
     pub(super) fn deflater(
         &self,
         device: &wgpu::Device,
@@ -230,8 +230,8 @@ mod tests {
     use crate::sensors::camera::RenderError;
 
     #[test]
-    fn what_the_adapter_refuses_is_not_made_and_ends_nothing() {
-        let graphics = crate::sensors::camera::Graphics::on(None);
+    fn resources_that_the_adapter_rejects_are_not_created() {
+        let graphics = crate::sensors::camera::Graphics::for_adapter(None);
         let opened = match graphics.device() {
             Ok(opened) => opened,
             Err(reason @ RenderError::NoDriver) => {
@@ -253,7 +253,7 @@ mod tests {
                 )
             })
         };
-        assert!(shader("no shader at all").is_none());
+        assert!(shader("not a shader").is_none());
         assert_eq!(*opened.failure.lock(), None);
         assert!(shader("@compute @workgroup_size(1) fn f() {}").is_some());
     }

@@ -1,19 +1,19 @@
-//! Pictures that the adapter packs are those that the processor packs, bit for bit.
+//! Images packed on the GPU equal those packed on the CPU, bit for bit.
 
 use super::tests::{camera, floor_and_box, item, looking, scene, snapshot};
 use super::*;
 use crate::geometry::Shape;
 use crate::look::{Irradiance, Reflection};
 
-/// The same renderer twice; `None`, with the reason printed, only where there is
-/// no Vulkan driver.
+/// Two equal renderers with different packing; `None`, with the reason printed, only
+/// without a Vulkan driver.
 pub(super) fn both(
     scene: &RenderScene,
     cameras: &[CameraSpec],
     quality: Quality,
 ) -> Option<[Renderer; 2]> {
     let made = [Packing::Adapter, Packing::Processor].map(|packing| {
-        let graphics = Graphics::on(None).packing(packing);
+        let graphics = Graphics::for_adapter(None).packing(packing);
         match Renderer::over(&graphics, scene, cameras, quality) {
             Ok(renderer) => Some(renderer),
             Err(reason @ RenderError::NoDriver) => {
@@ -29,7 +29,7 @@ pub(super) fn both(
     Some([adapter, processor])
 }
 
-/// Odd and even sizes, rows that are padded in copies and one that is not, the least.
+/// Odd and even sizes, rows with and without padding in copies, and the smallest.
 pub(super) const SIZES: [[u32; 2]; 6] = [[225, 127], [64, 48], [97, 61], [3, 5], [2, 1], [1, 1]];
 
 pub(super) fn sizes() -> Vec<CameraSpec> {
@@ -103,13 +103,13 @@ fn both_pack_the_same_ids_beyond_a_byte() {
         let two = processor.render(&now, &[0]).unwrap();
         assert_eq!(one[0].ids, two[0].ids);
         assert_eq!((&one[0].rgb, &one[0].depth), (&two[0].rgb, &two[0].depth));
-        let seen = one[0].ids();
-        assert!(ids.iter().all(|id| seen.contains(id)));
+        let visible = one[0].ids();
+        assert!(ids.iter().all(|id| visible.contains(id)));
     }
 }
 
 #[test]
-fn pictures_that_are_kept_stay_and_their_memory_comes_back() {
+fn held_images_stay_valid_and_their_memory_is_reused() {
     let scene = floor_and_box();
     let eye = camera(
         looking([2.5, 1.0, 1.5], [0.0; 3]),
@@ -121,7 +121,7 @@ fn pictures_that_are_kept_stay_and_their_memory_comes_back() {
         return;
     };
     let place = |i: usize| snapshot(&[[-0.9 + 0.1 * i as f64, 0.1, 0.6]]);
-    // More than are handed out without a copy.
+    // More than are shared without a copy.
     let kept: Vec<Frame> = (0..20)
         .flat_map(|i| adapter.render(&place(i), &[0]).unwrap())
         .collect();
@@ -132,7 +132,7 @@ fn pictures_that_are_kept_stay_and_their_memory_comes_back() {
     }
     let [spare, lent] = adapter.ring(0).counts();
     assert_eq!(lent, 12);
-    // A part is enough to keep a picture.
+    // One plane is enough to hold an image.
     let depth: Vec<_> = kept.into_iter().map(|frame| frame.depth).collect();
     assert_eq!(adapter.ring(0).counts(), [spare, lent]);
     drop(depth);
@@ -145,7 +145,7 @@ fn pictures_that_are_kept_stay_and_their_memory_comes_back() {
     assert_eq!(last[0].rgb, again[0].rgb);
 }
 
-/// Light of the same strength from everywhere, in which glass is transparent.
+/// Light of the same strength from all directions, with transparent glass.
 fn even_light() -> Surrounding {
     let levels = std::iter::successors(Some(Reflection::SIDE), |side| Some(side / 2));
     let levels = levels.take(5).map(|side| vec![120; side * side * 4]);
@@ -158,8 +158,8 @@ fn even_light() -> Surrounding {
     }
 }
 
-/// Where nothing is hit, pictures show the same sky, whatever was drawn there before and
-/// through a pane of glass.
+/// Where nothing is hit, images show the same sky, also through glass and independent
+/// of earlier images.
 #[test]
 fn both_show_the_sky_where_nothing_is_hit() {
     let ball = Shape::Sphere { radius: 0.2 };

@@ -1,29 +1,29 @@
-//! The same work for many things, on several cores.
+//! Parallel map over items.
 
 use parking_lot::Mutex;
 
-/// Most threads; what is worked on here is done in a moment.
+/// Largest number of threads; the jobs are short.
 const MOST: usize = 8;
 
-/// How many threads work at one time.
+/// Number of threads that run at the same time.
 pub(super) fn threads() -> usize {
     let cores = std::thread::available_parallelism();
     cores.map_or(1, usize::from).min(MOST)
 }
 
-/// What `work` makes of each thing, in the order of the things. Panics as it does.
-pub(super) fn map<T: Send, R: Send>(things: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
-    let count = things.len();
-    let waiting = Mutex::new(things.into_iter().enumerate());
+/// Results of `work` for each item, in order. Propagates panics.
+pub(super) fn map<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+    let count = items.len();
+    let waiting = Mutex::new(items.into_iter().enumerate());
     let some = || {
         let mut done = Vec::new();
         loop {
-            // The lock is let go before the work.
+            // The lock is released before the work.
             let next = waiting.lock().next();
-            let Some((index, thing)) = next else {
+            let Some((index, item)) = next else {
                 return done;
             };
-            done.push((index, work(thing)));
+            done.push((index, work(item)));
         }
     };
     let mut done = std::thread::scope(|scope| {
@@ -39,7 +39,7 @@ pub(super) fn map<T: Send, R: Send>(things: Vec<T>, work: impl Fn(T) -> R + Sync
     done.into_iter().map(|(_, made)| made).collect()
 }
 
-/// What a thread made; panics as it did.
+/// Result of a thread; propagates panics.
 pub(super) fn joined<T>(job: std::thread::ScopedJoinHandle<'_, T>) -> T {
     job.join()
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt;
 
-use crate::geometry::texture::{self, Picture};
+use crate::geometry::texture::{self, Image};
 use crate::look::Reflection;
 
-/// Repeating with halvings; comparing for the shadow map; smooth between levels.
+/// Repeating with mipmaps; comparing for the shadow map; smooth between levels.
 pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 3] {
     let linear = wgpu::FilterMode::Linear;
     [
@@ -34,7 +34,7 @@ pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 3] {
     ]
 }
 
-/// Uploads what smooth surfaces mirror.
+/// Uploads the reflection map of smooth surfaces.
 pub(super) fn upload_reflection(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
@@ -64,12 +64,12 @@ pub(super) fn upload_reflection(
     texture.create_view(&Default::default())
 }
 
-/// Uploads the pictures of `patterns`, one layer each.
+/// Uploads the images of `patterns`, one layer each.
 pub(super) fn upload(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     patterns: &[String],
-    pictures: &BTreeMap<String, Picture>,
+    images: &BTreeMap<String, Image>,
 ) -> wgpu::TextureView {
     let none = patterns.is_empty();
     let side = if none { 1 } else { texture::SIZE as u32 };
@@ -113,10 +113,10 @@ pub(super) fn upload(
     if none {
         write(0, 0, &[255; 4]);
     }
-    // One by one: together they are as much memory again.
-    let layers = patterns.iter().filter_map(|name| pictures.get(name));
-    for (layer, picture) in layers.enumerate() {
-        for (level, bytes) in picture.levels.iter().enumerate() {
+    // One by one: all together would double the memory.
+    let layers = patterns.iter().filter_map(|name| images.get(name));
+    for (layer, image) in layers.enumerate() {
+        for (level, bytes) in image.levels.iter().enumerate() {
             write(layer, level, bytes);
         }
         queue.submit([]);

@@ -1,4 +1,4 @@
-//! What the chair's camera sees of who sits in the chair, counted by instance ids.
+//! Visibility of the person in the chair camera, counted by instance IDs.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,11 +13,11 @@ use crate::snapshot::{PersonState, Snapshot};
 
 /// Pixels.
 const SIZE: [u32; 2] = [160, 90];
-/// Share of a picture that the head may take at most, and of pictures in which knees
-/// or hands are to be seen, by [`SEEN`] of the pixels at least.
+/// Largest share of an image for the head, and smallest share of images with visible
+/// knees or hands, which cover at least [`SEEN`] of the pixels.
 const HEAD: f64 = 0.05;
 const KNEES_OR_HANDS: f64 = 0.90;
-const SEEN: f64 = 0.005;
+const VISIBLE: f64 = 0.005;
 
 fn assets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
@@ -53,61 +53,62 @@ impl Stage {
         }
     }
 
-    /// The stage with a person drawn by a seed in the chair, and the chair's camera;
-    /// `None` without a graphics adapter.
+    /// The stage with a sampled person in the chair, and the chair's camera; `None`
+    /// without a graphics adapter.
     fn seat(
         &self,
         setting: &PersonSetting,
         seed: u64,
         quality: Quality,
     ) -> Option<(RenderScene, Renderer)> {
-        let drawn = setting.draw(&assets(), seed).expect("a person");
+        let drawn = setting.sample(&assets(), seed).expect("a person");
         let person = Arc::new(Person::load(&assets(), drawn).expect("a person"));
         let (model, scene) = (&self.model, &self.scene);
-        let seen = RenderScene::with_person(model, scene, &assets(), None, Some(&person));
-        let seen = seen.expect("a scene");
+        let scene_with_person =
+            RenderScene::with_person(model, scene, &assets(), None, Some(&person));
+        let scene_with_person = scene_with_person.expect("a scene");
         let mut mounts = model.settings.cameras.iter();
         let mount = mounts.find(|c| c.name == "wheelchair").expect("a camera");
         let camera = CameraSpec::on_robot(model, mount, SIZE).expect("a camera");
-        match Renderer::new(&seen, &[camera], quality, None) {
-            Ok(renderer) => Some((seen, renderer)),
+        match Renderer::new(&scene_with_person, &[camera], quality, None) {
+            Ok(renderer) => Some((scene_with_person, renderer)),
             Err(e) => {
-                eprintln!("no pictures here: {e}");
+                eprintln!("cannot render here: {e}");
                 None
             }
         }
     }
 
-    /// Ids of the chair camera's picture while the head stands so.
+    /// IDs of the chair camera's image at a pose of the head.
     fn ids(&self, renderer: &mut Renderer, head: HeadPose) -> Vec<u16> {
         let mut snapshot = self.snapshot.clone();
         snapshot.person = Some(PersonState {
             head,
             ..PersonState::default()
         });
-        let mut frames = renderer.render(&snapshot, &[0]).expect("a picture");
+        let mut frames = renderer.render(&snapshot, &[0]).expect("an image");
         frames.remove(0).ids().to_vec()
     }
 
-    /// Part of the chair camera's picture that each part of the body takes; `None`
-    /// without a graphics adapter.
+    /// Share of the chair camera's image for each part of the body; `None` without a
+    /// graphics adapter.
     fn shares(&self, body: &str, posture: &str) -> Option<BTreeMap<BodyPart, f64>> {
         let setting = PersonSetting {
             body: body.into(),
             posture: posture.into(),
             ..PersonSetting::default()
         };
-        let (seen, mut renderer) = self.seat(&setting, 1, Quality::Fast)?;
+        let (rendered, mut renderer) = self.seat(&setting, 1, Quality::Fast)?;
         let ids = self.ids(&mut renderer, HeadPose::default());
-        let parts = seen.person.as_ref().expect("a person").parts.iter();
+        let parts = rendered.person.as_ref().expect("a person").parts.iter();
         let share = |id: u16| ids.iter().filter(|i| **i == id).count() as f64 / ids.len() as f64;
         Some(parts.map(|&(id, part)| (part, share(id))).collect())
     }
 }
 
-/// The vertices that the head moves follow it there and back, drawn again or not.
+/// The vertices of the head follow it there and back, whether uploaded again or not.
 #[test]
-fn a_head_that_turns_is_drawn_where_it_is() {
+fn a_turned_head_is_rendered_at_its_pose() {
     let stage = Stage::new();
     let setting = PersonSetting {
         body: "man_p95".into(),
@@ -116,7 +117,7 @@ fn a_head_that_turns_is_drawn_where_it_is() {
     let Some((_, mut renderer)) = stage.seat(&setting, 4, Quality::Standard) else {
         return;
     };
-    let mut picture = |yaw: f64| {
+    let mut image = |yaw: f64| {
         let head = HeadPose {
             yaw,
             pitch: yaw,
@@ -124,7 +125,7 @@ fn a_head_that_turns_is_drawn_where_it_is() {
         };
         stage.ids(&mut renderer, head)
     };
-    let [ahead, again, turned, back] = [0.0, 0.0, 0.4, 0.0].map(&mut picture);
+    let [ahead, again, turned, back] = [0.0, 0.0, 0.4, 0.0].map(&mut image);
     let others = |a: &[u16], b: &[u16]| a.iter().zip(b).filter(|(a, b)| a != b).count();
     assert_eq!((others(&ahead, &again), others(&ahead, &back)), (0, 0));
     assert!(others(&ahead, &turned) > 20, "{}", others(&ahead, &turned));
@@ -151,7 +152,7 @@ fn names() -> (Vec<String>, Vec<String>) {
 
 fn check(pairs: impl Iterator<Item = (String, String)>) {
     let stage = Stage::new();
-    let (mut count, mut seen, mut wrong, mut most) = (0, 0, Vec::new(), 0.0_f64);
+    let (mut count, mut visible, mut wrong, mut most) = (0, 0, Vec::new(), 0.0_f64);
     for (body, posture) in pairs {
         let Some(shares) = stage.shares(&body, &posture) else {
             return;
@@ -160,7 +161,7 @@ fn check(pairs: impl Iterator<Item = (String, String)>) {
         let head = of(&[BodyPart::Head, BodyPart::Face, BodyPart::Mouth]);
         let shown = of(&[BodyPart::Lap, BodyPart::Hands]);
         count += 1;
-        seen += usize::from(shown >= SEEN);
+        visible += usize::from(shown >= VISIBLE);
         most = most.max(head);
         println!(
             "{body:12} {posture:18} head {:5.1} %, knees and hands {:5.1} %",
@@ -171,22 +172,22 @@ fn check(pairs: impl Iterator<Item = (String, String)>) {
             wrong.push(format!("{body}, {posture}: head {:.1} %", head * 100.0));
         }
     }
-    let part = f64::from(seen as u32) / f64::from(count);
+    let part = f64::from(visible as u32) / f64::from(count);
     println!(
-        "{count} pictures: head at most {:.1} %, knees or hands in {:.1} %",
+        "{count} images: head at most {:.1} %, knees or hands in {:.1} %",
         most * 100.0,
         part * 100.0
     );
     assert!(
         part >= KNEES_OR_HANDS,
-        "knees or hands in {seen} of {count}"
+        "knees or hands in {visible} of {count}"
     );
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// Every body once, each in another posture.
 #[test]
-fn the_chair_camera_sees_knees_and_hands_and_hardly_the_head() {
+fn the_chair_camera_sees_knees_and_hands_and_little_of_the_head() {
     let (bodies, postures) = names();
     let posture = |i: usize| postures[(5 * i) % postures.len()].clone();
     check(

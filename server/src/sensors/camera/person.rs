@@ -1,5 +1,5 @@
-//! The head of a person: vertices that head and jaw move are written anew whenever
-//! these have moved; all else of the person rides on the chair as it was posed.
+//! The moving head of a person: vertices that head and jaw move are uploaded again when
+//! these have moved. The rest of the person is fixed to the chair.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,29 +10,29 @@ use super::scene::RenderScene;
 use crate::people::{HeadPose, Person};
 use crate::snapshot::Snapshot;
 
-/// The moving part of a person on the adapter.
+/// The moving part of a person on the GPU.
 pub(super) struct PersonMesh {
     person: Arc<Person>,
     /// Vertices of the mesh that move.
     moving: Vec<usize>,
-    /// Stretches of the vertex buffer.
+    /// Ranges of the vertex buffer.
     runs: Vec<Run>,
-    /// Bodies that they belong to.
+    /// Bodies of these vertices.
     bodies: Vec<usize>,
-    /// What the adapter holds; nothing is known of it before the first picture.
+    /// Pose of the uploaded vertices; `None` before the first image.
     written: Option<HeadPose>,
 }
 
-/// Neighbouring vertices.
+/// Consecutive vertices.
 struct Run {
     /// First in the buffer.
     first: usize,
-    /// As they were uploaded, with the place in `moving` of those that move.
+    /// As uploaded, with the index in `moving` of those that move.
     vertices: Vec<(Vertex, Option<usize>)>,
 }
 
-/// Vertices between two that move which are written along: a write costs as much as
-/// many of them.
+/// Fixed vertices between two moving ones that are uploaded with them: one upload costs
+/// as much as many vertices.
 const BETWEEN: usize = 128;
 
 impl PersonMesh {
@@ -93,8 +93,8 @@ impl PersonMesh {
         })
     }
 
-    /// Gives the adapter the head of a snapshot, and tells whether it is another one. A
-    /// snapshot without a person leaves it as it was.
+    /// Uploads the head of a snapshot and returns whether it changed. A snapshot
+    /// without a person changes nothing.
     pub(super) fn write(
         &mut self,
         queue: &wgpu::Queue,
@@ -126,14 +126,14 @@ impl PersonMesh {
         true
     }
 
-    /// The bodies whose vertices move, by their place among all.
+    /// The bodies whose vertices move, by index.
     pub(super) fn bodies(&self) -> &[usize] {
         &self.bodies
     }
 }
 
 impl Run {
-    /// Behind its last vertex.
+    /// One past its last vertex.
     fn end(&self) -> usize {
         self.first + self.vertices.len()
     }

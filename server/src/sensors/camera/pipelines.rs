@@ -5,36 +5,36 @@ use std::sync::atomic::AtomicBool;
 use super::buffers::{Finish, Shine};
 use super::tier::Tier;
 
-/// Linear values come out of the shader with the display's gamma already in.
+/// The shader applies the display's gamma to linear values.
 pub(super) const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Depth of pictures (reversed) and of the shadow map.
+/// Depth of images (reversed) and of the shadow map.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Ids when they do not travel in the alpha byte.
+/// IDs that are not stored in the alpha byte.
 pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R16Uint;
 
 const STRIDE: u64 = std::mem::size_of::<super::buffers::Vertex>() as u64;
 
 /// All pipelines of a renderer.
 pub(super) struct Pipelines {
-    /// Group 0: camera, bodies, materials, pictures, reflection.
+    /// Group 0: camera, bodies, materials, images, reflection.
     pub(super) scene_layout: wgpu::BindGroupLayout,
     /// Group 1: shadow map.
     pub(super) shadow_layout: wgpu::BindGroupLayout,
-    /// In the order of [`Finish::ALL`]; glass takes light away first and adds
-    /// its own in a second pass.
+    /// In the order of [`Finish::ALL`]; glass absorbs light first and adds its own in a
+    /// second pass.
     surfaces: Vec<(wgpu::RenderPipeline, Option<wgpu::RenderPipeline>)>,
-    /// Draws what throws a shadow.
+    /// Renders shadow casters.
     pub(super) caster: wgpu::RenderPipeline,
     /// Clears a part of the shadow map.
     pub(super) erase: wgpu::RenderPipeline,
     /// Depth and ids only.
     pub(super) outline: Option<wgpu::RenderPipeline>,
-    /// Something was drawn with them: the driver has compiled most of them.
+    /// The pipelines have been used: the driver has compiled most of them.
     pub(super) drew: AtomicBool,
 }
 
 impl Pipelines {
-    /// The pipelines that draw a finish, one after the other.
+    /// The pipelines of a finish, in order.
     pub(super) fn surface(
         &self,
         finish: Finish,
@@ -125,7 +125,7 @@ impl Pipelines {
     }
 }
 
-/// Finishes that there can be.
+/// Finishes of a tier.
 fn finishes(tier: Tier) -> &'static [Finish] {
     match tier.lit {
         true => &Finish::ALL,
@@ -168,13 +168,13 @@ struct Stage<'a> {
     mix: Mix,
 }
 
-/// What becomes of what is there already.
+/// Blending with the existing pixel.
 #[derive(Clone, Copy, PartialEq)]
 enum Mix {
     Replace,
-    /// Its colour is multiplied, its id stays.
+    /// Its colour is multiplied, its ID is kept.
     Filter,
-    /// Light is added to its colour, its id is replaced.
+    /// Light is added to its colour, its ID is replaced.
     Cover,
 }
 
@@ -200,9 +200,9 @@ impl Mix {
 
 #[derive(Clone, Copy)]
 enum DepthUse {
-    /// Near is 1, nothing is 0.
+    /// Near is 1, infinity is 0.
     Reversed,
-    /// Grows away from the sun.
+    /// Increases away from the sun.
     Shadow,
     /// Overwrites the shadow map.
     Erase,

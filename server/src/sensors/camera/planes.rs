@@ -1,10 +1,10 @@
-//! How a packed picture lies in memory.
+//! Memory layout of a packed image.
 
 use std::ops::Range;
 
 use super::target::Target;
 
-/// Where the planes of a packed picture lie, bytes. Each begins at a whole word.
+/// Offsets of the planes of a packed image, bytes. Each begins at a whole word.
 #[derive(Clone, Copy)]
 pub(super) struct Planes {
     pub(super) width: u32,
@@ -12,7 +12,7 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    pub(super) fn of(target: &Target) -> Self {
+    pub(super) fn from_target(target: &Target) -> Self {
         let lens = &target.spec.intrinsics;
         Self {
             width: lens.width,
@@ -20,12 +20,12 @@ impl Planes {
         }
     }
 
-    /// Pixels, four by four.
+    /// Groups of four pixels.
     fn fours(self) -> usize {
         self.pixels.div_ceil(4)
     }
 
-    /// Colour, depth, ids.
+    /// Ranges of colour, depth, IDs.
     pub(super) fn ranges(self) -> [Range<usize>; 3] {
         let (depth, ids) = (self.fours() * 12, self.fours() * 28);
         [
@@ -35,7 +35,7 @@ impl Planes {
         ]
     }
 
-    /// All of it.
+    /// Total size, bytes.
     pub(super) fn bytes(self) -> u64 {
         self.fours() as u64 * 36
     }

@@ -1,11 +1,11 @@
-//! What a renderer needs before anything is uploaded.
+//! Preparation of a renderer on the CPU.
 
 use std::sync::Arc;
 
 use super::RenderError;
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
-use super::graphics::{Graphics, Opened};
+use super::graphics::{Graphics, OpenDevice};
 use super::packing::Packer;
 use super::parallel;
 use super::pipelines::Pipelines;
@@ -13,7 +13,7 @@ use super::scene::{Binding, RenderScene};
 use super::spec::CameraSpec;
 use super::tier::Tier;
 
-/// That they can be, on what the scene has.
+/// Checks that the cameras fit the scene.
 pub(super) fn check_cameras(
     scene: &RenderScene,
     cameras: &[CameraSpec],
@@ -31,32 +31,32 @@ pub(super) fn check_cameras(
         {
             return Err(RenderError::BadCamera {
                 camera: camera.name.clone(),
-                reason: format!("it sits on body {i}, there are {count}"),
+                reason: format!("it is on body {i}, there are {count}"),
             });
         }
     }
     Ok(())
 }
 
-/// What a renderer is made of before anything is uploaded.
-pub(super) struct Prepared {
-    pub(super) opened: Opened,
+/// Data of a renderer before the upload.
+pub(super) struct PreparedScene {
+    pub(super) opened: OpenDevice,
     pub(super) pipelines: Arc<Pipelines>,
     pub(super) packer: Option<Arc<Packer>>,
     pub(super) surroundings: Surroundings,
     pub(super) buffers: Buffers,
 }
 
-/// Works out what needs no adapter while the driver starts and compiles.
+/// Computes everything that needs no adapter, while the driver starts and compiles.
 pub(super) fn prepare(
     scene: &RenderScene,
     tier: Tier,
     graphics: &Graphics,
-) -> Result<Prepared, RenderError> {
+) -> Result<PreparedScene, RenderError> {
     std::thread::scope(|scope| {
         let arranging = scope.spawn(|| {
             let surroundings = Surroundings::new(scene);
-            let mut light = graphics.last_home().of(&surroundings);
+            let mut light = graphics.last_home().take(&surroundings);
             let buffers = Buffers::new(scene, &mut light, tier);
             graphics.last_home().keep(light);
             (surroundings, buffers)
@@ -64,7 +64,7 @@ pub(super) fn prepare(
         let opened = graphics.open(tier);
         let (surroundings, buffers) = parallel::joined(arranging);
         let (opened, pipelines, packer) = opened?;
-        Ok(Prepared {
+        Ok(PreparedScene {
             opened,
             pipelines,
             packer,

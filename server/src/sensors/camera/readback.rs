@@ -1,5 +1,5 @@
-//! From textures to bytes: packed on the adapter and handed out as they are, or
-//! copied with padded rows and packed by the processor.
+//! From textures to bytes: packed on the GPU and shared as they are, or copied with
+//! padded rows and packed on the CPU.
 
 use std::sync::Arc;
 
@@ -15,17 +15,17 @@ use super::ring::Ring;
 use super::target::Target;
 use super::timing::Timing;
 
-/// Pixels from which on the adapter deflates a picture in less time than the
-/// processor needs to ask for that.
+/// Number of pixels from which the GPU deflates an image faster than the CPU can
+/// request it.
 const WORTH_IT: usize = 65_536;
 
-/// How the pictures of one camera reach the processor.
+/// Transfers the images of one camera to the CPU.
 pub(super) struct ReadBack {
     ring: Ring,
     way: Way,
 }
 
-/// What a picture is read through.
+/// Buffers through which an image is read.
 #[derive(Clone)]
 pub(super) struct Buffers {
     planes: wgpu::Buffer,
@@ -33,7 +33,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// Asks for them to be mapped when they are written.
+    /// Requests mapping after they are written.
     pub(super) fn map(&self) {
         let results = self.deflated.iter().map(|results| &results.buffer);
         for buffer in results.chain([&self.planes]) {
@@ -42,8 +42,8 @@ impl Buffers {
     }
 }
 
-/// Colour, depth and ids, as they are and deflated.
-pub(super) type Picture = ([Bytes; 3], Deflated);
+/// Colour, depth and IDs, exact and deflated.
+pub(super) type Image = ([Bytes; 3], Deflated);
 
 enum Way {
     Packed(Box<CameraPacker>),
@@ -51,7 +51,7 @@ enum Way {
 }
 
 impl ReadBack {
-    /// By `packer`, where there is one and it can; `background` is where nothing is hit.
+    /// Uses `packer` if possible; `background` is the colour where nothing is hit.
     pub(super) fn new(
         device: &wgpu::Device,
         target: &Target,
@@ -62,7 +62,11 @@ impl ReadBack {
         let packed = packer.and_then(for_camera);
         let way = match packed {
             Some(packed) => Way::Packed(Box::new(packed)),
-            None => Way::Unpacked(Layout::of(target), target.spec.range, Mutex::default()),
+            None => Way::Unpacked(
+                Layout::from_target(target),
+                target.spec.range,
+                Mutex::default(),
+            ),
         };
         let bytes = match &way {
             Way::Packed(packed) => packed.planes.bytes(),
@@ -74,7 +78,7 @@ impl ReadBack {
         }
     }
 
-    /// In which order what the adapter draws is best drawn.
+    /// The best order of rendering for this read-back.
     pub(super) fn order(&self) -> Order {
         match self.is_packed() {
             true => Order::Finish,
@@ -82,17 +86,17 @@ impl ReadBack {
         }
     }
 
-    /// Whether it shows the background where nothing was drawn.
+    /// Whether it fills in the background where nothing was rendered.
     pub(super) fn has_background(&self, target: &Target) -> bool {
         self.is_packed() && !target.is_averaged()
     }
 
-    /// Whether nothing is left to do for the processor.
+    /// Whether the CPU has nothing left to do.
     pub(super) fn is_packed(&self) -> bool {
         matches!(self.way, Way::Packed(_))
     }
 
-    /// Whether the adapter deflates pictures in less time than the processor.
+    /// Whether the GPU deflates images faster than the CPU.
     pub(super) fn deflates(&self) -> bool {
         match &self.way {
             Way::Packed(packed) => packed.planes.pixels >= WORTH_IT,
@@ -100,8 +104,8 @@ impl ReadBack {
         }
     }
 
-    /// Appends what brings the picture that was drawn into buffers, and names them;
-    /// also `deflated`, depth in that form, where that is asked for and can be.
+    /// Records the copies of the rendered image to the returned buffers, and `deflated`
+    /// with depth in that form, if requested and possible.
     pub(super) fn copy(
         &self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -130,8 +134,8 @@ impl ReadBack {
         buffers
     }
 
-    /// The picture in buffers that are mapped.
-    pub(super) fn picture(&self, buffers: Buffers) -> Result<Picture, String> {
+    /// The image in mapped buffers.
+    pub(super) fn image(&self, buffers: Buffers) -> Result<Image, String> {
         let buffer = buffers.planes;
         match &self.way {
             Way::Packed(packed) => {
@@ -144,7 +148,7 @@ impl ReadBack {
                 let mapped = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
                 let planes = layout.unpack(&mapped, *range, &mut memory.lock());
                 drop(mapped);
-                self.ring.give_back(buffer);
+                self.ring.release(buffer);
                 Ok((planes, Deflated::default()))
             }
         }
@@ -161,15 +165,15 @@ impl ReadBack {
 pub(super) struct Layout {
     width: usize,
     height: usize,
-    /// Bytes per row of four-byte pixels, padded to what copies want.
+    /// Bytes per row of four-byte pixels, padded for copies.
     row: usize,
-    /// Bytes per row of two-byte ids when they have a plane of their own.
+    /// Bytes per row of two-byte IDs, if they have a separate plane.
     id_row: Option<usize>,
     smooth_edges: bool,
 }
 
 impl Layout {
-    pub(super) fn of(target: &Target) -> Self {
+    pub(super) fn from_target(target: &Target) -> Self {
         let padded =
             |bytes: u32| bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT) as usize;
         let lens = &target.spec.intrinsics;
@@ -190,7 +194,7 @@ impl Layout {
         (2 * self.plane() + self.id_row.unwrap_or(0) * self.height) as u64
     }
 
-    /// Appends the copies of a camera's textures to its read buffer.
+    /// Records the copies of a camera's textures to its read buffer.
     pub(super) fn copy(
         self,
         encoder: &mut wgpu::CommandEncoder,
@@ -240,7 +244,7 @@ impl Layout {
             let line = |width: usize| y * self.width * width..(y + 1) * self.width * width;
             let source = &colors[y * self.row..][..self.width * 4];
             let ids = &mut ids[line(2)];
-            take_apart(source, &mut rgb[line(3)], ids);
+            split_pixels(source, &mut rgb[line(3)], ids);
             if let Some(row) = self.id_row {
                 let source = &bytes[2 * self.plane() + y * row..][..self.width * 2];
                 let (source, _) = source.as_chunks::<2>();
@@ -253,7 +257,7 @@ impl Layout {
             let (source, _) = source.as_chunks::<4>();
             let (target, _) = depth[line(4)].as_chunks_mut::<4>();
             for (to, from) in target.iter_mut().zip(source) {
-                // Reversed depth is near / z, 0 where nothing was drawn.
+                // Reversed depth is near / z, 0 where nothing was rendered.
                 let z = near / f32::from_ne_bytes(*from);
                 *to = (if z > far { f32::INFINITY } else { z }).to_le_bytes();
             }
@@ -272,9 +276,9 @@ impl Layout {
     }
 }
 
-/// Colour without alpha, and alpha as numbers of 16 bits: four pixels at a time, as
-/// three words and two.
-fn take_apart(pixels: &[u8], rgb: &mut [u8], ids: &mut [u8]) {
+/// Splits colour and alpha, which is a 16-bit number: four pixels at a time, as three
+/// words and two.
+fn split_pixels(pixels: &[u8], rgb: &mut [u8], ids: &mut [u8]) {
     let (fours, rest) = pixels.as_chunks::<16>();
     let (rgb_fours, rgb_rest) = rgb.as_chunks_mut::<12>();
     let (id_fours, id_rest) = ids.as_chunks_mut::<8>();
@@ -303,15 +307,14 @@ fn take_apart(pixels: &[u8], rgb: &mut [u8], ids: &mut [u8]) {
     }
 }
 
-/// Memory of earlier frames, used again when nobody holds them any more:
-/// fresh pages cost a fifth of the time that a picture takes to unpack.
+/// Memory of earlier frames that is reused when no reader holds them: fresh pages cost
+/// a fifth of the time to unpack an image.
 #[derive(Default)]
 pub(super) struct Memory {
     given: Vec<[Bytes; 3]>,
 }
 
-/// Frames that are remembered: those that a transport keeps for latecomers, and
-/// those on their way.
+/// Number of stored frames: those in the transport's cache and those in flight.
 const REMEMBERED: usize = 12;
 
 impl Memory {
@@ -346,11 +349,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_are_taken_apart_whatever_their_number() {
+    fn any_number_of_pixels_is_split() {
         for count in [1, 3, 4, 5, 8, 225] {
             let pixels: Vec<u8> = (0..count * 4).map(|i| (i * 37 + i / 7) as u8).collect();
             let (mut rgb, mut ids) = (vec![0; count * 3], vec![1; count * 2]);
-            take_apart(&pixels, &mut rgb, &mut ids);
+            split_pixels(&pixels, &mut rgb, &mut ids);
             let all = pixels.as_chunks::<4>().0;
             let colour: Vec<u8> = all.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
             let alpha: Vec<u8> = all.iter().flat_map(|p| [p[3], 0]).collect();

@@ -1,4 +1,4 @@
-//! The renderer: uploads a scene once, then draws snapshots of it.
+//! The renderer: uploads a scene once, then renders snapshots of it.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,12 +13,12 @@ use wheelarm_proto::settings::Depth;
 use super::adapter::{self, AdapterInfo};
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Shine;
-use super::geometry::{BodyRows, Geometry, Seen};
-use super::graphics::{Graphics, Opened};
+use super::geometry::{BodyRows, Geometry, VisibleRange};
+use super::graphics::{Graphics, OpenDevice};
 use super::person::PersonMesh;
 use super::pipelines::Pipelines;
-use super::prepare::{Prepared, check_cameras, prepare};
-use super::readback::{Buffers as ReadBuffers, Picture, ReadBack};
+use super::prepare::{PreparedScene, check_cameras, prepare};
+use super::readback::{Buffers as ReadBuffers, Image, ReadBack};
 use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
@@ -32,7 +32,7 @@ use super::{Frame, Quality, RenderError, patterns};
 use crate::scene::Lighting;
 use crate::snapshot::Snapshot;
 
-/// Draws the cameras of one scene. Belongs to one thread at a time, any thread.
+/// Renders the cameras of one scene. Used by one thread at a time.
 pub struct Renderer {
     info: AdapterInfo,
     device: wgpu::Device,
@@ -55,27 +55,27 @@ pub struct Renderer {
     shadow_group: wgpu::BindGroup,
     /// Links, objects and sliding furniture that a snapshot must have.
     expected: [usize; 3],
-    /// One for each camera.
+    /// One per camera.
     read_back: Vec<ReadBack>,
-    /// Whose pictures are deflated, with depth in which form.
+    /// Cameras to deflate, with the form of depth.
     deflated: Vec<Option<Depth>>,
-    /// Batches in flight, oldest first: pictures that were asked for together.
+    /// Batches in flight, oldest first.
     pending: VecDeque<Vec<Pending>>,
 }
 
-/// Batches that can be drawn before the first one is read: the adapter goes on
-/// with the second while the first is unpacked and sent.
+/// Batches that can be submitted before the first one is read: the GPU continues with
+/// the second while the first is unpacked and sent.
 pub const IN_FLIGHT: usize = 2;
 
 /// Reversed depth where nothing is hit.
 const FARTHEST: wgpu::LoadOp<f32> = wgpu::LoadOp::Clear(0.0);
 
-/// A picture that is submitted, not yet read.
+/// A submitted image that is not read yet.
 struct Pending {
     submission: wgpu::SubmissionIndex,
     camera: usize,
     world_from_optical: Isometry3<f64>,
-    /// What it is read through.
+    /// Read-back buffers.
     buffers: ReadBuffers,
 }
 
@@ -86,8 +86,8 @@ impl Renderer {
         adapter::list()
     }
 
-    /// As [`Renderer::over`] on a device of its own. `adapter` is an index, a PCI id or a
-    /// part of an adapter's name; without it the strongest is taken.
+    /// As [`Renderer::over`] with a separate device. `adapter` is an index, a PCI ID or
+    /// a part of an adapter's name; without it the best one is used.
     ///
     /// # Errors
     /// As [`Renderer::over`].
@@ -97,13 +97,14 @@ impl Renderer {
         quality: Quality,
         adapter: Option<&str>,
     ) -> Result<Self, RenderError> {
-        Self::over(&Graphics::on(adapter), scene, cameras, quality)
+        Self::over(&Graphics::for_adapter(adapter), scene, cameras, quality)
     }
 
-    /// Uploads a scene to a device that others may use as well.
+    /// Uploads a scene to a shared device.
     ///
     /// # Errors
-    /// When there is no Vulkan driver, no such adapter, a camera cannot be, or the adapter fails.
+    /// Without a Vulkan driver, for an unknown adapter or an invalid camera, or when
+    /// the adapter fails.
     pub fn over(
         graphics: &Graphics,
         scene: &RenderScene,
@@ -111,15 +112,15 @@ impl Renderer {
         quality: Quality,
     ) -> Result<Self, RenderError> {
         check_cameras(scene, cameras)?;
-        let tier = Tier::of(quality, scene);
-        let Prepared {
+        let tier = Tier::for_scene(quality, scene);
+        let PreparedScene {
             opened,
             pipelines,
             packer,
             surroundings,
             buffers,
         } = prepare(scene, tier, graphics)?;
-        let Opened {
+        let OpenDevice {
             info,
             device,
             queue,
@@ -135,7 +136,7 @@ impl Renderer {
             contents: bytemuck::cast_slice(&buffers.materials),
             usage: wgpu::BufferUsages::STORAGE,
         });
-        let pictures = patterns::upload(&device, &queue, &buffers.patterns, &scene.textures);
+        let images = patterns::upload(&device, &queue, &buffers.patterns, &scene.textures);
         let shadow = ShadowMap::new(&device, sun, tier.shadow_size);
         let targets: Vec<Target> = cameras
             .iter()
@@ -152,7 +153,7 @@ impl Renderer {
                     target.uniform.as_entire_binding(),
                     geometry.body_rows.as_entire_binding(),
                     materials.as_entire_binding(),
-                    wgpu::BindingResource::TextureView(&pictures),
+                    wgpu::BindingResource::TextureView(&images),
                     wgpu::BindingResource::Sampler(&repeating),
                     wgpu::BindingResource::TextureView(&reflection),
                     wgpu::BindingResource::Sampler(&smooth),
@@ -164,7 +165,7 @@ impl Renderer {
             &device,
             &pipelines.shadow_layout,
             &[
-                wgpu::BindingResource::TextureView(&shadow.picture.view),
+                wgpu::BindingResource::TextureView(&shadow.image.view),
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
@@ -200,7 +201,7 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// The adapter that draws.
+    /// The adapter used for rendering.
     #[must_use]
     pub fn adapter(&self) -> &AdapterInfo {
         &self.info
@@ -211,23 +212,23 @@ impl Renderer {
         self.targets.iter().map(|t| &t.spec)
     }
 
-    /// Whether the adapter deflates the pictures of a camera in less time than the
-    /// processor, if it is asked to; by its index.
+    /// Whether the GPU deflates the images of a camera faster than the CPU, if
+    /// requested; by its index.
     #[must_use]
     pub fn deflates(&self, camera: usize) -> bool {
         self.read_back.get(camera).is_some_and(ReadBack::deflates)
     }
 
-    /// Whether the pictures of a camera are to be deflated from the next on, where the
-    /// adapter can, and how depth is kept; by its index.
+    /// Whether to deflate the images of a camera from the next on, if the adapter can,
+    /// and the stored form of depth; by its index.
     pub fn deflate(&mut self, camera: usize, wanted: Option<Depth>) {
         if let Some(deflated) = self.deflated.get_mut(camera) {
             *deflated = wanted;
         }
     }
 
-    /// Draws a picture that nobody gets where nothing was drawn with these pipelines yet:
-    /// drivers compile when something is drawn first.
+    /// Renders an image and discards it, if the pipelines have not been used: drivers
+    /// compile at first use.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -238,7 +239,7 @@ impl Renderer {
         }
     }
 
-    /// Draws some of the cameras and waits for the pictures, in the order asked for.
+    /// Renders some of the cameras and waits for the images, in the given order.
     ///
     /// # Errors
     /// When a camera does not exist, the snapshot is of another scene, a batch is
@@ -255,8 +256,8 @@ impl Renderer {
         self.collect()
     }
 
-    /// Begins to draw some of the cameras. Up to [`IN_FLIGHT`] batches can be
-    /// begun before the first one is collected.
+    /// Submits images of some of the cameras. Up to [`IN_FLIGHT`] batches can be
+    /// submitted before the first one is collected.
     ///
     /// # Errors
     /// As [`Renderer::render`], and when too many batches are in flight.
@@ -314,12 +315,12 @@ impl Renderer {
                 .draw(&mut encoder, &self.pipelines, group, &self.geometry, &poses);
         }
         self.timing.begins(&mut encoder, "draw");
-        // All are drawn before the first is copied: a copy waits for what it copies, and
-        // a CPU adapter draws nothing meanwhile.
+        // All images are rendered before the first is copied: a copy waits for its
+        // source, and a CPU adapter renders nothing meanwhile.
         for (&c, view) in cameras.iter().zip(&views) {
             let order = self.read_back[c].order();
-            let seen = self.geometry.seen(view, &poses, order);
-            self.draw_camera(&mut encoder, c, &seen);
+            let visible = self.geometry.visible(view, &poses, order);
+            self.draw_camera(&mut encoder, c, &visible);
         }
         let mut buffers = Vec::with_capacity(cameras.len());
         for &c in cameras {
@@ -332,45 +333,45 @@ impl Renderer {
         self.timing.ends(&self.device, &mut encoder);
         self.pipelines.drew.store(true, Ordering::Relaxed);
         let submission = self.queue.submit([encoder.finish()]);
-        let mut pictures = Vec::with_capacity(cameras.len());
+        let mut images = Vec::with_capacity(cameras.len());
         for ((&camera, view), buffers) in cameras.iter().zip(&views).zip(buffers) {
             buffers.map();
-            pictures.push(Pending {
+            images.push(Pending {
                 submission: submission.clone(),
                 camera,
                 world_from_optical: view.world_from_optical,
                 buffers,
             });
         }
-        self.pending.push_back(pictures);
+        self.pending.push_back(images);
         Ok(())
     }
 
-    /// Waits for the pictures of the oldest batch, in the order asked for;
-    /// there are none when nothing is in flight.
+    /// Waits for the images of the oldest batch, in the given order; returns none when
+    /// nothing is in flight.
     ///
     /// # Errors
     /// When the adapter fails.
     pub fn collect(&mut self) -> Result<Vec<Frame>, RenderError> {
-        let Some(pictures) = self.pending.pop_front() else {
+        let Some(images) = self.pending.pop_front() else {
             return Ok(Vec::new());
         };
         let read = std::thread::scope(|scope| -> Result<Vec<_>, RenderError> {
-            let mut jobs = Vec::with_capacity(pictures.len());
-            for p in &pictures {
+            let mut jobs = Vec::with_capacity(images.len());
+            for p in &images {
                 self.device
                     .poll(wgpu::PollType::Wait {
                         submission_index: Some(p.submission.clone()),
                         timeout: None,
                     })
                     .map_err(|e| {
-                        // What the adapter said first says more.
+                        // The first error of the adapter is the cause.
                         let first = self.failure.lock().take();
                         self.failed(first.unwrap_or_else(|| e.to_string()))
                     })?;
                 self.check_failure()?;
                 let (read_back, buffers) = (&self.read_back[p.camera], p.buffers.clone());
-                let read = move || read_back.picture(buffers);
+                let read = move || read_back.image(buffers);
                 jobs.push(match read_back.is_packed() {
                     true => Reading::Done(read()),
                     false => Reading::UnderWay(scope.spawn(read)),
@@ -380,8 +381,8 @@ impl Renderer {
         })?;
         self.timing.read(&self.device);
         let mut frames = Vec::with_capacity(read.len());
-        for (p, picture) in pictures.iter().zip(read) {
-            let ([rgb, depth, ids], deflated) = picture.map_err(|reason| self.failed(reason))?;
+        for (p, image) in images.iter().zip(read) {
+            let ([rgb, depth, ids], deflated) = image.map_err(|reason| self.failed(reason))?;
             frames.push(Frame {
                 camera: p.camera,
                 intrinsics: self.targets[p.camera].spec.intrinsics,
@@ -395,8 +396,8 @@ impl Renderer {
         Ok(frames)
     }
 
-    /// Time that the adapter took for each part of the pictures since this was asked
-    /// last; empty but on a device that is [`Graphics::timed`].
+    /// GPU time of each part of the images since the last call; empty unless the device
+    /// is [`Graphics::timed`].
     pub fn spent(&self) -> Vec<(&'static str, Duration)> {
         self.timing.spent()
     }
@@ -447,22 +448,27 @@ impl Renderer {
             if cameras[..i].contains(&index) {
                 return Err(RenderError::BadCamera {
                     camera: self.targets[index].spec.name.clone(),
-                    reason: "it was asked for twice at once".into(),
+                    reason: "it was requested twice in one batch".into(),
                 });
             }
         }
         Ok(())
     }
 
-    fn draw_camera(&self, encoder: &mut wgpu::CommandEncoder, camera: usize, seen: &[Seen]) {
+    fn draw_camera(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: usize,
+        visible: &[VisibleRange],
+    ) {
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
             None => (&target.color.view, None, &target.depth.view),
             Some([color, depth]) => (color, Some(&target.color.view), depth),
         };
-        // A clear takes a graphics card an eighth of the time that a picture does. Glass is
-        // mixed with what is behind it.
-        let glass = seen.iter().any(|s| s.finish.shine == Shine::Glass);
+        // A clear takes a GPU an eighth of the time of an image. Glass is blended with
+        // the background.
+        let glass = visible.iter().any(|s| s.finish.shine == Shine::Glass);
         let clears = glass || !self.read_back[camera].has_background(target);
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(&target.spec.name),
@@ -489,7 +495,7 @@ impl Renderer {
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
         let mut current = None;
-        for s in seen {
+        for s in visible {
             if current != Some(s.finish) {
                 current = Some(s.finish);
                 pass.set_pipeline(self.pipelines.surface(s.finish).0);
@@ -524,28 +530,28 @@ impl Renderer {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &self.scene_groups[camera], &[]);
             self.geometry.set(&mut pass);
-            for s in seen {
+            for s in visible {
                 pass.draw_indexed(s.indices.clone(), 0, 0..1);
             }
         }
     }
 }
 
-/// A picture, read or being read.
+/// An image that is read or being read.
 enum Reading<'scope> {
-    Done(Read),
-    UnderWay(std::thread::ScopedJoinHandle<'scope, Read>),
+    Done(ReadResult),
+    UnderWay(std::thread::ScopedJoinHandle<'scope, ReadResult>),
 }
 
-type Read = Result<Picture, String>;
+type ReadResult = Result<Image, String>;
 
 impl Reading<'_> {
-    fn wait(self) -> Read {
+    fn wait(self) -> ReadResult {
         match self {
             Self::Done(read) => read,
             Self::UnderWay(job) => job
                 .join()
-                .unwrap_or_else(|_| Err("reading a picture failed".into())),
+                .unwrap_or_else(|_| Err("cannot read an image".into())),
         }
     }
 }
@@ -559,7 +565,7 @@ fn world_from(binding: Binding, snapshot: &Snapshot) -> Isometry3<f64> {
     }
 }
 
-/// Sky where nothing is hit, as the shader would show it; id 0.
+/// Colour of the sky where nothing is hit, as the shader computes it; ID 0.
 fn background(light: &Lighting) -> wgpu::Color {
     let show = |c: f32| f64::from((c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06));
     let [r, g, b] = light.sky.map(|c| show(c * 1.5));

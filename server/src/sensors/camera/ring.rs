@@ -1,6 +1,5 @@
-//! Buffers that pictures of one camera are read through. Each stays mapped where
-//! the adapter writes, and can be handed out as the picture itself; it comes back
-//! when nobody holds that any more.
+//! Read-back buffers of one camera. Each stays mapped where the GPU writes, and can be
+//! shared as the image itself; it is reused when no reader holds it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,19 +7,19 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use bytes::Bytes;
 use parking_lot::Mutex;
 
-/// Most that are handed out at a time: those that a transport keeps for
-/// latecomers, and those on their way. More pictures are copied.
+/// Largest number of shared buffers: those in the transport's cache and those in
+/// flight. Further images are copied.
 const MOST_LENT: usize = 12;
 
 /// The buffers of one camera.
 pub(super) struct Ring {
     name: String,
     bytes: u64,
-    spare: Arc<Spare>,
+    spare: Arc<BufferPool>,
 }
 
 #[derive(Default)]
-struct Spare {
+struct BufferPool {
     buffers: Mutex<Vec<wgpu::Buffer>>,
     lent: AtomicUsize,
 }
@@ -34,7 +33,7 @@ impl Ring {
         }
     }
 
-    /// A buffer that nobody reads.
+    /// A free buffer.
     pub(super) fn take(&self, device: &wgpu::Device) -> wgpu::Buffer {
         let spare = self.spare.buffers.lock().pop();
         spare.unwrap_or_else(|| {
@@ -47,23 +46,23 @@ impl Ring {
         })
     }
 
-    /// Ends the reading of a buffer, of which no view is left.
-    pub(super) fn give_back(&self, buffer: wgpu::Buffer) {
+    /// Unmaps a buffer without views.
+    pub(super) fn release(&self, buffer: wgpu::Buffer) {
         buffer.unmap();
         self.spare.buffers.lock().push(buffer);
     }
 
-    /// Hands out what a mapped buffer holds, without a copy while few are out.
+    /// Shares the content of a mapped buffer, without a copy while few are shared.
     pub(super) fn lend(&self, buffer: wgpu::Buffer) -> Result<Bytes, String> {
         let view = buffer.get_mapped_range(..).map_err(|e| e.to_string())?;
         if self.spare.lent.load(Ordering::Relaxed) >= MOST_LENT {
             let copy = Bytes::copy_from_slice(&view);
             drop(view);
-            self.give_back(buffer);
+            self.release(buffer);
             return Ok(copy);
         }
         self.spare.lent.fetch_add(1, Ordering::Relaxed);
-        Ok(Bytes::from_owner(Lent {
+        Ok(Bytes::from_owner(MappedBuffer {
             view: Some(view),
             buffer,
             spare: Arc::clone(&self.spare),
@@ -77,23 +76,23 @@ impl Ring {
     }
 }
 
-/// A mapped buffer in somebody's hands.
-struct Lent {
-    /// There until the end.
+/// A shared mapped buffer.
+struct MappedBuffer {
+    /// `Some` until it is dropped.
     view: Option<wgpu::BufferView>,
     buffer: wgpu::Buffer,
-    spare: Arc<Spare>,
+    spare: Arc<BufferPool>,
 }
 
-impl AsRef<[u8]> for Lent {
+impl AsRef<[u8]> for MappedBuffer {
     fn as_ref(&self) -> &[u8] {
         self.view.as_deref().unwrap_or_default()
     }
 }
 
-impl Drop for Lent {
+impl Drop for MappedBuffer {
     fn drop(&mut self) {
-        // Before the buffer may be unmapped.
+        // The view must be dropped before the buffer is unmapped.
         self.view = None;
         self.buffer.unmap();
         self.spare.buffers.lock().push(self.buffer.clone());

@@ -1,4 +1,4 @@
-//! What is drawn: triangles, looks and what they move with. No GPU yet.
+//! The render scene on the CPU: triangles, materials and bindings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -11,14 +11,14 @@ use super::decoration::parts;
 use super::parallel;
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
-use crate::geometry::texture::{self, Picture};
+use crate::geometry::texture::{self, Image};
 use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
-use crate::look::{Drawn, Irradiance, Kind, Lamp, Reflection};
+use crate::look::{Irradiance, Kind, Lamp, Reflection, SampledLook};
 use crate::people::{BodyPart, Person};
 use crate::robot::{RobotModel, SeatSettings};
 use crate::scene::{Body, Lighting, Scene, Soft};
 
-/// What a mesh or a camera moves with.
+/// The body that a mesh or a camera is fixed to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Binding {
     /// Nothing: `house`.
@@ -31,96 +31,96 @@ pub enum Binding {
     Sliding(usize),
 }
 
-/// A mesh that is drawn.
+/// A mesh to render.
 #[derive(Clone, Debug)]
 pub struct RenderItem {
     /// Triangles; texture coordinates count repetitions of the texture.
     pub mesh: Arc<TriMesh>,
-    /// Fewer triangles of the same shape, for shadows and far away.
+    /// Fewer triangles of the same shape, for shadows and distant views.
     pub coarse: Arc<TriMesh>,
-    /// Look.
+    /// Material.
     pub material: Material,
     /// What it moves with.
     pub binding: Binding,
-    /// Place on its body; world_from_mesh for [`Binding::World`].
+    /// Pose on its body; world_from_mesh for [`Binding::World`].
     pub body_from_mesh: Isometry3<f64>,
-    /// Instance id; 0 is the background, as where nothing is hit.
+    /// Instance ID; 0 is the background.
     pub instance: u16,
-    /// Throws a shadow. Walls and floors do not: the sun reaches every room.
+    /// Casts a shadow. Walls and floors do not: the sun reaches every room.
     pub casts_shadow: bool,
 }
 
-/// Everything that the cameras see.
+/// Everything visible to the cameras.
 #[derive(Clone, Debug)]
 pub struct RenderScene {
-    /// Meshes, those of one instance side by side.
+    /// Meshes, grouped by instance.
     pub items: Vec<RenderItem>,
     /// Light.
     pub lighting: Lighting,
-    /// Legend of the ids: objects, then links, then furniture; bodies without
-    /// visuals have none. 0 is where nothing is hit.
+    /// Legend of the IDs: objects, then links, then furniture; bodies without visuals
+    /// have none. 0 means that nothing is hit.
     pub instances: Vec<(u16, String)>,
     /// Links that a snapshot must have.
     pub links: usize,
     /// Objects that a snapshot must have.
     pub objects: usize,
-    /// Soft objects with their skins at rest.
+    /// Deformables with their skins at rest.
     pub skins: Vec<(usize, Skin)>,
     /// Pieces of furniture on joints that a snapshot must have.
     pub sliding: usize,
-    /// Pictures of the materials, by the names of their files.
-    pub textures: BTreeMap<String, Picture>,
-    /// Who sits in the chair, with the ids of the parts and the vertices of those that
-    /// the head moves.
+    /// Images of the materials, by the names of their files.
+    pub textures: BTreeMap<String, Image>,
+    /// The person in the chair, with the IDs of the parts and the vertices that the
+    /// head moves.
     pub person: Option<RenderedPerson>,
-    /// Light from all around; `None`: a sky above and a ground below.
+    /// Ambient light; `None`: a sky above and a ground below.
     pub surrounding: Option<Surrounding>,
 }
 
 /// A person as the cameras see them.
 #[derive(Clone, Debug)]
 pub struct RenderedPerson {
-    /// Who.
+    /// The person.
     pub person: Arc<Person>,
-    /// Ids of the parts, and of which part each is.
+    /// IDs of the parts.
     pub parts: Vec<(u16, BodyPart)>,
 }
 
 impl RenderedPerson {
-    /// How far head and jaw move what is drawn, metres: culling allows for it.
+    /// How far head and jaw move vertices, metres: culling allows for it.
     pub(super) const REACH: f64 = 0.12;
 }
 
-/// Light from all around, where a look is drawn. Only then glass is transparent
-/// and metal mirrors the room.
+/// Ambient light of a look. Only with a look glass is transparent and metal mirrors the
+/// room.
 #[derive(Clone, Debug)]
 pub struct Surrounding {
-    /// What reaches a matte surface.
+    /// Light on a matte surface.
     pub irradiance: Irradiance,
-    /// What smooth surfaces mirror.
+    /// Reflections on smooth surfaces.
     pub reflection: Reflection,
-    /// Lamps that are on; more than [`crate::look::MOST_LAMPS`] are not drawn.
+    /// Active lamps; those beyond [`crate::look::MOST_LAMPS`] are not rendered.
     pub lamps: Vec<Lamp>,
 }
 
-/// Most bodies that can be drawn: what a vertex can name.
+/// Largest number of bodies that a vertex can reference.
 pub const MOST_BODIES: usize = 4095;
 
 /// Furniture that reaches this high is part of the building, metres.
 const BUILDING_HEIGHT: f64 = 2.3;
 
 impl RenderScene {
-    /// Meshes of a robot in a home; mesh files are looked up below `assets`.
+    /// Meshes of a robot in a home; mesh files are searched below `assets`.
     ///
     /// # Errors
-    /// When a mesh or a texture cannot be made, or more than [`MOST_BODIES`] are
-    /// drawn.
+    /// When a mesh or a texture cannot be created, or for more than [`MOST_BODIES`]
+    /// bodies.
     pub fn new(robot: &RobotModel, scene: &Scene, assets: &Path) -> Result<Self, RenderError> {
         Self::with_look(robot, scene, assets, None)
     }
 
-    /// The same under a look. Furniture that has a colour by name keeps it, so do
-    /// objects and robot.
+    /// The same with a look. Furniture with a named colour keeps it, as do objects and
+    /// robot.
     ///
     /// # Errors
     /// As [`RenderScene::new`].
@@ -128,12 +128,13 @@ impl RenderScene {
         robot: &RobotModel,
         scene: &Scene,
         assets: &Path,
-        look: Option<&Drawn>,
+        look: Option<&SampledLook>,
     ) -> Result<Self, RenderError> {
         Self::with_person(robot, scene, assets, look, None)
     }
 
-    /// The same with a person in the chair, whose clothes and skin no look changes.
+    /// The same with a person in the chair, whose clothes and skin do not change with
+    /// the look.
     ///
     /// # Errors
     /// As [`RenderScene::new`].
@@ -141,13 +142,13 @@ impl RenderScene {
         robot: &RobotModel,
         scene: &Scene,
         assets: &Path,
-        look: Option<&Drawn>,
+        look: Option<&SampledLook>,
         person: Option<&Arc<Person>>,
     ) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
-        let seen = |object: &&Body| drawn(&object.visual) || object.soft.is_some();
+        let is_visible = |object: &&Body| drawn(&object.visual) || object.soft.is_some();
         let counts = [
-            scene.objects.iter().filter(seen).count(),
+            scene.objects.iter().filter(is_visible).count(),
             robot.links.iter().filter(|l| drawn(&l.visual)).count(),
             scene.furniture.iter().filter(|f| drawn(&f.visual)).count(),
         ];
@@ -178,7 +179,7 @@ impl RenderScene {
             assets,
             known: BTreeMap::new(),
         };
-        let kept = |m: &Material| look.map_or_else(|| m.clone(), |look| look.kept(m));
+        let kept = |m: &Material| look.map_or_else(|| m.clone(), |look| look.unchanged(m));
         let furniture = |m: &Material| look.map_or_else(|| m.clone(), |look| look.furniture(m));
         for (i, object) in scene.objects.iter().enumerate() {
             let at = (Binding::Object(i), Isometry3::identity());
@@ -214,7 +215,7 @@ impl RenderScene {
         Ok(built)
     }
 
-    /// Reads the pictures that the items name.
+    /// Reads the texture images of the items.
     fn load_textures(&mut self, assets: &Path) -> Result<(), RenderError> {
         let textures = self
             .items
@@ -222,17 +223,17 @@ impl RenderScene {
             .filter_map(|i| i.material.texture.as_ref());
         let names: BTreeSet<&str> = textures.map(|texture| texture.pattern.as_str()).collect();
         let names = names.into_iter().map(str::to_owned).collect();
-        let pictures = parallel::map(names, |name: String| {
-            let picture = texture::load(assets, &name);
-            (name, picture)
+        let images = parallel::map(names, |name: String| {
+            let image = texture::load(assets, &name);
+            (name, image)
         });
-        for (name, picture) in pictures {
-            self.textures.insert(name, picture?);
+        for (name, image) in images {
+            self.textures.insert(name, image?);
         }
         Ok(())
     }
 
-    /// One id for each part of a person's body, a cushion under them.
+    /// One ID for each part of a person's body, and a cushion under the person.
     fn add_person(
         &mut self,
         person: &Arc<Person>,
@@ -281,7 +282,7 @@ impl RenderScene {
         }
     }
 
-    /// The seat, so much thicker.
+    /// The seat, extended by the cushion's thickness.
     fn add_cushion(
         &mut self,
         seat: &SeatSettings,
@@ -325,7 +326,7 @@ impl RenderScene {
         Ok(())
     }
 
-    /// One mesh per look of the skin.
+    /// One mesh per material of the skin.
     fn add_soft(&mut self, object: usize, name: &str, soft: &Soft) {
         let skin = soft.skin();
         let instance = self.instances.len() as u16 + 1;
@@ -404,20 +405,20 @@ impl RenderScene {
 }
 
 impl RenderScene {
-    /// Adds what a look decorates the room with, of the background's id 0; its
-    /// lamps come after those of the furniture, of which there are `number`.
+    /// Adds the decoration of a look, with the background's ID 0. Its lamps follow
+    /// those of the furniture, of which there are `number`.
     fn decorate(
         &mut self,
-        look: &Drawn,
+        look: &SampledLook,
         mut number: usize,
         meshes: &mut MeshCache<'_>,
     ) -> Result<(), RenderError> {
-        for thing in &look.decoration {
-            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), thing.along);
-            let place = Isometry3::from_parts(Translation3::from(thing.at), turn);
-            for (shape, at, mut material) in parts(thing) {
+        for decoration in &look.decoration {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), decoration.along);
+            let place = Isometry3::from_parts(Translation3::from(decoration.at), turn);
+            for (shape, at, mut material) in parts(decoration) {
                 let pose = place * Translation3::from(at);
-                if thing.kind == Kind::Lamp && matches!(shape, Shape::Frustum { .. }) {
+                if decoration.kind == Kind::Lamp && matches!(shape, Shape::Frustum { .. }) {
                     let at = pose.translation.vector.cast::<f32>();
                     if let Some(lamp) = look.lamp(number, at.into()) {
                         material.emission = look.lamp_glow();
@@ -442,16 +443,16 @@ impl RenderScene {
                     binding: Binding::World,
                     body_from_mesh: pose,
                     instance: 0,
-                    casts_shadow: thing.kind == Kind::Plant,
+                    casts_shadow: decoration.kind == Kind::Plant,
                 });
             }
         }
         Ok(())
     }
 
-    /// Lights the lamps of the furniture that are on, in the order in which they
-    /// stand there, and says how many there are.
-    fn light_lamps(&mut self, look: &Drawn) -> usize {
+    /// Switches on the active lamps of the furniture, in order, and returns their
+    /// number.
+    fn light_lamps(&mut self, look: &SampledLook) -> usize {
         let is_lamp = |item: &&mut RenderItem| {
             item.material.family == Some(Family::Lamp) && item.binding == Binding::World
         };
@@ -468,8 +469,8 @@ impl RenderScene {
     }
 }
 
-/// Walls, floors and ceilings: they reach a storey up or lie flat on the
-/// ground. The sun shines through them, as into a doll's house.
+/// Walls, floors and ceilings: bodies a storey high or flat on the ground. The sun
+/// shines through them.
 fn is_building(items: &[RenderItem]) -> bool {
     let highest = items
         .iter()

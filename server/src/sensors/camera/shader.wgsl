@@ -1,6 +1,6 @@
 // Forward shading, one light with a shadow map, light from above and below.
-// What a pixel needs of its body and material arrives as flat varyings: on a
-// CPU adapter a buffer load per pixel costs more than the interpolation.
+// Body and material of a pixel arrive as flat varyings: on a CPU adapter a buffer load
+// per pixel costs more than the interpolation.
 
 override TEXTURED: bool = false;
 // The sun may reach the surface.
@@ -9,7 +9,7 @@ override SUNNY: bool = true;
 override SHADOW_TAPS: u32 = 1u;
 // The alpha byte holds the instance id; not when samples are averaged.
 override ID_IN_ALPHA: bool = true;
-// A look is drawn: light from all around by the normal, and lamps.
+// A look is rendered: ambient light by the normal, and lamps.
 override LIT: bool = false;
 // Mirrors the room.
 override MIRRORS: bool = false;
@@ -39,9 +39,9 @@ struct Material { color: vec4<f32>, more: vec4<f32> }
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
-@group(0) @binding(3) var pictures: texture_2d_array<f32>;
+@group(0) @binding(3) var images: texture_2d_array<f32>;
 @group(0) @binding(4) var repeating: sampler;
-// What is around, octahedral; square roots of shares of 6.
+// Environment map, octahedral; square roots of shares of 6.
 @group(0) @binding(5) var reflection: texture_2d<f32>;
 @group(0) @binding(6) var smooth_levels: sampler;
 @group(1) @binding(0) var shadow_map: texture_depth_2d;
@@ -83,7 +83,7 @@ fn decode(n: vec2<f32>) -> vec3<f32> {
 struct Lit {
     world: vec3<f32>,
     normal: vec3<f32>,
-    // Where to look in the shadow map.
+    // Coordinates in the shadow map.
     shadow: vec3<f32>,
     // Share of the surroundings that lights this vertex.
     ambient_occlusion: f32,
@@ -116,7 +116,7 @@ fn surrounding(lit: Lit) -> vec3<f32> {
     for (var i = 0; i < i32(camera.shadow_texel.z); i++) {
         let to = camera.lamps[i].at.xyz - lit.world;
         let square = dot(to, to);
-        // A shade is no point: it lights a little around the edge.
+        // A lampshade is not a point source: it lights a little around the edge.
         let cosine = max(0.8 * dot(lit.normal, to) * inverseSqrt(square + 1e-4) + 0.2, 0.0);
         light += camera.lamps[i].color.rgb * (cosine / (square + 0.35));
     }
@@ -166,10 +166,10 @@ struct LitVarying {
     return out;
 }
 
-// Matte surfaces are lit at their vertices; a pixel only looks up picture and shadow.
+// Matte surfaces are lit at their vertices; a pixel only looks up image and shadow.
 struct MatteVarying {
     @builtin(position) @invariant clip: vec4<f32>,
-    // Light from all around; from the sun when nothing is before it.
+    // Ambient light; light of the sun when nothing occludes it.
     @location(0) light: vec4<f32>,
     @location(1) uv: vec2<f32>,
     @location(2) shadow: vec3<f32>,
@@ -194,13 +194,13 @@ struct MatteVarying {
     );
     out.uv = v.uv;
     out.shadow = lit.shadow;
-    // Rough surfaces still mirror a little of what is around.
+    // Rough surfaces still mirror a little of the environment.
     out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
     out.layer = m.more.z;
     return out;
 }
 
-// Far from the sun, over the part of the shadow map that is drawn anew.
+// Far from the sun, in the part of the shadow map that is rendered again.
 @vertex fn erase(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
     return vec4(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 1.0, 1.0);
 }
@@ -225,7 +225,7 @@ struct Identified {
     return u32(v.id + 0.5);
 }
 
-// What the alpha byte holds.
+// Content of the alpha byte.
 fn alpha(id: f32) -> f32 {
     return select(1.0, id * (1.0 / 255.0), ID_IN_ALPHA);
 }
@@ -279,16 +279,16 @@ fn display(c: vec3<f32>) -> vec3<f32> {
     return (c * (6.2 * c + 0.5)) / (c * (6.2 * c + 1.7) + 0.06);
 }
 
-fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
+fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     // Stored as square roots.
-    let root = textureSample(pictures, repeating, uv, i32(layer)).rgb;
+    let root = textureSample(images, repeating, uv, i32(layer)).rgb;
     return root * root;
 }
 
 @fragment fn matte_shade(v: MatteVarying) -> @location(0) vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
-        base *= picture(v.uv, v.layer);
+        base *= image(v.uv, v.layer);
     }
     var light = v.light.rgb;
     if SUNNY {
@@ -301,7 +301,7 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
 @fragment fn shade(v: Varying) -> @location(0) vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
-        base *= picture(v.uv, v.more.z);
+        base *= image(v.uv, v.more.z);
     }
     let metallic = v.more.x;
     let roughness = v.color.a;
@@ -339,7 +339,7 @@ fn picture(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     return vec4(display(c), alpha(v.more.w));
 }
 
-// The room in a direction, the rougher the more blurred.
+// The room in a direction, more blurred for rougher surfaces.
 fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
     let sum = abs(towards.x) + abs(towards.y) + abs(towards.z);
     var p = towards.xy / sum;
@@ -354,7 +354,7 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
 @fragment fn lit_shade(v: LitVarying) -> @location(0) vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
-        base *= picture(v.uv, v.more.z);
+        base *= image(v.uv, v.more.z);
     }
     let metallic = v.more.x;
     let roughness = v.color.a;
@@ -405,7 +405,7 @@ fn glint(n: vec3<f32>, view: vec3<f32>, roughness: f32) -> f32 {
     return vec4(pow(v.color.rgb, vec3(way)) * v.more.x, 1.0);
 }
 
-// And adds what it mirrors, and a little of its own.
+// And adds its mirror image, and a little of its own light.
 @fragment fn glass_gloss(v: LitVarying) -> @location(0) vec4<f32> {
     let n = normalize(v.normal);
     let view = normalize(v.view.xyz);

@@ -1,5 +1,5 @@
-//! One shadow map for all cameras. Only the part around casters that moved or
-//! changed is drawn anew; every texel is what a whole new map would hold.
+//! One shadow map for all cameras. Only the region around casters that moved or changed
+//! is rendered again; every texel equals that of a complete map.
 
 use nalgebra::{Isometry3, Matrix4, Point3, Vector3};
 
@@ -7,27 +7,27 @@ use super::buffers::{Buffers, Caster};
 use super::geometry::Geometry;
 use super::pipelines::{DEPTH, Pipelines};
 use super::scene::{Binding, RenderScene};
-use super::target::{Picture, depth_attachment, picture};
+use super::target::{Image, depth_attachment, image};
 
-/// The map and what it was drawn for.
+/// The map and the state that it shows.
 pub(super) struct ShadowMap {
-    pub(super) picture: Picture,
+    pub(super) image: Image,
     pub(super) sun: SunView,
     size: u32,
-    /// Poses of the bodies when the map was drawn; empty before.
+    /// Poses of the bodies in the map; empty before the first.
     drawn_for: Vec<Isometry3<f64>>,
-    /// Bodies whose vertices are others since.
+    /// Bodies whose vertices have changed since.
     changed: Vec<usize>,
 }
 
-/// Texels `[left, top, right, bottom]`, the last ones not included.
+/// Texels `[left, top, right, bottom]`, the last ones excluded.
 type Rectangle = [u32; 4];
 
 impl ShadowMap {
     pub(super) fn new(device: &wgpu::Device, sun: SunView, size: u32) -> Self {
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         Self {
-            picture: picture(device, [size; 2], DEPTH, 1, usage),
+            image: image(device, [size; 2], DEPTH, 1, usage),
             sun,
             size,
             drawn_for: Vec::new(),
@@ -35,12 +35,12 @@ impl ShadowMap {
         }
     }
 
-    /// Bodies have other vertices than those that were drawn last, wherever they are.
+    /// Marks bodies whose vertices have changed.
     pub(super) fn changes(&mut self, bodies: &[usize]) {
         self.changed.extend(bodies);
     }
 
-    /// Brings the map up to date; `group` holds the bodies at `poses`.
+    /// Updates the map; `group` contains the bodies at `poses`.
     pub(super) fn draw(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -55,7 +55,7 @@ impl ShadowMap {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shadow"),
             depth_stencil_attachment: Some(depth_attachment(
-                &self.picture.view,
+                &self.image.view,
                 wgpu::LoadOp::Load,
                 true,
             )),
@@ -80,7 +80,7 @@ impl ShadowMap {
         self.changed.clear();
     }
 
-    /// The part of the map that casters left or entered.
+    /// The region of the map that casters left or entered.
     fn outdated(&self, geometry: &Geometry, poses: &[Isometry3<f64>]) -> Option<Rectangle> {
         if self.drawn_for.len() != poses.len() {
             return Some([0, 0, self.size, self.size]);
@@ -105,7 +105,7 @@ impl ShadowMap {
     fn around(&self, caster: &Caster, pose: &Isometry3<f64>) -> Rectangle {
         let centre = self.sun.clip_from_world * (pose * caster.centre).to_homogeneous();
         let half = 0.5 * f64::from(self.size);
-        // The rows of the map are orthogonal, each of one scale.
+        // The rows of the matrix are orthogonal, each with one scale.
         let reach = |row: usize| {
             let scale = self.sun.clip_from_world.fixed_view::<1, 3>(row, 0).norm();
             caster.radius * scale * half + 2.0
@@ -122,20 +122,20 @@ impl ShadowMap {
     }
 }
 
-/// Where the light looks: world to the map's clip space, and the size of a texel.
+/// Direction of the light: world to the map's clip space, and the size of a texel.
 pub(super) struct SunView {
     pub(super) clip_from_world: Matrix4<f64>,
     /// Metres.
     pub(super) texel: f64,
 }
 
-/// Greatest part of the world with shadows, metres from its middle.
+/// Half size of the region with shadows, metres from its middle.
 const REACH: f64 = 8.0;
-/// Shadows fall on nothing higher, metres.
+/// Height above which no shadows fall, metres.
 const CEILING: f64 = 2.3;
 
 impl SunView {
-    /// Fits the map around everything that never moves.
+    /// Fits the map around all static geometry.
     pub(super) fn new(scene: &RenderScene, buffers: &Buffers, size: u32) -> Self {
         let mut low = Point3::from([f64::INFINITY; 3]);
         let mut high = Point3::from([f64::NEG_INFINITY; 3]);
@@ -185,7 +185,7 @@ impl SunView {
                 most[k] = most[k].max(along);
             }
         }
-        // Casters that reach above the box still lie before the near plane.
+        // Casters above the box must be in front of the near plane.
         least[2] -= 2.0;
         most[2] += 0.5;
         let extent: [f64; 3] = std::array::from_fn(|k| most[k] - least[k]);

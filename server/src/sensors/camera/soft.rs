@@ -1,5 +1,5 @@
-//! Skins that change their shape: their vertices are written anew for every
-//! picture, in the frame of their object, so that all else treats them as rigid.
+//! Skins of deformables: their vertices are uploaded again for every image, in the
+//! frame of their object, so that other code treats them as rigid.
 
 use std::collections::BTreeMap;
 
@@ -12,21 +12,21 @@ use super::scene::{Binding, RenderScene};
 use crate::geometry::plush::Skin;
 use crate::snapshot::Snapshot;
 
-/// The soft objects on the adapter.
+/// The deformables on the GPU.
 pub(super) struct SoftMeshes(Vec<SoftMesh>);
 
-/// One soft object.
+/// One deformable.
 struct SoftMesh {
     object: usize,
     skin: Skin,
     /// First of its vertices in the buffer.
     first: usize,
-    /// Its vertices, with the vertex of the skin that each is.
+    /// Its vertices, each with its vertex of the skin.
     vertices: Vec<(Vertex, Option<usize>)>,
 }
 
 impl SoftMeshes {
-    /// Finds the vertices of the soft objects: those of their bodies.
+    /// Finds the vertices of the deformables by their bodies.
     pub(super) fn find(scene: &RenderScene, buffers: &Buffers) -> Self {
         let mesh = |(object, skin): &(usize, Skin)| {
             let binding = Binding::Object(*object);
@@ -40,7 +40,7 @@ impl SoftMeshes {
                 .enumerate()
                 .map(|(i, p)| (bits(p.coords.cast::<f32>().into()), i))
                 .collect();
-            // The vertices of a body stand side by side.
+            // The vertices of a body are consecutive.
             let vertices = buffers.vertices[first..].iter().take_while(|v| own(v));
             Some(SoftMesh {
                 object: *object,
@@ -54,8 +54,7 @@ impl SoftMeshes {
         Self(scene.skins.iter().filter_map(mesh).collect())
     }
 
-    /// Gives the adapter the shapes of a snapshot. A snapshot without them
-    /// leaves the soft objects as they were.
+    /// Uploads the shapes of a snapshot. A snapshot without them changes nothing.
     pub(super) fn write(&self, queue: &wgpu::Queue, geometry: &Geometry, snapshot: &Snapshot) {
         for mesh in &self.0 {
             let now = snapshot.skins.iter().find(|s| s.object == mesh.object);

@@ -1,6 +1,6 @@
-//! Where a camera sits and how it projects. Optical frames have z forward,
-//! x right, y down. Pixel (column i, row j) covers [i, i+1] x [j, j+1], its
-//! centre is (i + 0.5, j + 0.5), the top left corner of the picture is (0, 0).
+//! Mount and projection of a camera. Optical frames have z forward, x right, y down.
+//! Pixel (column i, row j) covers [i, i+1] x [j, j+1], its centre is (i + 0.5, j +
+//! 0.5), the top left corner of the image is (0, 0).
 
 use nalgebra::Isometry3;
 use wheelarm_proto::exact;
@@ -45,7 +45,7 @@ impl Intrinsics {
         }
     }
 
-    /// The same lens at another size: scaled by the width; another aspect crops
+    /// The same lens at another size: scaled by the width; another aspect ratio crops
     /// or extends equally above and below.
     #[must_use]
     pub fn resized(&self, [width, height]: [u32; 2]) -> Self {
@@ -66,14 +66,14 @@ impl Intrinsics {
 pub struct CameraSpec {
     /// Name, as in topics and datasets.
     pub name: String,
-    /// What it moves with.
+    /// The body that it is fixed to.
     pub binding: Binding,
     /// body_from_optical; world_from_optical for [`Binding::World`].
     pub mount: Isometry3<f64>,
     /// Lens.
     pub intrinsics: Intrinsics,
-    /// Nearest and farthest depth, metres. Nearer surfaces are cut away;
-    /// farther ones are drawn, their depth reads `+inf`.
+    /// Nearest and farthest depth, metres. Nearer surfaces are clipped; farther ones
+    /// are rendered with depth `+inf`.
     pub range: [f64; 2],
 }
 
@@ -124,7 +124,7 @@ impl CameraSpec {
         }
     }
 
-    /// The usual cameras of the robot in its own order, then the room camera.
+    /// The default cameras of the robot in its own order, then the room camera.
     ///
     /// # Errors
     /// When the robot lacks a link.
@@ -167,7 +167,7 @@ impl CameraSpec {
         }
         if !lens.cx.is_finite() || !lens.cy.is_finite() {
             return bad(format!(
-                "principal point is ({}, {}), expected numbers",
+                "principal point is ({}, {}), expected finite numbers",
                 lens.cx, lens.cy
             ));
         }

@@ -1,4 +1,4 @@
-//! What one camera draws into.
+//! Render targets of one camera.
 
 use super::pipelines::{COLOR, DEPTH, IDS};
 use super::spec::CameraSpec;
@@ -8,19 +8,19 @@ use super::uniform::CameraUniform;
 /// Textures of one camera.
 pub(super) struct Target {
     pub(super) spec: CameraSpec,
-    pub(super) color: Picture,
-    pub(super) depth: Picture,
+    pub(super) color: Image,
+    pub(super) depth: Image,
     /// Several samples per pixel: colour and depth.
     pub(super) samples: Option<[wgpu::TextureView; 2]>,
-    /// When ids do not travel in the alpha byte.
-    pub(super) ids: Option<Picture>,
-    /// Edges are smoothed when the image is packed.
+    /// A separate texture when IDs are not stored in the alpha byte.
+    pub(super) ids: Option<Image>,
+    /// Whether edges are smoothed when the image is packed.
     pub(super) smooth_edges: bool,
     pub(super) uniform: wgpu::Buffer,
 }
 
-/// A texture and the view of all of it.
-pub(super) struct Picture {
+/// A texture and its full view.
+pub(super) struct Image {
     pub(super) texture: wgpu::Texture,
     pub(super) view: wgpu::TextureView,
 }
@@ -33,14 +33,14 @@ impl Target {
             | wgpu::TextureUsages::TEXTURE_BINDING;
         let inner = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let samples = (tier.samples > 1)
-            .then(|| [COLOR, DEPTH].map(|f| picture(device, size, f, tier.samples, inner).view));
+            .then(|| [COLOR, DEPTH].map(|f| image(device, size, f, tier.samples, inner).view));
         Self {
-            color: picture(device, size, COLOR, 1, read),
-            depth: picture(device, size, DEPTH, 1, read),
+            color: image(device, size, COLOR, 1, read),
+            depth: image(device, size, DEPTH, 1, read),
             samples,
             ids: tier
                 .separate_ids()
-                .then(|| picture(device, size, IDS, 1, read)),
+                .then(|| image(device, size, IDS, 1, read)),
             smooth_edges: tier.smooth_edges,
             uniform: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(&spec.name),
@@ -58,13 +58,13 @@ impl Target {
     }
 }
 
-pub(super) fn picture(
+pub(super) fn image(
     device: &wgpu::Device,
     [width, height]: [u32; 2],
     format: wgpu::TextureFormat,
     sample_count: u32,
     usage: wgpu::TextureUsages,
-) -> Picture {
+) -> Image {
     let texture = device.create_texture(&wgpu::TextureDescriptor {
         label: None,
         size: wgpu::Extent3d {
@@ -80,7 +80,7 @@ pub(super) fn picture(
         view_formats: &[],
     });
     let view = texture.create_view(&Default::default());
-    Picture { texture, view }
+    Image { texture, view }
 }
 
 pub(super) fn depth_attachment(

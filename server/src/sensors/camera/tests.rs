@@ -1,4 +1,4 @@
-//! Laws of the pictures, on whatever Vulkan adapter there is.
+//! Tests of the images, on any Vulkan adapter.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 use super::*;
 use crate::geometry::mesh::build;
 use crate::geometry::{Material, Shape, Texture, texture};
-use crate::look::{Drawn, Look};
+use crate::look::{Look, SampledLook};
 use crate::robot::RobotModel;
 use crate::scene::{Lighting, Scene};
 use crate::snapshot::{BodyState, Snapshot};
@@ -104,7 +104,7 @@ pub(super) fn camera(mount: Isometry3<f64>, intrinsics: Intrinsics) -> CameraSpe
     }
 }
 
-/// `None`, with the reason printed, only where there is no Vulkan driver.
+/// `None`, with the reason printed, only without a Vulkan driver.
 pub(super) fn renderer(
     scene: &RenderScene,
     cameras: &[CameraSpec],
@@ -152,8 +152,8 @@ fn depth_is_metres_along_the_optical_axis() {
             assert_eq!(z.len(), 225 * 127);
             assert_eq!(frame.rgb.len(), 225 * 127 * 3);
             let ids = frame.ids();
-            let seen: Vec<usize> = (0..z.len()).filter(|&i| ids[i] == 7).collect();
-            assert!(!seen.is_empty());
+            let hit: Vec<usize> = (0..z.len()).filter(|&i| ids[i] == 7).collect();
+            assert!(!hit.is_empty());
             for (&z, &id) in z.iter().zip(&ids) {
                 match id {
                     7 => assert!(
@@ -162,10 +162,10 @@ fn depth_is_metres_along_the_optical_axis() {
                         z
                     ),
                     0 => assert_eq!(z, f32::INFINITY),
-                    other => panic!("id {other} belongs to nothing"),
+                    other => panic!("unknown id {other}"),
                 }
             }
-            // The face covers the pixels whose centres fall on it.
+            // The face covers the pixels whose centres are on it.
             let on_face = |i: usize| {
                 let u = (i % 225) as f64 + 0.5;
                 let v = (i / 225) as f64 + 0.5;
@@ -174,18 +174,21 @@ fn depth_is_metres_along_the_optical_axis() {
                 let x = (v - lens.cy) / lens.fy * distance;
                 (y - 0.1).abs() < 0.5 && x.abs() < 0.5
             };
-            assert_eq!(seen.len(), (0..z.len()).filter(|&i| on_face(i)).count());
+            assert_eq!(hit.len(), (0..z.len()).filter(|&i| on_face(i)).count());
         }
         let far = &renderer
             .render(&snapshot(&[[25.0, 0.0, 0.0]]), &[0])
             .unwrap()[0];
-        assert!(far.ids().contains(&7), "beyond the range it is still drawn");
+        assert!(
+            far.ids().contains(&7),
+            "beyond the range it is still rendered"
+        );
         assert!(depth(far).iter().all(|z| *z == f32::INFINITY));
     }
 }
 
 #[test]
-fn a_point_lands_where_the_intrinsics_say() {
+fn a_point_is_projected_by_the_intrinsics() {
     let points = [
         [2.0, 0.3, 0.2],
         [3.0, -0.8, 0.5],
@@ -268,7 +271,7 @@ pub(super) fn floor_and_box() -> RenderScene {
 }
 
 #[test]
-fn light_and_shadow_fall_where_the_sun_says() {
+fn light_and_shadow_follow_the_sun() {
     let lens = Intrinsics::centred([160, 120], 1.0);
     let pose = looking([3.5, 0.0, 2.5], [0.0, 0.0, 0.2]);
     let mean = |frame: &Frame, at: [f64; 3]| {
@@ -297,7 +300,7 @@ fn light_and_shadow_fall_where_the_sun_says() {
         let frame = &renderer
             .render(&snapshot(&[[0.0, 0.0, 0.8]]), &[0])
             .unwrap()[0];
-        // The sun stands at +y, 0.8 m of height shift the shadow by 0.6 m to -y.
+        // The sun is at +y; 0.8 m of height shift the shadow by 0.6 m to -y.
         let (shade, sunny) = (mean(frame, [0.0, -0.6, 0.0]), mean(frame, [0.0, 0.9, 0.0]));
         assert!(
             sunny.iter().all(|c| (120.0..250.0).contains(c)),
@@ -331,7 +334,7 @@ fn standard_filters_the_edges_of_shadows() {
         item(&floor, [0.5; 3], Binding::World, [0.0, 0.0, -0.05], 2),
     ];
     let scene = scene(items, 1);
-    // Before the edge x = 0.3 of the shadow of a cube that floats above.
+    // In front of the edge x = 0.3 of the shadow of a floating cube.
     let pose = looking([0.3, -0.9, 0.35], [0.3, -0.6, 0.0]);
     let eye = camera(pose, Intrinsics::centred([200, 120], 1.0));
     let steepest = |quality| {
@@ -352,7 +355,7 @@ fn standard_filters_the_edges_of_shadows() {
 }
 
 #[test]
-fn the_same_snapshot_gives_the_same_bytes_whatever_was_drawn_before() {
+fn the_same_snapshot_gives_the_same_bytes_independent_of_earlier_images() {
     let cameras = [
         camera(
             looking([2.5, 1.0, 1.5], [0.0; 3]),
@@ -378,12 +381,12 @@ fn the_same_snapshot_gives_the_same_bytes_whatever_was_drawn_before() {
     let once = bytes(first.render(&here, &[0, 1]).unwrap());
     let moved = bytes(first.render(&there, &[0, 1]).unwrap());
     assert_ne!(once, moved);
-    // Frames that are kept are not written over.
+    // Held frames are not overwritten.
     let kept = first.render(&here, &[0, 1]).unwrap();
     let again = first.render(&there, &[0, 1]).unwrap();
     assert_eq!(bytes(kept), once);
     assert_eq!(bytes(again), moved);
-    // Two batches in flight come back one after the other.
+    // Two batches in flight are returned in order.
     first.submit(&here, &[0, 1]).unwrap();
     first.submit(&there, &[1]).unwrap();
     assert!(matches!(
@@ -399,14 +402,14 @@ fn the_same_snapshot_gives_the_same_bytes_whatever_was_drawn_before() {
     assert_eq!(bytes(first.collect().unwrap())[0], moved[1]);
     assert_eq!(bytes(first.collect().unwrap())[0], once[0]);
     assert!(first.collect().unwrap().is_empty());
-    // One camera alone, another renderer: no difference.
+    // One camera only, or another renderer, gives the same bytes.
     assert_eq!(bytes(first.render(&here, &[1]).unwrap())[0], once[1]);
     let mut second = renderer(&scene, &cameras, Quality::Standard).unwrap();
     assert_eq!(bytes(second.render(&there, &[0, 1]).unwrap()), moved);
 }
 
 #[test]
-fn ids_beyond_a_byte_are_told_in_every_quality() {
+fn ids_beyond_a_byte_are_correct_in_every_quality() {
     let ball = Shape::Sphere { radius: 0.02 };
     let at = |i: usize| {
         [
@@ -444,7 +447,7 @@ fn ids_beyond_a_byte_are_told_in_every_quality() {
 }
 
 #[test]
-fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
+fn a_look_changes_only_colours_and_glass_keeps_depth_and_id() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let robot = RobotModel::load(&assets, "wheelarm").unwrap();
     let home = Scene::load(&assets, "home").unwrap();
@@ -464,7 +467,7 @@ fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
         body.pose = object.pose;
     }
     for quality in [Quality::Draft, Quality::Standard, Quality::High] {
-        let seen = |seed| {
+        let image = |seed| {
             let look = Look {
                 seed,
                 light: 3,
@@ -473,15 +476,15 @@ fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
                 exposure: 3,
                 ..Look::default()
             };
-            let look = (seed > 0).then(|| Drawn::new(look, &home, &assets).unwrap());
+            let look = (seed > 0).then(|| SampledLook::new(look, &home, &assets).unwrap());
             let scene = RenderScene::with_look(&robot, &home, &assets, look.as_ref()).unwrap();
             let frame = renderer(&scene, &cameras, quality)?.render(&now, &[0]);
             Some(frame.unwrap().remove(0))
         };
-        let Some(plain) = seen(0) else {
+        let Some(plain) = image(0) else {
             return;
         };
-        let [one, two] = [1, 2].map(|seed| seen(seed).unwrap());
+        let [one, two] = [1, 2].map(|seed| image(seed).unwrap());
         assert_ne!(one.rgb, two.rgb);
         for look in [&one, &two] {
             assert_ne!(look.rgb, plain.rgb);
@@ -489,12 +492,12 @@ fn a_look_changes_colours_alone_and_glass_keeps_depth_and_id() {
         }
         let id = u16::try_from(bottle + 1).unwrap();
         assert!(one.ids().iter().filter(|i| **i == id).count() > 100);
-        assert_eq!(seen(1).unwrap().rgb, one.rgb);
+        assert_eq!(image(1).unwrap().rgb, one.rgb);
     }
 }
 
 #[test]
-fn requests_that_cannot_be_are_refused_by_name() {
+fn invalid_requests_are_rejected_by_name() {
     let scene = floor_and_box();
     let lens = Intrinsics::centred([32, 32], 1.0);
     let good = camera(Isometry3::identity(), lens);
@@ -535,7 +538,7 @@ fn requests_that_cannot_be_are_refused_by_name() {
 }
 
 #[test]
-fn a_lens_scales_with_the_width_and_keeps_its_middle() {
+fn a_lens_scales_with_the_width_and_keeps_its_centre() {
     let lens = Intrinsics {
         width: 1280,
         height: 720,
@@ -549,14 +552,14 @@ fn a_lens_scales_with_the_width_and_keeps_its_middle() {
         (half.fx, half.cx, half.cy),
         (1297.7 / 2.0, 620.9 / 2.0, 238.3 / 2.0)
     );
-    // A square picture sees as wide, and higher by equal parts above and below.
+    // A square image has the same horizontal view, extended equally above and below.
     let square = lens.resized([640, 640]);
     assert_eq!((square.fx, square.cx), (half.fx, half.cx));
     assert!((square.cy - half.cy - 140.0).abs() < 1e-9);
 }
 
 #[test]
-fn the_renderer_can_move_to_a_thread_of_its_own() {
+fn the_renderer_can_move_to_another_thread() {
     fn is_send<T: Send>() {}
     is_send::<Renderer>();
     is_send::<Frame>();

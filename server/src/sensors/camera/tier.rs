@@ -1,9 +1,9 @@
-//! How much work a quality asks for, with a look and without.
+//! Rendering effort of each quality, with a look and without.
 
 use super::Quality;
 use super::scene::RenderScene;
 
-/// How a quality tier is drawn.
+/// Rendering settings of a quality.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tier {
     /// Side of the shadow map, texels; 1 without shadows.
@@ -11,25 +11,25 @@ pub(super) struct Tier {
     pub(super) shadow_taps: u32,
     /// Colour samples per pixel.
     pub(super) samples: u32,
-    /// Edges are smoothed in the finished image.
+    /// Whether edges are smoothed in the finished image.
     pub(super) smooth_edges: bool,
     /// Highlights on rough surfaces too.
     pub(super) all_glossy: bool,
-    /// A look is drawn: light from all around, glass, metal that mirrors.
+    /// With a look: ambient light, glass, metal that mirrors.
     pub(super) lit: bool,
-    /// There are more ids than a byte tells apart.
+    /// Whether there are more IDs than fit in a byte.
     wide_ids: bool,
 }
 
-/// Greatest id of the alpha byte.
+/// Largest ID in the alpha byte.
 const BYTE_IDS: u16 = 255;
 
 impl Tier {
-    pub(super) fn of(quality: Quality, scene: &RenderScene) -> Self {
+    pub(super) fn for_scene(quality: Quality, scene: &RenderScene) -> Self {
         let lit = scene.surrounding.is_some();
         let tier = |shadow_size, shadow_taps, samples| Self {
             shadow_size,
-            // A look has softer shadows where that does not cost a tenth of the rate.
+            // A look has softer shadows if that costs less than a tenth of the rate.
             shadow_taps: if lit && shadow_taps > 3 {
                 16
             } else {
@@ -53,7 +53,7 @@ impl Tier {
         self.shadow_taps > 0
     }
 
-    /// Ids and depth come from a pass of their own, without averaging.
+    /// IDs and depth come from a separate pass, without averaging.
     pub(super) fn separate_ids(self) -> bool {
         self.samples > 1 || self.wide_ids
     }

@@ -1,38 +1,38 @@
-//! How long the adapter takes for each part of its work, by timestamps that it writes.
+//! GPU time of each part of the rendering, by timestamps.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use parking_lot::Mutex;
 
-/// What an adapter must be able to do.
+/// Required features of the adapter.
 pub(super) const FEATURES: wgpu::Features =
     wgpu::Features::TIMESTAMP_QUERY.union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS);
 
-/// Most parts of a submission, and its end.
+/// Largest number of parts of a submission, and its end.
 const MOST: u32 = 64;
 const BYTES: u64 = MOST as u64 * 8;
 
-/// Marks in what is submitted where a part begins; does nothing on a device that was not
-/// opened for that.
+/// Inserts timestamps at the beginning of parts; does nothing on a device without
+/// timing.
 #[derive(Default)]
 pub(super) struct Timing(Option<Mutex<Clock>>);
 
 struct Clock {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
-    /// Seconds of a tick.
+    /// Seconds per timestamp tick.
     tick: f64,
-    /// Parts of what is being recorded.
+    /// Parts of the commands being recorded.
     parts: Vec<&'static str>,
-    /// What is submitted and not read: its parts, where their beginnings are.
+    /// Submissions that are not read: their parts and timestamps.
     pending: VecDeque<(Vec<&'static str>, wgpu::Buffer)>,
-    /// All so far, in the order of their first beginning.
+    /// Total times, in the order of first use.
     spent: Vec<(&'static str, Duration)>,
 }
 
 impl Timing {
-    /// Of a device that may have been opened for it.
+    /// For a device that may have timing.
     pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         if !device.features().contains(FEATURES) {
             return Self::default();
@@ -56,7 +56,7 @@ impl Timing {
         })))
     }
 
-    /// `part` begins here, the one before ends. What finds no room is not told apart.
+    /// Begins `part` and ends the previous one. Parts beyond the limit are merged.
     pub(super) fn begins(&self, encoder: &mut wgpu::CommandEncoder, part: &'static str) {
         let Some(mut clock) = self.0.as_ref().map(Mutex::lock) else {
             return;
@@ -68,7 +68,7 @@ impl Timing {
         }
     }
 
-    /// The last part ends here, and what is recorded.
+    /// Ends the last part and the recording.
     pub(super) fn ends(&self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder) {
         let Some(mut clock) = self.0.as_ref().map(Mutex::lock) else {
             return;
@@ -87,7 +87,7 @@ impl Timing {
         clock.pending.push_back((parts, read));
     }
 
-    /// Takes account of the oldest submission, which is done.
+    /// Adds the times of the oldest submission, which is complete.
     pub(super) fn read(&self, device: &wgpu::Device) {
         let Some(mut clock) = self.0.as_ref().map(Mutex::lock) else {
             return;
@@ -118,7 +118,7 @@ impl Timing {
         }
     }
 
-    /// Time of each part so far, and begins anew.
+    /// Time of each part since the last call.
     pub(super) fn spent(&self) -> Vec<(&'static str, Duration)> {
         let clock = self.0.as_ref().map(Mutex::lock);
         clock.map_or_else(Vec::new, |mut clock| std::mem::take(&mut clock.spent))

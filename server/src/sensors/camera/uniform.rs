@@ -1,4 +1,4 @@
-//! What the shaders know of one picture beside bodies and materials.
+//! Uniform data of one image, except bodies and materials.
 
 use nalgebra::Matrix4;
 
@@ -7,8 +7,8 @@ use super::view::{View, columns};
 use crate::look::MOST_LAMPS;
 use crate::scene::Lighting;
 
-/// `Camera` in the shaders, member by member: matrices by columns, vectors with
-/// a fourth component that nobody reads.
+/// `Camera` in the shaders, member by member: matrices by columns, vectors with an
+/// unused fourth component.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct CameraUniform {
@@ -22,7 +22,7 @@ pub(super) struct CameraUniform {
     /// Size of a shadow texel in the map and in the world; number of lamps.
     shadow_texel: [f32; 4],
     irradiance: [[f32; 16]; 3],
-    /// Place and colour of each; dark ones fill up.
+    /// Position and colour of each; unused ones are dark.
     lamps: [[[f32; 4]; 2]; MOST_LAMPS],
 }
 

@@ -1,11 +1,11 @@
-//! Projection of a camera and which bodies it sees, in double precision.
+//! Projection of a camera and visibility of bodies, in double precision.
 
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Vector3};
 
-use super::cells::Cell;
+use super::culling_clusters::Cluster;
 use super::spec::CameraSpec;
 
-/// A camera at its place.
+/// A camera at its pose.
 pub(super) struct View {
     /// Camera to world.
     pub(super) world_from_optical: Isometry3<f64>,
@@ -50,7 +50,8 @@ impl View {
         }
     }
 
-    /// Distance from the eye to the nearest point of a ball, `None` when it is out of view.
+    /// Distance from the camera to the nearest point of a sphere, `None` when it is out
+    /// of view.
     pub(super) fn distance(&self, centre: &Point3<f64>, radius: f64) -> Option<f64> {
         let c = self.optical_from_world * centre;
         let visible =
@@ -58,7 +59,7 @@ impl View {
         visible.then(|| c.coords.norm() - radius)
     }
 
-    /// The frame of a body as this camera sees it.
+    /// The frame of a body in camera coordinates.
     pub(super) fn placed(&self, world_from_body: &Isometry3<f64>) -> Placed {
         let optical_from_body = self.optical_from_world * world_from_body;
         Placed {
@@ -67,25 +68,25 @@ impl View {
         }
     }
 
-    /// Whether the box of a cell may be in view.
-    pub(super) fn shows(&self, placed: &Placed, cell: &Cell) -> bool {
-        let centre = placed.rotation * cell.centre.coords + placed.translation;
+    /// Whether the box of a cluster may be in view.
+    pub(super) fn shows(&self, placed: &Placed, cluster: &Cluster) -> bool {
+        let centre = placed.rotation * cluster.centre.coords + placed.translation;
         let inside = |normal: &Vector3<f64>| {
-            let reach = placed.rotation.tr_mul(normal).abs().dot(&cell.half);
+            let reach = placed.rotation.tr_mul(normal).abs().dot(&cluster.half);
             normal.dot(&centre) > -reach
         };
-        let depth = placed.rotation.row(2).transpose().abs().dot(&cell.half);
+        let depth = placed.rotation.row(2).transpose().abs().dot(&cluster.half);
         centre.z + depth > self.near && self.sides.iter().all(inside)
     }
 }
 
-/// Where a body is in the frame of a camera.
+/// Pose of a body in the camera frame.
 pub(super) struct Placed {
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
 }
 
-/// Columns of a matrix as the shader reads them.
+/// Columns of a matrix in the shader's layout.
 pub(super) fn columns(matrix: &Matrix4<f64>) -> [f32; 16] {
     std::array::from_fn(|i| matrix[(i % 4, i / 4)] as f32)
 }

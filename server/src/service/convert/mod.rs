@@ -1,7 +1,6 @@
-//! Between the messages of the contract and the types of the core: what is
-//! simulated ([`scenario()`]), what stands there and how it goes (`scene`), what the
-//! robot is asked and does (`robot`). Everything that enters goes through
-//! `wheelarm_proto::check` first.
+//! Conversions between messages of the contract and types of the core: scenario
+//! ([`scenario()`]), scene and task (`scene`), commands and robot state (`robot`).
+//! Every incoming message is checked by `wheelarm_proto::check` first.
 
 mod robot;
 mod scenario;

@@ -1,4 +1,4 @@
-//! What the robot is asked, what it does, and why it does not.
+//! Conversions of commands, robot state and arm problems.
 
 use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose, twist, vector};
@@ -43,8 +43,8 @@ fn frame_to(frame: IntentFrame) -> i32 {
     frame as i32
 }
 
-/// Reads the groups of a command that has passed `check::command`, and holds
-/// what it asks of the gripper against the robot's ranges.
+/// Converts a command that has passed `check::command`, and checks its gripper values
+/// against the robot's ranges.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
@@ -103,8 +103,8 @@ fn gripper_intent(
         .ok_or(Invalid::Missing("gripper target"))?;
     let most = map.max_knuckle();
     let knuckle = match target {
-        // The linkage may open a hair less than the stroke that may be asked, and
-        // close at a hair more than the knuckle may.
+        // The linkage may open slightly less than the allowed stroke, and close
+        // slightly beyond the knuckle's range.
         Target::Opening(metres) => {
             let metres = check::within("gripper opening", *metres, 0.0, map.stroke())?;
             map.knuckle(metres).clamp(0.0, most)
@@ -120,7 +120,7 @@ fn gripper_intent(
     })
 }
 
-/// The input of a control tick as the groups of a command: what a replay sends.
+/// The input of a control tick as the groups of a command, as a replay sends them.
 pub fn applied_groups(
     input: &ControlInput,
 ) -> (
@@ -173,7 +173,7 @@ fn arm_command(intent: &ArmIntent) -> v1::ArmCommand {
     }
 }
 
-/// Why the arm does not follow, as a message tells it.
+/// Why the arm does not follow, as an enum of the contract.
 pub fn arm_problem(problem: Option<ArmProblem>) -> v1::ArmProblem {
     match problem {
         None => v1::ArmProblem::None,
@@ -184,7 +184,7 @@ pub fn arm_problem(problem: Option<ArmProblem>) -> v1::ArmProblem {
     }
 }
 
-/// Why a pose is not reached, as a message tells it.
+/// Why a pose is not reachable, as an enum of the contract.
 pub fn reach_problem(reason: kinematics::Reason) -> v1::ReachProblem {
     use kinematics::Reason;
     match reason {

@@ -1,4 +1,5 @@
-//! The scenario: as a message, and a message over the one in force.
+//! Conversion of the scenario to a message, and of a message applied over the scenario
+//! in force.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::check::{self, Invalid};
@@ -77,10 +78,10 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         start_in_view: Some(s.start_in_view),
         look_around: Some(s.look_around),
         instruction: Some(s.instruction.clone()),
-        language: s.language.as_ref().map(language::told),
+        language: s.language.as_ref().map(language::to_proto),
         target: Some(s.target.clone()),
         calibration_seed: s.calibration_seed,
-        look: s.look.map(told_look),
+        look: s.look.map(look_to_proto),
         starts: s.starts.code().into(),
         arm_positions: s.arm.map(Vec::from).unwrap_or_default(),
         knuckle: s.knuckle,
@@ -96,14 +97,14 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
                 strength: Some(sensor.strength),
             })
             .collect(),
-        disturbances: s.disturbances.as_ref().map(disturbance::told),
-        person: s.person.as_ref().map(person::told),
+        disturbances: s.disturbances.as_ref().map(disturbance::to_proto),
+        person: s.person.as_ref().map(person::to_proto),
         style: Some(s.style.name().to_owned()),
         time_limit_seconds: s.time_limit,
     }
 }
 
-/// A checked place in or about a home; bits are kept as in `isometry`.
+/// A checked pose in or around a home; the bits are kept as in `isometry`.
 fn place(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Invalid> {
     check::place(what, p)?;
     isometry(what, p)
@@ -112,20 +113,20 @@ fn place(what: &'static str, p: Option<&v1::Pose>) -> Result<Isometry3<f64>, Inv
 /// Model of a setting that switches all sensor models off.
 const NO_SENSORS: &str = "none";
 
-/// A sensor model that is asked for.
-fn sensor(asked: &v1::SensorSetting) -> Result<SensorSetting, Invalid> {
-    let strength = asked.strength.unwrap_or(1.0);
+/// Converts a requested sensor model.
+fn sensor(request: &v1::SensorSetting) -> Result<SensorSetting, Invalid> {
+    let strength = request.strength.unwrap_or(1.0);
     Ok(SensorSetting {
-        model: asked.model.clone(),
-        camera: asked.camera.clone(),
-        seed: asked.seed,
+        model: request.model.clone(),
+        camera: request.camera.clone(),
+        seed: request.seed,
         strength: check::within("strength", strength, 0.0, MAX_SENSOR_STRENGTH)
-            .map_err(of("sensor", &asked.model))?,
+            .map_err(in_entry("sensor", &request.model))?,
     })
 }
 
-/// A camera that is asked for.
-fn camera(asked: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
+/// Converts a requested camera.
+fn camera(request: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
     let lens = |lens: &v1::Intrinsics| {
         let size = [lens.width, lens.height];
         let side = f64::from(MAX_SIZE);
@@ -152,31 +153,31 @@ fn camera(asked: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
         })
     };
     Ok(CameraSetting {
-        name: asked.name.clone(),
-        size: [asked.width, asked.height],
-        rate_hz: asked.rate_hz.unwrap_or(CAMERA_HZ),
-        lens: asked.lens.as_ref().map(lens).transpose()?,
-        place: asked.place.as_ref().map(placed).transpose()?,
+        name: request.name.clone(),
+        size: [request.width, request.height],
+        rate_hz: request.rate_hz.unwrap_or(CAMERA_HZ),
+        lens: request.lens.as_ref().map(lens).transpose()?,
+        place: request.place.as_ref().map(placed).transpose()?,
     })
 }
 
-/// A look that is told; one that is off is none.
-fn look(asked: &v1::Look) -> Result<Option<Look>, Invalid> {
-    asked.check()?;
+/// Converts a requested look; `None` when it is off.
+fn look(request: &v1::Look) -> Result<Option<Look>, Invalid> {
+    request.check()?;
     let look = Look {
-        seed: asked.seed,
-        light: asked.light as u8,
-        background: asked.background as u8,
-        materials: asked.materials as u8,
-        exposure: asked.exposure as u8,
-        decoration: asked.decoration as u8,
-        camera: asked.camera as u8,
-        lens: asked.lens as u8,
+        seed: request.seed,
+        light: request.light as u8,
+        background: request.background as u8,
+        materials: request.materials as u8,
+        exposure: request.exposure as u8,
+        decoration: request.decoration as u8,
+        camera: request.camera as u8,
+        lens: request.lens as u8,
     };
-    Ok((!asked.is_off()).then_some(look))
+    Ok((!request.is_off()).then_some(look))
 }
 
-fn told_look(look: Look) -> v1::Look {
+fn look_to_proto(look: Look) -> v1::Look {
     v1::Look {
         seed: look.seed,
         light: look.light.into(),
@@ -189,17 +190,17 @@ fn told_look(look: Look) -> v1::Look {
     }
 }
 
-/// What of a look moves the cameras.
+/// The part of a look that moves the cameras.
 fn moves(look: Option<Look>) -> Option<(u64, u8, u8)> {
     let look = look.filter(|look| look.camera > 0 || look.lens > 0)?;
     Some((look.seed, look.camera, look.lens))
 }
 
-/// Rate of a camera whose rate is not told, Hz.
+/// Default rate of a camera, Hz.
 const CAMERA_HZ: f64 = 10.0;
 
-/// Says of which entry of a list an error is.
-fn of(what: &'static str, name: &str) -> impl Fn(Invalid) -> Invalid {
+/// Names the list entry of an error.
+fn in_entry(what: &'static str, name: &str) -> impl Fn(Invalid) -> Invalid {
     let place = format!("{what} {name:?}");
     move |source| Invalid::In {
         place: place.clone(),
@@ -207,44 +208,44 @@ fn of(what: &'static str, name: &str) -> impl Fn(Invalid) -> Invalid {
     }
 }
 
-/// A number that must be told, within bounds.
-fn number(what: &'static str, told: Option<f64>, low: f64, high: f64) -> Result<f64, Invalid> {
-    check::within(what, told.ok_or(Invalid::Missing(what))?, low, high)
+/// A required number within bounds.
+fn number(what: &'static str, value: Option<f64>, low: f64, high: f64) -> Result<f64, Invalid> {
+    check::within(what, value.ok_or(Invalid::Missing(what))?, low, high)
 }
 
-/// Keeps what is new, if anything is.
+/// Replaces `old` if there is a new value.
 fn keep<T>(old: &mut T, new: Option<T>) {
     if let Some(new) = new {
         *old = new;
     }
 }
 
-/// Most cameras or sensors, objects and slides that a scenario may name.
+/// Largest number of cameras or sensors, objects and slides in a scenario.
 const MOST: [usize; 3] = [16, 256, 256];
 
-/// Checks the lengths of all that a scenario message names.
-fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
-    check::few("cameras", &asked.cameras, MOST[0])?;
-    check::few("sensors", &asked.sensors, MOST[0])?;
-    check::few("objects", &asked.objects, MOST[1])?;
-    check::few("slides", &asked.slides, MOST[2])?;
-    check::instruction(asked.instruction())?;
+/// Checks the lengths of all lists and names of a scenario message.
+fn bounded(request: &v1::Scenario) -> Result<(), Invalid> {
+    check::few("cameras", &request.cameras, MOST[0])?;
+    check::few("sensors", &request.sensors, MOST[0])?;
+    check::few("objects", &request.objects, MOST[1])?;
+    check::few("slides", &request.slides, MOST[2])?;
+    check::instruction(request.instruction())?;
     let given = [
-        ("scene name", asked.scene.as_str()),
-        ("task name", asked.task()),
-        ("robot name", asked.robot.as_str()),
-        ("target", asked.target()),
+        ("scene name", request.scene.as_str()),
+        ("task name", request.task()),
+        ("robot name", request.robot.as_str()),
+        ("target", request.target()),
     ];
-    let given = given.into_iter().chain([("variant", asked.variant())]);
+    let given = given.into_iter().chain([("variant", request.variant())]);
     for (what, name) in given.filter(|(_, name)| !name.is_empty()) {
         check::name(what, name)?;
     }
-    let cameras = asked.cameras.iter().map(|c| ("camera name", &c.name));
+    let cameras = request.cameras.iter().map(|c| ("camera name", &c.name));
     let cameras = cameras.filter(|(_, name)| *name != ALL_CAMERAS);
-    let objects = asked.objects.iter().map(|o| ("object name", &o.name));
-    let slides = asked.slides.iter().map(|s| ("slide name", &s.joint));
-    let sensors = asked.sensors.iter().map(|s| ("sensor model", &s.model));
-    let on = asked.sensors.iter().map(|s| ("sensor camera", &s.camera));
+    let objects = request.objects.iter().map(|o| ("object name", &o.name));
+    let slides = request.slides.iter().map(|s| ("slide name", &s.joint));
+    let sensors = request.sensors.iter().map(|s| ("sensor model", &s.model));
+    let on = request.sensors.iter().map(|s| ("sensor camera", &s.camera));
     let on = on.filter(|(_, camera)| !camera.is_empty());
     for (what, name) in cameras
         .chain(objects)
@@ -257,27 +258,27 @@ fn bounded(asked: &v1::Scenario) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Applies a scenario message over the scenario in force: what is absent keeps
-/// its value. A scene, task, robot or seed that is given, be it the same, draws
-/// anew what is not given.
+/// Applies a scenario message over the scenario in force: absent fields keep their
+/// value. A scene, task, robot or seed in the message, even an unchanged one, resamples
+/// every field that is absent.
 ///
 /// # Errors
 /// [`Invalid`] that names the field.
-pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, Invalid> {
-    bounded(asked)?;
+pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario, Invalid> {
+    bounded(request)?;
     let mut s = now.clone();
     let pacing = scenario(now).pacing;
-    if asked.pacing != 0 && asked.pacing != pacing {
+    if request.pacing != 0 && request.pacing != pacing {
         return Err(Invalid::Word {
             what: "pacing",
-            value: asked.pacing.to_string(),
+            value: request.pacing.to_string(),
             expected: "the pacing that the server was started with; start another server for another",
         });
     }
-    let named = !asked.scene.is_empty() || !asked.robot.is_empty();
-    let elsewhere = Starts::told(asked.starts()).is_some_and(|starts| starts != now.starts);
-    let other = asked.variant.is_some() && asked.variant != now.variant;
-    let anew = asked.task.is_some() || asked.seed.is_some() || elsewhere || other;
+    let named = !request.scene.is_empty() || !request.robot.is_empty();
+    let elsewhere = Starts::from_proto(request.starts()).is_some_and(|starts| starts != now.starts);
+    let other = request.variant.is_some() && request.variant != now.variant;
+    let anew = request.task.is_some() || request.seed.is_some() || elsewhere || other;
     if named || anew {
         s.objects.clear();
         s.slides.clear();
@@ -288,8 +289,8 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
             language.template.clear();
             language.question.clear();
         }
-        s.person.clone_from(&s.asked.person);
-        if s.asked.open_limit {
+        s.person.clone_from(&s.requested.person);
+        if s.requested.open_limit {
             s.time_limit = Some(0.0);
         }
         s.target.clear();
@@ -297,60 +298,60 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
         s.arm = None;
         s.knuckle = None;
     }
-    if !asked.robot.is_empty() && asked.robot != now.robot {
+    if !request.robot.is_empty() && request.robot != now.robot {
         s.cameras = Scenario::all_cameras();
         s.sensors.clear();
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
-    keep(&mut s.scene, given(&asked.scene));
-    keep(&mut s.robot, given(&asked.robot));
-    keep(&mut s.task, asked.task.clone());
-    keep(&mut s.seed, asked.seed);
-    keep(&mut s.instruction, asked.instruction.clone());
-    if let Some(asked) = &asked.language {
-        s.language = Some(language::asked(asked)?);
+    keep(&mut s.scene, given(&request.scene));
+    keep(&mut s.robot, given(&request.robot));
+    keep(&mut s.task, request.task.clone());
+    keep(&mut s.seed, request.seed);
+    keep(&mut s.instruction, request.instruction.clone());
+    if let Some(request) = &request.language {
+        s.language = Some(language::from_proto(request)?);
     }
-    // Another way to say it: the sentence is drawn anew.
-    if asked.language.is_some() && asked.instruction.is_none() {
+    // Other language settings: the sentence is generated again.
+    if request.language.is_some() && request.instruction.is_none() {
         s.instruction.clear();
     }
-    keep(&mut s.target, asked.target.clone());
-    keep(&mut s.variant, asked.variant.clone().map(Some));
-    if let Some(share) = asked.variant_share {
+    keep(&mut s.target, request.target.clone());
+    keep(&mut s.variant, request.variant.clone().map(Some));
+    if let Some(share) = request.variant_share {
         s.variant_share = Some(check::within("variant_share", share, 0.0, 1.0)?);
     }
-    if let Some(asked) = &asked.disturbances {
-        s.disturbances = disturbance::asked(asked)?;
+    if let Some(request) = &request.disturbances {
+        s.disturbances = disturbance::from_proto(request)?;
     }
-    if let Some(asked) = &asked.person {
-        s.person = person::asked(asked)?;
-        s.asked.person = s.person.clone().map(|person| PersonSetting {
+    if let Some(request) = &request.person {
+        s.person = person::from_proto(request)?;
+        s.requested.person = s.person.clone().map(|person| PersonSetting {
             drawn: None,
             ..person
         });
     }
-    s.start_in_view = asked.start_in_view.unwrap_or(s.start_in_view);
-    s.look_around = asked.look_around.unwrap_or(s.look_around);
-    if let Some(style) = &asked.style {
+    s.start_in_view = request.start_in_view.unwrap_or(s.start_in_view);
+    s.look_around = request.look_around.unwrap_or(s.look_around);
+    if let Some(style) = &request.style {
         s.style = Style::from_name(style).map_err(|_| Invalid::Word {
             what: "style",
             value: check::beginning(style),
             expected: "quick or human",
         })?;
     }
-    if let Some(limit) = asked.time_limit_seconds {
+    if let Some(limit) = request.time_limit_seconds {
         s.time_limit = Some(check::within(
             "time_limit_seconds",
             limit,
             0.0,
             check::MAX_TIME_LIMIT,
         )?);
-        s.asked.open_limit = false;
+        s.requested.open_limit = false;
     }
-    keep(&mut s.imu_noise, asked.imu_noise);
-    keep(&mut s.state_rate_hz, asked.state_rate_hz);
-    keep(&mut s.deformable_rate_hz, asked.deformable_rate_hz);
-    keep(&mut s.imu_rate_hz, asked.imu_rate_hz);
+    keep(&mut s.imu_noise, request.imu_noise);
+    keep(&mut s.state_rate_hz, request.state_rate_hz);
+    keep(&mut s.deformable_rate_hz, request.deformable_rate_hz);
+    keep(&mut s.imu_rate_hz, request.imu_rate_hz);
     let rates = [
         ("state_rate_hz", s.state_rate_hz),
         ("deformable_rate_hz", s.deformable_rate_hz),
@@ -359,59 +360,59 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     for (what, rate) in rates {
         check::finite(what, rate)?;
     }
-    let seen = match &asked.look {
-        Some(asked) => look(asked)?,
+    let seen = match &request.look {
+        Some(request) => look(request)?,
         None => now.look,
     };
     s.look = seen;
-    if !asked.cameras.is_empty() {
-        s.cameras = asked
+    if !request.cameras.is_empty() {
+        s.cameras = request
             .cameras
             .iter()
             .map(camera)
             .collect::<Result<_, Invalid>>()?;
-    } else if asked.calibration_seed.is_some() || moves(seen) != moves(now.look) {
-        // Another specimen or look: what was drawn for the one before goes.
+    } else if request.calibration_seed.is_some() || moves(seen) != moves(now.look) {
+        // Another specimen or look: the sampled poses of the former one are dropped.
         for camera in &mut s.cameras {
             (camera.lens, camera.place) = (None, None);
         }
     }
-    s.calibration_seed = asked.calibration_seed.or(s.calibration_seed);
-    if !asked.sensors.is_empty() {
-        let on = asked.sensors.iter().filter(|s| s.model != NO_SENSORS);
+    s.calibration_seed = request.calibration_seed.or(s.calibration_seed);
+    if !request.sensors.is_empty() {
+        let on = request.sensors.iter().filter(|s| s.model != NO_SENSORS);
         s.sensors = on.map(sensor).collect::<Result<_, Invalid>>()?;
     }
-    match v1::RenderQuality::try_from(asked.quality) {
-        Ok(code) => keep(&mut s.quality, Quality::told(code)),
+    match v1::RenderQuality::try_from(request.quality) {
+        Ok(code) => keep(&mut s.quality, Quality::from_proto(code)),
         Err(_) => {
             return Err(Invalid::Word {
                 what: "quality",
-                value: asked.quality.to_string(),
+                value: request.quality.to_string(),
                 expected: "a value of wheelarm.v1.RenderQuality",
             });
         }
     }
-    match v1::Starts::try_from(asked.starts) {
-        Ok(code) => keep(&mut s.starts, Starts::told(code)),
+    match v1::Starts::try_from(request.starts) {
+        Ok(code) => keep(&mut s.starts, Starts::from_proto(code)),
         Err(_) => {
             return Err(Invalid::Word {
                 what: "starts",
-                value: asked.starts.to_string(),
+                value: request.starts.to_string(),
                 expected: "a value of wheelarm.v1.Starts",
             });
         }
     }
-    if !asked.arm_positions.is_empty() {
-        s.arm = Some(check::list("arm_positions", &asked.arm_positions)?);
+    if !request.arm_positions.is_empty() {
+        s.arm = Some(check::list("arm_positions", &request.arm_positions)?);
     }
-    if let Some(knuckle) = asked.knuckle {
+    if let Some(knuckle) = request.knuckle {
         s.knuckle = Some(check::within("knuckle", knuckle, 0.0, 3.2)?);
     }
-    if let Some(start) = &asked.start {
+    if let Some(start) = &request.start {
         s.start = Some(place("start", Some(start))?);
-        s.rejected_starts = asked.rejected_starts;
+        s.rejected_starts = request.rejected_starts;
     }
-    let objects = asked
+    let objects = request
         .objects
         .iter()
         .map(|o| {
@@ -422,10 +423,13 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                     friction: number("friction", o.friction, 0.0, 10.0)?,
                 })
             };
-            Ok((o.name.clone(), placed().map_err(of("object", &o.name))?))
+            Ok((
+                o.name.clone(),
+                placed().map_err(in_entry("object", &o.name))?,
+            ))
         })
         .collect::<Result<Vec<_>, Invalid>>()?;
-    let slides = asked
+    let slides = request
         .slides
         .iter()
         .map(|slide| {
@@ -435,7 +439,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
                     damping: number("damping", slide.damping, 0.0, 1e4)?,
                 })
             };
-            let place = of("slide", &slide.joint);
+            let place = in_entry("slide", &slide.joint);
             let position = || number("position", slide.position.or(Some(0.0)), 0.0, 10.0);
             Ok((
                 slide.joint.clone(),
@@ -449,7 +453,7 @@ pub fn scenario_over(now: &Scenario, asked: &v1::Scenario) -> Result<Scenario, I
     Ok(s)
 }
 
-// What clients check is what the models take.
+// Clients check the same limit as the models.
 const _: () = assert!(MAX_SENSOR_STRENGTH == MAX_STRENGTH);
 
 #[cfg(test)]
@@ -474,33 +478,33 @@ mod tests {
     }
 
     #[test]
-    fn what_a_reset_does_not_say_stays_as_it_is() {
+    fn fields_absent_in_a_reset_keep_their_value() {
         let now = in_force();
         assert_eq!(
             scenario_over(&now, &v1::Scenario::default()),
             Ok(now.clone())
         );
         assert_eq!(scenario_over(&now, &scenario(&now)), Ok(now.clone()));
-        let asked = v1::Scenario {
+        let request = v1::Scenario {
             imu_rate_hz: Some(0.0),
             imu_noise: Some(false),
             ..v1::Scenario::default()
         };
-        let got = scenario_over(&now, &asked).unwrap();
+        let got = scenario_over(&now, &request).unwrap();
         assert_eq!((got.imu_rate_hz, got.imu_noise, got.seed), (0.0, false, 7));
         assert_eq!(got.objects, now.objects);
         assert_eq!(got.state_rate_hz, now.state_rate_hz);
     }
 
     #[test]
-    fn a_seed_that_is_given_draws_anew_what_is_not() {
+    fn a_new_seed_resamples_absent_fields() {
         let now = in_force();
-        let asked = v1::Scenario {
+        let request = v1::Scenario {
             seed: Some(7),
             target: Some("can".to_owned()),
             ..v1::Scenario::default()
         };
-        let got = scenario_over(&now, &asked).unwrap();
+        let got = scenario_over(&now, &request).unwrap();
         assert!(got.objects.is_empty() && got.start.is_none() && got.instruction.is_empty());
         assert_eq!(
             (got.seed, got.target.as_str(), got.imu_noise),

@@ -1,4 +1,4 @@
-//! What stands in the scene, what is to be done there, and how it goes.
+//! Conversions of the scene, the task's goal and its evaluation.
 
 use wheelarm_proto::geometry::{pose, vector};
 use wheelarm_proto::v1;
@@ -95,7 +95,7 @@ pub fn furniture_joint(joint: &FurnitureJoint, scene: &Scene) -> v1::FurnitureJo
     }
 }
 
-/// What is to be done, for programs.
+/// The goal of a task as an enum.
 pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
     match goal {
         tasks::Goal::Lift => v1::GoalKind::Lift,
@@ -107,7 +107,7 @@ pub fn goal_kind(goal: &tasks::Goal) -> v1::GoalKind {
     }
 }
 
-/// What a task asks for, as a message; `lap`: that of who sits in the chair.
+/// The goal of a task as a message; `lap` is the user's lap.
 pub fn goal(
     goal: &tasks::Goal,
     target: &str,

@@ -1,5 +1,5 @@
-//! What is odd in the simulation, told once: notes go on, what is broken ends
-//! the episode and waits for a reset.
+//! Reports anomalies of the simulation, each once. A note does not interrupt; a broken
+//! state ends the episode and requires a reset.
 
 use wheelarm_proto::v1;
 
@@ -8,25 +8,25 @@ use crate::service::convert;
 use crate::sim::anomaly_words;
 use crate::snapshot::Contact;
 
-/// Notes that are told of one episode at most.
+/// Largest number of notes per episode.
 const MOST: usize = 100;
 
 impl Engine {
-    /// A new episode or another simulation begins.
+    /// Forgets reported anomalies, for a new episode or simulation.
     pub(super) fn forget_anomalies(&mut self) {
         self.seen_anomalies.clear();
         self.anomalies.clear();
         self.seen_collisions.clear();
     }
 
-    /// The state has just broken: an episode that runs ends as failed, and
-    /// nothing moves until a client asks for `reset`.
+    /// Handles a state that has just broken: a running episode ends as failed, and
+    /// nothing moves until a `reset`.
     pub(super) fn break_off(&mut self) {
         let words = self.sim.broken().unwrap_or_default().to_owned();
-        tracing::error!("the state is broken: {words}; it goes on after a `reset`");
+        tracing::error!("the state is broken: {words}; waiting for a `reset`");
         self.event(
             v1::EventKind::Anomaly,
-            &format!("the state is broken: {words}; ask for `reset`"),
+            &format!("the state is broken: {words}; request a `reset`"),
         );
         let kind = self
             .sim
@@ -34,8 +34,8 @@ impl Engine {
             .map_or_else(Default::default, convert::fault_kind);
         self.anomalies.push((kind, words.clone()));
         self.end_episode(false, v1::EndCause::Physics);
-        self.shared.inbox.lock().close(&format!(
-            "the state is broken, nothing moves before a `reset`: {words}"
+        self.shared.command_gate.lock().close(&format!(
+            "the state is broken, commands are rejected until a `reset`: {words}"
         ));
     }
 
@@ -70,7 +70,7 @@ impl Engine {
         }
     }
 
-    /// Tells once of every pair of the robot, or of what it holds, with the person.
+    /// Reports each pair of the person and the robot, or an object that it holds, once.
     fn publish_touches(&mut self) {
         let touches: Vec<Contact> = self.sim.touches().copied().collect();
         for contact in touches {

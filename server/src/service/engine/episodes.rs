@@ -1,5 +1,4 @@
-//! How an episode goes: from its announcement, through the wait for its
-//! recorders, to its manifest.
+//! Lifecycle of an episode: announcement, wait for recorders, manifest.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -8,34 +7,34 @@ use wheelarm_proto::v1::{FailureCode, WaitingFor};
 use wheelarm_proto::{Message, StreamId, TopicId, check, v1};
 
 use super::{Engine, NAP, Next, Waits};
+use crate::service::command_gate::Listening;
 use crate::service::denied::Denied;
-use crate::service::episode::{Episode, Stage, Unacknowledged};
-use crate::service::inbox::Listening;
+use crate::service::episode::{Episode, PendingStopReply, Stage};
 use crate::service::recorders::Progress;
 use crate::service::{convert, describe};
 use crate::sim::Pacing;
 
-/// How long an announced episode waits for recorders that are not there, s.
+/// Longest wait of an announced episode for absent recorders, s.
 const ABSENT_SECS: u64 = 30;
 
-/// How long it waits for recorders that are there, but still finish files, s.
+/// Longest wait for connected recorders that still finish files, s.
 const PRESENT_SECS: u64 = 120;
 
-/// How long a server that ends waits for its recorders to get the rest, s.
+/// Longest wait at shutdown for recorders to receive the rest, s.
 const FAREWELL_SECS: u64 = 10;
 
-/// Longest wait for recorders to receive the manifest before `episode_stop` is answered, s.
-/// What was lost on a slow line is fetched first.
+/// Longest wait for recorders to receive the manifest before `episode_stop` is
+/// answered, s. Samples lost on a slow connection are retransmitted first.
 const ACKNOWLEDGED_SECS: u64 = 10;
 
-/// Ended episodes whose manifests are kept for recorders that ask late.
+/// Ended episodes whose manifests are kept for late recorders.
 const ENDED_EPISODES: usize = 8;
 
 impl Engine {
-    /// Ends the episode and answers `asked` when its recorders have the manifest.
+    /// Ends the episode and answers `query` when its recorders have the manifest.
     pub(super) fn stop_for(
         &mut self,
-        asked: Option<zenoh::query::Query>,
+        query: Option<zenoh::query::Query>,
         discard: bool,
         cause: v1::EndCause,
     ) {
@@ -43,25 +42,26 @@ impl Engine {
         let participants =
             episode.map_or_else(Vec::new, |e| [&e.participants[..], &e.lost[..]].concat());
         let stopped = self.stop_episode(discard, cause);
-        let Some(asked) = asked else {
+        let Some(query) = query else {
             return;
         };
         match stopped {
-            Some(stopped) => self.unacknowledged.push(Unacknowledged {
-                asked,
+            Some(stopped) => self.unacknowledged.push(PendingStopReply {
+                query,
                 stopped,
                 participants,
                 since: Instant::now(),
             }),
             None => {
                 let words = "no episode is running";
-                self.refuse(asked, Denied::new(FailureCode::NoEpisode, words));
+                self.refuse(query, Denied::new(FailureCode::NoEpisode, words));
             }
         }
         self.answer_acknowledged(false);
     }
 
-    /// Answers those whose recorders have the manifest or have had their time, or `all`.
+    /// Answers the stop queries whose recorders have the manifest or have timed out;
+    /// with `all`, every one.
     pub(super) fn answer_acknowledged(&mut self, all: bool) {
         if self.unacknowledged.is_empty() {
             return;
@@ -91,12 +91,12 @@ impl Engine {
                     &answer.participants,
                 );
             }
-            self.reply(answer.asked, Ok(answer.stopped.encode_to_vec()));
+            self.reply(answer.query, Ok(answer.stopped.encode_to_vec()));
         }
     }
 
-    /// Announces an episode; simulation time goes on when its recorders are ready.
-    /// What the cameras drew before it is out.
+    /// Announces an episode; simulation time resumes when its recorders are ready.
+    /// Earlier images are already published.
     pub(super) fn start_episode(
         &mut self,
         request: v1::EpisodeStartRequest,
@@ -108,7 +108,7 @@ impl Engine {
         }
         if let Some(words) = self.sim.broken() {
             let words = format!(
-                "the state is broken, no episode can begin: {words}; ask for `reset` first"
+                "the state is broken, no episode can begin: {words}; request `reset` first"
             );
             return Err(Denied::new(FailureCode::Broken, words));
         }
@@ -117,7 +117,7 @@ impl Engine {
         let lock_step = self.sim.scenario().pacing == Pacing::LockStep;
         let shown = self.sim.is_shown();
         if shown {
-            // Nobody commands what was recorded.
+            // A recording needs no commander.
         } else if lock_step {
             self.check_commander(&request.commander)?;
         } else if request.replay {
@@ -131,13 +131,13 @@ impl Engine {
         if request.practice && request.require_recorders > 0 {
             return Err(Denied::new(
                 FailureCode::Invalid,
-                "a practice episode is not recorded: ask for 0 recorders, or leave `practice` out",
+                "a practice episode is not recorded: require 0 recorders, or leave `practice` out",
             ));
         }
         if let Some(limit) = request.time_limit_seconds {
             check::within("time_limit_seconds", limit, 1.0, check::MAX_TIME_LIMIT)?;
         }
-        // In lock-step time waits for every recorder that is there.
+        // In lock-step, time waits for every connected recorder.
         let required = match lock_step && !request.practice {
             true => self
                 .shared
@@ -152,8 +152,8 @@ impl Engine {
             self.sim.begin_episode(request.time_limit_seconds);
         }
         self.signals.restart();
-        if let Some(lag) = &mut self.lag {
-            lag.restart();
+        if let Some(command_delay) = &mut self.command_delay {
+            command_delay.restart();
         }
         let snapshot = match shown {
             true => Vec::new(),
@@ -164,7 +164,7 @@ impl Engine {
         let tick = self.sim.snapshot().tick;
         let mut started = self.announcement(number, &request, shown);
         if let (Some(limit), Some(scenario)) = (request.time_limit_seconds, &mut started.scenario) {
-            // The file says which limit was in force, and a replay takes it from there.
+            // Record the limit in force, so that a replay uses it.
             scenario.time_limit_seconds = Some(limit);
         }
         self.episode = Some(Episode {
@@ -174,14 +174,14 @@ impl Engine {
             stage: Stage::Waiting,
             replayed: request.replay,
             required,
-            pictures: BTreeMap::new(),
+            images: BTreeMap::new(),
             participants: Vec::new(),
             lost: Vec::new(),
             since: Instant::now(),
             running_since: Instant::now(),
         });
         if required > 0 {
-            // Whoever asks at once is not told that it runs.
+            // An immediate status query must not report that the episode runs.
             let words = format!("recorders: 0 of {required} ready");
             self.waiting_for = Waits::new(WaitingFor::Recorders, words);
         }
@@ -195,8 +195,8 @@ impl Engine {
         Ok(started)
     }
 
-    /// What is told of an episode that begins at the present tick; `shown` when it
-    /// shows recorded states instead of simulating.
+    /// Announcement of an episode that begins at the present tick; `shown` when it
+    /// plays back recorded states.
     fn announcement(
         &self,
         number: u64,
@@ -249,29 +249,30 @@ impl Engine {
         }
     }
 
-    /// In lock-step time waits for whoever holds control; `wanted` must be that one.
+    /// In lock-step, time waits for the holder of control; `wanted` must be that
+    /// commander.
     fn check_commander(&self, wanted: &str) -> Result<(), Denied> {
-        let inbox = self.shared.inbox.lock();
-        let holder = inbox.lease().holder().map(|h| h.life.name.as_str());
+        let command_gate = self.shared.command_gate.lock();
+        let holder = command_gate.lease().holder().map(|h| h.life.name.as_str());
         match holder {
             Some(holder) if wanted.is_empty() || wanted == holder => Ok(()),
             Some(holder) => {
                 let words = format!(
-                    "in lock-step the simulation waits for one commander: {wanted:?} is asked \
-                     for, but {holder:?} holds control (query `lease`)"
+                    "in lock-step the simulation waits for one commander: the request names \
+                     {wanted:?}, but {holder:?} holds control (query `lease`)"
                 );
                 Err(Denied::new(FailureCode::ControlHeld, words))
             }
             None => Err(Denied::new(
                 FailureCode::NoControl,
-                "in lock-step the simulation waits for one commander, and nobody holds control: \
+                "in lock-step the simulation waits for one commander, and no commander holds control: \
                  ask for it first (query `lease`), or hold it from another terminal with \
                  `wheelarm lease hold`",
             )),
         }
     }
 
-    /// Closes the running episode, whose pictures are all out, and publishes its
+    /// Ends the running episode, after all its images are published, and publishes its
     /// manifest.
     pub(super) fn stop_episode(
         &mut self,
@@ -279,22 +280,22 @@ impl Engine {
         cause: v1::EndCause,
     ) -> Option<v1::EpisodeStopped> {
         if let Some(render) = &self.render {
-            // What has arrived is out, the rest never comes.
+            // Publish images that have arrived; later ones are dropped.
             render
-                .sensed()
-                .stands(self.episode_number(), self.sim.snapshot().tick);
-            render.sensed().settle();
+                .sensor_images()
+                .set_tick(self.episode_number(), self.sim.snapshot().tick);
+            render.sensor_images().settle();
         }
         let episode = self.episode.take()?;
         let tick = self.sim.snapshot().tick;
         let (cameras, sensors) = (self.camera_names(), self.sensor_names());
         let outbox = &self.shared.outbox;
         let mut manifest = outbox.manifest(episode.number, &cameras, &sensors);
-        // Pictures that fell due but were never drawn are missing, not absent.
+        // Images that were due but never rendered count as missing.
         for line in &mut manifest {
             let stream = StreamId::parse(&line.stream);
             let camera = stream.camera_name().unwrap_or_default();
-            let due = episode.pictures.get(camera).copied().unwrap_or_default();
+            let due = episode.images.get(camera).copied().unwrap_or_default();
             if due > line.count {
                 line.count = due;
                 line.last = line.first + due - 1;
@@ -302,7 +303,7 @@ impl Engine {
         }
         let stopped = v1::EpisodeStopped {
             header: Some(self.shared.outbox.header(episode.number, tick)),
-            // Of a practice episode there is nothing to keep.
+            // A practice episode is never kept.
             discard: discard || episode.started.practice,
             evaluation: match &self.shown {
                 Some(shown) => shown.evaluation.clone(),
@@ -323,7 +324,7 @@ impl Engine {
                 .collect(),
             unconfirmed_recorders: Vec::new(),
         };
-        // Whoever hears of the end may ask for it at once.
+        // Recorders may query the end as soon as it is published.
         self.ended.push_back(stopped.clone());
         if self.ended.len() > ENDED_EPISODES {
             self.ended.pop_front();
@@ -336,7 +337,7 @@ impl Engine {
         Some(stopped)
     }
 
-    /// Whether an announced episode may run, which its recorders decide.
+    /// Whether an announced episode may run; its recorders decide.
     pub(super) fn wait_for_recorders(&mut self) -> Next {
         let Some(episode) = &mut self.episode else {
             return Next::Wait(NAP);
@@ -385,7 +386,7 @@ impl Engine {
         Next::Wait(NAP)
     }
 
-    /// Those that were lost in the episode are not waited for any more.
+    /// Reports lost recorders; they are not waited for any more.
     pub(super) fn report_lost_recorders(&mut self) {
         let Some(episode) = &mut self.episode else {
             return;
@@ -403,12 +404,12 @@ impl Engine {
         }
     }
 
-    /// Whom the cameras, or time, have left too far behind.
+    /// The recorder whose credit images or time have exceeded.
     pub(super) fn recorder_without_credit(&self) -> Option<String> {
         let episode = self.episode.as_ref()?;
         let published = Progress {
-            // Those that are still being drawn as well: the cache holds no more.
-            pictures: episode.pictures.values().sum(),
+            // Includes images still being rendered: the cache holds no more.
+            images: episode.images.values().sum(),
             tick: self.sim.snapshot().tick,
         };
         self.shared.recorders.lock().without_credit(
@@ -419,12 +420,12 @@ impl Engine {
         )
     }
 
-    /// Keeps the session open until the recorders have got the rest.
+    /// Keeps the session open until the recorders have received the rest.
     pub(super) fn wait_for_files(&mut self, episode: u64, participants: &[String]) {
         let since = Instant::now();
         while since.elapsed() < Duration::from_secs(FAREWELL_SECS) {
-            // They ask for the manifest.
-            while let Some(request) = self.shared.desk.next(false) {
+            // Recorders query the manifest.
+            while let Some(request) = self.shared.request_queue.next(false) {
                 self.answer(request);
             }
             let mut recorders = self.shared.recorders.lock();
@@ -436,7 +437,7 @@ impl Engine {
             if !waiting {
                 return;
             }
-            self.shared.signal.wait(NAP);
+            self.shared.wakeup.wait(NAP);
         }
     }
 }

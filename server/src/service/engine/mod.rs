@@ -1,14 +1,14 @@
-//! The simulation thread: waits for what the pacing asks for, steps, publishes.
+//! The simulation thread: waits as the pacing requires, steps, publishes.
 //!
-//! Everything that changes the simulation happens here. What is asked is in
-//! `answers`, what takes long in `errands`, how an episode goes in `episodes`.
+//! Only this thread changes the simulation. Queries are answered in `queries`, long
+//! operations run in `pending_operations`, the lifecycle of episodes is in `episodes`.
 
 mod anomalies;
-mod answers;
 mod episodes;
-mod errands;
-mod show;
-mod tidings;
+mod event_queue;
+mod pending_operations;
+mod playback;
+mod queries;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,12 +22,12 @@ use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::WaitingFor;
 
-use super::episode::{Episode, Stage, Unacknowledged};
-use super::errand::Errand;
+use super::command_delay::CommandDelay;
+use super::command_gate::{Listening, SetPoints};
+use super::episode::{Episode, PendingStopReply, Stage};
 use super::error::ServiceError;
-use super::inbox::{Listening, Standing};
-use super::lag::Lag;
 use super::pace::Pace;
+use super::pending_operation::PendingOperation;
 use super::render::RenderThread;
 use super::shared::Shared;
 use super::waiting::Waiting;
@@ -38,26 +38,26 @@ use crate::sensors::signals::Signals;
 use crate::sim::{Pacing, Simulation};
 use crate::snapshot::{Anomaly, BodyRef, Snapshot};
 
-/// Time for queries before each control tick. While a tick is not due they have
-/// all of it; a flood waits its turn and never holds physics up.
+/// Time for queries before a control tick that is due, so that a flood never delays
+/// physics. While no tick is due, queries have all the time.
 const QUERIES: Duration = Duration::from_millis(2);
 
 /// Longest sleep of the loop, so that a lost wake-up costs little.
 pub(in crate::service) const NAP: Duration = Duration::from_millis(50);
 
-/// What a service needs to know beside the simulation.
+/// Options of a service.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Keys of this server.
     pub keys: Keys,
-    /// The adapter that draws; another service may draw on it, too.
+    /// The GPU adapter that renders; other services may share it.
     pub graphics: Graphics,
-    /// Physics only: no pictures, no driver needed.
+    /// Physics only: no images, no driver needed.
     pub no_cameras: bool,
-    /// Form of depth in compressed pictures: metres, unless all who record keep it in
-    /// another, as the one recorder of a campaign's worker may.
+    /// Form of depth in compressed images: metres, unless all recorders store another
+    /// form, as the single recorder of a campaign worker may.
     pub depth: Depth,
-    /// Who may connect, for who asks.
+    /// Access mode, reported to clients.
     pub access: v1::Access,
 }
 
@@ -65,8 +65,8 @@ pub struct Options {
 pub struct Engine {
     pub(in crate::service) sim: Simulation,
     pub(in crate::service) shared: Arc<Shared>,
-    /// An act that takes long.
-    pub(in crate::service) errand: Option<Errand>,
+    /// An operation that takes long.
+    pub(in crate::service) pending_operation: Option<PendingOperation>,
     pub(in crate::service) options: Options,
     pub(in crate::service) render: Option<RenderThread>,
     pub(in crate::service) episode: Option<Episode>,
@@ -75,32 +75,32 @@ pub struct Engine {
     pub(in crate::service) waiting: Waiting,
     pub(in crate::service) pace: Pace,
     pub(in crate::service) episodes: u64,
-    /// Answers to `episode_stop` that wait for recorders.
-    pub(in crate::service) unacknowledged: Vec<Unacknowledged>,
-    /// The last episodes that ended, oldest first.
+    /// Replies to `episode_stop` that wait for recorders.
+    pub(in crate::service) unacknowledged: Vec<PendingStopReply>,
+    /// The last ended episodes, oldest first.
     pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
     pub(in crate::service) seen_anomalies: Vec<Anomaly>,
-    /// What was odd since the episode began, with its words.
+    /// Anomalies since the episode began, with their texts.
     pub(in crate::service) anomalies: Vec<(v1::AnomalyKind, String)>,
-    /// Pairs whose hard collision has been told in this episode.
+    /// Pairs whose hard collision was reported in this episode.
     pub(in crate::service) seen_collisions: Vec<(BodyRef, BodyRef)>,
-    /// Asset files as they were when the simulation was set up.
+    /// Asset files as read when the simulation was set up.
     pub(in crate::service) asset_texts: Vec<v1::AssetText>,
-    /// Answers that stay the same, made once.
+    /// Replies that stay the same, encoded once.
     pub(in crate::service) made: Made,
-    /// The recorded state that is shown.
+    /// The recorded state that is played back.
     pub(super) shown: Option<v1::ShowRequest>,
     /// Sensor models of the robot's signals.
     pub(in crate::service) signals: Signals,
-    /// The way from the gate to the robot's control, where it takes time.
-    pub(in crate::service) lag: Option<Lag>,
+    /// Delay of commands behind the gate, if a sensor model defines one.
+    pub(in crate::service) command_delay: Option<CommandDelay>,
 }
 
-/// Answers that stay the same while a scenario and an episode are in force.
+/// Replies that stay the same for one scenario and episode.
 #[derive(Default)]
 pub(in crate::service) struct Made {
     pub(in crate::service) scene: Option<Arc<v1::SceneReply>>,
-    /// Of one episode.
+    /// With the number of its episode.
     pub(in crate::service) snapshot: Option<(u64, Bytes)>,
 }
 
@@ -119,10 +119,10 @@ impl Engine {
             asset_texts,
             pace: Pace::new(sim.scenario().pacing),
             signals: Signals::new(sim.devices(), sim.model()),
-            lag: Lag::of(sim.devices()),
+            command_delay: CommandDelay::from_devices(sim.devices()),
             sim,
             shared,
-            errand: None,
+            pending_operation: None,
             options,
             render: None,
             episode: None,
@@ -152,7 +152,7 @@ impl Engine {
                 &self.options.graphics,
                 self.options.depth,
                 Arc::clone(&self.shared.outbox),
-                Arc::clone(&self.shared.signal),
+                Arc::clone(&self.shared.wakeup),
             )?;
             tracing::info!("cameras on {}", render.adapter);
             self.render = Some(render);
@@ -160,14 +160,13 @@ impl Engine {
         Ok(self.shared.outbox.declare(&wanted, &self.sensor_names())?)
     }
 
-    /// Picture sensors on the cameras that are drawn.
+    /// Image sensors on the rendered cameras.
     pub(in crate::service) fn sensor_names(&self) -> Vec<String> {
         let render = self.render.as_ref();
-        render.map_or_else(Vec::new, |render| render.sensed().names())
+        render.map_or_else(Vec::new, |render| render.sensor_images().names())
     }
 
-    /// Cameras that are drawn: none when they could not be set up again after a
-    /// reset that failed.
+    /// Rendered cameras: none if they could not be set up again after a failed reset.
     pub(in crate::service) fn camera_names(&self) -> Vec<String> {
         match &self.render {
             Some(_) => self.wanted_cameras(),
@@ -175,7 +174,7 @@ impl Engine {
         }
     }
 
-    /// Cameras that the scenario asks for.
+    /// Cameras of the scenario.
     fn wanted_cameras(&self) -> Vec<String> {
         if self.options.no_cameras {
             return Vec::new();
@@ -193,12 +192,12 @@ impl Engine {
 
     pub(in crate::service) fn listen(&self, listening: Listening) {
         self.shared
-            .inbox
+            .command_gate
             .lock()
             .listen(listening, self.sim.snapshot().tick);
     }
 
-    /// Runs until told to stop; a running episode is closed, not discarded.
+    /// Runs until stopped; a running episode is closed, not discarded.
     pub fn run(mut self) {
         self.publish_state();
         while !self.shared.stop.load(Ordering::Acquire) {
@@ -206,15 +205,15 @@ impl Engine {
             self.answer_acknowledged(false);
             self.answer_some();
             self.publish_refusals();
-            self.publish_tidings();
+            self.publish_queued_events();
             let next = self.next();
-            self.tell_of_waiting();
+            self.log_waiting();
             match next {
                 Next::Step => self.step(),
                 Next::Wait(how_long) if !self.may_answer() => {
-                    self.shared.signal.wait(how_long.min(NAP));
+                    self.shared.wakeup.wait(how_long.min(NAP));
                 }
-                // There is time for the next queries.
+                // Not due yet: answer more queries.
                 Next::Wait(_) => {}
             }
         }
@@ -229,16 +228,24 @@ impl Engine {
         self.answer_acknowledged(true);
     }
 
-    /// Whether a query waits that could be answered now.
+    /// Whether a query waits that can be answered now.
     fn may_answer(&self) -> bool {
-        self.shared.replies.has_room() && self.shared.desk.is_waiting(self.errand.is_none())
+        self.shared.replies.has_room()
+            && self
+                .shared
+                .request_queue
+                .is_waiting(self.pending_operation.is_none())
     }
 
-    /// Answers queries, in order, for as long as one turn may take.
+    /// Answers queries in order, for at most [`QUERIES`].
     fn answer_some(&mut self) {
         let since = Instant::now();
         while self.may_answer() && since.elapsed() < QUERIES {
-            let Some(request) = self.shared.desk.next(self.errand.is_none()) else {
+            let Some(request) = self
+                .shared
+                .request_queue
+                .next(self.pending_operation.is_none())
+            else {
                 return;
             };
             self.answer(request);
@@ -246,11 +253,11 @@ impl Engine {
         }
     }
 
-    /// Decides whether the next control tick may be taken.
+    /// Decides whether the next control tick may run.
     fn next(&mut self) -> Next {
         self.waiting_for = Waits::default();
         if let Some(words) = self.sim.broken() {
-            let words = format!("a `reset`, for the state is broken: {words}");
+            let words = format!("a `reset`, because the state is broken: {words}");
             self.waiting_for = Waits::new(WaitingFor::Reset, words);
             return Next::Wait(NAP);
         }
@@ -259,14 +266,18 @@ impl Engine {
             self.waiting_for = Waits::new(WaitingFor::FailedCameras, words);
             return Next::Wait(NAP);
         }
-        if let Some(what) = self.errand.as_ref().and_then(Errand::holds_up) {
+        if let Some(what) = self
+            .pending_operation
+            .as_ref()
+            .and_then(PendingOperation::pause_reason)
+        {
             self.waiting_for = Waits::new(WaitingFor::Cameras, what);
             return Next::Wait(NAP);
         }
         if self.sim.is_shown() {
             return self.next_shown();
         }
-        // Waiting here and not in the queue, it goes on answering.
+        // Waiting here and not in the queue keeps queries answered.
         if self.paused || self.render.as_ref().is_some_and(RenderThread::is_full) {
             return Next::Wait(NAP);
         }
@@ -298,14 +309,19 @@ impl Engine {
                 self.waiting_for = Waits::new(WaitingFor::Credit, words);
                 return Next::Wait(NAP);
             }
-            if !self.shared.inbox.lock().answered(self.sim.snapshot().tick) {
-                self.waiting_for = match self.shared.inbox.lock().lease().holder() {
+            if !self
+                .shared
+                .command_gate
+                .lock()
+                .answered(self.sim.snapshot().tick)
+            {
+                self.waiting_for = match self.shared.command_gate.lock().lease().holder() {
                     Some(holder) => {
                         let words = format!("the commander {:?}", holder.life.name);
                         Waits::new(WaitingFor::Commander, words)
                     }
                     None => {
-                        let words = "a commander, for nobody holds control";
+                        let words = "a commander: no commander holds control";
                         Waits::new(WaitingFor::Control, words)
                     }
                 };
@@ -316,7 +332,7 @@ impl Engine {
     }
 
     fn when_due(&self) -> Next {
-        let command_waits = self.shared.inbox.lock().has_pending();
+        let command_waits = self.shared.command_gate.lock().has_pending();
         let wait = self.pace.wait(Instant::now(), command_waits);
         wait.map_or(Next::Step, Next::Wait)
     }
@@ -328,14 +344,14 @@ impl Engine {
             Pacing::LockStep | Pacing::Fast => self.sim.snapshot().stamp_nanos() as f64 * 1e-9,
         };
         let mut taken = {
-            let mut inbox = self.shared.inbox.lock();
-            inbox.stands(self.standing());
-            inbox.take(tick, now, self.shared.now())
+            let mut command_gate = self.shared.command_gate.lock();
+            command_gate.set_set_points(self.set_points());
+            command_gate.take(tick, now, self.shared.now())
         };
         let replayed = self.episode.as_ref().is_some_and(|e| e.replayed);
-        if let Some(lag) = self.lag.as_mut().filter(|_| !replayed) {
+        if let Some(command_delay) = self.command_delay.as_mut().filter(|_| !replayed) {
             let input = std::mem::take(&mut taken.input);
-            taken.input = lag.pass(tick, input, taken.stopped);
+            taken.input = command_delay.pass(tick, input, taken.stopped);
         }
         let episode = self.episode_number();
         let outbox = Arc::clone(&self.shared.outbox);
@@ -344,9 +360,9 @@ impl Engine {
         let step = self.sim.step_telling(&taken.input, |targets, control| {
             publish::applied(&outbox, episode, tick, &taken, targets, control);
             if yields {
-                // Who sends it may have been woken on this processor, and the step
-                // that follows is longer than all of its work. Where time is what the
-                // host gives, drawing threads would take the time of the step.
+                // Yield once so that a publisher woken on this core sends `applied`
+                // before the longer physics step. Not in other pacings, where render
+                // threads would take the time of the step.
                 std::thread::yield_now();
             }
         });
@@ -363,8 +379,8 @@ impl Engine {
         self.draw(step.frames);
     }
 
-    /// What is in force before the next control tick.
-    fn standing(&self) -> Standing {
+    /// Set points in force before the next control tick.
+    fn set_points(&self) -> SetPoints {
         let (control, snapshot) = (self.sim.control(), self.sim.snapshot());
         let state = control.state();
         let base = self.sim.model().roles.arm_base;
@@ -375,7 +391,7 @@ impl Engine {
                 .map_or_else(Isometry3::identity, |l| l.pose)
         };
         let house_from_base = house_from(base);
-        Standing {
+        SetPoints {
             joints: state.arm.position,
             tool: control.kinematics().forward(&state.arm.position),
             chair_from_base: house_from(0).inverse() * house_from_base,
@@ -387,18 +403,18 @@ impl Engine {
 
     pub(in crate::service) fn publish_state(&mut self) {
         let tick = self.sim.snapshot().tick;
-        self.shared.stamp_is(self.episode_number(), tick);
+        self.shared.set_stamp(self.episode_number(), tick);
         if let Some(render) = &self.render {
-            render.sensed().stands(self.episode_number(), tick);
+            render.sensor_images().set_tick(self.episode_number(), tick);
         }
         if self.sim.is_shown() {
             self.publish_shown();
             return;
         }
-        let inbox = self.shared.inbox.lock();
-        let (phase, name) = inbox.phase();
+        let command_gate = self.shared.command_gate.lock();
+        let (phase, name) = command_gate.phase();
         let phase = (phase, name.to_owned());
-        drop(inbox);
+        drop(command_gate);
         self.signals.update(self.sim.snapshot(), self.sim.model());
         publish::state(
             &self.shared.outbox,
@@ -417,7 +433,7 @@ impl Engine {
         };
         for (snapshot, mut cameras) in frames {
             if self.episode.is_none() {
-                // Between episodes only what somebody looks at is drawn.
+                // Between episodes only watched cameras are rendered.
                 cameras.retain(|&camera| render.is_watched(camera));
             }
             if cameras.is_empty() {
@@ -426,7 +442,7 @@ impl Engine {
             if let Some(episode) = &mut self.episode {
                 for &camera in &cameras {
                     let name = &self.sim.scenario().cameras[camera].name;
-                    *episode.pictures.entry(name.clone()).or_default() += 1;
+                    *episode.images.entry(name.clone()).or_default() += 1;
                 }
             }
             render.draw(snapshot, cameras, number);
@@ -441,35 +457,35 @@ impl Engine {
         });
     }
 
-    /// Publishes something that happened, with what programs want of it.
+    /// Publishes an event.
     pub(in crate::service) fn tell(&self, event: v1::Event) {
         tracing::info!("{}: {}", event.kind().word(), event.text);
         let tick = self.sim.snapshot().tick;
         self.shared.outbox.put(self.episode_number(), tick, event);
     }
 
-    /// Begins anew with the simulation that was just put in place.
+    /// Resets the engine for a simulation that was just replaced.
     pub(in crate::service) fn renew(&mut self) {
-        let mut inbox = self.shared.inbox.lock();
-        inbox.fit(GripperMap::new(self.sim.model()));
-        inbox.renew(Listening::default(), self.sim.snapshot().tick);
-        drop(inbox);
+        let mut command_gate = self.shared.command_gate.lock();
+        command_gate.set_gripper(GripperMap::new(self.sim.model()));
+        command_gate.renew(Listening::default(), self.sim.snapshot().tick);
+        drop(command_gate);
         self.forget_anomalies();
         self.made = Made::default();
         self.shown = None;
         self.signals = Signals::new(self.sim.devices(), self.sim.model());
-        self.lag = Lag::of(self.sim.devices());
+        self.command_delay = CommandDelay::from_devices(self.sim.devices());
         self.pace.restart();
         self.publish_state();
     }
 }
 
-/// Whom or what time waits for.
+/// What time waits for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::service) struct Waits {
-    /// For programs.
+    /// Machine-readable code.
     pub(in crate::service) code: WaitingFor,
-    /// For people; empty when it waits for nothing.
+    /// Text for people; empty when time does not wait.
     pub(in crate::service) words: String,
 }
 

@@ -1,4 +1,4 @@
-//! What is up in the gripper, or has been.
+//! Predicates about lifting in the gripper.
 
 use serde::Deserialize;
 
@@ -50,7 +50,7 @@ impl Predicate for LiftedAndHeld {
     ) -> Option<Measure> {
         let (object, _) = context.object_in(&self.object, snapshot)?;
         let rise = context.rise(object, snapshot);
-        let now = rise >= self.height && context.held(object, self.pad_force, snapshot);
+        let now = rise >= self.height && context.is_held(object, self.pad_force, snapshot);
         Some(Measure {
             value: rise,
             holds: memory.lasted(now, snapshot.tick, self.secs),
@@ -58,8 +58,8 @@ impl Predicate for LiftedAndHeld {
     }
 }
 
-/// The object has once been lifted by `height` while both pads pressed it with
-/// at least `pad_force`. Value: the greatest rise so held, metres.
+/// The object has once been lifted by `height` while both pads pressed it with at least
+/// `pad_force`. Value: the largest rise while pressed, metres.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct LiftedBefore {
@@ -97,7 +97,7 @@ impl Predicate for LiftedBefore {
         snapshot: &Snapshot,
     ) -> Option<Measure> {
         let (object, _) = context.object_in(&self.object, snapshot)?;
-        if context.held(object, self.pad_force, snapshot) {
+        if context.is_held(object, self.pad_force, snapshot) {
             memory.worst = memory.worst.max(context.rise(object, snapshot));
         }
         Some(Measure {

@@ -1,7 +1,7 @@
-//! Every predicate that a task file may name, one file per family.
+//! All predicates of task files, one module per family.
 //!
-//! A new one is a struct in its family with its `Predicate`, and a variant with
-//! an arm here: whatever is forgotten does not compile.
+//! To add one, write a struct with its `Predicate` in its family, and a variant with a
+//! match arm here: an omission does not compile.
 
 mod lift;
 mod mouth;
@@ -20,7 +20,7 @@ use self::put::{AtRest, InLap, Inside, Released, Upright};
 use self::robot::{ChairStopped, ClearOfPerson, NoHardCollision};
 use super::condition::{Name, Predicate};
 
-/// A predicate as it stands in a task file: its word and its thresholds.
+/// A predicate of a task file: its name and its thresholds.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum AnyPredicate {
@@ -44,7 +44,7 @@ pub(super) enum AnyPredicate {
 }
 
 impl AnyPredicate {
-    /// The one that was chosen.
+    /// The implementation.
     pub(super) fn as_dyn(&self) -> &dyn Predicate {
         match self {
             Self::LiftedAndHeld(p) => p,
@@ -66,7 +66,7 @@ impl AnyPredicate {
         }
     }
 
-    /// Word with what it is about, as it is reported: `inside(knife, placemat)`.
+    /// Name with subjects, as it is reported: `inside(knife, placemat)`.
     pub(super) fn label(&self) -> String {
         let predicate = self.as_dyn();
         let word = predicate.word();
@@ -82,7 +82,7 @@ impl AnyPredicate {
 mod tests {
     use super::*;
 
-    /// Every predicate as a task file may write it.
+    /// Every predicate as written in a task file.
     const WRITTEN: [&str; 17] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
@@ -104,7 +104,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_word_of_a_predicate_and_the_keys_of_its_thresholds_are_those_of_its_file() {
+    fn names_and_threshold_keys_match_the_task_file() {
         for written in WRITTEN {
             let predicate: AnyPredicate = toml::from_str(written).unwrap();
             let label = predicate.label();

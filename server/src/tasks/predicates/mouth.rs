@@ -1,5 +1,5 @@
-//! What is brought to the mouth: where its tip is, how level it was kept on the way,
-//! and how hard anything has pressed the face.
+//! Predicates about bringing an object to the mouth: position of its tip, spilling, and
+//! force on the face.
 
 use serde::Deserialize;
 
@@ -9,9 +9,9 @@ use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
 use crate::tasks::failure::Failure;
 
-/// The object's tip is within `distance` of the middle of the lips while it leans by
-/// no more than `tilt_deg` from how it stood, and nothing presses the face with more
-/// than `force`, for `secs`. Value: the distance, metres.
+/// For `secs` the object's tip is within `distance` of the middle of the lips, and it
+/// leans by at most `tilt_deg` from its start. No contact presses the face with more
+/// than `force`. Value: the distance, metres.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct AtMouth {
@@ -67,8 +67,8 @@ impl Predicate for AtMouth {
     }
 }
 
-/// Nothing has ever pressed head, face and mouth with more than `force`. Value: the
-/// greatest force so far, N.
+/// No contact has ever pressed head, face and mouth with more than `force`. Value: the
+/// largest force so far, N.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct GentleOnFace {
@@ -107,8 +107,8 @@ impl Predicate for GentleOnFace {
     }
 }
 
-/// The object has never leant by more than `tilt_deg` from how it stood: what is in it
-/// stays in it. Value: the greatest lean so far, rad.
+/// The object has never leant by more than `tilt_deg` from its start, so nothing is
+/// spilt. Value: the largest lean so far, rad.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct KeptLevel {
@@ -149,8 +149,7 @@ impl Predicate for KeptLevel {
     }
 }
 
-/// What presses the face and the rest of the head, N; the mouth's is part of the
-/// face's.
+/// Force on the face and the rest of the head, N; the mouth is part of the face.
 fn face_force(snapshot: &Snapshot) -> f64 {
     let force = |person: &PersonState| {
         let of = |part: BodyPart| person.forces[part.index()];

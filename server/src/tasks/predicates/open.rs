@@ -1,4 +1,4 @@
-//! Furniture that slides: open far enough, or closed far enough.
+//! Predicates about sliding furniture.
 
 use serde::{Deserialize, Deserializer};
 
@@ -7,7 +7,7 @@ use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
 use crate::tasks::failure::Failure;
 
-/// The joint of furniture is open by at least, or at most, so much. Value: its
+/// The joint of furniture is open by at least, or at most, `bound`. Value: its
 /// position, metres.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::tasks) struct Opening {
@@ -17,7 +17,7 @@ pub(in crate::tasks) struct Opening {
     bound: f64,
 }
 
-/// Which side of the bound is asked.
+/// Side of the bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Side {
     /// `opened_by`.

@@ -1,4 +1,4 @@
-//! What became of the objects that are not the target.
+//! Predicates about objects other than the target.
 
 use serde::Deserialize;
 
@@ -7,8 +7,8 @@ use crate::tasks::condition::{Measure, Memory, Name, Predicate, Threshold};
 use crate::tasks::context::Context;
 use crate::tasks::failure::Failure;
 
-/// Of the targets that could have been drawn none but the drawn one was ever
-/// lifted by `height`. Value: the greatest rise of another, metres.
+/// No possible target except the sampled one was ever lifted by `height`. Value: the
+/// largest rise of another, metres.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct CorrectInstance {
@@ -49,9 +49,8 @@ impl Predicate for CorrectInstance {
     }
 }
 
-/// No object but the target has ever leant by more than `tilt_deg` from how it
-/// stood, or fallen by more than `drop`. Value: the greatest lean so far, rad
-/// (pi for a fall).
+/// No object but the target has ever leant by more than `tilt_deg` from its start, or
+/// fallen by more than `drop`. Value: the largest lean so far, rad (pi for a fall).
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct NothingKnockedOver {

@@ -1,4 +1,4 @@
-//! Where an object is, how it stands there, and whether it was let go.
+//! Predicates about the position, pose and release of an object.
 
 use serde::Deserialize;
 
@@ -48,7 +48,7 @@ impl Predicate for Inside {
     }
 }
 
-/// The object's centre of mass is above the lap of who sits in the chair, and its
+/// The object's centre of mass is above the lap of the person in the chair, and its
 /// lowest point within `above` of it. Value: the distance of the centre of mass from
 /// the middle of the lap on the floor plan, metres.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -88,8 +88,7 @@ impl Predicate for InLap {
     }
 }
 
-/// The object leans by no more than `tilt_deg` from how it stood. Value: the
-/// lean, rad.
+/// The object leans by at most `tilt_deg` from its start. Value: the lean, rad.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct Upright {

@@ -1,4 +1,4 @@
-//! What the robot itself does.
+//! Predicates about the robot.
 
 use serde::Deserialize;
 
@@ -47,7 +47,7 @@ impl Predicate for ChairStopped {
         snapshot: &Snapshot,
     ) -> Option<Measure> {
         let root = snapshot.links.first()?;
-        // By its way: under a heavy person the engine tells a speed of 0.02 rad/s of a
+        // Computed from poses: under a heavy person the engine reports 0.02 rad/s for a
         // chair that does not move.
         let [moving, turning] = memory
             .rates(snapshot.tick, &root.pose)
@@ -59,8 +59,8 @@ impl Predicate for ChairStopped {
     }
 }
 
-/// The robot has never pressed furniture with more than `force`, wheels on the
-/// floor excepted. Value: the greatest force so far, N.
+/// The robot has never pressed furniture with more than `force`, except wheels on the
+/// floor. Value: the largest force so far, N.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::tasks) struct NoHardCollision {
@@ -99,9 +99,9 @@ impl Predicate for NoHardCollision {
     }
 }
 
-/// No part of the person in the chair was ever pressed too hard. Every part and every
-/// body that touches it counts, but for the chair's own seat, which is rigid with the
-/// person. Value: the greatest force so far, N.
+/// No part of the person in the chair was ever pressed too hard. All parts and all
+/// bodies that touch them count, except the chair's seat, which is fixed to the person.
+/// Value: the largest force so far, N.
 ///
 /// | part | touched by | limit |
 /// |---|---|---|
@@ -121,7 +121,7 @@ pub(in crate::tasks) struct ClearOfPerson {
 }
 
 impl ClearOfPerson {
-    /// Greatest force that a contact may have, N.
+    /// Largest allowed force of a contact, N.
     fn limit(&self, touch: &Touch, context: &Context, snapshot: &Snapshot) -> f64 {
         match (touch.part, touch.partner) {
             (BodyPart::Face | BodyPart::Mouth, _) => self.face,

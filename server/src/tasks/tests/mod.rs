@@ -1,7 +1,7 @@
-//! Tasks as files, draws over many seeds, and judgement of synthetic snapshots.
+//! Tests of task files, samples over many seeds, and evaluation of synthetic snapshots.
 
-mod draws;
-mod judgements;
+mod evaluation;
+mod samples;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use wheelarm_proto::PHYSICS_HZ;
@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::scene::tests::{assets, home};
 use crate::snapshot::{BodyRef, BodyState, Contact, JointState, Snapshot};
 
-/// The way of the hand of the robot that ships.
+/// The hand corridor of the bundled robot.
 pub(super) fn hand() -> CorridorSettings {
     let model = RobotModel::load(&assets(), "wheelarm");
     model
@@ -26,7 +26,7 @@ pub(super) fn task(name: &str) -> TaskSpec {
 }
 
 #[test]
-fn every_task_says_what_is_asked_in_several_ways() {
+fn every_task_has_several_instructions() {
     let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
     assert!(tasks.len() >= 19);
     for task in &tasks {
@@ -46,7 +46,7 @@ fn every_task_says_what_is_asked_in_several_ways() {
 }
 
 #[test]
-fn tasks_allow_the_person_the_forces_that_guard_and_expert_keep_to() {
+fn tasks_use_the_force_limits_of_guard_and_expert() {
     use wheelarm_proto::person::{FACE_FORCE_LIMIT, FORCE_LIMIT};
     let tasks = list(&assets(), &hand()).unwrap_or_else(|error| panic!("{error}"));
     for task in &tasks {
@@ -68,23 +68,23 @@ fn tasks_allow_the_person_the_forces_that_guard_and_expert_keep_to() {
     }
 }
 
-/// A world of the home's objects at their places, robot far away and at rest.
+/// The home's objects at their places, with the robot far away and at rest.
 pub(super) struct Stage {
     pub(super) scene: Scene,
     pub(super) model: RobotModel,
     pub(super) evaluator: Evaluator,
     pub(super) snapshot: Snapshot,
     pub(super) target: usize,
-    /// How the chair rolls, m/s.
+    /// Velocity of the chair, m/s.
     rolling: Vector3<f64>,
 }
 
 impl Stage {
     fn new() -> Self {
-        Self::of("pick_mustard", "mustard")
+        Self::for_task("pick_mustard", "mustard")
     }
 
-    pub(super) fn of(name: &str, target: &str) -> Self {
+    pub(super) fn for_task(name: &str, target: &str) -> Self {
         let scene = home();
         let model =
             RobotModel::load(&assets(), "wheelarm").unwrap_or_else(|error| panic!("{error}"));
@@ -111,7 +111,7 @@ impl Stage {
             contacts: Vec::new(),
             anomalies: Vec::new(),
         };
-        // Of a drawer there is no object: what is lifted then does not matter.
+        // A drawer is not an object: lifting does not matter then.
         let target = scene.object_named(target).unwrap_or_default();
         Self {
             scene,
@@ -162,7 +162,7 @@ impl Stage {
         pose.rotation = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), degrees.to_radians());
     }
 
-    /// Judges every control tick for `secs`, and gives the last answer.
+    /// Evaluates every control tick for `secs`, and returns the last result.
     pub(super) fn run(&mut self, secs: f64) -> Evaluation {
         let mut last = self.evaluator.update(&self.snapshot);
         for _ in 0..(secs * 60.0).round() as u64 {
@@ -183,7 +183,7 @@ pub(super) fn condition<'a>(evaluation: &'a Evaluation, name: &str) -> &'a Condi
 }
 
 #[test]
-fn broken_tasks_are_refused_with_key_values_and_cure() {
+fn broken_tasks_are_rejected_with_key_values_and_fix() {
     let cases: [(&str, &str, &str, &[&str]); 16] = [
         (
             "areas/coffee_table.toml",
@@ -302,7 +302,7 @@ fn broken_tasks_are_refused_with_key_values_and_cure() {
             _ => "pick_mustard",
         };
         let error = match TaskSpec::load(&folder.0, task, &home, &hand()) {
-            Ok(_) => panic!("{to} was taken"),
+            Ok(_) => panic!("{to} was accepted"),
             Err(error) => error.to_string(),
         };
         assert!(error.contains(file), "{error}");

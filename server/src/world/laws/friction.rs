@@ -1,13 +1,12 @@
-//! Friction and speed limits: what it takes to roll and to turn, and that no joint is
-//! measured faster than it may be.
+//! Tests of friction and speed limits: rolling, turning, and measured joint speeds.
 
 use super::*;
 use crate::snapshot::BodyRef;
 
-/// Recorded speeds may exceed a limit by this share.
+/// Recorded speeds may exceed a limit by this factor.
 const TOLERANCE: f64 = 1.001;
 
-/// Greatest measured speed of each joint that has a limit, in units of it.
+/// Largest measured speed of each joint with a limit, in units of it.
 fn share_of_limits(world: &World, model: &RobotModel) -> f64 {
     let snapshot = world.snapshot();
     let roles = &model.roles;
@@ -46,7 +45,7 @@ fn thrust_at_constant_speed_is_rolling_resistance_and_wheel_friction() {
                 drive.tyre_rolling_resistance * (a + b) + drive.caster_rolling_resistance * (c + d);
             expected += (rolling + 2.0 * drive.wheel_friction / radius) / 240.0;
         });
-        assert!(expected > 10.0, "the wheels carry nothing: {expected} N");
+        assert!(expected > 10.0, "the wheels carry no load: {expected} N");
         assert!(
             (direction * thrust / expected - 1.0).abs() < 0.03,
             "thrust {thrust} N, expected {direction} times {expected} N"
@@ -67,10 +66,10 @@ fn wheels_carry_the_weight_of_the_robot() {
     );
 }
 
-/// Joint 1 stands upright, so that no weight loads it: at a constant speed its servo lags
-/// by what the friction asks for, and nothing arrives at the link.
+/// Joint 1 is vertical, so that no weight loads it: at a constant speed its servo error
+/// equals the friction, and the link receives no torque.
 #[test]
-fn a_joint_at_constant_speed_lags_by_its_friction_and_its_effort_is_that_of_the_link() {
+fn the_tracking_error_at_constant_speed_is_friction_and_the_effort_is_the_links() {
     let (mut world, mut targets, _) = robot_alone();
     let model = model();
     let arm = &model.settings.arm;
@@ -99,12 +98,12 @@ fn a_joint_at_constant_speed_lags_by_its_friction_and_its_effort_is_that_of_the_
             (torque / expected - 1.0).abs() < 0.08,
             "at {speed} rad/s the servo pulls with {torque} N·m, expected {expected}"
         );
-        assert!(effort.abs() < 0.1, "{effort} N·m arrive at the link");
+        assert!(effort.abs() < 0.1, "{effort} N·m act on the link");
     }
 }
 
 #[test]
-fn joints_keep_their_speed_limits_when_they_are_pushed_and_led_too_fast() {
+fn joints_keep_their_speed_limits_when_pushed_and_commanded_too_fast() {
     let (mut world, targets, _) = robot_alone();
     let model = model();
     let hand = model.joints[model.roles.arm[5]].child;
@@ -122,7 +121,7 @@ fn joints_keep_their_speed_limits_when_they_are_pushed_and_led_too_fast() {
             most = most.max(share_of_limits(world, &model));
         });
         world.push(None);
-        // The servo pulls the arm back from far behind.
+        // The servo pulls the arm back from a large error.
         seconds(&mut world, 0.4, |world, _| {
             most = most.max(share_of_limits(world, &model));
         });
@@ -135,7 +134,7 @@ fn joints_keep_their_speed_limits_when_they_are_pushed_and_led_too_fast() {
     seconds(&mut world, 1.0, |world, _| {
         most = most.max(share_of_limits(world, &model));
     });
-    assert!(most > 0.9, "nothing was fast: {most} of a limit");
+    assert!(most > 0.9, "no joint was fast: {most} of a limit");
     assert!(most <= TOLERANCE, "{most} of a limit");
 }
 

@@ -1,4 +1,4 @@
-//! The gripper: what it holds, and when it lets slip.
+//! Tests of the gripper: holding and slipping.
 
 use rapier3d::parry::query;
 
@@ -19,10 +19,10 @@ struct Grasp {
     hand: usize,
 }
 
-/// The robot at home holds a bottle, its pads closed with a force of `force`
-/// N; the pedestal that carried the bottle until then is gone.
+/// The robot at home holds a bottle, its pads closed with a force of `force` N; the
+/// pedestal of the bottle has been removed.
 fn grasp(shape: Shape, force: f64) -> Grasp {
-    let pads = at(0.0, 0.0, 0.137);
+    let pads = pose_at(0.0, 0.0, 0.137);
     let mut bottle = object("bottle", Isometry3::identity(), MASS, BOTTLE, shape);
     bottle.friction = FRICTION;
     let turn = |hand: &Isometry3<f64>, chair: &Isometry3<f64>| {
@@ -36,13 +36,13 @@ fn grasp_asset(kind: &str, force: f64) -> Grasp {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let body = crate::scene::object(&assets, kind).expect("an object");
     let hand_from_object =
-        at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
-    // The frame of these objects is at the middle of the bottom.
+        pose_at(0.0, 0.0, model().settings.tool_length) * body.grasps[0].pose.inverse();
+    // The frame of these objects is at the centre of the bottom.
     grasp_body(body, 0.0, |hand, _| hand * hand_from_object, force)
 }
 
-/// The object is placed where `place(hand, chair)` says, on a pedestal `below` metres
-/// under its frame, until the pads have closed.
+/// The object is placed at `place(hand, chair)`, on a pedestal `below` metres under its
+/// frame, until the pads have closed.
 fn grasp_body(
     mut held: Body,
     below: f64,
@@ -62,7 +62,7 @@ fn grasp_body(
     let on = held.pose.translation;
     let height = (on.z - below) / 2.0;
     let half = [0.03, 0.03, height];
-    let under = at(on.x, on.y, height);
+    let under = pose_at(on.x, on.y, height);
     let pedestal = body("pedestal", under, 0.6, Shape::Cuboid { half });
     let (scene, placements) = scene(vec![floor(), pedestal], vec![held]);
     let world = World::new(&model, &scene, &placements, &start, &home).expect("a world");
@@ -111,13 +111,16 @@ impl Grasp {
 }
 
 #[test]
-fn the_pads_press_as_hard_as_asked() {
+fn the_pads_press_with_the_commanded_force() {
     for force in [20.0, 60.0, 235.0] {
         let grasp = grasp(Shape::Cuboid { half: BOTTLE }, force);
         let pads = grasp.pad_forces();
         assert_eq!(pads.len(), 2, "{pads:?}");
         for pad in pads {
-            assert!((pad / force - 1.0).abs() < 0.05, "{pad} N, asked {force} N");
+            assert!(
+                (pad / force - 1.0).abs() < 0.05,
+                "{pad} N, commanded {force} N"
+            );
         }
     }
 }
@@ -177,7 +180,7 @@ fn a_bottle_slips_at_the_coulomb_limit() {
     }
 }
 
-/// What is held stays held through a saved state, to the bit.
+/// A grasp is restored from a saved state with the same bits.
 #[test]
 fn a_grasp_survives_saving() {
     let mut first = grasp(Shape::Cuboid { half: BOTTLE }, 60.0);
@@ -191,13 +194,13 @@ fn a_grasp_survives_saving() {
 }
 
 /// In every tick the reported contact forces of a held object sum to m (a - g), at rest
-/// and while the arm waves it.
+/// and while the arm moves it.
 #[test]
 fn contact_forces_of_a_held_object_sum_to_its_weight_and_acceleration() {
     for kind in ["glass_bottle", "silver_bottle", "meat_can"] {
         let mut grasp = grasp_asset(kind, 40.0);
         let (home, closed) = (grasp.model.settings.home, grasp.targets);
-        let handle = grasp.world.stage.objects[0];
+        let handle = grasp.world.scene_bodies.objects[0];
         let mut worst: f64 = 0.0;
         for tick in 0..360_u32 {
             let time = f64::from(tick) / 240.0;
@@ -222,15 +225,15 @@ fn contact_forces_of_a_held_object_sum_to_its_weight_and_acceleration() {
     }
 }
 
-/// The objects that are grasped deepest: the inner knuckles stay outside, and closing does
+/// Objects with the deepest grasps: the inner knuckles stay outside, and closing does
 /// not push the object away.
 #[test]
-fn inner_knuckles_stay_outside_what_is_held() {
+fn inner_knuckles_stay_outside_a_held_object() {
     for kind in ["crackers", "meat_can", "mustard", "sugar_box"] {
         let grasp = grasp_asset(kind, 40.0);
         let world = &grasp.world;
         let links = world.snapshot().links;
-        let object = &world.physics.bodies[world.stage.objects[0]];
+        let object = &world.physics.bodies[world.scene_bodies.objects[0]];
         let mut knuckles = 0;
         for (_, knuckle) in world.physics.colliders.iter() {
             let tag = super::super::contact::body_of(knuckle.user_data);
@@ -255,14 +258,14 @@ fn inner_knuckles_stay_outside_what_is_held() {
             }
         }
         assert_eq!(knuckles, 2);
-        let grasped =
-            grasp.hand_from_bottle().inverse() * at(0.0, 0.0, grasp.model.settings.tool_length);
+        let grasped = grasp.hand_from_bottle().inverse()
+            * pose_at(0.0, 0.0, grasp.model.settings.tool_length);
         let body = crate::scene::object(
             &Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets"),
             kind,
         );
-        let told = body.expect("an object").grasps[0].pose;
-        let moved = (told.inverse() * grasped).translation.vector;
+        let grasp = body.expect("an object").grasps[0].pose;
+        let moved = (grasp.inverse() * grasped).translation.vector;
         assert!(
             moved.z.abs() < 3e-3,
             "{kind} moves by {moved} m while the pads close"
@@ -272,10 +275,11 @@ fn inner_knuckles_stay_outside_what_is_held() {
 
 /// An object deeper in the hand than the knuckles allow is pushed out.
 #[test]
-fn inner_knuckles_push_out_what_is_too_deep() {
+fn inner_knuckles_push_out_an_object_that_is_too_deep() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
     let can = crate::scene::object(&assets, "meat_can").expect("an object");
-    let deep = at(0.0, 0.0, model().settings.tool_length - 0.017) * can.grasps[0].pose.inverse();
+    let deep =
+        pose_at(0.0, 0.0, model().settings.tool_length - 0.017) * can.grasps[0].pose.inverse();
     let grasp = grasp_body(can, 0.0, |hand, _| hand * deep, 40.0);
     let moved = (deep.inverse() * grasp.hand_from_bottle())
         .translation

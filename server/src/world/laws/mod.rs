@@ -1,4 +1,4 @@
-//! Laws of mechanics that the world keeps, on small scenes made in code.
+//! Tests of laws of mechanics, on small synthetic scenes.
 
 mod friction;
 mod grip;
@@ -28,7 +28,7 @@ fn model() -> RobotModel {
     RobotModel::load(&assets, "wheelarm").expect("the robot of this repository loads")
 }
 
-fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
+fn pose_at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
     Isometry3::translation(x, y, z)
 }
 
@@ -56,13 +56,18 @@ fn body(name: &str, pose: Isometry3<f64>, friction: f64, shape: Shape) -> Body {
 
 fn floor() -> Body {
     let half = [10.0, 10.0, 0.5];
-    body("floor", at(0.0, 0.0, -0.5), 0.8, Shape::Cuboid { half })
+    body(
+        "floor",
+        pose_at(0.0, 0.0, -0.5),
+        0.8,
+        Shape::Cuboid { half },
+    )
 }
 
 /// A table of 0.8 m by 2.2 m with its near edge at `x`.
 fn table(x: f64) -> Body {
     let half = [0.4, 1.1, 0.02];
-    let pose = at(x + 0.4, 0.0, TABLE_TOP - 0.02);
+    let pose = pose_at(x + 0.4, 0.0, TABLE_TOP - 0.02);
     body("table", pose, 0.6, Shape::Cuboid { half })
 }
 
@@ -114,7 +119,7 @@ fn scene(furniture: Vec<Body>, objects: Vec<Body>) -> (Scene, Vec<Placement>) {
     (scene, placements)
 }
 
-/// The robot at home on an empty floor, at a place as far out as in the home.
+/// The robot at home on an empty floor, as far from the origin as in the home.
 fn robot_alone() -> (World, Targets, Isometry3<f64>) {
     let model = model();
     let (scene, placements) = scene(vec![floor()], Vec::new());

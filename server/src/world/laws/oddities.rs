@@ -1,4 +1,4 @@
-//! What must not happen is reported or refused, and nothing panics.
+//! Invalid input is reported or rejected without a panic.
 
 use super::*;
 use crate::snapshot::{Anomaly, BodyRef};
@@ -6,7 +6,13 @@ use crate::world::WorldError;
 
 fn crate_on_floor(x: f64, z: f64) -> Body {
     let half = [0.1; 3];
-    object("crate", at(x, 0.0, z), 1.0, half, Shape::Cuboid { half })
+    object(
+        "crate",
+        pose_at(x, 0.0, z),
+        1.0,
+        half,
+        Shape::Cuboid { half },
+    )
 }
 
 fn world(objects: Vec<Body>) -> World {
@@ -20,7 +26,7 @@ fn world(objects: Vec<Body>) -> World {
 fn a_body_without_a_finite_state_is_reported() {
     let mut world = world(vec![crate_on_floor(3.0, 0.1), crate_on_floor(4.0, 0.1)]);
     world.step();
-    let broken = world.stage.objects[0];
+    let broken = world.scene_bodies.objects[0];
     let nowhere = rapier3d::math::Vector::new(f32::NAN, 0.0, 0.0);
     world.physics.bodies[broken].set_linvel(nowhere, true);
     for _ in 0..10 {
@@ -41,7 +47,7 @@ fn an_object_that_falls_off_the_world_has_escaped() {
 }
 
 #[test]
-fn senseless_targets_are_ignored() {
+fn invalid_targets_are_ignored() {
     let mut world = world(Vec::new());
     let home = model().settings.home;
     for bad in [f64::NAN, f64::INFINITY, 1e30] {
@@ -58,7 +64,7 @@ fn senseless_targets_are_ignored() {
 }
 
 #[test]
-fn a_world_that_cannot_be_is_refused_by_name() {
+fn an_invalid_world_is_rejected_by_name() {
     let model = model();
     let start = Isometry3::identity();
     let refusal = |objects: Vec<Body>, drop_placement: bool| {

@@ -1,5 +1,5 @@
-//! People in the seat: every body in every posture rests there without a motion, the
-//! chair keeps its laws with them, and what touches them presses as it should.
+//! Tests of people in the seat: every body in every posture is at rest, the chair
+//! behaves correctly with them, and contacts press with the right force.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ fn person(body: &str, posture: &str) -> Arc<Person> {
         posture: posture.into(),
         ..PersonSetting::default()
     };
-    let drawn = setting.draw(&assets(), 1).expect("a person");
+    let drawn = setting.sample(&assets(), 1).expect("a person");
     Arc::new(Person::load(&assets(), drawn).expect("a person"))
 }
 
@@ -41,10 +41,10 @@ fn names(folder: &Path, wanted: fn(&Path) -> bool) -> Vec<String> {
     names
 }
 
-/// Nothing of the robot at home touches anybody, and nothing moves: the capsules
-/// neither lie in the arm nor push the chair about.
+/// The robot at home touches no person, and nothing moves: the capsules neither overlap
+/// the arm nor push the chair.
 #[test]
-fn every_body_in_every_posture_sits_still() {
+fn every_body_in_every_posture_is_at_rest() {
     let bodies = names(&assets().join("people"), Path::is_dir);
     let list = std::fs::read_to_string(assets().join("people/postures.toml")).unwrap();
     let list: toml::Table = list.parse().unwrap();
@@ -75,7 +75,7 @@ fn every_body_in_every_posture_sits_still() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// What is wrong with who sits for 2 s.
+/// Describes an error after a person sat for 2 s.
 fn sits(body: &str, posture: &str) -> Option<String> {
     let (mut world, _, start) = robot_alone();
     let person = person(body, posture);
@@ -98,7 +98,7 @@ fn sits(body: &str, posture: &str) -> Option<String> {
         .iter()
         .map(|l| l.linear.norm())
         .fold(0.0, f64::max);
-    // A heavier chair sinks a little further into its wheels' contacts.
+    // A heavier chair sinks further into its wheels' contacts.
     (far > 3e-3 || turn > 5e-3 || speed > 5e-3 || !snapshot.anomalies.is_empty())
         .then(|| format!("{body}, {posture}: moved by {far} m, {turn} rad, {speed} m/s"))
 }
@@ -113,11 +113,11 @@ fn wheel_loads(world: &World) -> Vec<f64> {
     on_floor.iter().map(|c| -c.force.z).collect()
 }
 
-/// With nobody, 42 kg and 106 kg, from 0.5 m/s by the chair's own profile: at rest by
-/// 0.7 s, all wheels on the floor, the drive below its cap. `cargo test … -- --nocapture`
-/// prints the table.
+/// Empty, with 42 kg and with 106 kg, from 0.5 m/s by the chair's own profile: at rest
+/// by 0.7 s, all wheels on the floor, the drive below its cap. `cargo test … --
+/// --nocapture` prints the table.
 #[test]
-fn the_chair_stops_with_who_sits_in_it() {
+fn the_chair_stops_with_any_person() {
     use crate::robot::control::{BaseIntent, ControlInput, RobotControl};
     let model = model();
     let most = model.settings.drive.wheel_torque;
@@ -191,14 +191,14 @@ fn the_chair_stops_with_who_sits_in_it() {
     }
 }
 
-/// However it came to a stop, a chair with somebody heavy on it stands: the solver's
-/// warm start does not let load and sideways friction of its wheels keep each other up.
+/// A chair with a heavy person is at rest after any stop: the solver's warm start must
+/// not let load and lateral friction of its wheels sustain each other.
 #[test]
-fn a_heavy_chair_stands_where_it_stopped() {
+fn a_heavy_chair_stays_where_it_stopped() {
     use crate::robot::control::{BaseIntent, ControlInput, RobotControl};
     let model = model();
     let person = person("man_p95", "hands_on_armrests");
-    // With the whole of the last tick's impulses the first two creep by 2 mm.
+    // With all of the last tick's impulses the first two creep by 2 mm.
     for (linear, angular) in [(-0.2, 0.3), (0.05, -0.3), (0.2, 0.6)] {
         let (mut world, ..) = robot_alone();
         world.seat(&person, motion(&person, 1.0));
@@ -225,16 +225,16 @@ fn a_heavy_chair_stands_where_it_stopped() {
         }
         let moved = stopped.pose.inverse() * world.snapshot().links[0].pose;
         let (far, turn) = (moved.translation.vector.norm(), moved.rotation.angle());
-        let told = format!(
+        let result = format!(
             "{linear} m/s, {angular} rad/s: then {far} m, {turn} rad in 3 s, at most {turning} rad/s"
         );
-        assert!(far < 5e-4 && turn < 1e-3 && turning < 8e-3, "{told}");
+        assert!(far < 5e-4 && turn < 1e-3 && turning < 8e-3, "{result}");
     }
 }
 
-/// A bar on thighs and hands presses there with what it weighs, and nowhere else.
+/// A bar on thighs and hands presses there with its weight, and nowhere else.
 #[test]
-fn what_lies_in_the_lap_presses_with_its_weight() {
+fn an_object_in_the_lap_presses_with_its_weight() {
     let model = model();
     let person = person("woman_p50", "hands_on_thighs");
     let [a, b] = person
@@ -247,7 +247,7 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
     let middle = nalgebra::center(&a, &b);
     let bar = object(
         "bar",
-        at(middle.x, 0.0, middle.z + 0.14),
+        pose_at(middle.x, 0.0, middle.z + 0.14),
         0.5,
         [0.02, 0.16, 0.01],
         Shape::Cuboid {
@@ -269,7 +269,7 @@ fn what_lies_in_the_lap_presses_with_its_weight() {
     let sum: Vector3<f64> = on_person.map(|c| c.force).sum();
     let weight: Vector3<f64> = Vector3::z() * (-0.5 * 9.81);
     assert!((sum - weight).norm() < 0.05, "{sum} N");
-    // Friction between the supports cancels out in the vectors and not in the parts.
+    // Friction between the supports cancels in the vectors and not in the parts.
     let parts: f64 = state.forces.iter().sum();
     let share = parts / weight.norm();
     assert!((0.99..1.2).contains(&share), "{parts} N");
@@ -297,7 +297,7 @@ fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
         capsule.map(|c| (person.ends(c, &HeadPose::default()), c.radius))
     };
     let ([top, bottom], radius) = ends("left_shank").expect("a shank");
-    // A board at two thirds of the shin's height, 0.05 m before it.
+    // A board at two thirds of the shin's height, 0.05 m in front of it.
     let [top, bottom] = if top.z > bottom.z {
         [top, bottom]
     } else {
@@ -305,7 +305,7 @@ fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
     };
     let touched = bottom + (top - bottom) * 0.67;
     let half = [0.1, 0.5, 0.01];
-    let place = at(touched.x + radius + 0.05 + half[0], 0.0, touched.z);
+    let place = pose_at(touched.x + radius + 0.05 + half[0], 0.0, touched.z);
     let board = body("board", place, 0.6, Shape::Cuboid { half });
     let (scene, placements) = scene(vec![floor(), board], Vec::new());
     let home = model.settings.home;
@@ -337,9 +337,9 @@ fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
     assert!(greatest > 20.0, "{greatest} N");
 }
 
-/// What is let go over the thighs comes to rest there and stays so.
+/// An object released over the thighs comes to rest there and stays.
 #[test]
-fn what_is_let_go_over_the_lap_comes_to_rest() {
+fn an_object_released_over_the_lap_comes_to_rest() {
     let model = model();
     let half = [0.085, 0.021, 0.011];
     let mut restless = Vec::new();
@@ -355,7 +355,7 @@ fn what_is_let_go_over_the_lap_comes_to_rest() {
         let lap = person.lap.at;
         let mut bar = object(
             "bar",
-            at(lap.x, 0.0, lap.z + 0.02 + half[2]),
+            pose_at(lap.x, 0.0, lap.z + 0.02 + half[2]),
             0.11,
             half,
             Shape::Cuboid { half },
@@ -386,10 +386,10 @@ fn what_is_let_go_over_the_lap_comes_to_rest() {
     assert!(restless.is_empty(), "{restless:#?}");
 }
 
-/// What is told of the head is where its shapes are, in every tick, and at the end of a
-/// control tick where the motion has it then.
+/// The reported pose of the head is that of its shapes, in every tick, and matches the
+/// motion at the end of a control tick.
 #[test]
-fn the_head_is_told_where_it_is() {
+fn the_reported_head_pose_is_that_of_its_shapes() {
     let (mut world, ..) = robot_alone();
     let person = person("woman_p50", "hands_in_lap");
     let motion = motion(&person, 1.0);
@@ -401,17 +401,17 @@ fn the_head_is_told_where_it_is() {
     for tick in 1..=480 {
         world.step();
         let snapshot = world.snapshot();
-        let told = snapshot.person.expect("a person").head;
+        let head_pose = snapshot.person.expect("a person").head;
         if tick % 4 == 0 {
-            assert_eq!(told, motion.at(tick));
+            assert_eq!(head_pose, motion.head_pose(tick));
         }
-        poses.insert([told.yaw, told.pitch, told.roll].map(f64::to_bits));
+        poses.insert([head_pose.yaw, head_pose.pitch, head_pose.roll].map(f64::to_bits));
         let mut colliders = world.physics.colliders.iter();
         let (_, collider) = colliders
             .find(|(_, c)| c.user_data == tag)
             .expect("a shape");
         let at = super::super::convert::from_pose(collider.position()).translation;
-        let [a, b] = person.ends(&person.capsules[head], &told);
+        let [a, b] = person.ends(&person.capsules[head], &head_pose);
         let expected = snapshot.links[0].pose * nalgebra::center(&a, &b);
         let off = (at.vector - expected.coords).norm();
         assert!(off < 1e-4, "tick {tick}: {off} m");
@@ -419,10 +419,10 @@ fn the_head_is_told_where_it_is() {
     assert!((50..=121).contains(&poses.len()), "{} poses", poses.len());
 }
 
-/// A head that moves under a load: the same bits again, and after a restore in the
-/// middle.
+/// A head that moves under a load gives the same bits in a second run, and after a
+/// restore in the middle.
 #[test]
-fn a_run_with_a_person_is_the_same_again_and_from_the_middle() {
+fn a_run_with_a_person_is_reproducible_also_from_the_middle() {
     let make = |body: &str| {
         let (mut world, targets, _) = robot_alone();
         let person = person(body, "hands_in_lap");
@@ -431,7 +431,7 @@ fn a_run_with_a_person_is_the_same_again_and_from_the_middle() {
     };
     let run = |world: &mut World, home: [f64; 6], first: u64, last: u64| {
         for tick in first..last {
-            // Towards the chest and the face, until it is touched.
+            // Towards the chest and the face, until contact.
             let t = tick as f64 / 240.0;
             let mut targets = hold(home);
             targets.arm_position[0] += 0.6 * t;
@@ -461,7 +461,7 @@ fn a_run_with_a_person_is_the_same_again_and_from_the_middle() {
         );
     }
     assert_eq!(run(&mut second, home, 600, 720), end);
-    // Somebody else, or nobody, is another world.
+    // Another person, or none, is another world.
     let (mut other, _) = make("woman_p5");
     assert!(other.restore(&saved).is_err());
     let (mut empty, ..) = robot_alone();

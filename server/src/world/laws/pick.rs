@@ -12,12 +12,12 @@ struct Picker {
     arm: ArmKinematics,
     targets: Targets,
     base_from_house: Isometry3<f64>,
-    /// Place of the end effector that is asked for, in `house`.
+    /// Commanded pose of the end effector, in `house`.
     hand: Isometry3<f64>,
 }
 
 impl Picker {
-    /// Moves the hand along a straight line in `duration` s, slow at both ends.
+    /// Moves the hand along a straight line in `duration` s, with smooth ends.
     fn line(&mut self, by: Vector3<f64>, duration: f64) {
         let from = self.hand;
         let ticks = (duration * 240.0) as usize;
@@ -53,7 +53,7 @@ impl Picker {
 }
 
 #[test]
-fn a_bottle_is_taken_from_a_table_lifted_and_waved() {
+fn a_bottle_is_grasped_lifted_and_waved() {
     for force in [20.0, 60.0, 235.0] {
         let lost = pick(force);
         assert!(
@@ -77,7 +77,7 @@ struct Outcome {
 fn pick(force: f64) -> Outcome {
     let model = model();
     let home = model.settings.home;
-    let stand = at(1.2, 0.36, TABLE_TOP + BOTTLE[2]);
+    let stand = pose_at(1.2, 0.36, TABLE_TOP + BOTTLE[2]);
     let shape = Shape::RoundedCuboid {
         half: BOTTLE,
         radius: 0.01,
@@ -86,7 +86,7 @@ fn pick(force: f64) -> Outcome {
     let (scene, placements) = scene(vec![floor(), table(0.9)], vec![bottle]);
     let start = Isometry3::identity();
 
-    // The hand level, pointing forward, its pads 0.12 m before the bottle.
+    // The hand level, pointing forward, its pads 0.12 m in front of the bottle.
     let forward = UnitQuaternion::from_matrix(&Matrix3::new(
         0.0, 0.0, 1.0, //
         1.0, 0.0, 0.0, //
@@ -134,7 +134,7 @@ fn pick(force: f64) -> Outcome {
     Outcome { drift, lifted }
 }
 
-/// The arm is told to push its hand through the seat of its own chair.
+/// The arm is commanded to push its hand through the seat of its own chair.
 #[test]
 fn the_arm_does_not_pass_through_the_chair() {
     let model = model();

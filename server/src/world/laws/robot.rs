@@ -1,12 +1,12 @@
-//! The robot: it stands, drives straight, turns true, holds its arm; the same
-//! commands give the same bits.
+//! Tests of the robot: it is stable, drives straight, turns accurately and holds its
+//! arm; the same commands give the same bits.
 
 use std::f64::consts::FRAC_PI_2;
 
 use super::*;
 
-/// Rate of wheels that go a distance: a ramp up, a plateau, a ramp down, as a
-/// share of the plateau at time `t` of `total`.
+/// Speed profile for a distance: a ramp up, a plateau, a ramp down, as a share of the
+/// plateau at time `t` of `total`.
 fn trapezoid(t: f64, ramp: f64, total: f64) -> f64 {
     (t / ramp).min((total - t) / ramp).clamp(0.0, 1.0)
 }
@@ -18,7 +18,7 @@ pub(super) fn wave(home: [f64; 6], t: f64) -> Targets {
     let rate = [3.0, 2.5, 3.5, 4.0, 3.0, 5.0];
     for i in 0..6 {
         let (a, w) = (amplitude[i], rate[i]);
-        // A smooth start: the wave's strength grows over the first second.
+        // A smooth start: the amplitude grows over the first second.
         let (s, ds) = if t < 1.0 {
             (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t))
         } else {
@@ -42,7 +42,7 @@ fn arm_error(world: &World, model: &RobotModel, target: &[f64; 6]) -> f64 {
 }
 
 #[test]
-fn the_chair_stands_level_and_still_and_the_arm_holds() {
+fn the_chair_is_level_and_at_rest_and_the_arm_holds() {
     let (mut world, targets, start) = robot_alone();
     let model = model();
     seconds(&mut world, 10.0, |_, _| {});
@@ -60,7 +60,7 @@ fn the_chair_stands_level_and_still_and_the_arm_holds() {
 }
 
 #[test]
-fn links_are_where_the_kinematics_put_them() {
+fn link_poses_match_the_kinematics() {
     let (mut world, targets, _) = robot_alone();
     let model = model();
     let mut worst: f64 = 0.0;
@@ -165,15 +165,15 @@ fn the_same_commands_give_the_same_bits_also_from_a_saved_state() {
 
 /// The first number of a saved state is the version of the physics.
 #[test]
-fn a_saved_state_of_another_physics_is_refused_in_words() {
+fn a_saved_state_of_another_physics_version_is_rejected() {
     let (mut world, _, _) = robot_alone();
     let mut saved = world.save();
     assert_eq!(u32::from(saved[0]), wheelarm_proto::PHYSICS_VERSION);
     let before = world.hash();
     saved[0] = 1;
-    let told = world.restore(&saved).expect_err("another version");
-    let told = told.to_string();
-    assert!(told.contains("physics version 1, this program"), "{told}");
+    let error = world.restore(&saved).expect_err("another version");
+    let error = error.to_string();
+    assert!(error.contains("physics version 1, this program"), "{error}");
     assert_eq!(world.hash(), before);
 }
 
@@ -181,11 +181,11 @@ fn a_saved_state_of_another_physics_is_refused_in_words() {
 fn a_wall_stops_the_chair() {
     let model = model();
     let half = [0.1, 2.0, 0.5];
-    let wall = body("wall", at(1.1, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let wall = body("wall", pose_at(1.1, 0.0, 0.5), 0.5, Shape::Cuboid { half });
     let (scene, placements) = scene(vec![floor(), wall], Vec::new());
     let home = model.settings.home;
     let start = Isometry3::identity();
-    // The hand reaches further than the chair; fold it back.
+    // The hand extends beyond the chair; fold it back.
     let arm = [3.0, home[1], home[2], home[3], home[4], home[5]];
     let mut world = World::new(&model, &scene, &placements, &start, &arm).expect("a world");
     let mut targets = hold(arm);
@@ -203,7 +203,7 @@ fn a_wall_stops_the_chair() {
     assert!(push > 0.0 && push < 1.1 * thrust, "{push} {thrust}");
 }
 
-/// A double pendulum on a fixed pivot keeps its energy through 5 s of wild motion.
+/// A double pendulum on a fixed pivot keeps its energy through 5 s of chaotic motion.
 #[test]
 fn a_double_pendulum_keeps_its_energy() {
     use super::super::body::{RobotBody, Surface};
@@ -227,7 +227,7 @@ fn a_double_pendulum_keeps_its_energy() {
         kind: JointKind::Continuous,
         parent,
         child: parent + 1,
-        origin: at(0.0, 0.0, z),
+        origin: pose_at(0.0, 0.0, z),
         axis: Vector3::y_axis(),
         limits: Limits {
             lower: f64::NEG_INFINITY,
@@ -241,7 +241,7 @@ fn a_double_pendulum_keeps_its_energy() {
     model.joints = vec![joint(0, 0.0), joint(1, -0.4)];
     let mut physics = engine();
     let swing = |j: usize| [1.3, 0.4][j];
-    let start = at(0.0, 0.0, 2.0);
+    let start = pose_at(0.0, 0.0, 2.0);
     let robot = RobotBody::insert(&mut physics, &model, &start, swing, |_| Surface::Shell)
         .expect("a pendulum");
     physics.bodies[robot.handles[0]].set_body_type(rapier3d::prelude::RigidBodyType::Fixed, true);
@@ -261,7 +261,7 @@ fn a_double_pendulum_keeps_its_energy() {
     };
     physics.step();
     let before = energy(&physics);
-    // What the swing can turn into motion: from the start down to hanging.
+    // Potential energy available for motion: from the start to hanging.
     let deepest = GRAVITY * (1.5 * (2.0 - 0.2) + 1.0 * (2.0 - 0.6));
     let swing = before - deepest;
     let (mut gain, mut loss): (f64, f64) = (0.0, 0.0);
@@ -276,6 +276,6 @@ fn a_double_pendulum_keeps_its_energy() {
         ));
     }
     assert!(lowest < 1.5, "it swung down to {lowest}");
-    // The implicit Coriolis terms take 0.6 % a second out of it, and never give.
+    // The implicit Coriolis terms dissipate 0.6 % per second and never add energy.
     assert!(gain < 0.005 && loss < 0.05, "gain {gain}, loss {loss}");
 }

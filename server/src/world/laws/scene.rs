@@ -4,17 +4,18 @@ use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
 
 use super::super::contact::contacts;
 use super::super::convert::{from_pose, from_vector, vector};
-use super::super::stage::Stage;
+use super::super::scene_bodies::SceneBodies;
 use super::super::{GRAVITY, engine};
 use super::*;
 use crate::scene::{FurnitureJoint, Resistance};
 use crate::snapshot::BodyRef;
 
-fn stage(furniture: Vec<Body>, objects: Vec<Body>) -> (PhysicsWorld, Stage) {
+fn scene_bodies(furniture: Vec<Body>, objects: Vec<Body>) -> (PhysicsWorld, SceneBodies) {
     let (scene, placements) = scene(furniture, objects);
     let mut physics = engine();
-    let stage = Stage::insert(&mut physics, &scene, &placements).expect("a stage");
-    (physics, stage)
+    let scene_bodies =
+        SceneBodies::insert(&mut physics, &scene, &placements).expect("the bodies of the scene");
+    (physics, scene_bodies)
 }
 
 fn run(physics: &mut PhysicsWorld, seconds: f64) {
@@ -32,30 +33,31 @@ fn ball(name: &str, pose: Isometry3<f64>, mass: f64) -> Body {
 }
 
 #[test]
-fn a_ball_falls_as_galileo_says() {
-    let (mut physics, stage) = stage(vec![], vec![ball("ball", at(-9.0, 3.0, 10.0), 0.3)]);
+fn a_ball_falls_with_constant_acceleration() {
+    let (mut physics, scene_bodies) =
+        scene_bodies(vec![], vec![ball("ball", pose_at(-9.0, 3.0, 10.0), 0.3)]);
     run(&mut physics, 1.0);
-    let fallen = 10.0 - place(&physics, stage.objects[0]).translation.z;
+    let fallen = 10.0 - place(&physics, scene_bodies.objects[0]).translation.z;
     // The integrator is symplectic Euler with substeps of 1/960 s.
     let expected = 0.5 * GRAVITY * (1.0 + 1.0 / 960.0);
     assert!((fallen - expected).abs() < 1e-3, "{fallen} {expected}");
-    let speed = physics.bodies[stage.objects[0]].linvel().z;
+    let speed = physics.bodies[scene_bodies.objects[0]].linvel().z;
     assert!((f64::from(speed) + GRAVITY).abs() < 1e-4, "{speed}");
 }
 
 #[test]
 fn a_collision_keeps_momentum() {
     let balls = vec![
-        ball("light", at(-0.3, 0.01, 0.0), 0.2),
-        ball("heavy", at(0.0, 0.0, 0.0), 0.5),
+        ball("light", pose_at(-0.3, 0.01, 0.0), 0.2),
+        ball("heavy", pose_at(0.0, 0.0, 0.0), 0.5),
     ];
-    let (mut physics, stage) = stage(vec![], balls);
+    let (mut physics, scene_bodies) = scene_bodies(vec![], balls);
     physics.gravity = rapier3d::math::Vector::ZERO;
-    physics.bodies[stage.objects[0]].set_linvel(vector(&Vector3::new(1.0, 0.0, 0.0)), true);
+    physics.bodies[scene_bodies.objects[0]].set_linvel(vector(&Vector3::new(1.0, 0.0, 0.0)), true);
     let momenta = |physics: &PhysicsWorld| {
         let mut linear = Vector3::zeros();
         let mut angular = Vector3::zeros();
-        for handle in &stage.objects {
+        for handle in &scene_bodies.objects {
             let body = &physics.bodies[*handle];
             let p = from_vector(body.linvel()) * f64::from(body.mass());
             let spin = body.mass_properties().local_mprops.principal_inertia().x;
@@ -69,15 +71,15 @@ fn a_collision_keeps_momentum() {
     let before = momenta(&physics);
     run(&mut physics, 0.6);
     let after = momenta(&physics);
-    let struck = physics.bodies[stage.objects[1]].linvel().x;
+    let struck = physics.bodies[scene_bodies.objects[1]].linvel().x;
     assert!(struck > 0.1, "they met: {struck}");
     assert!((after.0 - before.0).norm() < 1e-5, "{before:?} {after:?}");
-    // Friction acts at one point in space on both, up to the depth of the dent.
+    // Friction acts at one point in space on both, up to the depth of the contact.
     assert!((after.1 - before.1).norm() < 1e-4, "{before:?} {after:?}");
 }
 
-/// A box on a slope, the friction 0.5 of both: it stays below the friction
-/// angle and slides beyond it with the acceleration g (sin a - mu cos a).
+/// A box on a slope, with friction 0.5 of both: it stays below the friction angle and
+/// slides beyond it with the acceleration g (sin a - mu cos a).
 #[test]
 fn a_block_slides_beyond_the_friction_angle_only() {
     let slide = |angle: f64| {
@@ -85,27 +87,27 @@ fn a_block_slides_beyond_the_friction_angle_only() {
         let half = [2.0, 1.0, 0.1];
         let slope = body(
             "slope",
-            tilt * at(0.0, 0.0, -0.1),
+            tilt * pose_at(0.0, 0.0, -0.1),
             0.5,
             Shape::Cuboid { half },
         );
         let half = [0.05, 0.05, 0.03];
         let mut block = object(
             "block",
-            tilt * at(0.0, 0.0, 0.03),
+            tilt * pose_at(0.0, 0.0, 0.03),
             0.4,
             half,
             Shape::Cuboid { half },
         );
         block.friction = 0.5;
-        let (mut physics, stage) = stage(vec![slope], vec![block]);
+        let (mut physics, scene_bodies) = scene_bodies(vec![slope], vec![block]);
         run(&mut physics, 0.5);
-        let early = tilt.inverse() * place(&physics, stage.objects[0]);
+        let early = tilt.inverse() * place(&physics, scene_bodies.objects[0]);
         let force = contacts(&physics);
-        let v0 = f64::from(physics.bodies[stage.objects[0]].linvel().length());
+        let v0 = f64::from(physics.bodies[scene_bodies.objects[0]].linvel().length());
         run(&mut physics, 0.5);
-        let late = tilt.inverse() * place(&physics, stage.objects[0]);
-        let v1 = f64::from(physics.bodies[stage.objects[0]].linvel().length());
+        let late = tilt.inverse() * place(&physics, scene_bodies.objects[0]);
+        let v1 = f64::from(physics.bodies[scene_bodies.objects[0]].linvel().length());
         (
             late.translation.x - early.translation.x,
             (v1 - v0) / 0.5,
@@ -134,12 +136,17 @@ fn a_block_slides_beyond_the_friction_angle_only() {
     );
 }
 
-/// A drawer pulled by a steady force: below its dry friction it stays shut,
-/// beyond it comes to the speed at which viscous friction makes up the rest.
+/// A drawer pulled by a constant force: below its dry friction it stays shut, above it
+/// reaches the speed at which viscous friction balances the rest.
 #[test]
 fn a_drawer_resists_with_dry_and_viscous_friction() {
     let half = [0.2, 0.2, 0.05];
-    let drawer = body("drawer", at(1.0, 0.0, 0.5), 0.5, Shape::Cuboid { half });
+    let drawer = body(
+        "drawer",
+        pose_at(1.0, 0.0, 0.5),
+        0.5,
+        Shape::Cuboid { half },
+    );
     let moving = object("drawer", drawer.pose, 2.5, half, Shape::Cuboid { half });
     let (mut scene, placements) = scene(vec![floor(), drawer], Vec::new());
     for (friction, damping) in [(3.0, 6.0), (8.0, 14.0)] {
@@ -154,14 +161,15 @@ fn a_drawer_resists_with_dry_and_viscous_friction() {
             start: 0.0,
         }];
         let mut physics = engine();
-        let stage = Stage::insert(&mut physics, &scene, &placements).expect("a stage");
+        let scene_bodies = SceneBodies::insert(&mut physics, &scene, &placements)
+            .expect("the bodies of the scene");
         let mut pull = |force: f64, seconds: f64| {
             let force = vector(&Vector3::new(force, 0.0, 0.0));
-            let body = &mut physics.bodies[stage.slides[0].handle];
+            let body = &mut physics.bodies[scene_bodies.slides[0].handle];
             body.reset_forces(true);
             body.add_force(force, true);
             run(&mut physics, seconds);
-            stage.slides[0].state(&physics)
+            scene_bodies.slides[0].state(&physics)
         };
         let held = pull(friction - 0.5, 1.0);
         assert!(held.position < 2e-3, "{held:?}");
@@ -176,7 +184,7 @@ fn a_drawer_resists_with_dry_and_viscous_friction() {
 }
 
 #[test]
-fn objects_on_a_table_stay_where_they_stand() {
+fn objects_on_a_table_stay_at_rest() {
     let top = TABLE_TOP;
     let half = [0.036, 0.082, 0.1065];
     let round = [0.048, 0.029, 0.08];
@@ -189,7 +197,7 @@ fn objects_on_a_table_stay_where_they_stand() {
     let objects = vec![
         object(
             "can",
-            at(0.3, -0.6, top + 0.051),
+            pose_at(0.3, -0.6, top + 0.051),
             0.349,
             [0.034, 0.034, 0.051],
             Shape::Cylinder {
@@ -199,14 +207,14 @@ fn objects_on_a_table_stay_where_they_stand() {
         ),
         object(
             "box",
-            at(0.3, -0.2, top + half[2]),
+            pose_at(0.3, -0.2, top + half[2]),
             0.411,
             half,
             Shape::Cuboid { half },
         ),
         object(
             "bottle",
-            at(0.3, 0.2, top + round[2]),
+            pose_at(0.3, 0.2, top + round[2]),
             0.603,
             round,
             Shape::RoundedCuboid {
@@ -214,10 +222,16 @@ fn objects_on_a_table_stay_where_they_stand() {
                 radius: 0.01,
             },
         ),
-        object("cup", at(0.3, 0.6, top), 0.08, [0.035, 0.035, 0.0525], cup),
+        object(
+            "cup",
+            pose_at(0.3, 0.6, top),
+            0.08,
+            [0.035, 0.035, 0.0525],
+            cup,
+        ),
         object(
             "cone",
-            at(0.6, 0.0, top + 0.05),
+            pose_at(0.6, 0.0, top + 0.05),
             0.3,
             [0.03, 0.03, 0.05],
             Shape::Frustum {
@@ -227,9 +241,9 @@ fn objects_on_a_table_stay_where_they_stand() {
             },
         ),
     ];
-    let (mut physics, stage) = stage(vec![floor(), table(0.0)], objects.clone());
+    let (mut physics, scene_bodies) = scene_bodies(vec![floor(), table(0.0)], objects.clone());
     run(&mut physics, 10.0);
-    for (handle, object) in stage.objects.iter().zip(&objects) {
+    for (handle, object) in scene_bodies.objects.iter().zip(&objects) {
         let moved = object.pose.inverse() * place(&physics, *handle);
         let (distance, angle) = (moved.translation.vector.norm(), moved.rotation.angle());
         println!(

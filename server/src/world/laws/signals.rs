@@ -1,6 +1,6 @@
-//! What the joints tell agrees with how they move: velocity is the rate of the
-//! position at the tick itself, effort is the torque that moves the arm, and
-//! links move as their joints say.
+//! Tests of joint signals: velocity is the rate of the position at the tick itself,
+//! effort is the torque that moves the arm, and links move consistently with their
+//! joints.
 
 use std::collections::VecDeque;
 
@@ -12,10 +12,15 @@ const DT: f64 = 1.0 / 240.0;
 
 /// Indices of the recorded joints in the model.
 fn joints(model: &RobotModel) -> Vec<usize> {
-    model.roles.joints.iter().map(|told| told.joint).collect()
+    model
+        .roles
+        .joints
+        .iter()
+        .map(|recorded| recorded.joint)
+        .collect()
 }
 
-/// What moves beside the arm.
+/// Motion in addition to the arm.
 #[derive(Clone, Copy, Debug)]
 struct Beside {
     gripper: bool,
@@ -27,12 +32,12 @@ const ALL: Beside = Beside {
     chair: true,
 };
 
-/// The arm waves; the chair may drive a bend, the gripper close and open.
+/// The arm moves; the chair may drive a curve, the gripper close and open.
 fn moving(beside: Beside, mut each: impl FnMut(&Snapshot)) {
     let (mut world, targets, _) = robot_alone();
     each(&world.snapshot());
     for tick in 1..=(240 * 4) {
-        // Targets are those of the end of a tick, as control makes them.
+        // Targets are those of the end of a tick, as from the control.
         let t = f64::from(tick) * DT;
         let mut now = wave(targets.arm_position, t);
         if beside.chair {
@@ -49,10 +54,10 @@ fn moving(beside: Beside, mut each: impl FnMut(&Snapshot)) {
     }
 }
 
-/// Over any second, the velocities of neighbouring ticks (trapezoids) add up to
-/// the way. A lag of 1 ms would show as 1 mrad for each rad/s gained.
+/// Over any second, the velocities of neighbouring ticks (trapezoids) integrate to the
+/// travel. A lag of 1 ms would show as 1 mrad for each rad/s gained.
 #[test]
-fn joint_velocities_add_up_to_the_way_in_any_second() {
+fn joint_velocities_integrate_to_the_travel_in_any_second() {
     let model = model();
     let joints = joints(&model);
     let mut sums = vec![0.0; joints.len()];
@@ -78,13 +83,13 @@ fn joint_velocities_add_up_to_the_way_in_any_second() {
         }
         last = Some(now);
     });
-    let told: Vec<String> = joints
+    let errors: Vec<String> = joints
         .iter()
         .zip(&worst)
         .map(|(&joint, error)| format!("{} {:.4}", model.joints[joint].name, error * 1e3))
         .collect();
-    println!("worst error over a second, mrad: {}", told.join(", "));
-    assert!(worst.iter().all(|e| *e < 1e-4), "mrad: {told:?}");
+    println!("worst error over a second, mrad: {}", errors.join(", "));
+    assert!(worst.iter().all(|e| *e < 1e-4), "mrad: {errors:?}");
 }
 
 /// Linear momentum and angular momentum about the house's origin of one link.
@@ -97,9 +102,9 @@ fn momentum(inertial: &crate::robot::Inertial, link: &BodyState) -> (Vector3<f64
     (linear, com.coords.cross(&linear) + spin)
 }
 
-/// The drives' torque at each arm joint that Newton and Euler ask for between
-/// two neighbouring ticks, when nothing but gravity acts from outside, N·m.
-fn asked(model: &RobotModel, before: &Snapshot, after: &Snapshot) -> [f64; 6] {
+/// The drive torque at each arm joint by the Newton-Euler equations between two
+/// neighbouring ticks, with gravity as the only external force, N·m.
+fn newton_euler_torque(model: &RobotModel, before: &Snapshot, after: &Snapshot) -> [f64; 6] {
     std::array::from_fn(|i| {
         let joint = &model.joints[model.roles.arm[i]];
         let mut beyond = vec![false; model.links.len()];
@@ -128,17 +133,20 @@ fn asked(model: &RobotModel, before: &Snapshot, after: &Snapshot) -> [f64; 6] {
     })
 }
 
-/// Greatest and root mean square difference, N·m, of the arm's efforts from
-/// what [`asked`] finds.
+/// Largest and root mean square difference, N·m, of the arm's efforts from
+/// [`newton_euler_torque`].
 fn effort_errors(beside: Beside) -> ([f64; 6], [f64; 6]) {
     let model = model();
     let mut last: Option<Snapshot> = None;
     let (mut worst, mut squares, mut count) = ([0.0_f64; 6], [0.0; 6], 0.0);
     moving(beside, |snapshot| {
-        // The first ticks set the chair down.
+        // The first ticks let the chair settle.
         if let Some(last) = last.as_ref().filter(|s| s.tick > 24) {
             count += 1.0;
-            for (i, torque) in asked(&model, last, snapshot).into_iter().enumerate() {
+            for (i, torque) in newton_euler_torque(&model, last, snapshot)
+                .into_iter()
+                .enumerate()
+            {
                 let joint = model.roles.arm[i];
                 let error = snapshot.joints[joint].effort - torque;
                 worst[i] = worst[i].max(error.abs());
@@ -150,7 +158,7 @@ fn effort_errors(beside: Beside) -> ([f64; 6], [f64; 6]) {
     (worst, squares.map(|sum: f64| (sum / count).sqrt()))
 }
 
-/// M·Δv/Δt + h = effort, from what the snapshots tell alone.
+/// M·Δv/Δt + h = effort, from the snapshots only.
 #[test]
 fn arm_effort_is_the_torque_that_moves_the_arm() {
     let alone = Beside {
@@ -167,8 +175,8 @@ fn arm_effort_is_the_torque_that_moves_the_arm() {
         println!("{beside:?}: effort off by {worst:.3?} N·m, rms {rms:.3?}");
         errors.push((worst, rms));
     }
-    // The chair rocks on its wheels under the arm, and the contacts of the wheels
-    // leave the engine a velocity other than the one it moved by.
+    // The chair rocks on its wheels under the arm, and contacts of the wheels give the
+    // engine another velocity than that of the motion.
     for (worst, rms) in &errors[..2] {
         assert!(rms.iter().all(|e| *e < 0.13), "{rms:.3?}");
         assert!(worst.iter().all(|e| *e < 0.5), "{worst:.3?}");
@@ -176,9 +184,9 @@ fn arm_effort_is_the_torque_that_moves_the_arm() {
     assert!(errors[2].1.iter().all(|e| *e < 0.13));
 }
 
-/// Before the first tick the drives hold the arm already.
+/// Before the first tick the drives already hold the arm.
 #[test]
-fn the_first_state_tells_the_torque_that_holds_the_arm() {
+fn the_first_state_contains_the_torque_that_holds_the_arm() {
     let (mut world, _, _) = robot_alone();
     let model = model();
     let effort = |world: &World| -> Vec<f64> {
@@ -200,7 +208,7 @@ fn the_first_state_tells_the_torque_that_holds_the_arm() {
 
 /// The twist of a link follows from that of its parent and the joint's velocity.
 #[test]
-fn links_move_as_their_joints_tell() {
+fn links_move_consistently_with_their_joints() {
     let model = model();
     let (mut worst_linear, mut worst_angular) = (0.0_f64, 0.0_f64);
     moving(ALL, |snapshot| {

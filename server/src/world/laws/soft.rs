@@ -1,4 +1,5 @@
-//! The soft bear in the world: its weight, the fingers' grip, and saved states.
+//! Tests of the deformable bear in the world: its weight, the fingers' grip, and saved
+//! states.
 
 use rapier3d::prelude::{RigidBodyHandle, RigidBodyType};
 
@@ -6,7 +7,7 @@ use super::super::GRAVITY;
 use super::*;
 use crate::snapshot::{BodyRef, Snapshot};
 
-/// Half extents of a plate that presses the waist: as a finger pad.
+/// Half extents of a plate that presses the waist: like a finger pad.
 const PLATE: [f64; 3] = [0.0187, 0.004, 0.011];
 /// Height of the waist above the seat, metres.
 const WAIST: f64 = 0.098;
@@ -20,10 +21,10 @@ fn bear(pose: Isometry3<f64>) -> Body {
     bear
 }
 
-/// Where the plates stand at first, metres before and behind the waist.
+/// Initial distance of the plates in front of and behind the waist, metres.
 const ASIDE: f64 = 0.08;
 
-/// The robot far away, the bear on the table, a plate before and behind it.
+/// The robot far away, the bear on the table, a plate in front of and behind it.
 struct Press {
     world: World,
     plates: [RigidBodyHandle; 2],
@@ -35,10 +36,10 @@ fn press() -> Press {
 }
 
 fn press_from(aside: f64) -> Press {
-    let seat = at(0.3, 0.0, TABLE_TOP);
+    let seat = pose_at(0.3, 0.0, TABLE_TOP);
     let middle = Vector3::new(0.3, 0.0, TABLE_TOP + WAIST);
     let plate = |y: f64| {
-        let pose = at(middle.x, middle.y + y, middle.z);
+        let pose = pose_at(middle.x, middle.y + y, middle.z);
         let half = PLATE;
         object("plate", pose, 0.5, half, Shape::Cuboid { half })
     };
@@ -51,8 +52,8 @@ fn press_from(aside: f64) -> Press {
     let model = model();
     let home = model.settings.home;
     let mut world =
-        World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
-    let plates = [world.stage.objects[1], world.stage.objects[2]];
+        World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home).expect("a world");
+    let plates = [world.scene_bodies.objects[1], world.scene_bodies.objects[2]];
     for plate in plates {
         let plate = &mut world.physics.bodies[plate];
         plate.set_body_type(RigidBodyType::KinematicVelocityBased, true);
@@ -115,8 +116,8 @@ impl Press {
         ]
     }
 
-    /// The skin in the bear's own frame: friction under its seat may keep the
-    /// whole a little aside.
+    /// The skin in the bear's own frame: friction under its seat may displace the whole
+    /// bear.
     fn shape(&self) -> Vec<Point3<f64>> {
         let snapshot = self.world.snapshot();
         let pose = snapshot.objects[0].pose;
@@ -130,11 +131,11 @@ impl Press {
     }
 }
 
-/// Contacts press and never pull, rub within Coulomb's limit, throw no solid, and
-/// no energy comes from nowhere.
+/// Contacts press and never pull, friction stays within Coulomb's limit, no solid is
+/// ejected, and no energy is created.
 fn lawful(world: &World) {
     for worst in world.worst_of_soft() {
-        assert!(worst.ticks > 0, "nothing was looked at");
+        assert!(worst.ticks > 0, "no tick was checked");
         assert!(worst.normal >= 0.0, "{worst:?}");
         assert!(worst.friction <= 1.001, "{worst:?}");
         assert!(worst.kick <= 0.5, "{worst:?}");
@@ -148,7 +149,7 @@ fn fastest(snapshot: &Snapshot) -> f64 {
 }
 
 #[test]
-fn the_bear_sits_still_and_weighs_what_it_weighs() {
+fn the_bear_is_at_rest_and_its_contact_force_is_its_weight() {
     let mut press = press();
     press.run(4.0);
     let up = press.force(BodyRef::Furniture(1));
@@ -167,9 +168,9 @@ fn the_bear_sits_still_and_weighs_what_it_weighs() {
     lawful(&press.world);
 }
 
-/// The deeper the plates press, the harder the bear presses back; let go, it is
-/// as it was. The two plates need not press alike while it sits: a bear has a
-/// belly and a back, and the table's friction takes the difference. The three
+/// The deeper the plates press, the harder the bear presses back; after release it
+/// recovers its shape. The forces of the two plates need not be equal while it sits:
+/// belly and back differ, and the table's friction takes the difference. The three
 /// forces along the squeeze must cancel.
 #[test]
 fn a_squeezed_bear_presses_back_and_recovers() {
@@ -197,7 +198,7 @@ fn a_squeezed_bear_presses_back_and_recovers() {
         );
         last = force;
     }
-    // Between the bar and the half-space of facts about flat punches.
+    // Between the limits of a bar and a half-space for flat punches.
     let squeeze = DEPTH - 0.042;
     let stiffness = last / squeeze;
     assert!((70.0..600.0).contains(&stiffness), "{stiffness} N/m");
@@ -209,11 +210,11 @@ fn a_squeezed_bear_presses_back_and_recovers() {
         .zip(&rest)
         .map(|(now, then)| (now - then).norm())
         .fold(0.0, f64::max);
-    assert!(worst < 2e-3, "a vertex is {worst} m from where it was");
+    assert!(worst < 2e-3, "a vertex is {worst} m from its start");
     lawful(&press.world);
 }
 
-/// Lifted by two plates, the bear's whole weight hangs on their friction.
+/// Lifted by two plates, the bear's whole weight is carried by their friction.
 #[test]
 fn lifted_plates_carry_the_weight() {
     let mut press = press();
@@ -236,29 +237,29 @@ fn lifted_plates_carry_the_weight() {
     lawful(&press.world);
 }
 
-/// Friction is Coulomb's: on a slope steeper than its coefficient the bear
-/// slides with the acceleration that is left, on a flatter one it stays.
+/// Friction follows Coulomb's law: on a slope steeper than its coefficient the bear
+/// slides with the remaining acceleration, on a flatter one it stays.
 ///
-/// A slope and not two plates: those stand 12 mm deep in the waist, and what
-/// bulges over their edges holds the bear without any friction.
+/// A slope instead of two plates: plates press 12 mm deep into the waist, and the bulge
+/// over their edges holds the bear without friction.
 #[test]
 fn the_bear_slides_beyond_the_friction_limit() {
     const FRICTION: f64 = 0.3;
     for share in [0.8_f64, 1.3] {
-        // Feet first, on which it does not tip over.
+        // Feet first, so that it does not tip over.
         let angle = (FRICTION * share).atan();
         let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), angle);
         let half = [1.0, 1.0, 0.02];
-        let slope = Isometry3::from_parts(at(0.0, 0.0, TABLE_TOP).translation, turn);
+        let slope = Isometry3::from_parts(pose_at(0.0, 0.0, TABLE_TOP).translation, turn);
         let mut board = body("slope", slope, 0.0, Shape::Cuboid { half });
         board.friction = 0.0;
-        let mut bear = bear(slope * at(0.0, 0.0, half[2]));
+        let mut bear = bear(slope * pose_at(0.0, 0.0, half[2]));
         bear.friction = FRICTION;
         let (scene, placements) = scene(vec![floor(), board], vec![bear]);
         let model = model();
         let home = model.settings.home;
-        let mut world =
-            World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+        let mut world = World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home)
+            .expect("a world");
         let down = turn * -Vector3::y();
         let along = |world: &World| {
             let bear = &world.snapshot().objects[0];
@@ -274,7 +275,7 @@ fn the_bear_slides_beyond_the_friction_limit() {
         let (moved, faster) = (to - from, after - before);
         println!("{share} of the limit: {moved} m, {faster} m/s faster");
         if share > 1.0 {
-            // It rocks on its legs while it slides.
+            // It rocks on its legs while sliding.
             let rate = faster / 0.9;
             let felt = (GRAVITY * angle.sin() - rate) / (GRAVITY * angle.cos());
             assert!(
@@ -288,26 +289,26 @@ fn the_bear_slides_beyond_the_friction_limit() {
     }
 }
 
-/// A board of 100 g across the bear's legs is carried, and the bear's reaction on
-/// the table is the weight of both. Wider than the gap between the legs: a small
-/// box falls through, as it should.
+/// A board of 100 g across the bear's legs is carried, and the force on the table is
+/// the weight of both. It is wider than the gap between the legs: a small box would
+/// fall through.
 #[test]
 fn the_bear_carries_a_board() {
     let half = [0.10, 0.035, 0.008];
     let load = object(
         "board",
-        at(0.3, -0.075, TABLE_TOP + 0.096),
+        pose_at(0.3, -0.075, TABLE_TOP + 0.096),
         0.1,
         half,
         Shape::Cuboid { half },
     );
-    let bear = bear(at(0.3, 0.0, TABLE_TOP));
+    let bear = bear(pose_at(0.3, 0.0, TABLE_TOP));
     let weight = (bear.mass.expect("mass").mass + 0.1) * GRAVITY;
     let (scene, placements) = scene(vec![floor(), table(0.0)], vec![bear, load]);
     let model = model();
     let home = model.settings.home;
     let mut world =
-        World::new(&model, &scene, &placements, &at(-3.0, 0.0, 0.0), &home).expect("a world");
+        World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home).expect("a world");
     seconds(&mut world, 4.0, |_, _| {});
     let snapshot = world.snapshot();
     let speed = snapshot.objects[1].linear.norm();
@@ -329,10 +330,10 @@ fn the_bear_carries_a_board() {
     lawful(&world);
 }
 
-/// A bear between two plates is flung, dropped onto its edge and torn: the laws
-/// hold where contacts open and close at random.
+/// A bear between two plates is flung, dropped onto its edge and torn: the laws hold
+/// while contacts open and close at random.
 #[test]
-fn a_bear_that_is_shaken_keeps_the_laws() {
+fn a_shaken_bear_keeps_the_laws() {
     let mut press = press();
     press.run(0.2);
     press.close_to(0.03);
@@ -352,10 +353,10 @@ fn a_bear_that_is_shaken_keeps_the_laws() {
     assert!(worst.speed < 20.0 && worst.energy < 20.0, "{worst:?}");
 }
 
-/// A bear that lies still sleeps: nothing of it changes, it weighs what it weighs,
-/// also after restoring; what comes near wakes it.
+/// A bear at rest sleeps: its state is constant and its contact force is its weight,
+/// also after restoring; an approaching body wakes it.
 #[test]
-fn a_bear_that_lies_still_sleeps_until_something_comes() {
+fn a_bear_at_rest_sleeps_until_a_body_approaches() {
     const AWAY: f64 = 0.3;
     let mut press = press_from(AWAY);
     press.run(6.0);
@@ -383,7 +384,7 @@ fn a_bear_that_lies_still_sleeps_until_something_comes() {
     );
     for press in [&mut press, &mut other] {
         press.close_to(0.058);
-        assert!(!press.world.soft[0].is_asleep(), "it sleeps on");
+        assert!(!press.world.soft[0].is_asleep(), "it keeps sleeping");
         for force in press.plates() {
             assert!(force.norm() > 0.3, "{force} N of a plate");
         }
@@ -408,7 +409,7 @@ fn a_squeezed_bear_survives_saving() {
     assert_eq!(first.world.snapshot().skins, second.world.snapshot().skins);
 }
 
-/// A state that is no number is reported and stays where it is.
+/// A non-finite state is reported and the bear keeps its last state.
 #[test]
 fn a_state_that_is_not_finite_is_reported() {
     let mut press = press();

@@ -1,4 +1,4 @@
-//! Where the skin of a soft object meets the engine's solids.
+//! Contact candidates between the skin of a deformable and the engine's solids.
 
 use std::collections::BTreeMap;
 
@@ -18,21 +18,21 @@ use crate::geometry::plush;
 use crate::geometry::tetrahedra::{Embedded, Tetrahedra};
 use crate::snapshot::{BodyRef, Contact};
 
-/// Pressure over depth of the skin's foundation, N/m³: 10 kPa press it in by
-/// 1 mm, so that the flesh and not the skin gives way.
+/// Pressure over depth of the skin's foundation, N/m³: 10 kPa compress it by 1 mm, so
+/// that the flesh yields and not the skin.
 const FOUNDATION: f64 = 1e7;
-/// Points nearer than this may touch within a tick, metres.
+/// Points closer than this may touch within a tick, metres.
 const MARGIN: f64 = 0.006;
 
 /// Vertex of the skin, index and generation of a collider.
 type Key = (u32, u32, u32);
 
-/// Where each touching vertex holds on to its solid, in the solid's frame, metres.
+/// Where each touching vertex sticks to its solid, in the solid's frame, metres.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Bristles(BTreeMap<Key, [f64; 3]>);
 
 impl Bristles {
-    /// All their numbers.
+    /// All numbers, for validation.
     pub(super) fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
         self.0.values().flatten().copied()
     }
@@ -46,30 +46,30 @@ pub(super) struct Skin {
     patches: Vec<Patch>,
 }
 
-/// The vertices that one cell carries.
+/// The vertices in one cell.
 #[derive(Clone, Debug)]
 struct Patch {
     cell: usize,
     vertices: Vec<usize>,
-    /// How far they may lie outside the box around the cell's corners, in units of
+    /// How far they may be outside the bounding box of the cell's corners, in units of
     /// its edges.
     beyond: f64,
 }
 
-/// The contact candidates of one tick, with what each touches.
-pub(super) struct Near {
+/// The contact candidates of one tick, with their solids.
+pub(super) struct TickCandidates {
     pub candidates: Vec<ContactCandidate>,
-    /// The solids that they touch.
+    /// The touched solids.
     pub solids: Vec<Mobility>,
     pub(super) sites: Vec<ContactSite>,
-    /// Whether all solids around stand fixed or sleep.
+    /// Whether all solids nearby are fixed or asleep.
     pub is_alone: bool,
 }
 
 /// The solid under a contact candidate.
 pub(super) struct ContactSite {
     key: Key,
-    /// Place of the vertex, metres.
+    /// Position of the vertex, metres.
     pub point: Vector3<f64>,
     pub collider: ColliderHandle,
     pub house_from_solid: Isometry3<f64>,
@@ -77,7 +77,7 @@ pub(super) struct ContactSite {
     reference: BodyRef,
 }
 
-/// A solid near the soft object.
+/// A solid near the deformable.
 struct Solid<'a> {
     handle: ColliderHandle,
     collider: &'a Collider,
@@ -100,12 +100,12 @@ impl Skin {
         }
     }
 
-    /// Where the vertices are with the nodes at positions, or how fast with velocities.
+    /// Positions of the vertices for node positions, or velocities for node velocities.
     pub(super) fn points(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
         self.places.iter().map(|e| place(e, body, of)).collect()
     }
 
-    /// A box that holds the skin.
+    /// The bounding box of the skin.
     pub(super) fn room(&self, state: &State, body: &Elastic) -> Room {
         around(self.patches.iter().map(|p| p.room(body, &state.position)))
     }
@@ -119,12 +119,12 @@ impl Skin {
         (spheres, physics): (&Spheres, &PhysicsWorld),
         friction: f64,
         h: f64,
-    ) -> Near {
+    ) -> TickCandidates {
         let margin = MARGIN + state.fastest() * h;
         let boxes = self.patches.iter().map(|p| p.room(body, &state.position));
         let boxes: Vec<Room> = boxes.collect();
         let room = around(boxes.iter().copied());
-        let mut near = Near {
+        let mut near = TickCandidates {
             candidates: Vec::new(),
             solids: Vec::new(),
             sites: Vec::new(),
@@ -133,7 +133,7 @@ impl Skin {
         let mut mobilities = Mobilities::new(physics);
         let mut vertices = Vec::new();
         for solid in solids(spheres, physics, &room, margin, friction) {
-            near.is_alone &= stands(solid.collider, physics);
+            near.is_alone &= is_at_rest(solid.collider, physics);
             vertices.clear();
             for (patch, (from, to)) in self.patches.iter().zip(&boxes) {
                 if (0..3).all(|a| to[a] >= solid.low[a] && from[a] <= solid.high[a]) {
@@ -184,7 +184,7 @@ impl Skin {
 /// Corners of a box, metres.
 pub(super) type Room = (Vector3<f64>, Vector3<f64>);
 
-/// A box that holds boxes.
+/// The bounding box of boxes.
 fn around(boxes: impl Iterator<Item = Room>) -> Room {
     let nothing = Vector3::repeat(f64::INFINITY);
     boxes.fold((nothing, -nothing), |(low, high), (from, to)| {
@@ -192,18 +192,18 @@ fn around(boxes: impl Iterator<Item = Room>) -> Room {
     })
 }
 
-/// Whether a collider stands fixed or sleeps; what is pushed does not sleep.
-fn stands(collider: &Collider, physics: &PhysicsWorld) -> bool {
+/// Whether a collider is fixed or asleep; a pushed body is not asleep.
+fn is_at_rest(collider: &Collider, physics: &PhysicsWorld) -> bool {
     let body = collider.parent().and_then(|body| physics.bodies.get(body));
     body.is_none_or(|body| body.is_fixed() || body.is_sleeping())
 }
 
-/// Spheres around all colliders, which tell at once that most are far away.
+/// Bounding spheres of all colliders, to skip distant ones.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Spheres(Vec<(ColliderHandle, BoundingSphere)>);
 
 impl Spheres {
-    /// The colliders of a world. Shapes never change; colliders are only added.
+    /// Updates the list. Shapes never change; colliders are only added.
     pub(super) fn update(&mut self, physics: &PhysicsWorld) {
         if self.0.len() != physics.colliders.len() {
             let sphere = |collider: &Collider| collider.shape().compute_local_bounding_sphere();
@@ -212,8 +212,8 @@ impl Spheres {
         }
     }
 
-    /// The colliders that may reach into a box that is larger by `margin` metres, in
-    /// the engine's order.
+    /// The colliders that may overlap a box extended by `margin` metres, in the
+    /// engine's order.
     fn around<'a>(
         &'a self,
         physics: &'a PhysicsWorld,
@@ -231,17 +231,16 @@ impl Spheres {
         })
     }
 
-    /// Whether something that neither stands fixed nor sleeps reaches into a box, or
-    /// nearly.
+    /// Whether a moving body overlaps a box, or nearly.
     pub(super) fn visit(&self, room: &Room, physics: &PhysicsWorld) -> bool {
         let (low, high) = room;
         self.around(physics, room, MARGIN).any(|(_, collider)| {
-            !stands(collider, physics) && reach(collider, physics, low, high, MARGIN).is_some()
+            !is_at_rest(collider, physics) && reach(collider, physics, low, high, MARGIN).is_some()
         })
     }
 }
 
-/// The vertices of every cell that carries any.
+/// The vertices of every cell with any.
 fn patches(places: &[Embedded]) -> Vec<Patch> {
     let mut patches: BTreeMap<usize, Patch> = BTreeMap::new();
     for (vertex, at) in places.iter().enumerate() {
@@ -258,7 +257,7 @@ fn patches(places: &[Embedded]) -> Vec<Patch> {
 }
 
 impl Patch {
-    /// A box that holds all its vertices.
+    /// The bounding box of all its vertices.
     fn room(&self, body: &Elastic, position: &[Vector3<f64>]) -> Room {
         const ROUNDING: f64 = 1e-9;
         let [a, b, c, d] = body.cells[self.cell].nodes.map(|i| position[i]);
@@ -268,13 +267,13 @@ impl Patch {
     }
 }
 
-/// Where a vertex is with the nodes at positions.
+/// Position of a vertex for node positions.
 fn place(at: &Embedded, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
     let nodes = body.cells[at.cell].nodes.iter().zip(&at.weights);
     nodes.map(|(i, w)| of[*i] * *w).sum()
 }
 
-/// The solids whose boxes reach into a box.
+/// The solids whose bounding boxes overlap a box.
 fn solids<'a>(
     spheres: &'a Spheres,
     physics: &'a PhysicsWorld,
@@ -296,7 +295,7 @@ fn solids<'a>(
             house_from_solid: from_pose(collider.position()),
             low: from,
             high: to,
-            // The plush side decides: the larger coefficient counts.
+            // The larger coefficient applies, usually that of the plush.
             friction: friction.max(f64::from(collider.friction())),
             linear: body.map_or(zero, |b| from_vector(b.linvel())),
             angular: body.map_or(zero, |b| from_vector(b.angvel())),
@@ -306,7 +305,7 @@ fn solids<'a>(
     solids
 }
 
-/// The box of a collider, larger by `margin` metres, where it reaches into a box.
+/// The bounding box of a collider, extended by `margin` metres, if it overlaps a box.
 fn reach(
     collider: &Collider,
     physics: &PhysicsWorld,
@@ -330,13 +329,13 @@ fn reach(
 }
 
 impl Solid<'_> {
-    /// Signed distance of a point and the direction away from the solid;
-    /// `None` when it is further away than `margin`.
+    /// Signed distance of a point and the direction away from the solid; `None` beyond
+    /// `margin`.
     fn gap(&self, p: &Vector3<f64>, margin: f64) -> Option<(f64, Vector3<f64>)> {
         let local = self
             .house_from_solid
             .inverse_transform_point(&Point3::from(*p));
-        // Rounded as the engine does, or a point on a face would see no normal.
+        // Rounded like the engine's values, or a point on a face would have no normal.
         let local = to_engine(&local);
         let (core, radius): (&dyn Shape, _) = match self.collider.shape().as_typed_shape() {
             TypedShape::RoundCylinder(round) => (&round.inner_shape, round.border_radius),
@@ -355,7 +354,7 @@ impl Solid<'_> {
     }
 }
 
-impl Near {
+impl TickCandidates {
     /// The bristles after the tick.
     pub(super) fn bristles(&self, forces: &[ContactForce]) -> Bristles {
         let held = self.sites.iter().zip(forces).filter_map(|(site, contact)| {
@@ -392,7 +391,7 @@ impl Near {
         sums.into_iter().map(contact).collect()
     }
 
-    /// Pushes the solids back, for the engine's coming tick.
+    /// Pushes the solids back, for the engine's next tick.
     pub(super) fn push(&self, physics: &mut PhysicsWorld, forces: &[ContactForce]) {
         for (site, contact) in self.sites.iter().zip(forces) {
             let Some(handle) = site.body else { continue };

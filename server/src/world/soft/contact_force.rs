@@ -1,32 +1,31 @@
-//! What a contact may do: press but never pull, and rub no harder than Coulomb.
+//! Contact forces: contacts press and never pull, and friction obeys Coulomb's law.
 //!
-//! A contact is an elastic foundation with a bristle. In a solution it is open,
-//! or a spring along the normal with a `share` of the same spring along the
-//! surface: 1 where it sticks, less where it slips, so that friction is
-//! `share` times the force of the bent bristle (a secant of Coulomb's law). A
-//! spring of constant stiffness cannot gain energy in an implicit step, which a
-//! friction force that is given beforehand can.
+//! A contact is an elastic foundation with a bristle. In a solution it is open, or a
+//! spring along the normal with a `share` of the same spring along the surface: 1 where
+//! it sticks, less where it slips, so that friction is `share` times the force of the
+//! bent bristle (a secant of Coulomb's law). A spring of constant stiffness cannot gain
+//! energy in an implicit step, unlike a prescribed friction force.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::elastic::Elastic;
 use super::solver::Spring;
 
-/// A solution in which friction exceeds the Coulomb limit by this part is good:
-/// what is too much is cut off.
+/// A solution is accepted when friction exceeds the Coulomb limit by at most this
+/// factor; the excess is cut off.
 const COULOMB: f64 = 1.005;
-/// Friction below this part of the limit that slips could hold more.
+/// Slipping friction below this share of the limit could hold more.
 const TIGHT: f64 = 0.9;
-/// Friction that has to give way is led to this part of its limit.
+/// Friction above its limit is reduced to this share of it.
 const AIM: f64 = 0.99;
-/// Greatest change of a solid's speed by a soft object in a tick, m/s.
+/// Largest change of a solid's speed by a deformable in a tick, m/s.
 const KICK: f64 = 0.5;
-/// A solid that is pushed too hard is pushed with this part of what is allowed.
+/// A solid that is pushed too hard receives this share of the allowed push.
 const GENTLE: f64 = 0.9;
-/// Greatest h²k/m of all contacts at a solid: beyond, a push that is worked out
-/// before the solid moves throws it further than the contact is deep.
+/// Largest h²k/m of all contacts of a solid: above it, a push computed before the solid
+/// moves would throw it further than the contact is deep.
 const HEAVY: f64 = 2.0;
-/// Forces below this are none, N.
+/// Forces below this count as zero, N.
 const NOTHING: f64 = 5e-4;
 
 /// A point of the skin near a solid.
@@ -43,35 +42,35 @@ pub(super) struct ContactCandidate {
     pub normal: Vector3<f64>,
     /// Distance from the solid at the start of the tick, metres, negative inside.
     pub gap: f64,
-    /// Where the bristle stands at the start of the tick; `None` for a new contact.
+    /// Anchor of the bristle at the start of the tick; `None` for a new contact.
     pub anchor: Option<Vector3<f64>>,
     /// Velocity of the solid there, m/s.
     pub velocity: Vector3<f64>,
-    /// Which of the solids it is.
+    /// Index of the solid.
     pub solid: usize,
 }
 
-/// How easily a solid is moved.
+/// Mobility of a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mobility {
     /// Centre of mass, metres.
     pub centre: Vector3<f64>,
-    /// Change of its velocity (linear, angular) per impulse at its centre of
-    /// mass, through whatever it is jointed to; `None` for what does not move.
+    /// Change of its velocity (linear, angular) per impulse at its centre of mass,
+    /// including its joints; `None` for a fixed solid.
     pub inverse: Option<Matrix6<f64>>,
 }
 
-/// What a contact did.
+/// Result of a contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct ContactForce {
     /// Force on the body along the normal, N.
     pub normal: f64,
     /// Friction on the body, N.
     pub drag: Vector3<f64>,
-    /// Both, N.
+    /// Sum of both, N.
     pub force: Vector3<f64>,
-    /// Where the bristle stands on the solid after the tick, given for the place
-    /// that the solid had at its start; `None` where nothing touches.
+    /// Anchor of the bristle on the solid after the tick, relative to the solid's pose
+    /// at its start; `None` without contact.
     pub anchor: Option<Vector3<f64>>,
     /// Energy in the foundation and the bristle before and after the tick, J.
     pub energy: [f64; 2],
@@ -85,7 +84,7 @@ impl ContactForce {
     }
 }
 
-/// How a contact takes part in a solution.
+/// State of a contact in a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum FrictionState {
     Open,
@@ -95,7 +94,7 @@ pub(super) enum FrictionState {
 
 impl Mobility {
     /// Change of the velocity at a point per impulse there, 1/kg.
-    fn at(&self, point: &Vector3<f64>) -> Option<Matrix3<f64>> {
+    fn velocity_response(&self, point: &Vector3<f64>) -> Option<Matrix3<f64>> {
         let inverse = self.inverse?;
         let arm = (point - self.centre).cross_matrix();
         let (linear, mixed, angular) = (
@@ -106,8 +105,8 @@ impl Mobility {
         Some(linear + mixed * arm - arm * mixed.transpose() - arm * angular * arm)
     }
 
-    /// Greatest change of its speed at any of some points under forces there for
-    /// `h` seconds, m/s.
+    /// Largest change of its speed at any of the points under forces there for `h`
+    /// seconds, m/s.
     fn kick<'a>(
         &self,
         forces: impl Iterator<Item = (&'a Vector3<f64>, Vector3<f64>)> + Clone,
@@ -131,11 +130,11 @@ impl Mobility {
     }
 }
 
-/// All contact candidates of a tick while it is solved.
+/// All contact candidates of a tick, during its solution.
 pub(super) struct ContactSolution<'a> {
     candidates: &'a [ContactCandidate],
     solids: &'a [Mobility],
-    /// Places of the points at the start of the tick, metres.
+    /// Positions of the points at the start of the tick, metres.
     points: Vec<Vector3<f64>>,
     friction_states: Vec<FrictionState>,
     /// Share of the foundation's stiffness at each solid, 0 to 1.
@@ -144,7 +143,7 @@ pub(super) struct ContactSolution<'a> {
 }
 
 impl<'a> ContactSolution<'a> {
-    /// The contacts as they would be if the body went on as fast as it goes.
+    /// The contacts for a body that keeps its velocity.
     pub(super) fn new(
         body: &Elastic,
         position: &[Vector3<f64>],
@@ -153,7 +152,10 @@ impl<'a> ContactSolution<'a> {
         solids: &'a [Mobility],
         h: f64,
     ) -> Self {
-        let points: Vec<_> = candidates.iter().map(|t| t.at(body, position)).collect();
+        let points: Vec<_> = candidates
+            .iter()
+            .map(|t| t.interpolate(body, position))
+            .collect();
         let mut solution = Self {
             candidates,
             solids,
@@ -168,7 +170,7 @@ impl<'a> ContactSolution<'a> {
             if normal > 0.0 {
                 solution.friction_states[i] =
                     FrictionState::Closed(share(t.friction * normal, bristle.norm()));
-                if let Some(give) = solids[t.solid].at(&solution.points[i]) {
+                if let Some(give) = solids[t.solid].velocity_response(&solution.points[i]) {
                     burden[t.solid] += h * h * t.stiffness * give.trace();
                 }
             }
@@ -179,14 +181,14 @@ impl<'a> ContactSolution<'a> {
         solution
     }
 
-    /// Energy that the contacts begin with, J.
+    /// Initial energy of the contacts, J.
     pub(super) fn energy(&self) -> f64 {
         let all = self.candidates.iter().zip(&self.points).enumerate();
         all.map(|(i, (t, point))| self.stiffness(i) * t.strained(point))
             .sum()
     }
 
-    /// Takes a share of the stiffness of all contacts.
+    /// Reduces the stiffness of all contacts to a share.
     pub(super) fn soften(&mut self, share: f64) {
         for soft in &mut self.softened {
             *soft *= share;
@@ -202,7 +204,7 @@ impl<'a> ContactSolution<'a> {
     fn trial(&self, body: &Elastic, velocity: &[Vector3<f64>], i: usize) -> (f64, Vector3<f64>) {
         let t = &self.candidates[i];
         let stiffness = self.stiffness(i);
-        let moved = (t.at(body, velocity) - t.velocity) * self.h;
+        let moved = (t.interpolate(body, velocity) - t.velocity) * self.h;
         let normal = -stiffness * (t.gap + t.normal.dot(&moved));
         let bristle = (t.bend(&self.points[i]) - t.along(&moved)) * stiffness;
         (normal, bristle)
@@ -220,8 +222,8 @@ impl<'a> ContactSolution<'a> {
                 };
                 let across = t.normal * t.normal.transpose();
                 let along = (Matrix3::identity() - across) * share;
-                // At the end of the tick the point wants to be on the surface and at
-                // its bristle; both move with the solid.
+                // At the end of the tick the point should be on the surface and at its
+                // bristle; both move with the solid.
                 let pull = t.normal * -t.gap
                     + t.bend(&self.points[i]) * share
                     + (across + along) * t.velocity * h;
@@ -235,9 +237,9 @@ impl<'a> ContactSolution<'a> {
             })
     }
 
-    /// Holds the contacts against a solution: whether all of them do what they
-    /// may. What does not is changed for the next one; with `giving` a contact
-    /// only opens or holds less, so that solutions come to an end.
+    /// Checks the contacts against a solution: returns whether all obey their laws.
+    /// Others are changed for the next solution; with `giving` a contact only opens or
+    /// holds less, so that the iteration ends.
     pub(super) fn agree(
         &mut self,
         body: &Elastic,
@@ -266,7 +268,7 @@ impl<'a> ContactSolution<'a> {
             self.friction_states[i] = next;
             agreed = false;
         }
-        let kicks = self.kicks(&self.done(body, velocity));
+        let kicks = self.kicks(&self.forces(body, velocity));
         for (soft, kick) in self.softened.iter_mut().zip(kicks) {
             if kick > KICK {
                 *soft *= GENTLE * KICK / kick;
@@ -276,7 +278,7 @@ impl<'a> ContactSolution<'a> {
         agreed
     }
 
-    /// Greatest change of speed of every solid, m/s.
+    /// Largest change of speed of every solid, m/s.
     pub(super) fn kicks(&self, forces: &[ContactForce]) -> Vec<f64> {
         let of = |solid: usize| {
             let candidates = self.candidates.iter().zip(&self.points).zip(forces);
@@ -288,9 +290,8 @@ impl<'a> ContactSolution<'a> {
         solids.map(|(s, solid)| solid.kick(of(s), self.h)).collect()
     }
 
-    /// Force at every contact of a solution. Where solutions did not come to agree
-    /// what is too much is cut off.
-    pub(super) fn done(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<ContactForce> {
+    /// Force at every contact of a solution. Without convergence the excess is cut off.
+    pub(super) fn forces(&self, body: &Elastic, velocity: &[Vector3<f64>]) -> Vec<ContactForce> {
         let all = 0..self.candidates.len();
         all.map(|i| self.contact_force(body, velocity, i)).collect()
     }
@@ -313,8 +314,8 @@ impl<'a> ContactSolution<'a> {
         let (limit, pull) = (t.friction * normal, share * bristle.norm());
         let kept = if pull > limit { limit / pull } else { 1.0 };
         let drag = bristle * (share * kept);
-        // Seen from the solid, which moves too.
-        let end = self.points[i] + (t.at(body, velocity) - t.velocity) * self.h;
+        // Relative to the solid, which moves too.
+        let end = self.points[i] + (t.interpolate(body, velocity) - t.velocity) * self.h;
         let after = (normal * normal + drag.norm_squared()) / (2.0 * stiffness);
         ContactForce {
             normal,
@@ -332,17 +333,17 @@ fn share(limit: f64, pull: f64) -> f64 {
 }
 
 impl ContactCandidate {
-    fn at(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
+    fn interpolate(&self, body: &Elastic, of: &[Vector3<f64>]) -> Vector3<f64> {
         let nodes = body.cells[self.cell].nodes.iter().zip(&self.weights);
         nodes.map(|(i, w)| of[*i] * *w).sum()
     }
 
-    /// Part of a vector along the surface.
+    /// Tangential part of a vector.
     fn along(&self, v: &Vector3<f64>) -> Vector3<f64> {
         v - self.normal * self.normal.dot(v)
     }
 
-    /// How far the bristle is bent at the start of the tick.
+    /// Bend of the bristle at the start of the tick.
     fn bend(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.anchor
             .map_or_else(Vector3::zeros, |a| self.along(&(a - point)))

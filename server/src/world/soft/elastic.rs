@@ -1,7 +1,7 @@
 //! The elastic body: corotated linear tetrahedra (Müller & Gross 2004).
 //!
-//! Constant data of one body and its stiffness as a matrix of 3 x 3 blocks.
-//! Nothing here knows contacts or time.
+//! Constant data of one body and its stiffness as a matrix of 3 x 3 blocks, without
+//! contacts and time.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,7 +9,7 @@ use super::lanes::{Block, Lanes, lanes};
 use super::rotation::Rotation;
 use crate::geometry::tetrahedra::Tetrahedra;
 
-/// What a body is made of.
+/// Material of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elasticity {
     /// Young's modulus, Pa.
@@ -25,18 +25,18 @@ pub struct Elasticity {
 pub(super) struct Cell {
     /// Its corners.
     pub nodes: [usize; 4],
-    /// Gradients of the corners' weights at rest, 1/m.
+    /// Gradients of the corners' weights in the rest shape, 1/m.
     gradients: [Vector3<f64>; 4],
-    /// At rest, m³.
+    /// Rest volume, m³.
     volume: f64,
-    /// Where its sixteen blocks stand in the matrix.
+    /// Indices of its sixteen blocks in the matrix.
     pub blocks: [[usize; 4]; 4],
 }
 
-/// A body: its cells, masses and the pattern of its matrix.
+/// A body: its cells, masses and the sparsity of its matrix.
 #[derive(Clone, Debug)]
 pub struct Elastic {
-    /// Nodes at rest, metres, in the body's frame.
+    /// Rest positions of the nodes, metres, in the body's frame.
     pub rest: Vec<Vector3<f64>>,
     /// Mass of each node, kg.
     pub masses: Vec<f64>,
@@ -56,7 +56,7 @@ pub struct Elastic {
 }
 
 impl Elastic {
-    /// A body of `mass` kg, spread evenly over its volume.
+    /// A body of `mass` kg, distributed evenly over its volume.
     #[must_use]
     pub fn new(mesh: &Tetrahedra, material: &Elasticity, mass: f64) -> Self {
         let n = mesh.nodes.len();
@@ -119,7 +119,7 @@ impl Elastic {
         f
     }
 
-    /// Lets the rotation of every cell follow its deformation.
+    /// Updates the rotation of every cell from its deformation.
     #[cfg(test)]
     pub(super) fn extract_rotation(&self, position: &[Vector3<f64>], rotations: &mut [Rotation]) {
         for (cell, rotation) in self.cells.iter().zip(rotations) {
@@ -127,10 +127,10 @@ impl Elastic {
         }
     }
 
-    /// Lets the rotation of every cell follow its deformation. Adds to the nodes'
-    /// impulses, N·s, what the elastic forces do in `h` seconds, less `stiff` times
-    /// the stiffness times the velocities, and to a matrix of blocks `stiff` times
-    /// the stiffness, N/m; returns the elastic energy, J.
+    /// Updates the rotation of every cell from its deformation. Adds the elastic forces
+    /// over `h` seconds to the nodes' impulses, N·s, and subtracts `stiff` times the
+    /// stiffness times the velocities. Adds `stiff` times the stiffness to a matrix of
+    /// blocks, N/m. Returns the elastic energy, J.
     pub(super) fn assemble(
         &self,
         [position, velocity]: [&[Vector3<f64>]; 2],
@@ -157,7 +157,7 @@ impl Elastic {
         energy
     }
 
-    /// Adds a cell's stiffness times `scale` m³, of turned gradients.
+    /// Adds a cell's stiffness times `scale` m³, for rotated gradients.
     fn stiffen(&self, cell: &Cell, turned: [Lanes; 4], scale: f32, matrix: &mut [Block]) {
         const UNIT: Block = [
             Lanes::new([1.0, 0.0, 0.0, 0.0]),
@@ -183,7 +183,7 @@ impl Elastic {
         }
     }
 
-    /// Takes `stiff` times the stiffness times changes of the velocities off the
+    /// Subtracts `stiff` times the stiffness times changes of the velocities from the
     /// nodes' impulses, N·s.
     pub(super) fn resist(
         &self,
@@ -202,14 +202,14 @@ impl Elastic {
         }
     }
 
-    /// Change of the stress with a deformation, in the cell's own frame.
+    /// Derivative of the stress by the deformation, in the cell's own frame.
     fn resistance(&self, unturned: &Matrix3<f64>) -> Matrix3<f64> {
         let strain = (unturned + unturned.transpose()) * 0.5;
         strain * (2.0 * self.mu) + Matrix3::identity() * (self.lambda * strain.trace())
     }
 
-    /// Stress of a cell's own frame, Pa, and density of energy, J/m³, at a
-    /// deformation with its rotation taken out.
+    /// Stress in a cell's own frame, Pa, and energy density, J/m³, for a deformation
+    /// without its rotation.
     fn stress(&self, unturned: &Matrix3<f64>) -> (Matrix3<f64>, f64) {
         let strain = (unturned + unturned.transpose()) * 0.5 - Matrix3::identity();
         let stress =
@@ -227,14 +227,14 @@ impl Elastic {
         self.cells.iter().zip(rotations).map(of).sum()
     }
 
-    /// Centre of mass of nodes at positions, metres.
+    /// Centre of mass for node positions, metres.
     #[must_use]
     pub fn centre(&self, position: &[Vector3<f64>]) -> Vector3<f64> {
         let weighted = position.iter().zip(&self.masses).map(|(x, m)| x * *m);
         weighted.sum::<Vector3<f64>>() / self.mass
     }
 
-    /// Matrix whose rotation carries the body at rest nearest to nodes at positions.
+    /// Matrix whose rotation maps the rest shape closest to the node positions.
     pub(super) fn carried(&self, position: &[Vector3<f64>]) -> Matrix3<f64> {
         let (from, to) = (self.centre(&self.rest), self.centre(position));
         let nodes = self.rest.iter().zip(position).zip(&self.masses);

@@ -1,5 +1,5 @@
-//! Single precision, four lanes at once, of which the fourth is empty: a vector of
-//! three, and blocks of 3 x 3 by their columns.
+//! Single precision, four lanes at once, of which the fourth is zero: a vector of
+//! three, and blocks of 3 x 3 by columns.
 //!
 //! Only sums, products and quotients, never fused: the same bits everywhere.
 
@@ -33,7 +33,7 @@ pub(super) fn sum(lanes: Lanes) -> f32 {
     a + b + c
 }
 
-/// Inverse of a block; nothing where there is none.
+/// Inverse of a block; zero for a singular one.
 pub(super) fn inverse(block: &Block) -> Block {
     let columns = block.map(Lanes::to_array);
     let at = |i: usize, j: usize| columns[j][i];

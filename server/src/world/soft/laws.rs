@@ -1,9 +1,9 @@
-//! Laws of the elastic body alone, without an engine.
+//! Laws of the elastic body alone, without the engine.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use super::elastic::{Elastic, Elasticity};
-use super::motion::{Acting, State, step};
+use super::motion::{State, TickLoads, step};
 use super::solver::Scratch;
 use crate::geometry::tetrahedra::Tetrahedra;
 
@@ -17,12 +17,12 @@ const MATERIAL: Elasticity = Elasticity {
     damping: 0.005,
 };
 
-/// What acts on a body that touches nothing.
+/// A body without contacts.
 fn alone<L: Fn(usize) -> Vector3<f64>>(
     load: L,
     held: &[usize],
-) -> Acting<'_, L, impl FnOnce(f64, f64) -> f64> {
-    Acting {
+) -> TickLoads<'_, L, impl FnOnce(f64, f64) -> f64> {
+    TickLoads {
         candidates: &[],
         solids: &[],
         load,
@@ -37,7 +37,7 @@ fn bar() -> (Tetrahedra, Elastic) {
     (mesh, body)
 }
 
-/// A pull on the far end, spread over its faces, N per node.
+/// A pull on the far end, distributed over its faces, N per node.
 fn end_load(mesh: &Tetrahedra, stress: f64) -> Vec<f64> {
     let far = f64::from(CUBES[0]) * PITCH;
     let mut load = vec![0.0; mesh.nodes.len()];
@@ -58,7 +58,7 @@ fn end_load(mesh: &Tetrahedra, stress: f64) -> Vec<f64> {
     load
 }
 
-/// Strain = stress / E along, minus nu times that across; however it lies.
+/// Strain = stress / E along, minus nu times that across, in any orientation.
 #[test]
 fn a_bar_in_tension_obeys_young_and_poisson() {
     let (mesh, body) = bar();
@@ -100,7 +100,7 @@ fn a_bar_in_tension_obeys_young_and_poisson() {
     }
 }
 
-/// A free body falls, spins and rings without changing its momentum.
+/// A free body falls, spins and oscillates without changing its momentum.
 #[test]
 fn a_free_body_keeps_its_momentum_and_falls_freely() {
     let (_, body) = bar();
@@ -139,9 +139,9 @@ fn a_free_body_keeps_its_momentum_and_falls_freely() {
     );
 }
 
-/// Stretched, sheared and even turned inside out, a body finds its shape again.
+/// Stretched, sheared or inverted, a body recovers its shape.
 #[test]
-fn the_rest_shape_comes_back() {
+fn the_rest_shape_is_recovered() {
     let (mesh, body) = bar();
     let squeeze = |x: &Vector3<f64>| Vector3::new(0.4 * x.x, x.y + 0.5 * x.x, -0.3 * x.z);
     let mut state = State::placed(&body, &Isometry3::identity());
@@ -172,7 +172,8 @@ fn the_rest_shape_comes_back() {
             );
         }
     }
-    // What is left turns slowly: corotated steps keep angular momentum nearly.
+    // The remaining motion is a slow rotation: corotated steps nearly keep angular
+    // momentum.
     assert!(
         elastic < 1e-4 * stored && kinetic < 0.01 * stored,
         "of {stored} J {elastic} J are elastic and {kinetic} J kinetic"

@@ -1,4 +1,4 @@
-//! How easily the engine's bodies are moved by a push.
+//! Mobility of the engine's bodies: velocity change per impulse.
 
 use nalgebra::{DMatrix, Dyn, LU, Matrix6, SMatrix, Vector3};
 use rapier3d::dynamics::Multibody;
@@ -8,11 +8,11 @@ use rapier3d::utils::AngularInertiaOps as _;
 use super::super::convert::from_vector;
 use super::contact_force::Mobility;
 
-/// Finds the mobility of bodies, each once a tick.
+/// Computes the mobility of bodies, each once per tick.
 pub(super) struct Mobilities<'a> {
     physics: &'a PhysicsWorld,
     found: Vec<Option<RigidBodyHandle>>,
-    /// Inverse of the mass matrix of the one multibody there is.
+    /// Inverse of the mass matrix of the single multibody.
     articulated: Option<Option<DMatrix<f64>>>,
 }
 
@@ -25,7 +25,7 @@ impl<'a> Mobilities<'a> {
         }
     }
 
-    /// Number of a body among those touched; a new one gets its mobility.
+    /// Index of a body among the touched ones; a new one gets its mobility.
     pub(super) fn number(
         &mut self,
         body: Option<RigidBodyHandle>,
@@ -35,11 +35,11 @@ impl<'a> Mobilities<'a> {
             return number;
         }
         self.found.push(body);
-        solids.push(self.of(body));
+        solids.push(self.mobility(body));
         self.found.len() - 1
     }
 
-    fn of(&mut self, handle: Option<RigidBodyHandle>) -> Mobility {
+    fn mobility(&mut self, handle: Option<RigidBodyHandle>) -> Mobility {
         let body = handle.and_then(|handle| self.physics.bodies.get(handle));
         let centre = body.map_or_else(Vector3::zeros, |b| from_vector(b.center_of_mass()));
         let inverse = match (handle, body) {
@@ -74,8 +74,8 @@ impl<'a> Mobilities<'a> {
     }
 }
 
-/// Inverse of the mass matrix with armatures, and with what the motors resist
-/// within a tick of `dt` seconds; `None` before the engine's first tick.
+/// Inverse of the mass matrix with armatures and the motors' resistance over a tick of
+/// `dt` seconds; `None` before the engine's first tick.
 fn inverse_mass(multibody: &Multibody, dt: f64) -> Option<DMatrix<f64>> {
     let lu: &LU<f32, Dyn, Dyn> = multibody.inv_augmented_mass();
     let mut mass = lu.l() * lu.u();

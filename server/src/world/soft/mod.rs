@@ -1,17 +1,17 @@
-//! Soft objects: a tet mesh under a skin that touches the solids.
+//! Deformables: a tetrahedral mesh under a skin that touches the solids.
 //!
-//! A soft object is stepped before the engine: the solids are where they are
-//! and go on as fast as they go, the contact forces act on the soft object at
-//! the end of the tick and, reversed, on the solids during the engine's tick.
-//! Every vertex of the skin is a contact point. No vertex is ever attached.
+//! A deformable is stepped before the engine: the solids keep their velocity, the
+//! contact forces act on the deformable at the end of the tick and, reversed, on the
+//! solids during the engine's tick. Every vertex of the skin is a contact point. No
+//! vertex is ever attached.
 
 mod candidates;
 mod contact_force;
 mod elastic;
+mod energy_audit;
 mod lanes;
 #[cfg(test)]
 mod laws;
-mod ledger;
 mod mobility;
 mod motion;
 mod rotation;
@@ -23,10 +23,10 @@ use rapier3d::prelude::PhysicsWorld;
 
 use candidates::{Bristles, Skin, Spheres};
 pub use elastic::{Elastic, Elasticity};
-pub use ledger::Worst;
-use ledger::{Energy, Ledger};
+pub use energy_audit::WorstValues;
+use energy_audit::{Energy, EnergyAudit};
 pub use motion::State;
-use motion::{Acting, standing, step};
+use motion::{TickLoads, standing, step};
 use rotation::Rotation;
 use solver::Scratch;
 use tank::Tank;
@@ -36,7 +36,7 @@ use crate::geometry::tetrahedra::Tetrahedra;
 use crate::scene::{Body, Placement};
 use crate::snapshot::{BodyRef, BodyState, Contact, SoftSkin};
 
-/// One soft object of a scene.
+/// One deformable of a scene.
 pub(super) struct SoftObject {
     /// Index into `Scene::objects`.
     pub object: usize,
@@ -46,27 +46,27 @@ pub(super) struct SoftObject {
     pub friction: f64,
     state: State,
     bristles: Bristles,
-    /// Ticks in which it hardly moved and nothing that moves was near.
+    /// Ticks without noticeable motion of the object or of bodies nearby.
     still: u32,
-    /// A tick has led to numbers that are not finite: it stays where it was.
+    /// A tick gave non-finite numbers: the object keeps its former state.
     broken: bool,
     contacts: Vec<Contact>,
     tank: Tank,
-    ledger: Ledger,
+    ledger: EnergyAudit,
     scratch: Scratch,
 }
 
-/// What a saved world holds of a soft object.
-pub(super) type Saved = (State, Bristles, Tank, u32, bool);
+/// Saved state of a deformable.
+pub(super) type SavedState = (State, Bristles, Tank, u32, bool);
 
-/// Speed of the fastest node at which an object hardly moves, m/s.
+/// Node speed below which an object is at rest, m/s.
 const HARDLY: f64 = 1e-4;
-/// Ticks of hardly any motion after which an object sleeps: nothing of it changes
-/// until something that can move comes near.
+/// Ticks at rest after which an object sleeps: its state is constant until a moving
+/// body approaches.
 const SLEEPY: u32 = 120;
 
 impl SoftObject {
-    /// The object at its place; `None` when it is a rigid one.
+    /// The object as placed; `None` when it is rigid.
     pub(super) fn placed(object: usize, body: &Body, placement: &Placement) -> Option<Self> {
         let soft = body.soft.as_ref()?;
         let skin = soft.plush.skin(soft.skin_pitch);
@@ -89,12 +89,12 @@ impl SoftObject {
             broken: false,
             contacts: Vec::new(),
             tank: Tank::default(),
-            ledger: Ledger::default(),
+            ledger: EnergyAudit::default(),
             scratch: Scratch::default(),
         })
     }
 
-    /// One tick of `h` seconds; pushes the solids that it touches.
+    /// One tick of `h` seconds; pushes the touched solids.
     pub(super) fn step(&mut self, physics: &mut PhysicsWorld, gravity: f64, h: f64) {
         self.spheres.update(physics);
         if self.broken || self.sleeps(physics, h) {
@@ -115,7 +115,7 @@ impl SoftObject {
         let height = gravity * self.body.mass * self.body.centre(&before.position).z;
         let (tank, physics_before) = (&mut self.tank, &*physics);
         let mut passage = None;
-        let acting = Acting {
+        let acting = TickLoads {
             candidates: &near.candidates,
             solids: &near.solids,
             load: |i: usize| fall * masses[i],
@@ -156,11 +156,11 @@ impl SoftObject {
         if self.still == SLEEPY {
             self.damp(0.0);
             self.still = SLEEPY;
-            self.lie(physics, h);
+            self.compute_resting_contacts(physics, h);
         }
     }
 
-    /// Whether it lies still and nothing that moves is near.
+    /// Whether it is at rest and no moving body is near.
     fn sleeps(&mut self, physics: &PhysicsWorld, h: f64) -> bool {
         if !self.is_asleep() {
             return false;
@@ -172,15 +172,15 @@ impl SoftObject {
             self.still = 0;
             return false;
         }
-        // A saved state does not hold them.
+        // They are not part of a saved state.
         if self.contacts.is_empty() {
-            self.lie(physics, h);
+            self.compute_resting_contacts(physics, h);
         }
         true
     }
 
-    /// Tells the contacts on which it lies.
-    fn lie(&mut self, physics: &PhysicsWorld, h: f64) {
+    /// Computes the contacts of the resting object.
+    fn compute_resting_contacts(&mut self, physics: &PhysicsWorld, h: f64) {
         let (skin, body, state) = (&self.skin, &self.body, &self.state);
         let around = (&self.spheres, physics);
         let near = skin.near(state, body, &self.bristles, around, self.friction, h);
@@ -188,9 +188,9 @@ impl SoftObject {
         self.contacts = near.contacts(BodyRef::Object(self.object), &forces);
     }
 
-    /// The worst that was seen of it.
-    pub(super) fn worst(&self) -> Worst {
-        Worst {
+    /// Its worst audit values.
+    pub(super) fn worst(&self) -> WorstValues {
+        WorstValues {
             unsettled: self.scratch.unsettled,
             solutions: self.scratch.solutions,
             steps: self.scratch.steps,
@@ -198,7 +198,7 @@ impl SoftObject {
         }
     }
 
-    /// Whether its motion has led to numbers that are not finite.
+    /// Whether its motion gave non-finite numbers.
     pub(super) fn is_broken(&self) -> bool {
         self.broken
     }
@@ -215,12 +215,12 @@ impl SoftObject {
         elastic + kinetic
     }
 
-    /// Whether nothing of it changes.
+    /// Whether its state is constant.
     pub(super) fn is_asleep(&self) -> bool {
         self.still >= SLEEPY
     }
 
-    /// Gives one node a speed beyond all numbers, to see what happens.
+    /// Sets the speed of one node to a non-finite value, for tests.
     #[cfg(test)]
     pub(super) fn spoil(&mut self) {
         self.state.velocity[0].x = f64::INFINITY;
@@ -236,7 +236,7 @@ impl SoftObject {
         &self.contacts
     }
 
-    /// Takes out part of its motion, all of it with `keep` 0.
+    /// Reduces its motion to the share `keep`.
     pub(super) fn damp(&mut self, keep: f64) {
         self.tank.empty();
         self.ledger.restart();
@@ -250,7 +250,7 @@ impl SoftObject {
         }
     }
 
-    /// The frame that fits it best, and its mean motion.
+    /// The best-fitting frame, and its mean motion.
     pub(super) fn frame(&self) -> BodyState {
         let [x, y, z, w] = self.state.whole.xyzw();
         let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
@@ -272,7 +272,7 @@ impl SoftObject {
         }
     }
 
-    /// Where its skin is.
+    /// Positions of its skin.
     pub(super) fn skin(&self) -> SoftSkin {
         let points = self.skin.points(&self.body, &self.state.position);
         let (elastic_energy, kinetic_energy) = self.state.energy(&self.body);
@@ -284,59 +284,63 @@ impl SoftObject {
         }
     }
 
-    /// What the next tick depends on.
-    pub(super) fn save(&self) -> Saved {
+    /// The state that the next tick depends on.
+    pub(super) fn save(&self) -> SavedState {
         let (state, bristles, tank) = (&self.state, &self.bristles, &self.tank);
         let (state, bristles, tank) = (state.clone(), bristles.clone(), tank.clone());
         (state, bristles, tank, self.still, self.broken)
     }
 
-    /// What is wrong with a saved state of this object.
+    /// Validates a saved state of this object.
     ///
     /// # Errors
-    /// In words.
+    /// With a description of the problem.
     pub(super) fn examine(
         &self,
-        (state, bristles, tank, still, broken): &Saved,
+        (state, bristles, tank, still, broken): &SavedState,
     ) -> Result<(), String> {
         let own = &self.state;
         if state.position.len() != own.position.len()
             || state.velocity.len() != own.velocity.len()
             || state.rotations.len() != own.rotations.len()
         {
-            return Err("the soft object has another number of nodes or cells".to_owned());
+            return Err("the soft object has a different number of nodes or cells".to_owned());
         }
         if *broken {
-            return Err("the soft object is broken in it".to_owned());
+            return Err("the state of the soft object is broken".to_owned());
         }
         let numbers = |all: &[Vector3<f64>]| all.iter().flatten().copied().collect::<Vec<_>>();
-        within("the place of a node", &numbers(&state.position), FARTHEST)?;
+        within(
+            "the position of a node",
+            &numbers(&state.position),
+            FARTHEST,
+        )?;
         within(
             "the speed of a node",
             &numbers(&state.velocity),
             STORED_SPEED,
         )?;
         if *still >= SLEEPY && state.velocity.iter().any(|v| *v != Vector3::zeros()) {
-            return Err("the soft object sleeps in it, and moves".to_owned());
+            return Err("the soft object is asleep but moves".to_owned());
         }
         let bristles: Vec<f64> = bristles.numbers().collect();
         within("a bristle of the soft object", &bristles, FARTHEST)?;
         within("the energy of a contact", &tank.numbers(), FARTHEST)?;
         if tank.owes() > SOFT_ENERGY {
-            return Err(format!("its contacts owe {} J", tank.owes()));
+            return Err(format!("its contacts have a deficit of {} J", tank.owes()));
         }
         let off = |rotation: &Rotation| {
             let norm = rotation.xyzw().iter().map(|x| x * x).sum::<f64>().sqrt();
             norm.is_nan() || (norm - 1.0).abs() > STORED_NORM
         };
         if state.rotations.iter().chain([&state.whole]).any(off) {
-            return Err("a rotation of the soft object has not the norm 1".to_owned());
+            return Err("a rotation of the soft object does not have the norm 1".to_owned());
         }
         Ok(())
     }
 
-    /// Takes over a saved state that has been examined.
-    pub(super) fn restore(&mut self, (state, bristles, tank, still, broken): Saved) {
+    /// Restores a validated state.
+    pub(super) fn restore(&mut self, (state, bristles, tank, still, broken): SavedState) {
         self.state = state;
         self.bristles = bristles;
         self.tank = tank;
@@ -346,7 +350,7 @@ impl SoftObject {
         self.ledger.restart();
     }
 
-    /// Numbers that take part in the state hash.
+    /// Numbers included in the state hash.
     pub(super) fn bits(&self) -> impl Iterator<Item = u64> + '_ {
         let nodes = self.state.position.iter().chain(&self.state.velocity);
         let nodes = nodes.flat_map(|v| [v.x, v.y, v.z]);

@@ -1,11 +1,10 @@
-//! Motion of an elastic body: one implicit step a tick, contacts included.
+//! Motion of an elastic body: one implicit step per tick, contacts included.
 //!
-//! The velocities after the tick solve `(M + h (h + d) K) v = M v0 + h (f + p)`
-//! with the stiffness K of the corotated cells and the pressure p of the
-//! contacts at the end of the tick, by conjugate gradients. Which contacts
-//! press and how much of their bristles holds is found by repeating the
-//! solution: freely at first, then only by giving way, until every contact does
-//! what it may.
+//! The velocities after the tick solve `(M + h (h + d) K) v = M v0 + h (f + p)` by
+//! conjugate gradients. K is the stiffness of the corotated cells, p the pressure of
+//! the contacts at the end of the tick. Repeated solutions find which contacts press
+//! and how much their bristles hold: at first in both directions, then only by
+//! releasing, until every contact obeys its laws.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -15,12 +14,12 @@ use super::elastic::Elastic;
 use super::rotation::Rotation;
 use super::solver::{Scratch, Tick};
 
-/// Solutions in which contacts may close and hold more again.
+/// Solutions in which contacts may still close and hold more.
 const FREE: usize = 3;
-/// Most solutions of a tick.
+/// Largest number of solutions of a tick.
 const ROUNDS: usize = 16;
 
-/// Everything that a tick changes.
+/// State of an elastic body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Nodes in `house`, metres.
@@ -29,7 +28,7 @@ pub struct State {
     pub velocity: Vec<Vector3<f64>>,
     /// Rotation of every cell.
     pub(super) rotations: Vec<Rotation>,
-    /// Rotation of the whole.
+    /// Rotation of the whole body.
     pub(super) whole: Rotation,
 }
 
@@ -77,20 +76,20 @@ impl State {
     }
 }
 
-/// What a tick did.
-pub(super) struct Done {
+/// Result of a tick.
+pub(super) struct TickResult {
     /// Force at every contact.
     pub forces: Vec<ContactForce>,
     /// Elastic energy at the start, J.
     pub elastic: f64,
-    /// Greatest change of a solid's speed, m/s.
+    /// Largest change of a solid's speed, m/s.
     pub kick: f64,
     /// Share of the contacts' stiffness, 0 to 1.
     pub share: f64,
 }
 
-/// What acts on a body during a tick.
-pub(super) struct Acting<'a, L, S> {
+/// Loads on a body during a tick.
+pub(super) struct TickLoads<'a, L, S> {
     /// Points of the skin near solids, and those solids.
     pub candidates: &'a [ContactCandidate],
     pub solids: &'a [Mobility],
@@ -98,8 +97,8 @@ pub(super) struct Acting<'a, L, S> {
     pub load: L,
     /// Nodes that keep their velocity.
     pub held: &'a [usize],
-    /// Is told the elastic energy and the energy that the contacts would begin
-    /// with, J, and answers with a share of their stiffness.
+    /// Receives the elastic energy and the initial energy of the contacts, J, and
+    /// returns a share of their stiffness.
     pub soften: S,
 }
 
@@ -107,11 +106,11 @@ pub(super) struct Acting<'a, L, S> {
 pub(super) fn step(
     body: &Elastic,
     state: &mut State,
-    acting: Acting<'_, impl Fn(usize) -> Vector3<f64>, impl FnOnce(f64, f64) -> f64>,
+    acting: TickLoads<'_, impl Fn(usize) -> Vector3<f64>, impl FnOnce(f64, f64) -> f64>,
     h: f64,
     scratch: &mut Scratch,
-) -> Done {
-    let Acting {
+) -> TickResult {
+    let TickLoads {
         candidates,
         solids,
         load,
@@ -119,7 +118,7 @@ pub(super) fn step(
         soften,
     } = acting;
     scratch.prepare(body);
-    // An implicit step damps as much as a damping time of its own length.
+    // An implicit step damps like a damping time equal to its length.
     let stiff = h * (h + (body.damping - h).max(0.0));
     let elastic = body.assemble(
         [&state.position, &state.velocity],
@@ -159,14 +158,14 @@ pub(super) fn step(
             break;
         }
     }
-    let forces = solution.done(body, &state.velocity);
+    let forces = solution.forces(body, &state.velocity);
     let kick = solution.kicks(&forces).into_iter().fold(0.0, f64::max);
     for (x, v) in state.position.iter_mut().zip(&state.velocity) {
         *x += v * h;
     }
     let carried = body.carried(&state.position);
     state.whole.extract_rotation(&carried);
-    Done {
+    TickResult {
         forces,
         elastic,
         kick,
@@ -174,7 +173,7 @@ pub(super) fn step(
     }
 }
 
-/// Forces of the contacts of a body that does not move.
+/// Contact forces of a body at rest.
 pub(super) fn standing(
     body: &Elastic,
     state: &State,
@@ -183,5 +182,5 @@ pub(super) fn standing(
     h: f64,
 ) -> Vec<ContactForce> {
     let (position, velocity) = (&state.position, &state.velocity);
-    ContactSolution::new(body, position, velocity, candidates, solids, h).done(body, velocity)
+    ContactSolution::new(body, position, velocity, candidates, solids, h).forces(body, velocity)
 }

@@ -1,20 +1,20 @@
-//! The rotation in a deformation gradient, by an iterative polar decomposition
-//! that starts from the last one: steps of Newton where the present rotation is
-//! near, those of Müller et al. 2016 ("A Robust Method to Extract the Rotational
-//! Part of Deformations") elsewhere, inverted cells included.
+//! The rotation of a deformation gradient, by an iterative polar decomposition that
+//! starts from the last one: Newton steps near the present rotation, otherwise steps of
+//! Müller et al. 2016 ("A Robust Method to Extract the Rotational Part of
+//! Deformations"), which handle inverted cells.
 //!
 //! Only sums, products, quotients and square roots: the same bits everywhere.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Changes below this are no change, rad.
+/// Convergence threshold, rad.
 const ENOUGH: f64 = 1e-9;
-/// The same of a step of Newton, whose error is squared.
+/// The same for a Newton step, whose error is squared.
 const NEAR: f64 = 1e-5;
-/// Least curvature of what Newton climbs, in units of the mean.
+/// Smallest curvature for a Newton step, in units of the mean.
 const CURVED: f64 = 0.1;
-/// Most steps; one or two suffice from tick to tick.
+/// Largest number of steps; one or two suffice from tick to tick.
 const STEPS: usize = 20;
 
 /// Unit quaternion, x y z w.
@@ -28,7 +28,7 @@ impl Default for Rotation {
 }
 
 impl Rotation {
-    /// Of a unit quaternion x y z w.
+    /// From a unit quaternion x y z w.
     #[must_use]
     pub fn new(xyzw: [f64; 4]) -> Self {
         Self(xyzw)
@@ -57,11 +57,11 @@ impl Rotation {
         )
     }
 
-    /// Turns towards the rotation in `f`, from where it is.
+    /// Rotates towards the rotation in `f`, from the present one.
     pub fn extract_rotation(&mut self, f: &Matrix3<f64>) {
         for _ in 0..STEPS {
-            // What is left of the deformation, seen from outside: symmetric where
-            // the rotation is found.
+            // The remaining deformation, seen from outside: symmetric when the rotation
+            // is found.
             let q = f * self.matrix().transpose();
             let twist = Vector3::new(
                 q[(2, 1)] - q[(1, 2)],
@@ -78,7 +78,7 @@ impl Rotation {
         }
     }
 
-    /// Turns by a small rotation vector; exact in direction, bounded in angle.
+    /// Rotates by a small rotation vector; exact in direction, bounded in angle.
     fn rotate(&mut self, by: &Vector3<f64>) {
         let (a, b, c) = (0.5 * by.x, 0.5 * by.y, 0.5 * by.z);
         let [x, y, z, w] = self.0;
@@ -93,8 +93,8 @@ impl Rotation {
     }
 }
 
-/// The step to the greatest trace of what is left, where that is near: the trace
-/// must curve down in all directions.
+/// The step to the largest trace of the remainder, if it is near: the trace must be
+/// concave in all directions.
 fn newton(q: &Matrix3<f64>, twist: &Vector3<f64>) -> Option<Vector3<f64>> {
     let trace = q.trace();
     let least = CURVED * trace;

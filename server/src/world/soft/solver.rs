@@ -1,7 +1,7 @@
 //! The linear system of a tick: blocks of 3 x 3, conjugate gradients.
 //!
-//! What is left to solve, and the velocities, are kept in double precision; the
-//! change of the velocities is found in single precision (`lanes`).
+//! The residual and the velocities are kept in double precision; the change of the
+//! velocities is computed in single precision (`lanes`).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -9,19 +9,19 @@ use super::elastic::Elastic;
 use super::lanes::{Block, Lanes, block, inverse, lanes, sum, times};
 use super::rotation::Rotation;
 
-/// Most conjugate-gradient steps of a solution.
+/// Largest number of conjugate-gradient steps of a solution.
 const STEPS: u64 = 80;
-/// Error of the velocities at which a solution is good, m/s; it weighs the
-/// motion of the whole ten times less than that of a node.
+/// Velocity error of an accepted solution, m/s; it weighs rigid motion ten times less
+/// than that of a node.
 const GOOD: f64 = 1e-6;
-/// Part of [`GOOD`] that single precision is asked for.
-const ASKED: f64 = 0.5;
-/// Change of the velocities, m/s, after which what is left to solve is worked out
-/// anew: single precision knows it within 1e-7 of the change, and some.
+/// Share of [`GOOD`] requested from single precision.
+const REQUESTED: f64 = 0.5;
+/// Change of the velocities, m/s, after which the residual is recomputed: single
+/// precision has a relative error of about 1e-7 of the change.
 const TRUSTED: f64 = 0.05;
 
-/// A contact as the system sees it: a spring from a point of the body to a
-/// target that moves with the solid.
+/// A contact in the linear system: a spring from a point of the body to a target that
+/// moves with the solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spring {
     /// Cell that carries the point, and the weights of its corners.
@@ -33,22 +33,21 @@ pub(super) struct Spring {
     pub push: Vector3<f64>,
 }
 
-/// The system, and scratch memory to solve it.
+/// The linear system and its scratch memory.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    /// Masses, stiffness and the springs that are in.
+    /// Masses, stiffness and the active springs.
     pub(super) matrix: Vec<Block>,
-    /// Inverses of the blocks on the diagonal; none of held nodes.
+    /// Inverses of the diagonal blocks; zero for held nodes.
     inverse: Vec<Block>,
-    /// What the velocities before leave to solve without springs, N·s; filled by
-    /// the step.
+    /// Residual of the former velocities without springs, N·s; filled by the step.
     pub(super) force: Vec<Vector3<f64>>,
-    /// The same of the present velocities.
+    /// The same for the present velocities.
     rest: Vec<Vector3<f64>>,
     /// The same with springs.
     left: Vec<Vector3<f64>>,
     springs: Vec<Spring>,
-    /// Blocks as they were before the springs, in the order in which they changed.
+    /// Blocks before the springs were added, in the order of their change.
     covered: Vec<(usize, Block)>,
     is_covered: Vec<bool>,
     is_held: Vec<bool>,
@@ -56,29 +55,29 @@ pub struct Scratch {
     change: Vec<Lanes>,
     direction: Vec<Lanes>,
     product: Vec<Lanes>,
-    /// How far the velocities changed since `rest` was worked out, m/s.
+    /// Change of the velocities since `rest` was computed, m/s.
     moved: f64,
     /// Conjugate-gradient steps since the start.
     pub steps: u64,
     /// Solutions since the start.
     pub solutions: u64,
-    /// Ticks whose contacts did not come to agree.
+    /// Ticks whose contacts did not converge.
     pub unsettled: u64,
 }
 
-/// What the stiffness of a tick depends on.
+/// Parameters of the stiffness of a tick.
 #[derive(Clone, Copy)]
 pub(super) struct Tick<'a> {
     pub body: &'a Elastic,
     pub rotations: &'a [Rotation],
     /// Factor of the stiffness, s².
     pub stiff: f64,
-    /// Velocities before, m/s.
+    /// Former velocities, m/s.
     pub before: &'a [Vector3<f64>],
 }
 
 impl Scratch {
-    /// Makes room and sets everything to zero.
+    /// Allocates and sets everything to zero.
     pub(super) fn prepare(&mut self, body: &Elastic) {
         let n = body.nodes();
         self.matrix.clear();
@@ -110,7 +109,7 @@ impl Scratch {
         }
     }
 
-    /// Takes up the system that the step has filled in; held nodes keep their
+    /// Starts with the system that the step has filled in; held nodes keep their
     /// velocities.
     pub(super) fn begin(&mut self, body: &Elastic, held: &[usize]) {
         self.rest.clone_from(&self.force);
@@ -127,7 +126,7 @@ impl Scratch {
         }
     }
 
-    /// Puts springs into the system in the place of those that are in.
+    /// Replaces the springs of the system.
     pub(super) fn put_springs(&mut self, body: &Elastic, springs: impl Iterator<Item = Spring>) {
         let last = std::mem::take(&mut self.springs);
         for (block, before) in self.covered.drain(..).rev() {
@@ -155,7 +154,7 @@ impl Scratch {
                 }
             }
         }
-        // The nodes that had springs or have some.
+        // The nodes with former or present springs.
         let mut cells: Vec<usize> = last.iter().chain(&self.springs).map(|s| s.cell).collect();
         cells.dedup();
         for cell in cells {
@@ -171,7 +170,7 @@ impl Scratch {
         }
     }
 
-    /// Conjugate gradients from the present velocities, until what is left is good.
+    /// Conjugate gradients from the present velocities, until the residual is accepted.
     pub(super) fn solve(&mut self, tick: Tick<'_>, velocity: &mut [Vector3<f64>]) {
         self.solutions += 1;
         let good = GOOD * GOOD * tick.body.mass;
@@ -181,7 +180,7 @@ impl Scratch {
             if size <= good || left == 0 || !size.is_finite() {
                 return;
             }
-            let taken = self.descend(tick.body, size, good * ASKED * ASKED, left);
+            let taken = self.descend(tick.body, size, good * REQUESTED * REQUESTED, left);
             self.steps += taken;
             left -= taken;
             let mut furthest: f32 = 0.0;
@@ -201,7 +200,7 @@ impl Scratch {
         }
     }
 
-    /// What is left to solve, as lanes; returns its size.
+    /// Converts the residual to lanes; returns its norm.
     fn look(&mut self, body: &Elastic, velocity: &[Vector3<f64>]) -> f64 {
         self.left.clone_from(&self.rest);
         press(&mut self.left, &self.springs, body, velocity, 1.0);
@@ -215,7 +214,8 @@ impl Scratch {
         f64::from(sum(size))
     }
 
-    /// Steps from no change until `good`, at most `most`; returns how many.
+    /// Iterates from zero change until `good`, at most `most` steps; returns their
+    /// number.
     fn descend(&mut self, body: &Elastic, size: f64, good: f64, most: u64) -> u64 {
         let good = good as f32;
         let mut size = size as f32;
@@ -255,7 +255,7 @@ impl Scratch {
         most
     }
 
-    /// What single precision says is left becomes what is left.
+    /// Adopts the residual of single precision.
     fn take_over(&mut self, body: &Elastic, velocity: &[Vector3<f64>]) {
         for (i, rest) in self.rest.iter_mut().enumerate() {
             if !self.is_held[i] {
@@ -266,7 +266,7 @@ impl Scratch {
         press(&mut self.rest, &self.springs, body, velocity, -1.0);
     }
 
-    /// Works out what is left without springs in double precision.
+    /// Recomputes the residual without springs in double precision.
     fn work_out(&mut self, tick: Tick<'_>, velocity: &[Vector3<f64>]) {
         self.moved = 0.0;
         let changes = velocity.iter().zip(tick.before).map(|(now, v)| now - v);

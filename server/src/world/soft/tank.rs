@@ -1,11 +1,11 @@
 //! Energy of the contacts between two ticks.
 //!
-//! A step foresees where the solids go; the engine then moves them as it must.
-//! What they move further against the contacts' springs than was foreseen puts
-//! energy into the springs that no work paid for. It is taken from what the
-//! step before has dissipated; where that is not enough, the springs of the
-//! coming step are softer (passivity-based control: an energy tank). What a step
-//! makes from nothing, and what softer springs could not pay, stays owed.
+//! A step predicts the motion of the solids; the engine's actual motion differs.
+//! Additional motion against the contacts' springs adds energy that no work paid for.
+//! It is taken from the energy that the previous step dissipated; if that is not
+//! enough, the springs of the next step are softened (passivity-based control: an
+//! energy tank). Energy created by a step, and any deficit that softer springs could
+//! not cover, remains as debt.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rapier3d::geometry::ColliderHandle;
@@ -13,20 +13,20 @@ use rapier3d::prelude::PhysicsWorld;
 use serde::{Deserialize, Serialize};
 
 use super::super::convert::from_pose;
-use super::candidates::Near;
+use super::candidates::TickCandidates;
 use super::contact_force::ContactForce;
 
-/// What is left of the reserve after a tick: it forgets within half a second.
+/// Share of the reserve that remains after a tick: it decays within half a second.
 const KEEP: f64 = 0.95;
-/// Most that the reserve holds, J: what is given back late counts as made from
-/// nothing in a half-second that does not hold its loss, and 1 mJ is the law.
+/// Largest reserve, J: energy returned later than half a second after its loss would
+/// count as created, and the law allows 1 mJ.
 const MOST: f64 = 5e-4;
-/// Energy that a tick may have for nothing, J.
+/// Energy that a tick may create, J.
 const FREE: f64 = 3e-6;
-/// Least share of the springs' stiffness.
+/// Smallest share of the springs' stiffness.
 const LEAST: f64 = 0.02;
 
-/// A force on the object and where the solid had it.
+/// A force on the object and its application point on the solid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Push {
     collider: ColliderHandle,
@@ -35,41 +35,41 @@ struct Push {
     force: Vector3<f64>,
 }
 
-/// What the step before left.
+/// Result of the previous step.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Tank {
-    last: Option<Last>,
-    /// Dissipated and not yet given back, J; negative: owed.
+    last: Option<LastTick>,
+    /// Dissipated and not yet returned, J; negative: debt.
     reserve: f64,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Last {
+struct LastTick {
     /// Energy at its start, J.
     energy: f64,
-    /// In the contacts at its end, as the step foresaw it, J.
+    /// Predicted energy in the contacts at its end, J.
     foreseen: f64,
-    /// Work of the solids, as the step foresaw it, J.
+    /// Predicted work of the solids, J.
     work: f64,
     pushes: Vec<Push>,
 }
 
 /// Energies of the object between two ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Passage {
-    /// Work that the solids did since the last tick began, J.
+pub(super) struct TickEnergies {
+    /// Work of the solids since the last tick began, J.
     pub worked: f64,
-    /// What the step before made from nothing, J; negative: dissipated.
+    /// Energy created by the previous step, J; negative: dissipated.
     pub made: f64,
 }
 
 impl Tank {
-    /// Forgets what came before: the object was set or damped from outside.
+    /// Resets the history: the object was set or damped from outside.
     pub(super) fn empty(&mut self) {
         *self = Self::default();
     }
 
-    /// What is owed, J.
+    /// The debt, J.
     pub(super) fn owes(&self) -> f64 {
         -self.reserve.min(0.0)
     }
@@ -89,19 +89,19 @@ impl Tank {
         numbers
     }
 
-    /// What came of the step before, now that the object holds `inner` J beside
-    /// its contacts; `None` when there was none.
-    pub(super) fn pass(&mut self, physics: &PhysicsWorld, inner: f64) -> Option<Passage> {
+    /// Balance of the previous step, given that the object now contains `inner` J
+    /// without its contacts; `None` without a previous step.
+    pub(super) fn pass(&mut self, physics: &PhysicsWorld, inner: f64) -> Option<TickEnergies> {
         let last = self.last.as_ref()?;
         let made = inner + last.foreseen - last.energy - last.work;
         self.reserve = (self.reserve.min(KEEP * self.reserve) - made).min(MOST);
         let worked = last.pushes.iter().map(|push| push.work(physics)).sum();
-        Some(Passage { worked, made })
+        Some(TickEnergies { worked, made })
     }
 
-    /// Share of the springs' stiffness in the coming step, which would begin
-    /// with `contacts` J in them.
-    pub(super) fn share(&mut self, passage: Option<Passage>, contacts: f64) -> f64 {
+    /// Share of the springs' stiffness in the next step, which would begin with
+    /// `contacts` J in them.
+    pub(super) fn share(&mut self, passage: Option<TickEnergies>, contacts: f64) -> f64 {
         let (Some(passage), Some(last)) = (passage, self.last.as_ref()) else {
             return 1.0;
         };
@@ -120,11 +120,17 @@ impl Tank {
         }
     }
 
-    /// Enters a step of `h` seconds that began with `inner` J beside the contacts.
-    pub(super) fn enter(&mut self, inner: f64, near: &Near, forces: &[ContactForce], h: f64) {
+    /// Records a step of `h` seconds that began with `inner` J without the contacts.
+    pub(super) fn enter(
+        &mut self,
+        inner: f64,
+        near: &TickCandidates,
+        forces: &[ContactForce],
+        h: f64,
+    ) {
         let candidates = near.candidates.iter().zip(forces);
         let acting = near.sites.iter().zip(forces);
-        self.last = Some(Last {
+        self.last = Some(LastTick {
             energy: inner + forces.iter().map(|p| p.energy[0]).sum::<f64>(),
             foreseen: forces.iter().map(|p| p.energy[1]).sum(),
             work: candidates.map(|(t, p)| p.force.dot(&t.velocity) * h).sum(),
@@ -142,7 +148,7 @@ impl Tank {
 }
 
 impl Push {
-    /// Work of the solid on the object since, J.
+    /// Work of the solid on the object since then, J.
     fn work(&self, physics: &PhysicsWorld) -> f64 {
         let Some(collider) = physics.colliders.get(self.collider) else {
             return 0.0;

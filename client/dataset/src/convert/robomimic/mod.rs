@@ -105,13 +105,6 @@ impl Grouping {
 /// of one task, episodes. A tenth of the groups validates, at least one, chosen by
 /// a hash of the group: the order of the episodes does not matter.
 fn split(demos: &[Origin]) -> Option<(Vec<bool>, Grouping)> {
-    // The finalizer of SplitMix64 (Steele, Lea and Flood 2014).
-    let rank = |seed: u64| {
-        let mut x = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ (x >> 31)
-    };
     for grouping in [Grouping::Scene, Grouping::Task, Grouping::Episode] {
         let group = |(demo, origin)| grouping.group(demo, origin);
         let groups: BTreeSet<_> = demos.iter().enumerate().map(group).collect();
@@ -120,7 +113,7 @@ fn split(demos: &[Origin]) -> Option<(Vec<bool>, Grouping)> {
         }
         let count = groups.len().div_ceil(VALIDATION);
         let mut ranked: Vec<_> = groups.into_iter().collect();
-        ranked.sort_by_key(|(origin, _)| rank(origin.seed));
+        ranked.sort_by_key(|(origin, _)| wheelarm_proto::random::splitmix64(origin.seed));
         ranked.truncate(count);
         let held: BTreeSet<_> = ranked.into_iter().collect();
         let validates = demos.iter().enumerate().map(group);

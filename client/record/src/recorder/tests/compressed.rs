@@ -102,11 +102,11 @@ fn bench_with(depth: Depth) -> Bench {
 fn told() -> v1::EpisodeStopped {
     let mut told = stopped(1, 0, 3);
     let all: Vec<_> = (0..3).map(exact_digest).collect();
-    told.manifest[1].digest = StreamDigest::of(&all).to_vec();
+    told.manifest[1].digest = StreamDigest::from_messages(&all).to_vec();
     let all: Vec<_> = (0..3)
         .map(|i| of_message([&compressed(i).encode_to_vec()[..]]))
         .collect();
-    told.manifest[1].compressed_digest = StreamDigest::of(&all).to_vec();
+    told.manifest[1].compressed_digest = StreamDigest::from_messages(&all).to_vec();
     told
 }
 
@@ -131,7 +131,7 @@ fn clocks(count: u64) -> v1::StreamCount {
         first: 0,
         last: count - 1,
         count,
-        digest: StreamDigest::of(&all).to_vec(),
+        digest: StreamDigest::from_messages(&all).to_vec(),
         ..Default::default()
     }
 }

@@ -1,16 +1,16 @@
-//! Velocities of the end effector and the joint speeds that give them.
+//! Velocities of the end effector and the corresponding joint speeds.
 
 use nalgebra::{Isometry3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use crate::robot::kinematics::screw::rotation_vector;
 
-/// Length that makes a radian comparable with a metre, m: about half the arm.
+/// Length that converts radians to metres, m: about half the arm.
 const LENGTH: f64 = 0.3;
-/// Damping of Cartesian speeds: below this singular value a direction is dropped.
+/// Damping of Cartesian speeds: directions with a smaller singular value are dropped.
 const DAMPING: f64 = 0.005;
 
-/// Velocity of the end effector along the axes that its user names.
+/// Velocity of the end effector along given axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Velocity {
     /// m/s.
@@ -28,7 +28,7 @@ impl Velocity {
         }
     }
 
-    /// Shortened to a speed, m/s, and a turn rate, rad/s.
+    /// Limited to a speed, m/s, and a turn rate, rad/s.
     pub(super) fn cut(&self, linear: f64, angular: f64) -> Velocity {
         Velocity {
             linear: cut(self.linear, linear),
@@ -44,8 +44,8 @@ impl Velocity {
         }
     }
 
-    /// Without the parts that go against `wanted`: what an arm that could not
-    /// follow was asked before.
+    /// Without components opposite to `wanted`, which remain of a former command that
+    /// the arm could not follow.
     pub(super) fn forgetting(&self, wanted: &Velocity) -> Velocity {
         let keep = |now: f64, wanted: f64| if now * wanted < 0.0 { 0.0 } else { now };
         Velocity {
@@ -83,7 +83,7 @@ pub(super) fn cut(vector: Vector3<f64>, longest: f64) -> Vector3<f64> {
     }
 }
 
-/// Body Jacobian with its angular rows in metres, so that all rows compare.
+/// Body Jacobian with its angular rows in metres, so that all rows are comparable.
 pub(super) fn weighted(jacobian: &Matrix6<f64>) -> Matrix6<f64> {
     let mut weighted = *jacobian;
     for column in 0..6 {
@@ -97,15 +97,14 @@ pub(super) fn weighted(jacobian: &Matrix6<f64>) -> Matrix6<f64> {
 /// Joint speeds for a weighted twist, by damped least squares.
 pub(super) fn joint_speeds(weighted: &Matrix6<f64>, twist: &Vector6<f64>) -> [f64; 6] {
     let normal = weighted.tr_mul(weighted) + Matrix6::identity() * (DAMPING * DAMPING);
-    // Positive definite by the damping.
+    // Positive definite because of the damping.
     match normal.cholesky() {
         Some(factors) => factors.solve(&weighted.tr_mul(twist)).into(),
         None => [0.0; 6],
     }
 }
 
-/// Least singular value of a weighted Jacobian, m/rad, and the direction of
-/// twist that it makes slow.
+/// Smallest singular value of a weighted Jacobian, m/rad, and its direction of twist.
 pub(super) fn slowest(weighted: &Matrix6<f64>) -> (f64, Vector6<f64>) {
     let eigen = (weighted * weighted.transpose()).symmetric_eigen();
     let (index, value) = eigen.eigenvalues.argmin();

@@ -1,4 +1,4 @@
-//! Motions to a pose: which way is taken, and the straight line.
+//! Motions to a pose: choice of the path, and the straight line.
 
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion};
 
@@ -9,24 +9,25 @@ use crate::robot::kinematics::screw::rotation_vector;
 
 /// Distance, m, and angle, rad, up to which joints interpolate to a pose.
 const NEAR: (f64, f64) = (0.05, 0.2);
-/// Greatest joint change to a near pose, rad.
+/// Largest joint change to a near pose, rad.
 const NEAR_CHANGE: f64 = 0.4;
 /// Spacing of the samples that check a line, m and rad.
 const SAMPLE: (f64, f64) = (0.02, 0.1);
-/// Greatest joint change between two samples, rad.
+/// Largest joint change between two samples, rad.
 const SAMPLE_CHANGE: f64 = 0.35;
-/// From the end of a line, m and rad, on which joints interpolate to land exactly.
+/// Distance from the end of a line, m and rad, below which joints interpolate to end
+/// exactly.
 const LANDING: (f64, f64) = (0.01, 0.05);
-/// Steps that a line may stand still before joints interpolate instead: 0.25 s.
+/// Steps without motion on a line after which joints interpolate instead: 0.25 s.
 const STALL_STEPS: u32 = 60;
 
 impl ArmControl {
-    /// Chooses the motion to a pose. An unreachable one brings the arm to rest.
+    /// Chooses the motion to a pose. For an unreachable one the arm brakes.
     pub(super) fn reach(&self, state: &mut ArmState, goal: &Isometry3<f64>) {
         let (from_desired, turn) = apart(&state.desired, goal);
         let under_way = matches!(state.motion, Motion::Joints { .. } | Motion::Line { .. });
         if under_way && from_desired < 1e-9 && turn < 1e-9 {
-            // Told again: it goes on as it was planned.
+            // Repeated goal: the planned motion continues.
             return;
         }
         let present = self.kinematics.forward(&state.position);
@@ -50,7 +51,7 @@ impl ArmControl {
         } else {
             self.kinematics
                 .solve_nearest(goal, &state.position)
-                .map(|solution| Motion::to(solution.joints))
+                .map(|solution| Motion::toward(solution.joints))
         };
         match motion {
             Ok(motion) => {
@@ -64,8 +65,8 @@ impl ArmControl {
         }
     }
 
-    /// Joint positions at the end of the straight line to `goal`, when the arm
-    /// can follow it all the way.
+    /// Joint positions at the end of the straight line to `goal`, if the arm can follow
+    /// all of it.
     fn end_of_line(
         &self,
         from: &[f64; 6],
@@ -95,7 +96,7 @@ impl ArmControl {
         Some(joints)
     }
 
-    /// Joint speeds that move the end effector straight to a goal.
+    /// Joint speeds that move the end effector along a straight line.
     pub(super) fn along_line(
         &self,
         state: &mut ArmState,
@@ -113,7 +114,7 @@ impl ArmControl {
             .fold(0.0_f64, |most, speed| most.max(speed.abs()));
         let still = if fastest < 1e-3 { still + 1 } else { 0 };
         if (distance < LANDING.0 && angle < LANDING.1) || still > STALL_STEPS {
-            state.motion = Motion::to(joints);
+            state.motion = Motion::toward(joints);
             return self.towards_joints(&state.position, &joints, dt);
         }
         state.motion = Motion::Line {

@@ -1,5 +1,5 @@
-//! Motion by a twist: a target moves ahead and the arm follows it, held back
-//! at limits and before singularities.
+//! Motion by a twist: a target moves ahead and the arm follows it, limited by joint
+//! limits and before singularities.
 
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector6};
 
@@ -46,7 +46,7 @@ impl ArmControl {
         };
     }
 
-    /// Joint speeds that follow a twist; its target moves on.
+    /// Joint speeds that follow a twist; advances its target.
     pub(super) fn by_twist(
         &self,
         state: &mut ArmState,
@@ -104,10 +104,9 @@ impl ArmControl {
         self.away_from_singularity(&state.position, &weighted(jacobian), twist)
     }
 
-    /// Joint speeds for a twist that brake towards a singularity, so that the
-    /// elbow or the wrist comes to rest before it would turn over. Only the
-    /// part of the twist that the singularity concerns is slowed, and nothing
-    /// on the way out.
+    /// Joint speeds for a twist that brakes towards a singularity, so that the elbow or
+    /// the wrist comes to rest before it would flip. Only the component along the
+    /// singular direction is slowed, and only inwards.
     fn away_from_singularity(
         &self,
         position: &[f64; 6],
@@ -127,14 +126,14 @@ impl ArmControl {
         if slowest(&ahead).0 >= value {
             return speeds;
         }
-        // From the limits, joint speeds fall like those of a braking joint.
+        // At the limits, joint speeds decrease like those of a braking joint.
         let excess = (0..6)
             .map(|i| speeds[i].abs() / self.kinematics.speed()[i])
             .fold(1.0, f64::max);
         let twist = twist / excess;
         let left = value / NEARLY_SINGULAR;
         let part = left.sqrt().min(3.0 * left);
-        // The rest is slowed by its share, so that the arm does not slide off.
+        // The rest is slowed proportionally, so that the arm does not slide off.
         let along = direction.dot(&twist);
         let rest = 1.0 - (along.abs() / twist.norm()) * (1.0 - part);
         let slowed = twist * rest - direction * (along * (rest - part));

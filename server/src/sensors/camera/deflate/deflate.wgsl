@@ -1,26 +1,26 @@
-// Deflates the planes of a packed picture (RFC 1951). Above this stand HASH_BITS and
-// what `layout.rs` says of segments, pieces and blocks.
+// Deflates the planes of a packed image (RFC 1951). HASH_BITS and the constants of
+// `layout.rs` (segments, pieces, blocks) are prepended.
 //
-// Each plane is a stream of its own: segments, of which a workgroup each takes care,
-// and pieces, of which an invocation each makes symbols. Nothing a piece refers to
-// lies behind it, so all are made at once. The codes are known beforehand, by what a
-// picture before was made of; what this one is made of is counted for later ones.
+// Each plane is a stream of its own. A workgroup processes one segment, an invocation
+// one piece. No piece refers to later bytes, so all run in parallel. The codes are
+// fixed beforehand, from the counts of an earlier image; the counts of this one serve
+// later images.
 //
-//   arrange   bytes in the order in which they are deflated
-//   parse     pieces to bits, each into a slot of its own
-//   sum       where the bits of each segment begin
-//   place     bits from their slots to the stream
+//   arrange   orders the bytes for deflation
+//   parse     encodes pieces to bits, each in its own slot
+//   sum       finds the first bit of each segment
+//   place     copies bits from their slots to the stream
 
 const STREAMS = 3u;
 const PIECE = SEGMENT / PIECES;
-// Bytes that a reference to earlier ones is worth.
+// Shortest match that is worth a reference, bytes.
 const LEAST = 4u;
 const CANDIDATES = 6u;
-// Where so many bytes are alike, nothing longer is looked for.
+// A match of this many bytes ends the search.
 const ENOUGH = 32u;
 const LITERALS = 286u;
 const END_OF_BLOCK = 256u;
-// Where the bits of a block's header and the header stand behind its codes.
+// Places of the length of a block's header and of the header, behind its codes.
 const HEADER_BITS = SYMBOLS;
 const HEADER_AT = SYMBOLS + 1u;
 // The sums of Adler-32 (RFC 1950).
@@ -45,7 +45,7 @@ struct Stream {
     // First word of the result, and how many there is room for.
     result: u32,
     room: u32,
-    // How far back the same is likely to lie, and how many of those there are.
+    // Likely match distances, bytes, and their number.
     candidates: array<vec4<u32>, 2>,
     known: u32,
     // Bytes of an element.
@@ -65,11 +65,11 @@ struct Params {
 @group(0) @binding(1) var<storage, read> packed: array<u32>;
 @group(0) @binding(2) var<storage, read_write> source: array<u32>;
 @group(0) @binding(3) var<storage, read_write> slots: array<u32>;
-// Bits of each piece, then of each segment, later where that begins.
+// Bits of each piece; then of each segment, later the bit where it begins.
 @group(0) @binding(4) var<storage, read_write> lengths: array<u32>;
 @group(0) @binding(5) var<storage, read> codes: array<u32>;
 // Bits of each stream, two sums of each segment's bytes, symbols of each block.
-@group(0) @binding(6) var<storage, read_write> told: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> result: array<atomic<u32>>;
 
 fn sums_at(segment: u32) -> u32 {
@@ -175,8 +175,8 @@ fn hash(four: u32, fifth: u32) -> u32 {
     return (four ^ ((fifth & 0xffu) * 0x85ebca6bu)) * 0x9e3779b1u;
 }
 
-// Where in the table a hash has its place, and by what it is told from others there:
-// few are looked up in memory in vain.
+// Row of a hash in the table, and the tag that tells it from others there. It saves
+// most useless look-ups.
 fn row(hash: u32) -> u32 {
     return hash >> (32u - HASH_BITS);
 }
@@ -202,18 +202,19 @@ fn zeros(word: u32) -> u32 {
     return (none | (none >> 7u) | (none >> 14u) | (none >> 21u)) & 15u;
 }
 
-// Of each row the last place before the segment, counted from one and from as far back as
-// is looked, and its tag: 16 bits. Small, so that several workgroups fit in a processor at
-// a time: all wait for memory.
+// Per row the last position before the segment, counted from one and from the start of
+// the window, and its tag: 16 bits. Small, so that several workgroups share a
+// processor: all wait for memory.
 var<workgroup> last: array<atomic<u32>, TABLE>;
-// For each candidate a bit for each byte of the segment: is it that byte before?
+// Per candidate one bit per byte of the segment: is it equal to the earlier byte?
 var<workgroup> same: array<u32, SAME>;
-// Of each symbol its code, 12 bits, the code's length, 4 bits, and how many there are.
+// Per symbol its code (12 bits), the code's length (4 bits) and its count.
 var<workgroup> symbols: array<atomic<u32>, SYMBOLS>;
 // Two sums of the segment's bytes; its bits.
 var<workgroup> sums: array<atomic<u32>, 3>;
 
-// How many bytes from `at` on are those from `before` on, `most` at most. Sixteen at a time: each look at them waits for memory.
+// Number of equal bytes from `at` and from `before` on, at most `most`. Sixteen at a
+// time: each look-up waits for memory.
 fn alike(at: u32, before: u32, most: u32) -> u32 {
     var count = 0u;
     while count < most {
@@ -244,8 +245,8 @@ fn shifted(words: vec4<u32>, next: u32, i: u32) -> vec4<u32> {
     return (words >> vec4(i * 8u)) | (vec4(words.yzw, next) << vec4(32u - i * 8u));
 }
 
-// Notes a place with its hash, if its row is the first of two or the second. The first
-// are noted before the second: the greatest word is then that of the last place.
+// Records a position under its hash, in the row's first or second half. The first are
+// recorded before the second, so the greatest word is the last position.
 fn note(half: u32, hash: u32, place: u32) {
     let at = row(hash);
     if (at & 1u) != half {
@@ -259,21 +260,21 @@ fn note(half: u32, hash: u32, place: u32) {
     }
 }
 
-// What was noted last with a hash: a place, or 0.
+// Position recorded last under a hash, or 0.
 fn noted(hash: u32) -> u32 {
     let at = row(hash);
     let entry = (atomicLoad(&last[at / 2u]) >> ((at & 1u) * 16u)) & 0xffffu;
     return select(0u, entry >> TAG_BITS, (entry & ((1u << TAG_BITS) - 1u)) == tag(hash));
 }
 
-// The candidate's bit where so many bytes from `at` of the segment on are its own that a
-// reference may be worth it.
+// The candidate's bit, when enough bytes from `at` of the segment on match it for a
+// reference.
 fn worth(candidate: u32, at: u32) -> u32 {
     let differ = ~same[candidate * (SEGMENT / 32u) + at / 32u] >> (at % 32u);
     return u32((differ & 15u) == 0u) << candidate;
 }
 
-// How many bytes from `at` of the segment on are those of a candidate.
+// Number of bytes from `at` of the segment on that match a candidate.
 fn repeats(candidate: u32, at: u32, most: u32) -> u32 {
     var word = candidate * (SEGMENT / 32u) + at / 32u;
     var differ = ~same[word] >> (at % 32u);
@@ -293,7 +294,7 @@ fn repeats(candidate: u32, at: u32, most: u32) -> u32 {
     return min(count, most);
 }
 
-// Bits on their way to a slot.
+// Bits that are not yet written to a slot.
 struct Bits {
     slot: u32,
     words: u32,
@@ -344,8 +345,8 @@ fn put_symbol(bits: ptr<function, Bits>, symbol: u32, value: u32, more: u32) {
     }
     workgroupBarrier();
 
-    // What lies before the segment, as far back as a reference reaches: four bytes at a
-    // time, and of a run of hashes the last, which is the one that counts.
+    // The window before the segment, four bytes at a time. Of a run of equal hashes
+    // only the last counts.
     let start = max(begin + SEGMENT, WINDOW) - WINDOW;
     for (var half = 0u; half < 2u; half++) {
         for (var word = start / 4u + local; word < begin / 4u; word += 256u) {
@@ -370,7 +371,7 @@ fn put_symbol(bits: ptr<function, Bits>, symbol: u32, value: u32, more: u32) {
         workgroupBarrier();
     }
 
-    // 32 bytes each: their sums, and where they are those of a candidate.
+    // 32 bytes each: their sums, and where they match a candidate.
     let own = begin + local * 32u;
     var sum = 0u;
     var weighted = 0u;
@@ -408,7 +409,7 @@ fn put_symbol(bits: ptr<function, Bits>, symbol: u32, value: u32, more: u32) {
             let high = source[words + at / 4u + 1u];
             var length = 0u;
             var distance = 0u;
-            // Looked at together, for each waits for memory.
+            // Read together, because each read waits for memory.
             var any = (worth(0u, at) | worth(1u, at)) | (worth(2u, at) | worth(3u, at))
                 | (worth(4u, at) | worth(5u, at));
             while any != 0u {
@@ -426,7 +427,7 @@ fn put_symbol(bits: ptr<function, Bits>, symbol: u32, value: u32, more: u32) {
                 if place > 0u {
                     let before = start + place - 1u;
                     let found = alike(first + begin + at, first + before, most);
-                    // It mostly lies farther away.
+                    // Mostly the distance is longer.
                     if found >= LEAST && found > length + u32(length >= LEAST) {
                         length = found;
                         distance = begin + at - before;
@@ -468,13 +469,13 @@ fn put_symbol(bits: ptr<function, Bits>, symbol: u32, value: u32, more: u32) {
             bits += codes[block * BLOCK + END_OF_BLOCK] >> 16u;
         }
         lengths[params.segments * PIECES + group.x] = bits;
-        atomicStore(&told[sums_at(group.x)], atomicLoad(&sums[0]) % ADLER);
-        atomicStore(&told[sums_at(group.x) + 1u], atomicLoad(&sums[1]) % ADLER);
+        atomicStore(&counts[sums_at(group.x)], atomicLoad(&sums[0]) % ADLER);
+        atomicStore(&counts[sums_at(group.x) + 1u], atomicLoad(&sums[1]) % ADLER);
     }
     for (var i = local; i < SYMBOLS; i += 256u) {
         let count = atomicLoad(&symbols[i]) >> 16u;
         if count > 0u {
-            atomicAdd(&told[counts_at(block) + i], count);
+            atomicAdd(&counts[counts_at(block) + i], count);
         }
     }
 }
@@ -514,7 +515,7 @@ fn up_to(local: u32, value: u32) -> u32 {
     // Behind the first bytes of zlib.
     let all = 16u + up_to(local, bits);
     if local == 255u {
-        atomicStore(&told[s], all);
+        atomicStore(&counts[s], all);
     }
     var at = all - bits;
     for (var i = start; i < behind; i++) {

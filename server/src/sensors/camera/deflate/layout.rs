@@ -1,4 +1,4 @@
-//! Where what is deflated lies, and how it is cut.
+//! Memory layout and division of the data to deflate.
 
 use std::ops::Range;
 
@@ -6,30 +6,30 @@ use super::super::planes::Planes;
 use wheelarm_compress::huffman::{HEADER_WORDS, SYMBOLS};
 use wheelarm_proto::settings::Depth;
 
-/// Colour, depth, ids.
+/// Number of streams: colour, depth, IDs.
 pub(super) const STREAMS: usize = 3;
-/// Index of depth.
+/// Index of the depth stream.
 pub(super) const DEPTH: usize = 1;
-/// Blocks of each: what is alike shares its codes. Depth and ids have their bytes of
-/// one kind one behind the other.
+/// Blocks of each stream: similar data shares codes. The bytes of one significance of
+/// depth and IDs are consecutive.
 const BLOCKS: [usize; STREAMS] = [4, 8, 2];
 /// All blocks.
 pub(super) const ALL_BLOCKS: usize = BLOCKS[0] + BLOCKS[1] + BLOCKS[2];
-/// Words of a block's codes, bits of its header, and header.
+/// Words of a block's codes, number of header bits, and header.
 pub(super) const BLOCK: usize = SYMBOLS + 1 + HEADER_WORDS;
 
-/// Bytes of a segment, of which a workgroup takes care.
+/// Bytes of a segment, which one workgroup processes.
 pub(super) const SEGMENT: usize = 8192;
 /// Pieces of a segment.
 pub(super) const PIECES: usize = 128;
-/// Most words of a piece: no code has more than 12 bits.
+/// Largest number of words of a piece: no code has more than 12 bits.
 pub(super) const SLOT: usize = 24;
-// A piece of nothing but the longest codes has room, and no reference is longer than a
-// length can say.
+// The slot fits a piece of only the longest codes, and no reference exceeds the largest
+// length.
 const _: () = assert!(SEGMENT / PIECES * 12 <= SLOT * 32 && SEGMENT / PIECES < 258);
-/// How far a reference reaches back.
+/// Largest distance of a reference.
 pub(super) const WINDOW: usize = 32_768;
-/// Most workgroups along an axis.
+/// Largest number of workgroups along an axis.
 const MOST_GROUPS: usize = 65_535;
 
 /// `Stream` in the shader.
@@ -61,7 +61,7 @@ pub(super) struct Params {
     streams: [Stream; STREAMS],
 }
 
-/// The layout of a picture.
+/// The layout of an image.
 #[derive(Clone, Copy)]
 pub(super) struct Layout {
     pub params: Params,
@@ -70,9 +70,9 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of the planes of a packed picture, depth as it is kept; `None` where there are too
-    /// many pixels, or none.
-    pub fn of(planes: Planes, depth: Depth) -> Option<Self> {
+    /// Layout for the planes of a packed image with depth in its stored form; `None`
+    /// for too many pixels, or none.
+    pub fn for_planes(planes: Planes, depth: Depth) -> Option<Self> {
         if planes.pixels == 0 {
             return None;
         }
@@ -82,12 +82,13 @@ impl Layout {
             Depth::Millimetres => 2,
             Depth::Nothing => 0,
         };
-        // Of the elements; colour is no row of them.
+        // Bytes per element; colour is not split.
         let elements = [1, kept, 2];
         let lengths = [3, kept, 2].map(|bytes| bytes * planes.pixels);
         let [_, depth, ids] = ranges.clone().map(|range| (range.start / 4) as u32);
         let width = planes.width as usize;
-        // A row, its neighbours, the pixel before; what lies too far is left out.
+        // The pixel before, the row above and its neighbours; distances beyond the
+        // window are dropped.
         let [pixel, row] = [3, 3 * width];
         let near: [&[usize]; STREAMS] = [
             &[
@@ -106,7 +107,7 @@ impl Layout {
         for (i, stream) in streams.iter_mut().enumerate() {
             let bytes = lengths[i];
             let own = bytes.div_ceil(SEGMENT);
-            // Room for what shrinks as it should; the rest is left to the processor.
+            // Room for a typical compression ratio; larger streams are left to the CPU.
             let room = match i {
                 0 => bytes / 2,
                 1 => bytes / 8 * 5,
@@ -124,7 +125,7 @@ impl Layout {
                 segment: segments as u32,
                 segments: own as u32,
                 block: blocks as u32,
-                // None is empty.
+                // Zero blocks mean an empty stream.
                 blocks: BLOCKS[i].min(own) as u32,
                 result: result as u32,
                 room: room as u32,
@@ -133,7 +134,7 @@ impl Layout {
                 element: elements[i] as u32,
                 unused: [0; 2],
             };
-            // A few bytes beyond the last are read.
+            // A few bytes beyond the last one are read.
             source += bytes.div_ceil(4) + 10;
             segments += own;
             blocks += BLOCKS[i];
@@ -166,30 +167,31 @@ impl Layout {
         [across as u32, groups.div_ceil(across) as u32]
     }
 
-    /// Bytes of `source`, `slots`, `lengths`, `told`, `result`.
+    /// Bytes of `source`, `slots`, `lengths`, `report`, `result`.
     pub fn buffers(&self) -> [u64; 5] {
         let segments = self.segments();
         [
             self.source,
             segments * SLOT * PIECES,
             segments * (PIECES + 1),
-            self.told(),
+            self.report(),
             self.result,
         ]
         .map(|words| words as u64 * 4)
     }
 
-    /// Words of `told`.
-    fn told(&self) -> usize {
+    /// Words of `report`.
+    fn report(&self) -> usize {
         4 + 2 * self.segments() + ALL_BLOCKS * SYMBOLS
     }
 
-    /// In what is read: where what is told ends and the results begin, bytes.
+    /// Offset in the read-back data at which the report ends and the results begin,
+    /// bytes.
     pub fn results(&self) -> usize {
-        self.told() * 4
+        self.report() * 4
     }
 
-    /// Bytes that are read.
+    /// Bytes to read back.
     pub fn bytes(&self) -> usize {
         self.results() + self.result * 4
     }
@@ -200,8 +202,8 @@ impl Layout {
         streams.any(|stream| (stream.block + stream.blocks) as usize == block + 1)
     }
 
-    /// Whether there is anything to deflate.
-    pub fn has(&self, stream: usize) -> bool {
+    /// Whether there is data to deflate.
+    pub fn has_data(&self, stream: usize) -> bool {
         self.params.streams[stream].bytes > 0
     }
 
@@ -210,7 +212,7 @@ impl Layout {
         self.params.streams[stream].element as usize
     }
 
-    /// Bytes of a stream of so many bits.
+    /// Bytes of a stream of `bits` bits.
     pub fn length(bits: u32) -> usize {
         (bits as usize).div_ceil(8)
     }
@@ -231,7 +233,7 @@ impl Layout {
         from..from + SYMBOLS
     }
 
-    /// Where the result of a stream lies in what is read, bytes, all its room.
+    /// Range of a stream's result in the read-back data, bytes, with all its room.
     pub fn result(&self, stream: usize) -> Range<usize> {
         let stream = &self.params.streams[stream];
         let from = self.results() + stream.result as usize * 4;

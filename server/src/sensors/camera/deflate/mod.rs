@@ -1,10 +1,9 @@
-//! Pictures deflated on the adapter that drew them, as HDF5 keeps them: what takes a
-//! processor's core ten milliseconds for a picture of 1280x720 takes a graphics card a
-//! fraction of one.
+//! Deflates images on the GPU that rendered them, in the form that HDF5 stores. A CPU
+//! core takes ten milliseconds for an image of 1280x720, a GPU a fraction of one.
 //!
-//! The streams are plain zlib, of the bytes that the exact picture has, or of its depth
-//! in millimetres. Which bytes they are is nobody's contract: adapters and versions may
-//! find other references.
+//! The streams are plain zlib data of the exact bytes of the image, or of its depth in
+//! millimetres. The compressed bytes are not part of the contract: adapters and
+//! versions may find other references.
 
 mod layout;
 
@@ -23,23 +22,23 @@ use super::ring::Ring;
 use super::timing::Timing;
 use layout::{ALL_BLOCKS, BLOCK, DEPTH, Layout, PIECES, Params, SEGMENT, SLOT, STREAMS, WINDOW};
 
-/// Colour, depth as it is kept and ids as zlib streams of their shuffled bytes; nothing
-/// where the adapter did not deflate one, or there was no room for what came of it.
+/// Colour, depth in its stored form and IDs as zlib streams of their shuffled bytes;
+/// `None` for a plane that the GPU did not deflate or that exceeded its room.
 pub type Deflated = [Option<Bytes>; STREAMS];
 
-/// Bits of a hash for which a workgroup has memory, and that memory, bytes.
+/// Hash bits for which a workgroup has memory, and that memory, bytes.
 const HASHES: [(u32, u32); 3] = [(13, 23_804), (12, 15_612), (11, 11_516)];
-/// Pictures after which the codes follow what they are made of.
+/// Number of images after which the codes are fixed.
 const CODES_LAST: u64 = 4;
-/// Bytes by which a stream may be longer than the last, besides a quarter.
+/// Bytes by which a stream may exceed the last one, in addition to a quarter.
 const SPARE: usize = 16 << 10;
-/// One of so many pictures is inflated again and compared: a driver may have faults.
-const LOOK: u64 = 512;
-/// The first so many are looked at: codes that were learnt reach the third at the
-/// latest, for two are under way at a time.
-const FIRST_LOOKS: u32 = 4;
+/// One in this many images is inflated again and compared, in case of driver errors.
+const CHECK_INTERVAL: u64 = 512;
+/// The first images are always checked: learnt codes are used from the third at the
+/// latest, because two images are in flight.
+const FIRST_CHECKS: u32 = 4;
 
-/// The pipelines that deflate.
+/// The pipelines for deflating.
 pub(super) struct Deflater {
     layout: wgpu::BindGroupLayout,
     arrange: wgpu::ComputePipeline,
@@ -49,7 +48,7 @@ pub(super) struct Deflater {
 }
 
 impl Deflater {
-    /// `None` where a workgroup has too little memory.
+    /// `None` when a workgroup has too little memory.
     pub(super) fn new(device: &wgpu::Device) -> Option<Self> {
         let most = device.limits().max_compute_workgroup_storage_size;
         let (bits, _) = HASHES.into_iter().find(|(_, bytes)| *bytes <= most)?;
@@ -103,7 +102,7 @@ impl Deflater {
                 module: &module,
                 entry_point: Some(entry),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    // What is used is set before.
+                    // All memory is written before it is read.
                     zero_initialize_workgroup_memory: false,
                     ..Default::default()
                 },
@@ -119,8 +118,8 @@ impl Deflater {
         })
     }
 
-    /// What deflates the pictures of a camera that lie packed in `packed`, depth in that
-    /// form; `None` where they are too large for this adapter.
+    /// Deflater of a camera whose packed images are in `packed`, with depth in the
+    /// given form; `None` when they are too large for this adapter.
     pub(super) fn for_camera(
         &self,
         device: &wgpu::Device,
@@ -128,7 +127,7 @@ impl Deflater {
         depth: Depth,
         packed: &wgpu::Buffer,
     ) -> Option<CameraDeflater> {
-        let layout = Layout::of(planes, depth)?;
+        let layout = Layout::for_planes(planes, depth)?;
         let most = device.limits().max_storage_buffer_binding_size;
         if layout.buffers().iter().any(|&bytes| bytes > most) {
             return None;
@@ -148,15 +147,15 @@ impl Deflater {
         };
         let inside = wgpu::BufferUsages::empty();
         let read = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let [source, slots, lengths, told, result] = layout.buffers();
+        let [source, slots, lengths, report, result] = layout.buffers();
         let [source, slots, lengths] = [source, slots, lengths].map(|size| buffer(size, inside));
-        let [told, result] = [told, result].map(|size| buffer(size, read));
+        let [report, result] = [report, result].map(|size| buffer(size, read));
         let codes = buffer(
             (ALL_BLOCKS * BLOCK * 4) as u64,
             wgpu::BufferUsages::COPY_DST,
         );
         let all = [
-            &params, packed, &source, &slots, &lengths, &codes, &told, &result,
+            &params, packed, &source, &slots, &lengths, &codes, &report, &result,
         ];
         let entries: Vec<_> = (0..)
             .zip(all)
@@ -184,7 +183,7 @@ impl Deflater {
             layout,
             group,
             codes,
-            told,
+            report,
             result,
             learnt: Mutex::default(),
             is_wrong: AtomicBool::new(false),
@@ -192,34 +191,34 @@ impl Deflater {
     }
 }
 
-/// What deflates the pictures of one camera.
+/// Deflater of the images of one camera.
 pub(super) struct CameraDeflater {
     depth: Depth,
     layout: Layout,
-    /// What is read.
+    /// Read-back buffers.
     ring: Ring,
     steps: [(&'static str, wgpu::ComputePipeline, [u32; 2]); 4],
     group: wgpu::BindGroup,
     codes: wgpu::Buffer,
-    told: wgpu::Buffer,
+    report: wgpu::Buffer,
     result: wgpu::Buffer,
-    learnt: Mutex<Learnt>,
-    /// It made something else of a picture than the picture.
+    learnt: Mutex<CodeStatistics>,
+    /// It has produced a wrong stream.
     is_wrong: AtomicBool,
 }
 
-/// Where the streams of a picture are read.
+/// Read-back of the streams of an image.
 #[derive(Clone)]
 pub(super) struct Results {
     by: Arc<CameraDeflater>,
     pub(super) buffer: wgpu::Buffer,
-    /// Bytes of each that are copied there.
+    /// Bytes of each stream that are copied.
     copied: [usize; STREAMS],
 }
 
 impl Results {
-    /// The streams of a picture, from a buffer that is mapped; `exact` are its planes.
-    /// None where they cannot be read: the picture is there without them.
+    /// The streams of an image, from a mapped buffer; `exact` are its planes. `None`
+    /// for streams that cannot be read: the image is complete without them.
     pub(super) fn streams(self, exact: &[Bytes; STREAMS]) -> Deflated {
         let Self { by, buffer, copied } = self;
         let mapped = match buffer.get_mapped_range(..) {
@@ -235,22 +234,22 @@ impl Results {
         };
         let streams = by.read(&mapped, copied, exact);
         drop(mapped);
-        by.ring.give_back(buffer);
+        by.ring.release(buffer);
         streams
     }
 }
 
-/// What pictures were made of.
+/// Statistics of previous images.
 #[derive(Default)]
-struct Learnt {
-    pictures: u64,
-    /// New codes that the adapter does not know yet.
+struct CodeStatistics {
+    images: u64,
+    /// New codes that are not uploaded yet.
     codes: Option<Vec<u32>>,
-    /// It knows some.
-    is_told: bool,
-    /// First pictures that were looked at.
+    /// Codes have been uploaded.
+    has_codes: bool,
+    /// Images that were checked among the first ones.
     looks: u32,
-    /// Bytes of the streams of the last picture.
+    /// Bytes of the streams of the last image.
     bytes: [Option<usize>; STREAMS],
 }
 
@@ -260,8 +259,8 @@ impl CameraDeflater {
         !self.is_wrong.load(Ordering::Relaxed)
     }
 
-    /// Appends what deflates the picture that is packed and copies the result to a
-    /// buffer, and names that.
+    /// Records the commands that deflate the packed image and copy the result to the
+    /// returned buffer.
     pub(super) fn deflate(
         self: &Arc<Self>,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -270,13 +269,13 @@ impl CameraDeflater {
     ) -> Results {
         let mut learnt = self.learnt.lock();
         let codes = learnt.codes.take();
-        let codes = match learnt.is_told {
+        let codes = match learnt.has_codes {
             true => codes,
             false => Some(codes.unwrap_or_else(|| self.codes(|_| [0; SYMBOLS]))),
         };
         if let Some(codes) = codes {
             queue.write_buffer(&self.codes, 0, bytemuck::cast_slice(&codes));
-            learnt.is_told = true;
+            learnt.has_codes = true;
         }
         let copied = std::array::from_fn(|i| {
             let room = self.layout.result(i).len();
@@ -285,7 +284,7 @@ impl CameraDeflater {
         });
         drop(learnt);
         timing.begins(encoder, "clear");
-        encoder.clear_buffer(&self.told, 0, None);
+        encoder.clear_buffer(&self.report, 0, None);
         encoder.clear_buffer(&self.result, 0, None);
         for (name, pipeline, [x, y]) in &self.steps {
             timing.begins(encoder, name);
@@ -297,7 +296,7 @@ impl CameraDeflater {
         timing.begins(encoder, "copy deflated");
         let results = self.layout.results() as u64;
         let buffer = self.ring.take(device);
-        encoder.copy_buffer_to_buffer(&self.told, 0, &buffer, 0, results);
+        encoder.copy_buffer_to_buffer(&self.report, 0, &buffer, 0, results);
         for (i, bytes) in copied.iter().enumerate() {
             let at = self.layout.result(i).start as u64;
             let size = Some(*bytes as u64);
@@ -311,27 +310,27 @@ impl CameraDeflater {
     }
 
     fn read(&self, read: &[u8], copied: [usize; STREAMS], exact: &[Bytes; STREAMS]) -> Deflated {
-        let told = |word: usize| {
+        let report = |word: usize| {
             let bytes = read.get(word * 4..word * 4 + 4).unwrap_or_default();
             bytes.try_into().map_or(0, u32::from_le_bytes)
         };
-        let number = self.learn(told);
+        let number = self.learn(report);
         if !self.works() {
             return Deflated::default();
         }
         let streams: Deflated = std::array::from_fn(|i| {
-            if !self.layout.has(i) {
+            if !self.layout.has_data(i) {
                 return None;
             }
-            let length = Layout::length(told(i));
+            let length = Layout::length(report(i));
             let room = read.get(self.layout.result(i))?.get(..copied[i])?;
             let bytes = room.get(..length)?;
             let mut stream = Vec::with_capacity(length + 4);
             stream.extend_from_slice(bytes);
-            stream.extend(self.adler(i, told).to_be_bytes());
+            stream.extend(self.adler(i, report).to_be_bytes());
             Some(Bytes::from(stream))
         });
-        let is_whole = (0..STREAMS).all(|i| streams[i].is_some() || !self.layout.has(i));
+        let is_whole = (0..STREAMS).all(|i| streams[i].is_some() || !self.layout.has_data(i));
         if self.is_due(number, is_whole) {
             let wrong = (0..STREAMS).any(|i| {
                 let stream = streams[i].as_ref();
@@ -339,7 +338,7 @@ impl CameraDeflater {
             });
             if wrong {
                 tracing::warn!(
-                    "the graphics adapter deflates pictures wrongly; the processor does it \
+                    "the graphics adapter deflates images wrongly; the processor does it \
                      from now on"
                 );
                 self.is_wrong.store(true, Ordering::Relaxed);
@@ -349,7 +348,7 @@ impl CameraDeflater {
         streams
     }
 
-    /// Whether a stream holds what it should; `exact` is its plane.
+    /// Whether a stream decompresses to `exact`.
     fn is_right(&self, i: usize, stream: &Bytes, exact: &Bytes) -> bool {
         let mut millimetres = Vec::new();
         let expected = match i == DEPTH && self.depth == Depth::Millimetres {
@@ -363,36 +362,37 @@ impl CameraDeflater {
         again.is_ok_and(|again| again == expected)
     }
 
-    /// Whether a picture is to be looked at: the first of which all was deflated, by
-    /// codes that were learnt too, and some of the later ones.
+    /// Whether an image is to be checked: the first ones that were deflated completely,
+    /// including some with learnt codes, and later ones at intervals.
     fn is_due(&self, number: u64, is_whole: bool) -> bool {
         let mut learnt = self.learnt.lock();
-        let first = is_whole && learnt.looks < FIRST_LOOKS;
+        let first = is_whole && learnt.looks < FIRST_CHECKS;
         learnt.looks += u32::from(first);
-        first || number.is_multiple_of(LOOK)
+        first || number.is_multiple_of(CHECK_INTERVAL)
     }
 
-    /// Takes account of the symbols of a picture; its number from zero.
-    fn learn(&self, told: impl Fn(usize) -> u32) -> u64 {
+    /// Updates the statistics with the symbols of an image; returns its number, from
+    /// zero.
+    fn learn(&self, report: impl Fn(usize) -> u32) -> u64 {
         let mut learnt = self.learnt.lock();
-        let number = learnt.pictures;
-        learnt.pictures += 1;
-        learnt.bytes = std::array::from_fn(|i| Some(Layout::length(told(i))));
+        let number = learnt.images;
+        learnt.images += 1;
+        learnt.bytes = std::array::from_fn(|i| Some(Layout::length(report(i))));
         if number.is_multiple_of(CODES_LAST) {
             let counts = |block: usize| {
                 let mut words = self.layout.counts(block);
-                std::array::from_fn(|_| words.next().map_or(0, &told))
+                std::array::from_fn(|_| words.next().map_or(0, &report))
             };
             learnt.codes = Some(self.codes(counts));
         }
         number
     }
 
-    /// Codes and headers of all blocks as the shader reads them.
+    /// Codes and headers of all blocks in the shader's layout.
     fn codes(&self, counts: impl Fn(usize) -> [u32; SYMBOLS]) -> Vec<u32> {
         let mut words = Vec::with_capacity(ALL_BLOCKS * BLOCK);
         for i in 0..ALL_BLOCKS {
-            let block = Block::of(&counts(i), self.layout.is_last(i));
+            let block = Block::from_counts(&counts(i), self.layout.is_last(i));
             words.extend(block.codes);
             words.push(block.header_bits);
             words.extend(block.header);
@@ -401,12 +401,12 @@ impl CameraDeflater {
     }
 
     /// Adler-32 of a stream's bytes from the sums of its segments.
-    fn adler(&self, stream: usize, told: impl Fn(usize) -> u32) -> u32 {
+    fn adler(&self, stream: usize, report: impl Fn(usize) -> u32) -> u32 {
         const BASE: u64 = 65_521;
         let (mut a, mut b) = (1, 0);
         for (at, bytes) in self.layout.sums(stream) {
-            b = (b + a * bytes as u64 + u64::from(told(at + 1))) % BASE;
-            a = (a + u64::from(told(at))) % BASE;
+            b = (b + a * bytes as u64 + u64::from(report(at + 1))) % BASE;
+            a = (a + u64::from(report(at))) % BASE;
         }
         (b << 16 | a) as u32
     }

@@ -1,0 +1,622 @@
+//! Agreement tests: over all combinations of verb, object, place and posture no
+//! generated sentence breaks the rules below. The rules are written independently of
+//! the grammar's agreement data.
+
+#[path = "../tests/made_up/mod.rs"]
+#[expect(dead_code, reason = "the tests of the crate need more of it")]
+mod made_up;
+
+use std::collections::BTreeSet;
+
+use crate::grammar::{Form, Means, Names, Noun, Phrase, Slot, Template};
+use crate::meaning::{Named, is_called};
+use crate::parse::{Answer, Parser};
+use crate::space::Side;
+use crate::wording::{At, ObjectWords, RequestWords, spoken};
+use crate::{Grammar, Meaning, Options, Role, Scene, Split, Verb, generate};
+
+/// A generated request and its meaning.
+struct GeneratedRequest<'a> {
+    text: &'a str,
+    verb: Verb,
+    kind: &'a str,
+    /// Name of the object in the sentence, without its color word.
+    noun: &'a str,
+    colour: Option<&'a str>,
+    /// Words for the object only.
+    object: &'a str,
+    area: &'a str,
+    place: Option<&'a str>,
+    /// The goal and its name.
+    goal: Option<(&'a str, &'a str)>,
+}
+
+const PLURAL: [&str; 3] = ["crackers", "salty crackers", "savoury crackers"];
+/// Names of contents, and of drinks: the color belongs to the container.
+const CONTENTS: [&str; 15] = [
+    "mustard",
+    "tomato soup",
+    "soup",
+    "tinned soup",
+    "crackers",
+    "salty crackers",
+    "savoury crackers",
+    "sugar",
+    "potted meat",
+    "tinned meat",
+    "luncheon meat",
+    "canned meat",
+    "Coke",
+    "cola",
+    "soda",
+];
+const STANDING: [&str; 3] = ["standing", "stands", "stand"];
+const LYING: [&str; 3] = ["lying", "lies", "lie"];
+const SITTING: [&str; 3] = ["sitting", "sits", "sit"];
+const HANDING_OVER: [&str; 12] = [
+    "hand me",
+    "pass me",
+    "bring me",
+    "get me",
+    "give me",
+    "fetch",
+    "retrieve",
+    "bring back",
+    "to me",
+    "deliver",
+    "hand the",
+    "serve me",
+];
+/// Verbs that remove an object from its place.
+const REMOVING: [&str; 13] = [
+    "pick", "grab", "take", "get", "lift", "collect", "pluck", "fetch", "bring me", "hand", "pass",
+    "give", "throw",
+];
+
+/// The rule that a sentence breaks; `None` when it keeps all.
+fn broken_rule(worded: &GeneratedRequest<'_>) -> Option<&'static str> {
+    let text = worded.text;
+    // "The right place for the crackers is": the place is the subject.
+    let spoken = match text.strip_prefix("the right place for ") {
+        Some(rest) => rest.replacen(" is the ", " the ", 1),
+        None => text.to_owned(),
+    };
+    let words: Vec<&str> = spoken
+        .split(|c: char| !c.is_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .collect();
+    let has = |list: &[&str]| words.iter().any(|word| list.contains(word));
+    let begins =
+        |part: &str| text == part || text.contains(&format!(" {part}")) || text.starts_with(part);
+    if text.contains(['{', '}']) {
+        return Some("every slot is filled");
+    }
+    if let Some((goal, name)) = worded.goal {
+        let wrong = match goal {
+            "table_bin" => ["on", "onto", "upon", "at"],
+            _ => ["in", "into", "inside", "at"],
+        };
+        if wrong.iter().any(|p| begins(&format!("{p} the {name}"))) {
+            return Some("a container holds what is in it, a surface what is on it");
+        }
+    }
+    let is_plural = PLURAL.contains(&worded.noun);
+    let wrong: &[&str] = match is_plural {
+        true => &[
+            "it", "is", "belongs", "stands", "sits", "lies", "needs", "goes", "this",
+        ],
+        false => &["them", "they", "are", "those", "belong", "these"],
+    };
+    let that = begins(&format!("that {}", worded.noun));
+    if has(wrong) || (is_plural && that) {
+        return Some("verbs and pronouns agree with the noun");
+    }
+    if worded.colour.is_some() && CONTENTS.contains(&worded.noun) {
+        return Some("no color word on contents");
+    }
+    if worded
+        .colour
+        .is_some_and(|colour| ["scarlet", "golden", "greenish"].contains(&colour))
+    {
+        return Some("common color words");
+    }
+    let postures: &[&str] = match worded.kind {
+        "knife" | "banana" | "remote_control" => &LYING,
+        "teddy_bear" => &SITTING,
+        "feeding_spoon" | "drawer" => &[],
+        _ => &STANDING,
+    };
+    let is_posture = |word: &&str| {
+        let all = STANDING.iter().chain(&LYING).chain(&SITTING);
+        all.into_iter().any(|posture| posture == word)
+    };
+    let mut own = worded.object.split(' ').filter(|word| is_posture(word));
+    if own.any(|word| !postures.contains(&word)) {
+        return Some("a posture that the object has");
+    }
+    if matches!(worded.verb, Verb::Lift | Verb::Open | Verb::Close)
+        && HANDING_OVER.iter().any(|words| begins(words))
+    {
+        return Some("no handover verb without a handover");
+    }
+    if let Some(place) = worded.place {
+        let before = |p: &str| begins(&format!("{p} {place}"));
+        let wrong: &[&str] = match worded.area {
+            "workstation" => &["on", "from", "off", "at"],
+            _ => &["in", "of", "off", "at"],
+        };
+        // "position the chair at the shelf" is a place of the chair.
+        let is_chair = text.contains("chair at the");
+        if wrong.iter().any(|p| before(p)) && !is_chair {
+            return Some("a preposition of the place");
+        }
+        let removes = REMOVING.iter().any(|verb| begins(verb));
+        let looks = [
+            "look for",
+            "locate",
+            "find",
+            "hold up",
+            "reach for",
+            "should",
+            "needs",
+            "want",
+            "like",
+        ];
+        if before("from") && (!removes || looks.iter().any(|verb| begins(verb))) {
+            return Some("from goes with a verb that removes the object");
+        }
+    }
+    None
+}
+
+/// Every object and drawer, each on each area, and every goal.
+fn world() -> (Grammar, Scene) {
+    let (grammar, home) = (made_up::grammar(), made_up::home());
+    let mut scene = home.scene(&|_| true);
+    for kind in home.kinds.keys() {
+        let at = [0.0; 3];
+        scene.add(kind, home.words_of(kind), Role::Object, at, Some("shelf"));
+    }
+    if scene.areas.iter().all(|area| area.name != "floor") {
+        let mut floor = scene.areas[0].clone();
+        floor.name = "floor".to_owned();
+        scene.areas.push(floor);
+    }
+    (grammar, scene)
+}
+
+/// Verbs with their possible goals.
+fn verbs(scene: &Scene) -> Vec<(Verb, Option<usize>)> {
+    let goals = ["placemat", "bear_cushion", "table_bin"];
+    let put = goals.map(|name| (Verb::Put, Some(scene.named(name).expect("a goal"))));
+    let others = [Verb::Lift, Verb::Open, Verb::Close, Verb::Bring, Verb::Give];
+    put.into_iter()
+        .chain(others.map(|verb| (verb, None)))
+        .collect()
+}
+
+fn colours(grammar: &Grammar, colour: &str) -> Vec<Option<usize>> {
+    let all = grammar.colours.iter().enumerate();
+    let own = all.filter(|(_, c)| c.name == colour && c.is_spoken);
+    std::iter::once(None)
+        .chain(own.map(|(i, _)| Some(i)))
+        .collect()
+}
+
+/// Places of an area with all spoken or understood prepositions.
+fn places<'a>(grammar: &'a Grammar, area: &str) -> Vec<At<'a>> {
+    let all = grammar.places.iter().enumerate();
+    let own = all.filter(|(_, place)| place.area == area && place.of.is_generated);
+    own.flat_map(|(i, place)| {
+        let lists = place.on.iter().chain(&place.from).chain(&place.understood);
+        lists.map(move |preposition| (i, preposition.as_str()))
+    })
+    .collect()
+}
+
+/// One name for each agreement class of the object.
+fn classes(grammar: &Grammar, scene: &Scene, target: usize) -> Vec<usize> {
+    let mut classes = BTreeSet::new();
+    let all = grammar.nouns.iter().enumerate();
+    let own =
+        all.filter(|(_, noun)| is_called(noun, &scene.entities[target]) && noun.of.is_generated);
+    let class = |noun: &Noun| {
+        (
+            noun.number,
+            noun.is_contents,
+            noun.takes_colour,
+            noun.has_tail,
+        )
+    };
+    own.filter(|(_, noun)| classes.insert(class(noun)))
+        .map(|(i, _)| i)
+        .collect()
+}
+
+fn name_of<'a>(grammar: &'a Grammar, target: &str) -> (usize, &'a str) {
+    let all = grammar.nouns.iter().enumerate();
+    let mut own = all
+        .filter(|(_, noun)| noun.names == Names::Goal(target.to_owned()) && noun.of.is_generated);
+    let (i, noun) = own.next().expect("a name");
+    (i, &noun.text)
+}
+
+/// Phrases of one verb, object and place: all of them, with every name and color.
+#[test]
+fn every_phrase_of_every_object_at_every_place_keeps_the_rules() {
+    let (grammar, mut scene) = world();
+    let mut count = 0;
+    let other = grammar
+        .nouns
+        .iter()
+        .position(|n| n.text == "bowl")
+        .expect("a bowl");
+    let other = Some(Named {
+        colour: None,
+        noun: other,
+    });
+    for target in 0..scene.entities.len() {
+        for area in 0..scene.areas.len() {
+            scene.entities[target].area = Some(area);
+            let (entity, area) = (&scene.entities[target], &scene.areas[area].name);
+            if entity.role == Role::Goal {
+                continue;
+            }
+            let own = |noun: &&Noun| is_called(noun, entity) && noun.of.is_generated;
+            let places = places(&grammar, area);
+            for (phrase, (noun, colour)) in grammar
+                .phrases
+                .iter()
+                .filter(|p| p.of.is_generated)
+                .flat_map(|phrase| {
+                    let nouns = grammar
+                        .nouns
+                        .iter()
+                        .enumerate()
+                        .filter(|(_, noun)| own(noun));
+                    nouns
+                        .flat_map(|(i, _)| {
+                            colours(&grammar, &entity.colour)
+                                .into_iter()
+                                .map(move |c| (i, c))
+                        })
+                        .map(move |named| (phrase, named))
+                })
+            {
+                let has_place = phrase.pattern.has_any(&Slot::PLACES);
+                let places = if has_place { &places[..] } else { &[(0, "on")] };
+                for at in places {
+                    let words = ObjectWords {
+                        phrase,
+                        name: Named { colour, noun },
+                        at: Some(*at),
+                        other,
+                        nth: Some(1),
+                    };
+                    let Some(text) = words.text(&grammar, &entity.kind) else {
+                        continue;
+                    };
+                    count += 1;
+                    let worded = GeneratedRequest {
+                        text: &text,
+                        verb: Verb::Give,
+                        kind: &entity.kind,
+                        noun: &grammar.nouns[noun].text,
+                        colour: colour.map(|i| grammar.colours[i].text.as_str()),
+                        object: &text,
+                        area,
+                        // Whether "from" is possible depends on the template.
+                        place: (has_place && at.1 != "from")
+                            .then(|| grammar.places[at.0].text.as_str()),
+                        goal: None,
+                    };
+                    assert_eq!(broken_rule(&worded), None, "{text}");
+                }
+            }
+        }
+    }
+    assert!(count > 50_000, "{count}");
+}
+
+/// Requests: every template of every verb, with each agreement class of names of each
+/// object at each place, in each posture, with each goal.
+#[test]
+fn every_verb_object_place_and_posture_keeps_the_rules() {
+    let (grammar, mut scene) = world();
+    let mut count = 0;
+    for (verb, goal) in verbs(&scene) {
+        for target in 0..scene.entities.len() {
+            if scene.entities[target].role != crate::parse::role(verb) {
+                continue;
+            }
+            let nouns = classes(&grammar, &scene, target);
+            for area in 0..scene.areas.len() {
+                scene.entities[target].area = Some(area);
+                count += requests(&grammar, &scene, Meaning { verb, target, goal }, &nouns);
+            }
+        }
+    }
+    assert!(count > 100_000, "{count}");
+}
+
+/// Checks the requests of one meaning; returns their number.
+fn requests(grammar: &Grammar, scene: &Scene, meaning: Meaning, nouns: &[usize]) -> usize {
+    let entity = &scene.entities[meaning.target];
+    let area = &scene.areas[entity.area.expect("an area")].name;
+    let goal = meaning.goal.map(|goal| {
+        let name = &scene.entities[goal].name;
+        let (noun, text) = name_of(grammar, name);
+        (noun, (name.as_str(), text))
+    });
+    // One name for each preposition: the phrase test covers all names.
+    let mut kinds = BTreeSet::new();
+    let mut places = places(grammar, area);
+    places.retain(|(place, preposition)| {
+        kinds.insert((*preposition, grammar.places[*place].is_drive))
+    });
+    let of_verb = |t: &&Template| t.verb == meaning.verb && t.of.is_generated && t.wants.is_empty();
+    let plain = |p: &&Phrase| {
+        p.of.is_generated && matches!(p.means, Means::Plain | Means::Beside(Side::Left))
+    };
+    let other = grammar.nouns.iter().position(|n| n.text == "bowl");
+    let mut count = 0;
+    for template in grammar.templates.iter().filter(of_verb) {
+        for phrase in grammar.phrases.iter().filter(plain) {
+            for (&noun, at) in nouns
+                .iter()
+                .flat_map(|noun| places.iter().map(move |at| (noun, at)))
+            {
+                let object = ObjectWords {
+                    phrase,
+                    name: Named { colour: None, noun },
+                    at: Some(*at),
+                    other: other.map(|noun| Named { colour: None, noun }),
+                    nth: None,
+                };
+                let words = RequestWords {
+                    template,
+                    object: Some(object),
+                    goal: goal.map(|(noun, _)| noun),
+                    place: Some(at.0),
+                    at: Some(*at),
+                };
+                let Some(text) = words.text(grammar, scene, &meaning) else {
+                    continue;
+                };
+                count += 1;
+                let worded = GeneratedRequest {
+                    text: &text,
+                    verb: meaning.verb,
+                    kind: &entity.kind,
+                    noun: &grammar.nouns[noun].text,
+                    colour: None,
+                    object: &object.text(grammar, &entity.kind).expect("an object"),
+                    area,
+                    place: Some(&grammar.places[at.0].text),
+                    goal: goal.map(|(_, goal)| goal),
+                };
+                assert_eq!(broken_rule(&worded), None, "{text}");
+            }
+        }
+    }
+    count
+}
+
+/// The rules detect the faults found in an audit of an earlier grammar.
+#[test]
+fn sentences_of_the_audit_break_the_rules() {
+    let table = |text, verb, kind, noun| GeneratedRequest {
+        text,
+        verb,
+        kind,
+        noun,
+        colour: None,
+        object: text,
+        area: "kitchen_table",
+        place: Some("the kitchen table"),
+        goal: None,
+    };
+    let bin = Some(("table_bin", "bin"));
+    let cases = [
+        GeneratedRequest {
+            goal: bin,
+            ..table("put the can on the bin", Verb::Put, "meat_can", "can")
+        },
+        GeneratedRequest {
+            goal: bin,
+            ..table("place the can onto the bin", Verb::Put, "meat_can", "can")
+        },
+        table("pick up that crackers", Verb::Lift, "crackers", "crackers"),
+        table(
+            "pick up the crackers and hold it",
+            Verb::Lift,
+            "crackers",
+            "crackers",
+        ),
+        GeneratedRequest {
+            colour: Some("scarlet"),
+            ..table("lift the scarlet soup", Verb::Lift, "tomato_soup", "soup")
+        },
+        GeneratedRequest {
+            colour: Some("red"),
+            ..table("lift the red soup", Verb::Lift, "tomato_soup", "soup")
+        },
+        table(
+            "lift the knife standing on the kitchen table",
+            Verb::Lift,
+            "knife",
+            "knife",
+        ),
+        table(
+            "lift the bear standing on the kitchen table",
+            Verb::Lift,
+            "teddy_bear",
+            "bear",
+        ),
+        table(
+            "take the remote that stands on the kitchen table",
+            Verb::Lift,
+            "remote_control",
+            "remote",
+        ),
+        table(
+            "locate the bowl off the kitchen table and lift it",
+            Verb::Lift,
+            "bowl",
+            "bowl",
+        ),
+        table(
+            "hold up the bowl from the kitchen table",
+            Verb::Lift,
+            "bowl",
+            "bowl",
+        ),
+        table("hand me the bowl", Verb::Lift, "bowl", "bowl"),
+        table(
+            "find the bowl and bring it to me",
+            Verb::Lift,
+            "bowl",
+            "bowl",
+        ),
+        table("fetch the bowl", Verb::Lift, "bowl", "bowl"),
+    ];
+    for case in cases {
+        assert!(broken_rule(&case).is_some(), "{}", case.text);
+    }
+    let fine = table(
+        "take the bowl from the kitchen table",
+        Verb::Lift,
+        "bowl",
+        "bowl",
+    );
+    assert_eq!(broken_rule(&fine), None);
+}
+
+/// Every generated template is parsed as its own verb with its own object.
+#[test]
+fn every_template_is_parsed_to_its_meaning() {
+    let (grammar, full) = world();
+    let plain = grammar
+        .phrases
+        .iter()
+        .find(|p| p.pattern.text == "the {noun}")
+        .expect("a phrase");
+    let mut missing: BTreeSet<&str> = BTreeSet::new();
+    let mut worded: BTreeSet<&str> = BTreeSet::new();
+    for (verb, goal) in verbs(&full) {
+        for target in 0..full.entities.len() {
+            let entity = &full.entities[target];
+            let mut scene = full.clone();
+            // Another drawer would also match the name.
+            let rest = scene
+                .entities
+                .iter_mut()
+                .enumerate()
+                .filter(|(i, t)| *i != target && t.role != Role::Goal);
+            rest.for_each(|(_, entity)| {
+                entity.kind.clear();
+                entity.category.clear();
+            });
+            if entity.role != crate::parse::role(verb) {
+                continue;
+            }
+            let noun = classes(&grammar, &scene, target)[0];
+            let at = match entity.role {
+                Role::Slide => "workstation",
+                _ => "kitchen_table",
+            };
+            scene.entities[target].area = scene.areas.iter().position(|area| area.name == at);
+            let meaning = Meaning { verb, target, goal };
+            let parser = Parser::new(&grammar, &scene);
+            for template in grammar
+                .templates
+                .iter()
+                .filter(|t| t.verb == verb && t.of.is_generated && t.wants.is_empty())
+            {
+                let slot = Slot::PLACES
+                    .into_iter()
+                    .find(|slot| template.pattern.has(*slot));
+                let (place, name) = grammar
+                    .places
+                    .iter()
+                    .enumerate()
+                    .find(|(_, p)| p.area == at)
+                    .expect("a place");
+                let preposition = slot.and_then(|slot| spoken(name, slot).first());
+                let words = RequestWords {
+                    template,
+                    object: Some(ObjectWords {
+                        phrase: plain,
+                        name: Named { colour: None, noun },
+                        at: None,
+                        other: None,
+                        nth: None,
+                    }),
+                    goal: goal.map(|goal| name_of(&grammar, &scene.entities[goal].name).0),
+                    place: Some(place),
+                    at: preposition.map(|p| (place, p.as_str())),
+                };
+                missing.insert(&template.id);
+                let Some(text) = words.text(&grammar, &scene, &meaning) else {
+                    continue;
+                };
+                worded.insert(&template.id);
+                assert_eq!(parser.parse(&text), Answer::Clear(meaning), "{text}");
+            }
+        }
+    }
+    let missing: Vec<_> = missing.difference(&worded).collect();
+    assert!(missing.is_empty(), "never worded: {missing:?}");
+}
+
+/// Thanks follow a request; a wish has "please", a statement neither.
+#[test]
+fn statements_have_no_thanks_and_no_statement_promises_a_handover() {
+    let (grammar, home) = (made_up::grammar(), made_up::home());
+    let options = Options {
+        split: Split::Any,
+        politeness: 1.0,
+        ..Options::default()
+    };
+    let mut count = [0; 3];
+    for task in made_up::library() {
+        for seed in 0..60 {
+            let scene = task.scene(&home, seed);
+            let wish = task.wish(&scene, seed);
+            let sentence =
+                generate(&grammar, &scene, &wish, &options, seed, &task.name).expect("a sentence");
+            let template = grammar
+                .templates
+                .iter()
+                .find(|t| t.id == sentence.template)
+                .expect("a template");
+            let has = |words: &str| sentence.text.contains(words);
+            match template.form {
+                Form::Request => count[0] += 1,
+                Form::Wish => {
+                    count[1] += 1;
+                    assert!(!has("thank") && has(", please"), "{}", sentence.text);
+                }
+                Form::Statement => {
+                    count[2] += 1;
+                    assert!(!has("thank") && !has("please"), "{}", sentence.text);
+                }
+            }
+        }
+    }
+    assert!(count.iter().all(|count| *count > 20), "{count:?}");
+}
+
+/// The grammatical number in the files matches the form of the name.
+#[test]
+fn the_number_of_every_name_matches_its_form() {
+    let (grammar, _) = world();
+    for noun in &grammar.nouns {
+        // "Thermos" looks like a plural but is not one.
+        if noun.text == "thermos" {
+            continue;
+        }
+        let is_plural = noun.number == crate::grammar::Number::Plural;
+        assert_eq!(crate::is_plural(&noun.text), is_plural, "{}", noun.text);
+    }
+}

@@ -1,0 +1,219 @@
+//! Samples one scene of the home from a seed: poses, masses and friction of all
+//! objects, friction of drawers, and the start of the chair.
+//!
+//! Independent of tasks: every task of the area has the same scene. The other areas of
+//! the home are sampled too, each from its own stream, so that no view of them reveals
+//! the area of the task. A scene is valid when every possible target can be grasped and
+//! every region is free.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::area::{AreaSpec, Variant};
+use super::arrangement::Arrangement;
+use super::floor::{Floor, Start};
+use super::random::{fraction, number, stream};
+use crate::scene::{Body, Placement, Resistance, Scene};
+
+/// Sampled scenes before the best one is used.
+const ATTEMPTS: usize = 400;
+
+/// A sampled scene of an area, the same for all its tasks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneSample {
+    /// One per entry of `Scene::objects`; `None` for a missing object.
+    pub placements: Vec<Option<Placement>>,
+    /// One per entry of `Scene::joints`.
+    pub slides: Vec<Resistance>,
+    /// One per entry of `Scene::joints`: its position, metres.
+    pub positions: Vec<f64>,
+    /// Pose of `wheelchair_root` in `house`.
+    pub start: Isometry3<f64>,
+    /// Positions of the arm's joints, radians; `None` for home.
+    pub arm: Option<[f64; 6]>,
+    /// Angle of the gripper's knuckle, radians; `None` for open.
+    pub knuckle: Option<f64>,
+    /// Number of scenes sampled until a valid one.
+    pub attempts: usize,
+    /// Remaining room, metres; negative when a target cannot be grasped.
+    pub clearance: f64,
+    /// A start was found, if requested.
+    pub has_start: bool,
+    /// Start poses that were rejected because of the person (count).
+    pub rejected_starts: u32,
+    /// Names of the other areas that were sampled.
+    pub surroundings: Vec<String>,
+}
+
+/// The variant that a seed selects among those that offer the requested objects, by
+/// their probabilities; `share` is that of all but the first.
+#[must_use]
+pub fn variant<'a>(
+    area: &'a AreaSpec,
+    offering: &[&'a Variant],
+    seed: u64,
+    share: Option<f64>,
+) -> Option<&'a Variant> {
+    let first = area.variants.first()?;
+    let others: f64 = area.variants[1..].iter().map(|v| v.share).sum();
+    let scale = match share {
+        Some(share) if others > 0.0 => share / others,
+        _ => 1.0,
+    };
+    let share_of = |variant: &Variant| match variant.name == first.name {
+        true => (1.0 - others * scale).max(0.0),
+        false => variant.share * scale,
+    };
+    // From the largest: a variant that is not offered leaves its share to the others.
+    let whole: f64 = offering.iter().map(|variant| share_of(variant)).sum();
+    let mut left = fraction(&mut stream(&area.name, seed, "variant")) * whole;
+    for variant in offering {
+        left -= share_of(variant);
+        if left < 0.0 {
+            return Some(variant);
+        }
+    }
+    offering.last().copied()
+}
+
+/// Samples a scene. The same seed gives the same scene on any machine. `scene` contains
+/// the optional furniture of the variant and no other; with a `floor` the robot starts
+/// anywhere on it.
+#[must_use]
+pub fn sample_scene(
+    area: &AreaSpec,
+    variant: &Variant,
+    scene: &Scene,
+    seed: u64,
+    floor: Option<&Floor>,
+) -> SceneSample {
+    let random = |purpose: &str| stream(&area.name, seed, purpose);
+    let mut near = random("start");
+    let near = Isometry3::new(
+        Vector3::new(
+            number(&mut near, area.start.x),
+            number(&mut near, area.start.y),
+            0.0,
+        ),
+        Vector3::z() * number(&mut near, area.start.yaw),
+    );
+    let anywhere = floor.map(|floor| floor.start(area, variant, scene, seed));
+    let has_start = anywhere.as_ref().is_none_or(Option::is_some);
+    let start = match anywhere.flatten() {
+        Some(start) => start,
+        None => Start {
+            pose: near,
+            arm: None,
+            knuckle: None,
+            rejected: 0,
+        },
+    };
+    let around = surroundings(area, seed);
+    let mut slides: Vec<_> = scene.joints.iter().map(|joint| joint.resistance).collect();
+    let mut positions = vec![0.0; slides.len()];
+    for area in [area]
+        .into_iter()
+        .chain(around.iter().map(|(area, _)| *area))
+    {
+        let mut sliding = stream(&area.name, seed, "slides");
+        for slide in &area.slides {
+            let resistance = Resistance {
+                friction: number(&mut sliding, slide.friction),
+                damping: number(&mut sliding, slide.damping),
+            };
+            let position = number(&mut sliding, slide.position);
+            if let Some(joint) = scene.joint_named(&slide.joint) {
+                slides[joint] = resistance;
+                positions[joint] = position;
+            }
+        }
+    }
+    let mut placed = Placed::new(area, scene);
+    placed.add(area, variant, scene, seed);
+    for (area, variant) in &around {
+        placed.add(area, variant, scene, seed);
+    }
+    SceneSample {
+        placements: placed.placements,
+        slides,
+        positions,
+        start: start.pose,
+        arm: start.arm,
+        knuckle: start.knuckle,
+        attempts: placed.attempts,
+        clearance: placed.clearance,
+        has_start,
+        rejected_starts: start.rejected,
+        surroundings: around.iter().map(|(area, _)| area.name.clone()).collect(),
+    }
+}
+
+/// The other areas to sample: one per piece of furniture, by their probabilities, each
+/// in a variant without optional furniture, which is reserved for the task's area.
+fn surroundings(area: &AreaSpec, seed: u64) -> Vec<(&AreaSpec, &Variant)> {
+    let mut groups: Vec<(&str, Vec<&AreaSpec>)> = Vec::new();
+    for other in &area.surroundings {
+        match groups.iter_mut().find(|(on, _)| *on == other.carrier()) {
+            Some((_, group)) => group.push(other),
+            None => groups.push((other.carrier(), vec![other])),
+        }
+    }
+    let groups = groups.into_iter().filter(|(on, _)| *on != area.carrier());
+    let chosen = groups.filter_map(|(on, group)| {
+        let mut left = fraction(&mut stream("home", seed, on));
+        let chosen = group.into_iter().find(|other| {
+            left -= other.elsewhere;
+            left < 0.0
+        })?;
+        let variants = chosen.variants.iter().filter(|v| v.furniture.is_empty());
+        let variants: Vec<&Variant> = variants.collect();
+        Some((chosen, variant(chosen, &variants, seed, None)?))
+    });
+    chosen.collect()
+}
+
+/// The placed objects, area by area.
+struct Placed {
+    placements: Vec<Option<Placement>>,
+    attempts: usize,
+    clearance: f64,
+}
+
+impl Placed {
+    /// Objects that no area names are at their place in the scene.
+    fn new(area: &AreaSpec, scene: &Scene) -> Self {
+        let areas = || [area].into_iter().chain(&area.surroundings);
+        let is_named = |body: &Body| {
+            let mut variants = areas().flat_map(|area| &area.variants);
+            variants.any(|variant| variant.place(&body.name).is_some())
+        };
+        let fixed =
+            |body: &Body| (!body.optional && !is_named(body)).then(|| Placement::from_body(body));
+        Self {
+            placements: scene.objects.iter().map(fixed).collect(),
+            attempts: 0,
+            clearance: f64::INFINITY,
+        }
+    }
+
+    /// Places the objects of one more area, and retries until there is room.
+    fn add(&mut self, area: &AreaSpec, variant: &Variant, scene: &Scene, seed: u64) {
+        let mut random = stream(&area.name, seed, "places");
+        let taken: Vec<bool> = self.placements.iter().map(Option::is_some).collect();
+        let arrangement = Arrangement::new(&area.hand, variant, scene, &taken);
+        let mut best: Option<(Vec<Option<Placement>>, f64)> = None;
+        for _ in 0..ATTEMPTS {
+            self.attempts += 1;
+            let (placements, clearance) = arrangement.attempt(&mut random, &self.placements);
+            if best.as_ref().is_none_or(|(_, most)| clearance > *most) {
+                best = Some((placements, clearance));
+            }
+            if clearance >= 0.0 {
+                break;
+            }
+        }
+        if let Some((placements, clearance)) = best {
+            self.placements = placements;
+            self.clearance = self.clearance.min(clearance);
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Samples one start of a task from a seed: the scene of its area, independent of the
+//! task, then the target and the sentence.
+
+use super::area::Variant;
+use super::floor::Floor;
+use super::random::{index, stream};
+use super::scene_sampling::{SceneSample, sample_scene, variant};
+use super::spec::TaskSpec;
+use crate::scene::Scene;
+
+/// Ordinals in sentences.
+const ORDINALS: [&str; 6] = ["first", "second", "third", "fourth", "fifth", "sixth"];
+
+/// Sampled values of one episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TaskSample {
+    /// The scene, the same for all tasks of the area.
+    pub scene: SceneSample,
+    /// Target of the task.
+    pub target: String,
+    /// The sentence.
+    pub instruction: String,
+}
+
+/// The variant of its area in which a task is done with this seed; `share` is the
+/// probability of all variants but the first, default is the area's.
+#[must_use]
+pub fn variant_of(spec: &TaskSpec, seed: u64, share: Option<f64>) -> Option<&Variant> {
+    let offering: Vec<_> = spec.variants().collect();
+    variant(&spec.area, &offering, seed, share)
+}
+
+/// Samples a start of the task in a variant of its area. The same seed gives the same
+/// sample on any machine. `scene` contains the optional furniture of the variant and no
+/// other; with a `floor` the robot starts anywhere on it.
+#[must_use]
+pub fn sample(
+    spec: &TaskSpec,
+    variant: &Variant,
+    scene: &Scene,
+    seed: u64,
+    floor: Option<&Floor>,
+) -> TaskSample {
+    let drawn = sample_scene(&spec.area, variant, scene, seed, floor);
+    let mut random = stream(&spec.area.name, seed, &format!("task {}", spec.name));
+    let mut one_of = |choices: &[String]| {
+        let chosen = index(&mut random, choices.len());
+        choices.get(chosen).cloned().unwrap_or_default()
+    };
+    let target = one_of(&spec.targets);
+    let sentence = one_of(&spec.instructions);
+    let instruction = in_words(&sentence, spec, variant, scene, &drawn, &target);
+    TaskSample {
+        scene: drawn,
+        target,
+        instruction,
+    }
+}
+
+/// The sentence with the target's position among similar objects, counted by a person
+/// who faces the surface: `{from_left}`, `{from_right}` and `{from_top}`.
+fn in_words(
+    sentence: &str,
+    spec: &TaskSpec,
+    variant: &Variant,
+    scene: &Scene,
+    drawn: &SceneSample,
+    target: &str,
+) -> String {
+    let surface = variant
+        .place(target)
+        .and_then(|place| scene.surface_named(&place.on, place.surface.as_deref()));
+    let along = |name: &str| {
+        let placement = drawn.placements[scene.object_named(name)?].as_ref()?;
+        Some((surface?.edge.inverse() * placement.pose).translation.y)
+    };
+    let height = |name: &str| {
+        let object = scene.object_named(name).and_then(|i| drawn.placements[i]);
+        let placed = object.map(|placement| placement.pose.translation.z);
+        let furniture = scene.furniture_named(name);
+        placed.or_else(|| Some(scene.furniture[furniture?].pose.translation.z))
+    };
+    let above = |value: &dyn Fn(&str) -> Option<f64>, sign: f64| {
+        let own = value(target)?;
+        let others = spec.targets.iter().filter(|name| *name != target);
+        let before = others.filter_map(|name| value(name));
+        let before = before.filter(|other| sign * other > sign * own).count();
+        Some(ORDINALS.get(before).copied().unwrap_or("next"))
+    };
+    // Looking inwards, `along` grows to the left.
+    [
+        ("{from_left}", above(&along, 1.0)),
+        ("{from_right}", above(&along, -1.0)),
+        ("{from_top}", above(&height, 1.0)),
+    ]
+    .into_iter()
+    .fold(sentence.to_owned(), |sentence, (key, word)| {
+        word.map_or(sentence.clone(), |word| sentence.replace(key, word))
+    })
+}
