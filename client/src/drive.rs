@@ -11,7 +11,7 @@ use wheelarm_drive::{Gateway, Options};
 use wheelarm_link::Connect;
 use wheelarm_proto::signals::Signals;
 use wheelarm_proto::v1;
-use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions, all_cameras};
+use wheelarm_rollout::launcher::{Recorder, RecorderOptions, Server, ServerOptions, all_cameras};
 
 use crate::choice;
 use crate::control::refuse_closed;

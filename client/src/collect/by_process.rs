@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use wheelarm_operate::run::Report;
 use wheelarm_proto::settings::Named;
-use wheelarm_rig::order::{Order, Recording, Told};
-use wheelarm_rig::{Ongoing, limits};
+use wheelarm_rollout::launcher::Ongoing;
+use wheelarm_rollout::limits;
+use wheelarm_rollout::protocol::{Order, Recording, Told};
 
 use super::attempt::{Attempt, Halt, OPERATOR_LOG, Outcome, STALL, over};
 use super::slot::Permit;

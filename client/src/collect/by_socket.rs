@@ -7,7 +7,10 @@ use anyhow::{Context, anyhow};
 use wheelarm_link::{Connect, Link};
 use wheelarm_operate::log::Log;
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions, Report};
-use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions, StartError, Work, limits};
+use wheelarm_rollout::launcher::{
+    Recorder, RecorderOptions, Server, ServerOptions, StartError, Work,
+};
+use wheelarm_rollout::limits;
 
 use super::attempt::{Attempt, Halt, OPERATOR_LOG, Outcome, STALL, over};
 use super::slot::Permit;

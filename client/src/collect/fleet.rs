@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use parking_lot::{Condvar, Mutex};
-use wheelarm_rig::Panicked;
+use wheelarm_rollout::launcher::Panicked;
 
 use super::attempt::{Outcome, Setup};
 use super::capacity::{PIPELINES, free_disk, size, worker_bytes};

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
-use wheelarm_rig::{Worker, WorkerOptions};
+use wheelarm_rollout::launcher::{Worker, WorkerOptions};
 
 /// Room for one simulation; whoever wants to simulate waits for its permit.
 #[derive(Default)]

@@ -23,11 +23,11 @@ use summary::Summary;
 use wheelarm_link::Link;
 use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateOptions, Progress, Report};
-use wheelarm_pilot::fly::{self, FlyOptions};
-use wheelarm_rig::{
+use wheelarm_rollout::free_label;
+use wheelarm_rollout::launcher::{
     Input, Launch, Process, Program, Recorder, RecorderOptions, Server, ServerOptions, all_cameras,
-    free_label,
 };
+use wheelarm_rollout::policy::run::{self as fly, FlyOptions};
 
 /// Longest time for drawing a contact sheet.
 const SHEET: Duration = Duration::from_secs(120);

@@ -9,7 +9,7 @@ use clap::Args;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
-use wheelarm_rig::{ServerOptions, all_cameras};
+use wheelarm_rollout::launcher::{ServerOptions, all_cameras};
 
 use super::compare::CompareArgs;
 use super::entry::Job;

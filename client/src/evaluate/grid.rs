@@ -10,7 +10,7 @@ use wheelarm_dataset::sheet::grid::{Cell, grid};
 use wheelarm_link::Frame;
 use wheelarm_operate::run::{self as operate, OperateOptions};
 use wheelarm_proto::v1;
-use wheelarm_rig::{Server, all_cameras};
+use wheelarm_rollout::launcher::{Server, all_cameras};
 
 use super::args::EvaluateArgs;
 use super::entry::{Entry, Job};

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use wheelarm_operate::operator::Outcome;
 use wheelarm_proto::settings::Named;
-use wheelarm_rig::order::{Order, Recording, Told, Tried};
-use wheelarm_rig::{Ongoing, Worker, WorkerOptions, free_label, limits};
+use wheelarm_rollout::launcher::{Ongoing, Worker, WorkerOptions};
+use wheelarm_rollout::protocol::{Order, Recording, Told, Tried};
+use wheelarm_rollout::{free_label, limits};
 
 use super::args::EvaluateArgs;
 use super::entry::{Condition, Entry, Job, failed};

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 use wheelarm_dataset::scenario_text::scenario_json;
-use wheelarm_pilot::{Policy, PolicyError};
 use wheelarm_proto::v1;
+use wheelarm_rollout::policy::{Policy, PolicyError};
 
 /// When something happened last, and what is known so far.
 pub struct Pulse(Mutex<Seen>);

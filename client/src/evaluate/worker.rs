@@ -10,10 +10,11 @@ use anyhow::Context;
 use wheelarm_link::{Link, LinkError};
 use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as operate, OperateError, OperateOptions};
-use wheelarm_pilot::fly::{self, Flight, FlyError, FlyOptions};
-use wheelarm_pilot::{Policy, PolicyError};
 use wheelarm_proto::v1;
-use wheelarm_rig::{Recorder, RecorderOptions, Server, Work, free_label, limits};
+use wheelarm_rollout::launcher::{Recorder, RecorderOptions, Server, Work};
+use wheelarm_rollout::policy::run::{self as fly, Flight, FlyError, FlyOptions};
+use wheelarm_rollout::policy::{Policy, PolicyError};
+use wheelarm_rollout::{free_label, limits};
 
 use super::args::EvaluateArgs;
 use super::entry::{Condition, Entry, Job, failed};

@@ -9,8 +9,9 @@ use wheelarm_dataset::publish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::settings::{Depth, Named, Quality};
 use wheelarm_proto::v1;
-use wheelarm_rig::order::{Order, Recording, ShownFile, Told, Tried};
-use wheelarm_rig::{Ongoing, Worker, WorkerOptions, limits};
+use wheelarm_rollout::launcher::{Ongoing, Worker, WorkerOptions};
+use wheelarm_rollout::limits;
+use wheelarm_rollout::protocol::{Order, Recording, ShownFile, Told, Tried};
 
 use super::args::MultiplyArgs;
 use super::ledger::Entry;

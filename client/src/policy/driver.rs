@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use wheelarm_link::Connect;
-use wheelarm_pilot::fly::FlyOptions;
-use wheelarm_pilot::openpi::{NameMap, OpenPi};
-use wheelarm_pilot::{Batched, Hold, Host, Policy, Repeat};
 use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::v1;
-use wheelarm_rig::Program;
+use wheelarm_rollout::launcher::Program;
+use wheelarm_rollout::policy::openpi::{NameMap, OpenPi};
+use wheelarm_rollout::policy::run::FlyOptions;
+use wheelarm_rollout::policy::{Batched, Hold, Host, Policy, Repeat};
 
 use super::nearest::Nearest;
 use super::{Choice, PolicyArgs};
@@ -105,7 +105,7 @@ impl Driver {
         if !args.training_seeds {
             apart(spec, &start.seeds)?;
         }
-        let (_, ticks) = wheelarm_pilot::checked(spec)?;
+        let (_, ticks) = wheelarm_rollout::policy::checked(spec)?;
         let row = ticks * wheelarm_proto::TICKS_PER_CONTROL as u32;
         if !args.latency.is_multiple_of(row) {
             bail!(

@@ -11,7 +11,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_link::{Link, Turn, Turns};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_rig::free_label;
+use wheelarm_rollout::free_label;
 
 use super::args::ReplayArgs;
 use super::assets;

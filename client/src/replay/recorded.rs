@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
 use wheelarm_link::Link;
 use wheelarm_proto::v1;
-use wheelarm_rig::free_label;
+use wheelarm_rollout::free_label;
 
 use super::args::ReplayArgs;
 use super::assets;

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use wheelarm_link::Link;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
-use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions};
+use wheelarm_rollout::launcher::{Recorder, RecorderOptions, Server, ServerOptions};
 
 use super::args::ReplayArgs;
 use crate::multiply::mark;

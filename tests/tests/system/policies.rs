@@ -8,8 +8,8 @@ use std::sync::Mutex;
 use serde_json::Value;
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
 use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
-use wheelarm_pilot::{Hold, Policy, PolicyError, fly};
 use wheelarm_proto::v1;
+use wheelarm_rollout::policy::{Hold, Policy, PolicyError, run as fly};
 use wheelarm_tests::{Recorder, Server, printed, program, root, wait_until};
 
 /// Holds the hand, drives on, and remembers what it saw.

@@ -1,7 +1,7 @@
 //! `wheelarm-worker`: server, recorder and scripted operator in one process.
 //!
 //! `wheelarm collect` and `wheelarm evaluate` start it and give it orders
-//! (`wheelarm_rig::order`), one episode each. All of them share one session that
+//! (`wheelarm_rollout::protocol`), one episode each. All of them share one session that
 //! reaches nobody else, so that a picture goes from the renderer into the log without
 //! a copy; the graphics device stays from one episode to the next. Each episode has
 //! a service and a recorder of its own, which are as fresh as in a process of their
@@ -22,7 +22,7 @@ use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
 use wheelarm_proto::installed;
 use wheelarm_proto::program::{told, version};
-use wheelarm_rig::order::{Asked, Said};
+use wheelarm_rollout::protocol::{Asked, Said};
 use wheelarm_server::environment;
 use wheelarm_server::sensors::camera::Graphics;
 use wheelarm_server::service;

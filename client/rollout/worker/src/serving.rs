@@ -11,7 +11,8 @@ use wheelarm_link::Link;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
-use wheelarm_rig::{Panicked, limits};
+use wheelarm_rollout::launcher::Panicked;
+use wheelarm_rollout::limits;
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::Simulation;
 

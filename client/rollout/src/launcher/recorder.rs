@@ -10,8 +10,8 @@ use wheelarm_link::{Connect, Link};
 use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::v1;
 
+use super::process::{Input, Launch, Process, Program};
 use crate::limits;
-use crate::process::{Input, Launch, Process, Program};
 
 /// What a recorder is started with.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use wheelarm_rig::order::{Said, Told};
+use wheelarm_rollout::protocol::{Said, Told};
 
 /// The worker's voice.
 #[derive(Clone, Default)]

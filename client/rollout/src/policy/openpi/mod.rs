@@ -24,7 +24,7 @@ use wheelarm_proto::v1;
 pub use array::{Rows, rows};
 pub use map::{NameMap, NumbersMap, PictureMap, Protocol};
 
-use crate::policy::{Policy, PolicyError, checked};
+use crate::policy::interface::{Policy, PolicyError, checked};
 
 /// Environment variable with a key that is sent as openpi's servers want it.
 pub const KEY_VARIABLE: &str = "OPENPI_API_KEY";

@@ -3,7 +3,7 @@
 use wheelarm_policy::{ActionKind, STATE};
 use wheelarm_proto::v1;
 
-use crate::policy::{Policy, PolicyError};
+use super::interface::{Policy, PolicyError};
 
 /// Where things stand in a row of state: hand pose, odometry, knuckle.
 const KNUCKLE: usize = 12;

@@ -7,7 +7,7 @@ use wheelarm_policy::{ActionKind, STATE};
 use wheelarm_proto::v1;
 
 use super::array::{self, Rows, at};
-use crate::policy::PolicyError;
+use crate::policy::interface::PolicyError;
 
 /// Which protocol a server speaks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]

@@ -11,9 +11,9 @@ use wheelarm_link::{Connect, Link};
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
 use wheelarm_proto::v1;
 
+use super::process::{Input, Launch, Process, Program};
+use super::socket::socket_folder;
 use crate::limits;
-use crate::process::{Input, Launch, Process, Program};
-use crate::socket::socket_folder;
 
 /// What a server is started with.
 #[derive(Clone, Debug, Default, PartialEq)]

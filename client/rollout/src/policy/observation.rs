@@ -10,7 +10,7 @@ use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use crate::error::FlyError;
+use super::error::FlyError;
 
 /// Streams that make up a row of state, and how the task stands.
 pub(crate) const STREAMS: [TopicId; 6] = [

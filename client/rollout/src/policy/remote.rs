@@ -8,7 +8,7 @@ use zenoh::qos::Priority;
 use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::{Config, Session, Wait};
 
-use crate::policy::PolicyError;
+use super::interface::PolicyError;
 
 /// How long a policy may think about one question, wall time.
 pub const PATIENCE: Duration = Duration::from_secs(30);

@@ -8,9 +8,9 @@ use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
 
-pub use crate::error::FlyError;
-use crate::eyes::{Eyes, STREAMS};
-use crate::policy::{Policy, PolicyError, checked};
+pub use super::error::FlyError;
+use super::interface::{Policy, PolicyError, checked};
+use super::observation::{Eyes, STREAMS};
 
 /// Silence after which the server is asked what it waits for.
 const SILENCE: Duration = Duration::from_secs(1);

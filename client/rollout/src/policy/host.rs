@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::launcher::process::{Input, Launch, Process, Program};
 use tempfile::TempDir;
 use wheelarm_link::{Connect, LinkError, Silence, open_session};
 use wheelarm_proto::v1;
-use wheelarm_rig::{Input, Launch, Process, Program};
 use zenoh::Session;
 
-use crate::policy::{PolicyError, checked};
-use crate::remote::{Remote, listen};
+use super::interface::{PolicyError, checked};
+use super::remote::{Remote, listen};
 
 /// Environment variable that tells a policy the Zenoh endpoint to connect to.
 pub const POLICY_VARIABLE: &str = "WHEELARM_POLICY_ENDPOINT";

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use rustix::process::{Pid, Signal, kill_process_group};
 
+use super::program::required_program;
 use crate::limits;
-use crate::program::required_program;
 
 /// Lines of a program's messages that stand in an error.
 const TAIL_LINES: usize = 30;

@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use parking_lot::{Condvar, Mutex};
 
+use super::process::{Input, Launch, Process, Program};
 use crate::limits;
-use crate::order::{Asked, Order, Said, Told};
-use crate::process::{Input, Launch, Process, Program};
+use crate::protocol::{Asked, Order, Said, Told};
 
 /// Orders of one worker: it grows by some megabytes with each (9 MB measured, with
 /// cameras), and starting another takes about a second.

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use wheelarm_proto::v1;
 
-use crate::host::Host;
-use crate::policy::{Policy, PolicyError};
+use super::host::Host;
+use super::interface::{Policy, PolicyError};
 
 /// How long the first of a batch waits for others.
 const GATHER: Duration = Duration::from_millis(3);
