@@ -1,5 +1,7 @@
-//! How long what a rig does may take, wall time.
+//! Wall-time limits.
 
+use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Until a server serves: it may build its pipelines on a CPU.
@@ -13,3 +15,42 @@ pub const END: Duration = Duration::from_secs(20);
 pub const LOOK: Duration = Duration::from_millis(20);
 /// For the connection to a server that serves.
 pub const CONNECT: Duration = Duration::from_secs(10);
+
+/// Wall-time limits of an episode.
+#[derive(Clone)]
+pub struct Limits {
+    /// Longest time for which the server may be silent.
+    pub silence: Duration,
+    /// Longest time for which simulated time may stand still while the server answers.
+    pub stall: Duration,
+    /// Returns true when the caller cancels the episode.
+    pub cancelled: Arc<dyn Fn() -> bool + Send + Sync>,
+}
+
+impl Limits {
+    /// The same limit for a silent server and for a stall; never cancelled.
+    #[must_use]
+    pub fn patience(patience: Duration) -> Self {
+        Self {
+            silence: patience,
+            stall: patience,
+            cancelled: Arc::new(|| false),
+        }
+    }
+}
+
+impl Default for Limits {
+    /// Five minutes: for episodes that a person watches.
+    fn default() -> Self {
+        Self::patience(Duration::from_secs(300))
+    }
+}
+
+impl fmt::Debug for Limits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Limits")
+            .field("silence", &self.silence)
+            .field("stall", &self.stall)
+            .finish_non_exhaustive()
+    }
+}

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
+use wheelarm_rollout::{FailureCause, LogEntry};
 
 use super::progress::Course;
-use crate::broken::Broken;
 use crate::variation::Variation;
 
 /// One episode to do.
@@ -122,26 +122,51 @@ pub struct Entry {
     pub thinking: Option<(usize, f64, f64)>,
     /// What broke; absent when nothing did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub broken: Option<Broken>,
+    pub broken: Option<FailureCause>,
     /// Where something broke, the scenario that reproduces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
 
-/// How a task failed, in a word or two; `gave up` where the task itself had not.
-#[must_use]
-pub fn failed(evaluation: &v1::Evaluation) -> String {
-    use v1::FailureReason as Reason;
-    match evaluation.failure_reason() {
-        Reason::Unspecified | Reason::None => "gave up".to_owned(),
-        reason => {
-            let name = reason.as_str_name().trim_start_matches("FAILURE_REASON_");
-            name.to_lowercase().replace('_', " ")
+impl LogEntry for Entry {
+    const COMMAND: &'static str = "evaluate";
+
+    /// The same episode of the same policy.
+    fn replaces(&self, known: &Self) -> bool {
+        fn key(e: &Entry) -> (u64, [&String; 3]) {
+            (e.seed, [&e.task, &e.settings, &e.policy])
         }
+        key(self) == key(known)
     }
 }
 
 impl Entry {
+    /// An empty result of `job`.
+    #[must_use]
+    pub fn for_job(job: &Job) -> Self {
+        Self {
+            task: job.task.clone(),
+            seed: job.seed,
+            settings: job.settings(),
+            policy: job.policy.clone(),
+            policy_files: job.policy_files.clone(),
+            label: None,
+            success: false,
+            why: String::new(),
+            end: String::new(),
+            course: None,
+            conditions: Vec::new(),
+            seconds: 0.0,
+            factor: 0.0,
+            hash: String::new(),
+            rejected_starts: 0,
+            notes: Vec::new(),
+            thinking: None,
+            broken: None,
+            scenario: None,
+        }
+    }
+
     /// Whether it is the result of `job`.
     #[must_use]
     pub fn is_of(&self, job: &Job) -> bool {

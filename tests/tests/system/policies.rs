@@ -9,7 +9,7 @@ use serde_json::Value;
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
 use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
 use wheelarm_proto::v1;
-use wheelarm_rollout::policy::{Hold, Policy, PolicyError, run as fly};
+use wheelarm_rollout::policy::{self, Hold, Policy, PolicyError, PolicyOptions};
 use wheelarm_tests::{Recorder, Server, printed, program, root, wait_until};
 
 /// Holds the hand, drives on, and remembers what it saw.
@@ -95,14 +95,14 @@ fn seen(name: &str, sensors: &[&str]) {
         },
         saw: Mutex::default(),
     };
-    let options = fly::FlyOptions {
+    let options = PolicyOptions {
         label: "seen".to_owned(),
         require_recorders: 1,
         ..Default::default()
     };
-    let flight = fly::run(&link, &policy, &options, &mut |_| {}).expect("a flight");
-    assert_eq!(flight.error, Some(PolicyError::Said("enough".to_owned())));
-    assert_eq!((flight.rows, flight.thinking.len()), (24, 24));
+    let episode = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
+    assert_eq!(episode.error, Some(PolicyError::Said("enough".to_owned())));
+    assert_eq!((episode.rows, episode.thinking.len()), (24, 24));
     recorder.finish();
 
     let wanted = learning::reads;

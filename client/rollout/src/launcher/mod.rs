@@ -1,4 +1,4 @@
-//! The programs that an episode needs: [`Server`], [`Recorder`] and [`Worker`].
+//! The programs that an episode needs: [`Server`], [`Recorder`] and others.
 //!
 //! Every one is a [`Process`]: started, watched and ended in the same way, within the same
 //! time limits. None outlives this process. [`Work`] is work of this process that may
@@ -10,7 +10,6 @@ mod recorder;
 mod server;
 mod socket;
 mod work;
-mod worker;
 
 pub use process::{Input, Launch, Process, Program, end_with_parent};
 pub use program::{find_program, programs_named, required_program};
@@ -18,4 +17,3 @@ pub use recorder::{Recorder, RecorderOptions};
 pub use server::{Server, ServerOptions, StartError, all_cameras};
 pub use socket::remove_socket;
 pub use work::{Panicked, Work};
-pub use worker::{Ongoing, Worker, WorkerOptions};

@@ -10,13 +10,12 @@
 //! file or the layers of a network. A policy that fails costs its episode, not the program.
 
 mod batched;
-mod error;
 mod host;
 mod interface;
 mod observation;
 pub mod openpi;
 mod remote;
-pub mod run;
+mod run;
 mod serve;
 mod trivial;
 
@@ -24,5 +23,6 @@ pub use batched::Batched;
 pub use host::{Host, NAME_VARIABLE, POLICY_VARIABLE};
 pub use interface::{Policy, PolicyError, checked};
 pub use remote::{PATIENCE, Remote, listen, listen_at};
+pub use run::{PolicyEpisode, PolicyOptions, run};
 pub use serve::{Answers, serve};
 pub use trivial::{Hold, Repeat};

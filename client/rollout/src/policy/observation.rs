@@ -1,16 +1,15 @@
-//! What a policy sees, live: samples and pictures of one tick together, as the
-//! exports tell them.
+//! The observations of a policy: the samples and images of one tick together, as exports
+//! hold them.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use wheelarm_link::{Camera, Frame, Link, LinkError, SensorPictures};
+use wheelarm_operate::run::DriverError;
 use wheelarm_policy::{Observed, state};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-
-use super::error::FlyError;
 
 /// Streams that make up a row of state, and how the task stands.
 pub(crate) const STREAMS: [TopicId; 6] = [
@@ -41,7 +40,7 @@ struct Sensor {
 }
 
 /// Collects what a policy sees.
-pub(crate) struct Eyes {
+pub(crate) struct Collector {
     roles: Roles,
     views: Vec<View>,
     joints: v1::JointState,
@@ -58,7 +57,7 @@ pub(crate) struct Eyes {
     history: usize,
 }
 
-impl Eyes {
+impl Collector {
     /// Subscribes to the cameras that a policy wants.
     ///
     /// # Errors
@@ -129,13 +128,13 @@ impl Eyes {
     /// picture yet.
     ///
     /// # Errors
-    /// [`FlyError::Sees`] when a sample or a picture is not there.
+    /// [`DriverError::Scene`] when a sample or a picture is not there.
     pub fn see(
         &mut self,
         link: &Link,
         now: &v1::Header,
         patience: Duration,
-    ) -> Result<Option<bool>, FlyError> {
+    ) -> Result<Option<bool>, DriverError> {
         let is_first = self.start.is_none();
         let deadline = Instant::now() + patience;
         let has_sensors = |view: &View| view.color.is_some() || view.depth.is_some();
@@ -174,7 +173,7 @@ impl Eyes {
         self.moments.iter().cloned().collect()
     }
 
-    fn state(&mut self, now: &v1::Header) -> Result<Vec<f64>, FlyError> {
+    fn state(&mut self, now: &v1::Header) -> Result<Vec<f64>, DriverError> {
         // Sensor models publish where they are on, with every other sample of a tick.
         let has_encoders = self.sensed_joints.header.is_some();
         let has_odometry = self.sensed_odometry.header.is_some();
@@ -192,14 +191,14 @@ impl Eyes {
         for (stream, header, _) in headers.into_iter().filter(|(.., is_on)| *is_on) {
             let tick = header.as_ref().map(|header| header.tick);
             if tick != Some(now.tick) {
-                return Err(FlyError::Sees(format!(
+                return Err(DriverError::Scene(format!(
                     "the newest sample of `{stream}` is not of tick {} but of {tick:?}: policies \
                      need the state at 60 Hz",
                     now.tick
                 )));
             }
         }
-        let lacks = |what: &str| FlyError::Sees(format!("the server's samples lack {what}"));
+        let lacks = |what: &str| DriverError::Scene(format!("the server's samples lack {what}"));
         let of = |all: &[f64]| -> Option<([f64; 6], f64)> {
             Some((self.roles.arm_of(all)?, *all.get(self.roles.knuckle)?))
         };
@@ -243,7 +242,7 @@ impl View {
         given: &[v1::SensorGiven],
         now: &v1::Header,
         deadline: Instant,
-    ) -> Result<Option<v1::PolicyPicture>, FlyError> {
+    ) -> Result<Option<v1::PolicyPicture>, DriverError> {
         let mut picture = match &self.exact {
             Some(camera) => exact(&self.wanted, camera, now, deadline)?,
             None => v1::PolicyPicture::default(),
@@ -286,10 +285,10 @@ impl Sensor {
         given: &[v1::SensorGiven],
         now: &v1::Header,
         deadline: Instant,
-    ) -> Result<bool, FlyError> {
+    ) -> Result<bool, DriverError> {
         let Some(told) = given.iter().find(|told| told.sensor == self.name) else {
             let words = format!("the sensor {:?} is gone", self.name);
-            return Err(FlyError::Sees(words));
+            return Err(DriverError::Scene(words));
         };
         if told.pictures == 0 {
             return Ok(false);
@@ -303,7 +302,7 @@ impl Sensor {
             match self.pictures.next(left)? {
                 Some(frame) => self.newest = Some(frame),
                 None => {
-                    return Err(FlyError::Sees(format!(
+                    return Err(DriverError::Scene(format!(
                         "picture {} of the sensor {:?} did not come",
                         told.newest, self.name
                     )));
@@ -317,12 +316,12 @@ impl Sensor {
         &self,
         wanted: &v1::PolicyCamera,
         plane: fn(&v1::SensorFrame) -> bytes::Bytes,
-    ) -> Result<bytes::Bytes, FlyError> {
+    ) -> Result<bytes::Bytes, DriverError> {
         let frame = self.newest.clone().unwrap_or_default();
         let size = frame.intrinsics.as_ref().map(|i| [i.width, i.height]);
         match size.unwrap_or_default() {
             found if found == [wanted.width, wanted.height] => Ok(plane(&frame)),
-            [width, height] => Err(FlyError::Sees(format!(
+            [width, height] => Err(DriverError::Scene(format!(
                 "the sensor {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
                  make it for that size, or leave this sensor model out",
                 self.name, wanted.width, wanted.height
@@ -337,11 +336,11 @@ fn exact(
     camera: &Camera,
     now: &v1::Header,
     deadline: Instant,
-) -> Result<v1::PolicyPicture, FlyError> {
+) -> Result<v1::PolicyPicture, DriverError> {
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
         let Some(frame) = camera.next(left)? else {
-            return Err(FlyError::Sees(format!(
+            return Err(DriverError::Scene(format!(
                 "no picture of camera {:?} came for tick {}",
                 wanted.name, now.tick
             )));
@@ -352,7 +351,7 @@ fn exact(
         }
         let (width, height) = (frame.intrinsics.width, frame.intrinsics.height);
         if (width, height) != (wanted.width, wanted.height) {
-            return Err(FlyError::Sees(format!(
+            return Err(DriverError::Scene(format!(
                 "camera {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
                  start the server with --camera {0}={}x{}",
                 wanted.name, wanted.width, wanted.height, wanted.width, wanted.height

@@ -1,16 +1,16 @@
-//! One episode of a policy: it is asked at pictures, and its rows are carried out
-//! in lock-step, until the task is over.
+//! One episode of a policy: the policy receives observations at the times of images, and
+//! its rows are executed in lock-step until the task is over.
 
 use std::time::{Duration, Instant};
 
 use wheelarm_link::{Link, Turn, Turns};
+use wheelarm_operate::run::DriverError;
 use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
 
-pub use super::error::FlyError;
 use super::interface::{Policy, PolicyError, checked};
-use super::observation::{Eyes, STREAMS};
+use super::observation::{Collector, STREAMS};
 
 /// Silence after which the server is asked what it waits for.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -19,9 +19,9 @@ const GIVE_UP: u32 = 60;
 /// For a picture to be drawn and to come.
 const PICTURE: Duration = Duration::from_secs(60);
 
-/// How an episode is flown.
+/// How an episode is run.
 #[derive(Clone, Debug)]
-pub struct FlyOptions {
+pub struct PolicyOptions {
     /// Label of the episode.
     pub label: String,
     /// Instruction sentence; the scenario's when empty.
@@ -43,7 +43,7 @@ pub struct FlyOptions {
     pub device: v1::Device,
 }
 
-impl Default for FlyOptions {
+impl Default for PolicyOptions {
     fn default() -> Self {
         Self {
             label: String::new(),
@@ -61,7 +61,7 @@ impl Default for FlyOptions {
 
 /// How an episode went.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Flight {
+pub struct PolicyEpisode {
     /// The episode.
     pub started: v1::EpisodeStarted,
     /// Its end; absent where it goes on.
@@ -78,7 +78,7 @@ pub struct Flight {
     pub thinking: Vec<f64>,
 }
 
-impl Flight {
+impl PolicyEpisode {
     /// Simulated seconds from the episode's beginning to its end.
     #[must_use]
     pub fn seconds(&self) -> f64 {
@@ -89,7 +89,7 @@ impl Flight {
     }
 }
 
-/// Ends the episode where the flight ends without having done so.
+/// Ends the episode where the episode ends without having done so.
 struct Own<'a> {
     link: &'a Link,
     started: &'a v1::EpisodeStarted,
@@ -106,18 +106,18 @@ impl Drop for Own<'_> {
     }
 }
 
-/// Flies the task in force, which must wait for an episode in lock-step. `told`
+/// Runs the task in force, which must wait for an episode in lock-step. `told`
 /// hears the simulated seconds at every row.
 ///
 /// # Errors
-/// [`FlyError`] when server or scenario are at fault; what the policy does wrong is a
-/// [`Flight`] with an error.
+/// [`DriverError`] when server or scenario are at fault; what the policy does wrong is a
+/// [`PolicyEpisode`] with an error.
 pub fn run(
     link: &Link,
     policy: &dyn Policy,
-    options: &FlyOptions,
+    options: &PolicyOptions,
     told: &mut dyn FnMut(f64),
-) -> Result<Flight, FlyError> {
+) -> Result<PolicyEpisode, DriverError> {
     let spec = policy.spec();
     let scene = link.ask(&v1::SceneRequest {})?;
     let status = link.ask(&v1::StatusRequest {})?;
@@ -127,13 +127,13 @@ pub fn run(
     let fits = fitting(spec, &robot);
     let (kind, over_ticks) = match fits {
         Ok(fits) => fits,
-        Err(problem) => return Err(FlyError::Sees(problem.to_string())),
+        Err(problem) => return Err(DriverError::Scene(problem.to_string())),
     };
     let mut player = Player::new(kind, &robot, spec.rate_hz);
     player.device = options.device;
     player.max_force = cap;
     let turns = link.turns(&options.commander, false, &STREAMS)?;
-    let eyes = Eyes::open(link, spec, Roles::find(&robot)?)?;
+    let collector = Collector::open(link, spec, Roles::find(&robot)?)?;
     let started = link.ask(&v1::EpisodeStartRequest {
         label: options.label.clone(),
         instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
@@ -146,7 +146,7 @@ pub fn run(
         false => started.instruction.clone(),
     };
     let first = started.header.clone().unwrap_or_default();
-    let flight = Flight {
+    let episode = PolicyEpisode {
         started: started.clone(),
         stopped: None,
         evaluation: v1::Evaluation::default(),
@@ -163,7 +163,7 @@ pub fn run(
         },
         policy,
         turns,
-        eyes,
+        collector,
         pilot: Pilot::new(
             player,
             PilotOptions {
@@ -179,9 +179,9 @@ pub fn run(
         instruction,
         first,
         until: options.until_seconds,
-        flight,
+        episode,
     };
-    let over = work.fly(told)?;
+    let over = work.execute(told)?;
     work.finish(over)
 }
 
@@ -240,7 +240,7 @@ struct Work<'a> {
     own: Own<'a>,
     policy: &'a dyn Policy,
     turns: Turns,
-    eyes: Eyes,
+    collector: Collector,
     pilot: Pilot,
     over_ticks: u32,
     key: String,
@@ -248,11 +248,11 @@ struct Work<'a> {
     instruction: String,
     first: v1::Header,
     until: Option<f64>,
-    flight: Flight,
+    episode: PolicyEpisode,
 }
 
 impl Work<'_> {
-    fn fly(&mut self, told: &mut dyn FnMut(f64)) -> Result<Over, FlyError> {
+    fn execute(&mut self, told: &mut dyn FnMut(f64)) -> Result<Over, DriverError> {
         let mut silent = 0;
         let reset = v1::PolicyResetRequest {
             episode_key: self.key.clone(),
@@ -260,12 +260,12 @@ impl Work<'_> {
             instruction: self.instruction.clone(),
         };
         if let Err(problem) = self.policy.reset(reset) {
-            self.flight.error = Some(problem);
+            self.episode.error = Some(problem);
             return Ok(Over::Done);
         }
         loop {
-            let eyes = &mut self.eyes;
-            match self.turns.next(SILENCE, &mut |s| eyes.take(s))? {
+            let collector = &mut self.collector;
+            match self.turns.next(SILENCE, &mut |s| collector.take(s))? {
                 Turn::Answer(clock) => {
                     let header = clock.header.unwrap_or_default();
                     if header.episode != self.first.episode {
@@ -275,7 +275,7 @@ impl Work<'_> {
                     let since = header.stamp_nanos.saturating_sub(self.first.stamp_nanos);
                     let since = since as f64 * 1e-9;
                     told(since);
-                    if self.eyes.evaluation.done {
+                    if self.collector.evaluation.done {
                         return Ok(Over::Done);
                     }
                     if self.until.is_some_and(|until| since >= until) {
@@ -286,15 +286,15 @@ impl Work<'_> {
                     }
                 }
                 Turn::Refused(refusal) => {
-                    self.flight.error = Some(PolicyError::Refused(refusal.reason));
+                    self.episode.error = Some(PolicyError::Refused(refusal.reason));
                     return Ok(Over::Done);
                 }
                 Turn::Ended(end) if self.is_end(&end) => {
                     self.own.open = false;
                     if end.cause() != v1::EndCause::Physics {
-                        return Err(FlyError::Ended);
+                        return Err(DriverError::Ended);
                     }
-                    self.flight.stopped = Some(end);
+                    self.episode.stopped = Some(end);
                     return Ok(Over::Stopped);
                 }
                 Turn::Ended(_) => {}
@@ -303,14 +303,14 @@ impl Work<'_> {
                     if status.episode.is_none() {
                         self.own.open = false;
                         if status.broken.is_empty() {
-                            return Err(FlyError::Ended);
+                            return Err(DriverError::Ended);
                         }
-                        self.flight.broken = Some(status.broken);
+                        self.episode.broken = Some(status.broken);
                         return Ok(Over::Stopped);
                     }
                     if silent > GIVE_UP && !status.paused {
                         let seconds = SILENCE.as_secs_f64() * f64::from(silent);
-                        return Err(FlyError::Silent(seconds, status.waiting_for));
+                        return Err(DriverError::Silent(seconds, status.waiting_for));
                     }
                 }
             }
@@ -318,7 +318,7 @@ impl Work<'_> {
     }
 
     /// Answers one turn; whether the policy could.
-    fn answer(&mut self, now: &v1::Header) -> Result<bool, FlyError> {
+    fn answer(&mut self, now: &v1::Header) -> Result<bool, DriverError> {
         let picture = u64::from(self.over_ticks) * TICKS_PER_CONTROL;
         let beyond = now.tick % picture;
         if beyond != 0 {
@@ -335,7 +335,7 @@ impl Work<'_> {
             over_ticks,
             ..Default::default()
         };
-        let Some(is_first) = self.eyes.see(self.own.link, now, PICTURE)? else {
+        let Some(is_first) = self.collector.see(self.own.link, now, PICTURE)? else {
             // A sensor has not given its first picture.
             self.turns.answer(hold())?;
             return Ok(true);
@@ -343,12 +343,12 @@ impl Work<'_> {
         let command = match self.ask(now, is_first) {
             Ok(command) => command,
             Err(problem) => {
-                self.flight.error = Some(problem);
+                self.episode.error = Some(problem);
                 return Ok(false);
             }
         };
         self.turns.answer(command.unwrap_or_else(hold))?;
-        self.flight.rows += 1;
+        self.episode.rows += 1;
         Ok(true)
     }
 
@@ -362,34 +362,34 @@ impl Work<'_> {
                 first,
                 tick: now.tick,
                 instruction: self.instruction.clone(),
-                moments: self.eyes.moments(),
+                moments: self.collector.moments(),
             })?;
-            self.flight.thinking.push(begun.elapsed().as_secs_f64());
+            self.episode.thinking.push(begun.elapsed().as_secs_f64());
             self.pilot.take(chunk.rows as usize, &chunk.values)?;
         }
         Ok(self.pilot.command()?)
     }
 
     /// Ends the episode, unless somebody else goes on or has ended it.
-    fn finish(mut self, over: Over) -> Result<Flight, FlyError> {
+    fn finish(mut self, over: Over) -> Result<PolicyEpisode, DriverError> {
         if matches!(over, Over::Given) {
             self.own.open = false;
         }
         if std::mem::take(&mut self.own.open) {
             let stopped = self.own.link.stop_episode_of(self.own.started, false)?;
-            self.flight.stopped = Some(stopped);
+            self.episode.stopped = Some(stopped);
         }
-        let end = self.flight.stopped.as_ref();
+        let end = self.episode.stopped.as_ref();
         let told = end.and_then(|stopped| stopped.evaluation.clone());
-        self.flight.evaluation = told.unwrap_or_else(|| self.eyes.evaluation.clone());
+        self.episode.evaluation = told.unwrap_or_else(|| self.collector.evaluation.clone());
         if let Some(end) = end.filter(|end| end.cause() == v1::EndCause::Physics) {
             let words = end.anomalies.last().cloned().unwrap_or_default();
-            self.flight.broken.get_or_insert(words);
+            self.episode.broken.get_or_insert(words);
         }
-        if self.flight.broken.is_some() || self.flight.error.is_some() {
-            self.flight.evaluation.success = false;
+        if self.episode.broken.is_some() || self.episode.error.is_some() {
+            self.episode.evaluation.success = false;
         }
-        Ok(self.flight)
+        Ok(self.episode)
     }
 
     fn is_end(&self, stopped: &v1::EpisodeStopped) -> bool {

@@ -1,15 +1,15 @@
-//! `wheelarm-worker`: server, recorder and scripted operator in one process.
+//! `wheelarm-worker`: server, recorder and scripted expert in one process.
 //!
-//! `wheelarm collect` and `wheelarm evaluate` start it and give it orders
-//! (`wheelarm_rollout::protocol`), one episode each. All of them share one session that
-//! reaches nobody else, so that a picture goes from the renderer into the log without
-//! a copy; the graphics device stays from one episode to the next. Each episode has
-//! a service and a recorder of its own, which are as fresh as in a process of their
-//! own. This is the only package that names both server and clients.
+//! `wheelarm-rollout` starts it and sends it requests (`wheelarm_rollout::protocol`), one
+//! for each episode. All episodes share one session that reaches no other process, so an
+//! image goes from the renderer into the log without a copy; the graphics device stays from
+//! one episode to the next. Each episode has a service and a recorder of its own, as fresh
+//! as in a process of its own. This is the only package that names both server and clients.
 
 mod episode;
+mod room;
 mod serving;
-mod voice;
+mod stdout_protocol;
 
 use std::collections::BTreeMap;
 use std::io::BufRead;
@@ -22,16 +22,16 @@ use clap::{CommandFactory, Parser};
 use parking_lot::Mutex;
 use wheelarm_proto::installed;
 use wheelarm_proto::program::{told, version};
-use wheelarm_rollout::protocol::{Asked, Said};
+use wheelarm_rollout::protocol::{Reply, Request};
 use wheelarm_server::environment;
 use wheelarm_server::sensors::camera::Graphics;
 use wheelarm_server::service;
 
-use episode::{Room, Stop};
-use voice::Voice;
+use room::{Room, Stop};
+use stdout_protocol::Output;
 
-/// Makes episodes of a campaign in one process. Started by `wheelarm collect` and
-/// `wheelarm evaluate`, which give it orders by its standard input.
+/// Makes episodes of a campaign in one process. Started by `wheelarm collect`, `wheelarm
+/// evaluate` and `wheelarm multiply`, which send it requests by its standard input.
 #[derive(Parser, Debug)]
 #[command(name = "wheelarm-worker", version = version())]
 struct Args {
@@ -82,8 +82,8 @@ fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
         .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
 }
 
-/// Takes orders until its standard input ends: then whoever gave them is gone, and
-/// what is under way would be made again.
+/// Runs requests until the standard input ends: then the sender is gone, and would make
+/// the episodes under way again.
 fn work(args: Args) -> anyhow::Result<()> {
     wheelarm_proto::log::start("warn,zenoh=error", false, std::io::stderr);
     let assets = assets(args.assets)?;
@@ -98,26 +98,27 @@ fn work(args: Args) -> anyhow::Result<()> {
         graphics: Graphics::on(args.adapter.as_deref()),
         runtime: runtime.handle().clone(),
     });
-    let voice = Voice::default();
-    voice.say(&Said::Ready);
+    let output = Output::default();
+    output.write(&Reply::Ready);
     let stops: Arc<Mutex<BTreeMap<u64, Stop>>> = Arc::default();
     for line in std::io::stdin().lock().lines() {
-        let line = line.context("reading orders")?;
-        match serde_json::from_str(&line).context("an order cannot be read")? {
-            Asked::Do(order) => {
-                let (number, stop) = (order.number, Stop::default());
+        let line = line.context("reading requests")?;
+        match serde_json::from_str(&line).context("a request cannot be read")? {
+            Request::Run(request) => {
+                let (number, stop) = (request.number, Stop::default());
                 stops.lock().insert(number, stop.clone());
-                let (room, voice, stops) = (Arc::clone(&room), voice.of(number), stops.clone());
+                let (room, stops) = (Arc::clone(&room), stops.clone());
+                let output = output.for_episode(number);
                 let thread = std::thread::Builder::new().name("episode".to_owned());
                 thread
                     .spawn(move || {
-                        episode::make(&room, &order, &stop, &voice);
+                        episode::make(&room, &request, &stop, &output);
                         stops.lock().remove(&number);
                     })
                     .context("starting the thread of an episode")?;
             }
-            Asked::Cancel { order } => {
-                if let Some(stop) = stops.lock().get(&order) {
+            Request::Cancel { number } => {
+                if let Some(stop) = stops.lock().get(&number) {
                     stop.ask();
                 }
             }

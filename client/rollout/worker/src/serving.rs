@@ -16,7 +16,7 @@ use wheelarm_rollout::limits;
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::Simulation;
 
-use super::episode::{Room, Stop};
+use super::room::{Room, Stop};
 
 /// A running service; it ends when dropped.
 pub struct Serving {

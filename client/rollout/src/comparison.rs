@@ -1,10 +1,8 @@
 //! State hashes of a replay beside the recorded ones.
 
-use std::process::ExitCode;
-
-/// Recorded hashes beside those of the replay.
-#[derive(Clone, Debug)]
-pub(super) struct Comparison {
+/// Recorded state hashes beside those of the replay.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
     recorded: Vec<(u64, u64)>,
     seen: Vec<(u64, u64)>,
     ticks: usize,
@@ -12,6 +10,7 @@ pub(super) struct Comparison {
 
 impl Comparison {
     /// Compares with `recorded` hashes by tick.
+    #[must_use]
     pub fn with(recorded: Vec<(u64, u64)>) -> Self {
         Self {
             recorded,
@@ -20,20 +19,35 @@ impl Comparison {
         }
     }
 
-    /// A control tick is over.
-    pub fn tick(&mut self) {
+    /// Adds a hash of the replay.
+    pub fn insert(&mut self, tick: u64, hash: u64) {
+        if !self.seen.contains(&(tick, hash)) {
+            self.seen.push((tick, hash));
+        }
+    }
+
+    /// Counts a replayed control tick.
+    pub fn count_tick(&mut self) {
         self.ticks += 1;
     }
 
-    /// A hash that the replay came to.
-    pub fn take(&mut self, tick: u64, hash: u64) {
-        self.seen.push((tick, hash));
+    /// The newest hash of the replay.
+    #[must_use]
+    pub fn newest(&self) -> Option<u64> {
+        self.seen.iter().max().map(|(_, hash)| *hash)
     }
 
-    /// Number of equal hashes, or the first tick that differs.
-    fn outcome(&mut self) -> Result<usize, String> {
-        self.seen.sort_unstable();
-        self.seen.dedup();
+    /// Control ticks that were replayed.
+    #[must_use]
+    pub fn ticks(&self) -> usize {
+        self.ticks
+    }
+
+    /// Number of equal hashes.
+    ///
+    /// # Errors
+    /// The first tick whose hash differs or is missing, in words.
+    pub fn equal_hashes(&self) -> Result<usize, String> {
         let mut equal = 0;
         for (tick, hash) in &self.recorded {
             match self.seen.iter().find(|(seen, _)| seen == tick) {
@@ -52,15 +66,6 @@ impl Comparison {
         }
         Ok(equal)
     }
-
-    /// What came of it in words; exit code 1 when something differs.
-    pub fn report(&mut self) -> (String, ExitCode) {
-        let (words, code) = match self.outcome() {
-            Ok(equal) => (format!("{equal} hashes equal"), ExitCode::SUCCESS),
-            Err(problem) => (problem, ExitCode::FAILURE),
-        };
-        (format!("replayed {} ticks, {words}", self.ticks), code)
-    }
 }
 
 #[cfg(test)]
@@ -77,13 +82,14 @@ mod tests {
 
     #[test]
     fn equal_hashes_are_counted_and_the_first_difference_is_named() {
-        assert_eq!(comparison(&[(0, 9), (240, 7), (480, 8)]).outcome(), Ok(3));
-        let late = comparison(&[(240, 7), (480, 8)]).outcome();
+        let equal = comparison(&[(0, 9), (240, 7), (480, 8)]).equal_hashes();
+        assert_eq!(equal, Ok(3));
+        let late = comparison(&[(240, 7), (480, 8)]).equal_hashes();
         assert!(late.unwrap_err().contains("tick 0"));
-        let wrong = comparison(&[(0, 9), (240, 6), (480, 5)]).outcome();
+        let wrong = comparison(&[(0, 9), (240, 6), (480, 5)]).equal_hashes();
         assert!(wrong.unwrap_err().contains("tick 240"));
-        let short = comparison(&[(0, 9), (240, 7)]).outcome();
+        let short = comparison(&[(0, 9), (240, 7)]).equal_hashes();
         assert!(short.unwrap_err().contains("tick 480"));
-        assert!(comparison(&[]).outcome().is_err());
+        assert!(comparison(&[]).equal_hashes().is_err());
     }
 }
