@@ -126,22 +126,6 @@ impl Report {
     pub fn why(&self) -> Option<String> {
         self.outcome.why(&self.evaluation)
     }
-
-    /// Number of the episode in its server's run.
-    #[must_use]
-    pub fn episode(&self) -> u64 {
-        self.started.header.as_ref().map_or(0, |h| h.episode)
-    }
-
-    /// Simulated seconds from the episode's beginning to its end; 0 where it
-    /// goes on.
-    #[must_use]
-    pub fn seconds(&self) -> f64 {
-        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
-        let begun = stamp(self.started.header.as_ref());
-        let ended = stamp(self.stopped.as_ref().and_then(|s| s.header.as_ref()));
-        ended.saturating_sub(begun) as f64 * 1e-9
-    }
 }
 
 /// Silence after which the operator asks what the server waits for.
@@ -153,19 +137,52 @@ fn broke(words: &str) -> Outcome {
     Outcome::Broken(format!("the physics broke: {words}"))
 }
 
-/// Ends the operator's own episode when the operator cannot go on: in
-/// lock-step, time would wait for it for good.
-struct OwnEpisode<'a> {
+/// An episode that a driver started. It ends when this is dropped: in lock-step, time would
+/// wait for the driver for good.
+pub struct OwnEpisode<'a> {
     link: &'a Link,
-    open: bool,
+    started: v1::EpisodeStarted,
+    is_open: bool,
+}
+
+impl<'a> OwnEpisode<'a> {
+    /// The episode `started`, where it is `ours`; otherwise nothing is ended.
+    #[must_use]
+    pub fn new(link: &'a Link, started: &v1::EpisodeStarted, is_ours: bool) -> Self {
+        Self {
+            link,
+            started: started.clone(),
+            is_open: is_ours,
+        }
+    }
+
+    /// Whether it still runs and is to be ended here.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.is_open
+    }
+
+    /// Leaves it as it is: it has ended, or another driver continues it.
+    pub fn leave(&mut self) {
+        self.is_open = false;
+    }
+
+    /// Ends it, unless it was left.
+    ///
+    /// # Errors
+    /// As [`Link::stop_episode_of`].
+    pub fn end(&mut self) -> Result<Option<v1::EpisodeStopped>, LinkError> {
+        match std::mem::take(&mut self.is_open) {
+            true => self.link.stop_episode_of(&self.started, false).map(Some),
+            false => Ok(None),
+        }
+    }
 }
 
 impl Drop for OwnEpisode<'_> {
     fn drop(&mut self) {
-        if self.open
-            && let Err(e) = self.link.stop_episode(false)
-        {
-            tracing::warn!("the episode could not be ended: {e}");
+        if let Err(problem) = self.end() {
+            tracing::warn!("the episode could not be ended: {problem}");
         }
     }
 }
@@ -210,10 +227,7 @@ pub fn run(
         None => (start(link, options, &scenario)?, true),
     };
     let mut work = Work {
-        own: OwnEpisode {
-            link,
-            open: is_ours,
-        },
+        own: OwnEpisode::new(link, &started, is_ours),
         turns,
         operator,
         collector: Collector::new(roles),
@@ -347,7 +361,7 @@ impl Work<'_> {
         if !self.is_end(&end) {
             return Ok(None);
         }
-        self.own.open = false;
+        self.own.leave();
         if end.cause() != v1::EndCause::Physics {
             return Err(DriverError::Ended);
         }
@@ -359,7 +373,7 @@ impl Work<'_> {
     /// Nothing came for `silent` times the patience.
     fn silent(&mut self, silent: u32, status: &v1::Status) -> Result<Option<Outcome>, DriverError> {
         if status.episode.is_none() {
-            self.own.open = false;
+            self.own.leave();
             return match status.broken.as_str() {
                 "" => Err(DriverError::Ended),
                 words => Ok(Some(broke(words))),
@@ -376,19 +390,19 @@ impl Work<'_> {
     fn finish(mut self, outcome: Outcome, is_ours: bool) -> Result<Report, DriverError> {
         // The last command takes effect before the end is asked for: otherwise it
         // would be chance whether its tick still belongs to the episode.
-        while self.stopped.is_none() && (self.own.open || !is_ours) {
+        while self.stopped.is_none() && (self.own.is_open() || !is_ours) {
             let collector = &mut self.collector;
             match self.turns.next(PATIENCE, &mut |s| collector.take(s))? {
                 Turn::Answer(_) | Turn::Silent(_) => break,
                 Turn::Ended(end) if self.is_end(&end) => {
-                    self.own.open = false;
+                    self.own.leave();
                     self.stopped = Some(end);
                 }
                 Turn::Ended(_) | Turn::Refused(_) => {}
             }
         }
-        if std::mem::take(&mut self.own.open) {
-            self.stopped = Some(self.own.link.stop_episode(false)?);
+        if let Some(stopped) = self.own.end()? {
+            self.stopped = Some(stopped);
         }
         let told = self.stopped.as_ref().and_then(|s| s.evaluation.clone());
         let mut evaluation = told.unwrap_or_else(|| self.collector.evaluation());

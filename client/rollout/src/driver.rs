@@ -1,6 +1,5 @@
 //! The program that drives the robot in an episode, and how it runs as a client.
 
-use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -11,7 +10,6 @@ use wheelarm_link::Streams;
 use wheelarm_operate::demonstration::Demonstrations;
 use wheelarm_operate::forced::ForcedError;
 use wheelarm_operate::log::Log;
-use wheelarm_operate::operator::Outcome;
 use wheelarm_operate::run::{self as expert, DriverError, OperateOptions, Progress, Report};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
@@ -19,9 +17,8 @@ use wheelarm_proto::{TopicId, v1};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
 use crate::playback::{Playback, play};
-use crate::policy::{self, Policy, PolicyEpisode, PolicyError, PolicyOptions};
+use crate::policy::{self, Policy, PolicyError, PolicyOptions};
 use crate::replay::{Replay, replay};
-use crate::serde_text::optional_named;
 use crate::session::Session;
 
 /// Wait for samples that were published and have not arrived.
@@ -48,7 +45,6 @@ pub struct Expert {
     /// Seed of its profile; the scenario's when absent.
     pub profile_seed: Option<u64>,
     /// The error that it makes on purpose and corrects.
-    #[serde(with = "optional_named")]
     pub forced: Option<ForcedError>,
 }
 
@@ -93,18 +89,6 @@ pub struct Takeover {
     pub seconds: f64,
     /// How the expert works.
     pub expert: Expert,
-}
-
-impl fmt::Debug for Driver {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Expert(expert) => expert.fmt(f),
-            Self::Demonstrations(file) => file.fmt(f),
-            Self::Policy(driver) => write!(f, "policy {:?}", driver.policy.spec().name),
-            Self::Replay(_) => f.write_str("replay"),
-            Self::Playback(_) => f.write_str("playback"),
-        }
-    }
 }
 
 impl Driver {
@@ -191,7 +175,7 @@ impl Client<'_> {
             ..driver.options.clone()
         };
         let begun = Instant::now();
-        let episode = policy::run(session.link, &timed, &options, &mut |time| {
+        let finished = policy::run(session.link, &timed, &options, &mut |time| {
             session.progress(&Progress {
                 time,
                 phase: "policy",
@@ -199,9 +183,9 @@ impl Client<'_> {
                 notes: &[],
             });
         })?;
-        let goes_on = episode.stopped.is_none() && episode.broken.is_none();
+        let goes_on = finished.stopped.header.is_none() && finished.failure().is_none();
         let Some(takeover) = driver.takeover.as_ref().filter(|_| goes_on) else {
-            return Ok(finished_by_policy(episode, driver.policy.spec()));
+            return Ok(finished);
         };
         let seconds = session.heartbeat.seconds();
         self.notes
@@ -219,30 +203,6 @@ impl Client<'_> {
             report.stopped = Some(session.link.stop_episode_of(&report.started, false)?);
         }
         Ok(report.into())
-    }
-}
-
-fn finished_by_policy(episode: PolicyEpisode, spec: &v1::PolicySpec) -> Finished {
-    let outcome = match (&episode.broken, &episode.error) {
-        (Some(words), _) => Outcome::Broken(format!("the physics broke: {words}")),
-        (None, Some(problem)) => Outcome::Failure(problem.to_string()),
-        (None, None) if episode.evaluation.success => Outcome::Success,
-        (None, None) => {
-            Outcome::Failure(format!("the task failed: {}", episode.evaluation.failure))
-        }
-    };
-    let control_ticks = (wheelarm_proto::CONTROL_HZ as f64 / spec.rate_hz).round() as u64;
-    Finished {
-        policy_error: episode.error,
-        answer_seconds: episode.thinking,
-        ..Finished::from(Report {
-            outcome,
-            started: episode.started,
-            stopped: episode.stopped,
-            evaluation: episode.evaluation,
-            ticks: episode.rows * control_ticks,
-            source: None,
-        })
     }
 }
 

@@ -8,7 +8,7 @@ use wheelarm_proto::v1;
 use crate::comparison::Comparison;
 use crate::failure::FailureCause;
 use crate::policy::PolicyError;
-use crate::serde_text::{message, optional_message};
+use crate::serde_text::message;
 
 /// An episode whose driver reached its end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,9 +18,9 @@ pub struct Finished {
     /// Start of the episode.
     #[serde(with = "message")]
     pub started: v1::EpisodeStarted,
-    /// End of the episode.
-    #[serde(with = "optional_message")]
-    pub stopped: Option<v1::EpisodeStopped>,
+    /// End of the episode; empty when the server did not report it.
+    #[serde(with = "message")]
+    pub stopped: v1::EpisodeStopped,
     /// Last evaluation of the task.
     #[serde(with = "message")]
     pub evaluation: v1::Evaluation,
@@ -60,7 +60,7 @@ impl From<Report> for Finished {
             outcome: report.outcome,
             scenario: report.started.scenario.clone().unwrap_or_default(),
             started: report.started,
-            stopped: report.stopped,
+            stopped: report.stopped.unwrap_or_default(),
             evaluation: report.evaluation,
             ticks: report.ticks,
             source: report.source,
@@ -128,12 +128,12 @@ impl Finished {
         self.started.header.as_ref().map_or(0, |h| h.episode)
     }
 
-    /// Simulated seconds from the episode's start to its end; 0 when it did not end.
+    /// Simulated seconds from the episode's start to its end; 0 when the server did not report the end.
     #[must_use]
     pub fn seconds(&self) -> f64 {
         let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
         let begun = stamp(self.started.header.as_ref());
-        let ended = stamp(self.stopped.as_ref().and_then(|s| s.header.as_ref()));
+        let ended = stamp(self.stopped.header.as_ref());
         ended.saturating_sub(begun) as f64 * 1e-9
     }
 }

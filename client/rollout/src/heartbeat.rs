@@ -8,7 +8,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use parking_lot::Mutex;
+use parking_lot::{Mutex, MutexGuard};
 use wheelarm_proto::v1;
 
 use crate::failure::{Failure, FailureCause};
@@ -99,27 +99,26 @@ impl Heartbeat {
 
     /// The driver received a control tick, `seconds` simulated seconds after the first.
     pub fn tick(&self, seconds: f64) {
-        let mut state = self.state.lock();
-        state.looked = Instant::now();
-        (state.still, state.silent) = (Duration::ZERO, Duration::ZERO);
-        state.seconds = seconds;
+        self.alive().seconds = seconds;
     }
 
     /// The server set the scenario up, with its sampled values.
     pub fn set_scenario(&self, scenario: &v1::Scenario) {
-        let mut state = self.state.lock();
-        state.looked = Instant::now();
-        (state.still, state.silent) = (Duration::ZERO, Duration::ZERO);
-        state.scenario = Some(scenario.clone());
+        self.alive().scenario = Some(scenario.clone());
     }
 
     /// The driver begins or ends to wait for its policy. Meanwhile simulated time may
     /// stand still: the policy has a time limit of its own.
     pub fn set_policy_turn(&self, is_on: bool) {
+        self.alive().policy_turn = is_on;
+    }
+
+    /// Sets both clocks to zero.
+    fn alive(&self) -> MutexGuard<'_, State> {
         let mut state = self.state.lock();
         state.looked = Instant::now();
-        state.still = Duration::ZERO;
-        state.policy_turn = is_on;
+        (state.still, state.silent) = (Duration::ZERO, Duration::ZERO);
+        state
     }
 
     /// Time for which the server has not answered.

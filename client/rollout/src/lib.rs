@@ -6,7 +6,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `rollout` | [`Rollout`], [`Record`], [`RolloutResult`] |
+//! | `rollout` | [`Rollout`], [`RolloutResult`] |
 //! | `backend` | [`InProcess`]: a worker; [`Processes`]: server and recorder as programs |
 //! | `driver` | [`Driver`]: expert, demonstrations, policy, replay, playback |
 //! | `replay`, `playback`, `comparison` | the commands or the states of a recording |
@@ -16,7 +16,7 @@
 //! | `session`, `observer` | an episode as its driver and its caller see it |
 //! | `episode_log` | [`EpisodeLog`]: results on disk, from which a command resumes |
 //! | `protocol`, `serde_text` | lines between this crate and `wheelarm-worker` |
-//! | `launcher`, `label` | child processes, and free file names |
+//! | `launcher`, `label` | child processes, [`Record`], and free file names |
 //!
 //! Files name only files above them in this list of layers: `failure`, `heartbeat`,
 //! `launcher`; `policy`; `finished`; `session`; `replay`, `playback`; `driver`; `rollout`;
@@ -52,9 +52,10 @@ pub use failure::{Failure, FailureCause};
 pub use finished::Finished;
 pub use heartbeat::{Heartbeat, episode_seconds};
 pub use label::free_label;
+pub use launcher::Record;
 pub use limits::Limits;
-pub use observer::{Observer, Unobserved};
+pub use observer::Observer;
 pub use playback::Playback;
 pub use replay::{REPLAY, Replay};
-pub use rollout::{Record, Rollout, RolloutResult};
+pub use rollout::{Rollout, RolloutResult};
 pub use session::Session;

@@ -1,6 +1,5 @@
 //! Wall-time limits.
 
-use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -43,14 +42,5 @@ impl Default for Limits {
     /// Five minutes: for episodes that a person watches.
     fn default() -> Self {
         Self::patience(Duration::from_secs(300))
-    }
-}
-
-impl fmt::Debug for Limits {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Limits")
-            .field("silence", &self.silence)
-            .field("stall", &self.stall)
-            .finish_non_exhaustive()
     }
 }

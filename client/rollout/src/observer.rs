@@ -27,8 +27,5 @@ pub trait Observer: Send + Sync {
     fn detach(&self) {}
 }
 
-/// An observer that ignores everything.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Unobserved;
-
-impl Observer for Unobserved {}
+/// Ignores everything.
+impl Observer for () {}

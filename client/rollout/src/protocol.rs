@@ -9,7 +9,8 @@ use wheelarm_proto::v1;
 use crate::driver::{DemonstrationFile, Driver, Expert};
 use crate::failure::FailureCause;
 use crate::finished::Finished;
-use crate::rollout::{Record, Rollout};
+use crate::launcher::Record;
+use crate::rollout::Rollout;
 use crate::serde_text::message;
 
 /// A request to a worker.
@@ -166,11 +167,7 @@ mod tests {
         };
         assert_eq!(finished.why(), Some("no way".into()));
         for event in [
-            Event::Finished(Box::new(finished.clone())),
-            Event::Finished(Box::new(Finished {
-                stopped: None,
-                ..finished
-            })),
+            Event::Finished(Box::new(finished)),
             Event::Failed {
                 cause: FailureCause::Scenario,
                 reason: "no task".into(),

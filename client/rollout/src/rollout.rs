@@ -3,16 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 
 use crate::driver::Driver;
 use crate::failure::Failure;
 use crate::finished::Finished;
+use crate::launcher::Record;
 use crate::limits::Limits;
 use crate::observer::Observer;
-use crate::serde_text::named;
 
 /// File for the phases and notes of the expert, in a rollout's folder.
 const OPERATOR_LOG: &str = "operator.log";
@@ -37,21 +35,6 @@ pub struct Rollout {
     pub observer: Arc<dyn Observer>,
 }
 
-/// How an episode is recorded.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Record {
-    /// Folder for the file.
-    pub out: PathBuf,
-    /// Folder for the recording before it is complete; `out` when absent.
-    #[serde(default)]
-    pub scratch: Option<PathBuf>,
-    /// How depth is stored.
-    #[serde(with = "named")]
-    pub depth: Depth,
-    /// Name of the recorder.
-    pub name: String,
-}
-
 impl Rollout {
     /// File for the phases and notes of the expert; absent without a folder.
     #[must_use]
@@ -60,24 +43,5 @@ impl Rollout {
     }
 }
 
-/// The result of an episode.
-#[derive(Clone, Debug)]
-pub enum RolloutResult {
-    /// The driver reached its end.
-    Finished(Box<Finished>),
-    /// The episode failed before that.
-    Failed(Failure),
-}
-
-impl RolloutResult {
-    /// The episode whose driver reached its end.
-    ///
-    /// # Errors
-    /// The failure.
-    pub fn finished(self) -> Result<Finished, Failure> {
-        match self {
-            Self::Finished(finished) => Ok(*finished),
-            Self::Failed(failure) => Err(failure),
-        }
-    }
-}
+/// The result of an episode: an error when the episode failed before its driver finished.
+pub type RolloutResult = Result<Finished, Failure>;

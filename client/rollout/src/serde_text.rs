@@ -24,30 +24,6 @@ pub(crate) mod message {
     }
 }
 
-/// As [`message`] for one that may be absent.
-pub(crate) mod optional_message {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-    use wheelarm_proto::Message;
-
-    #[derive(Serialize, Deserialize)]
-    #[serde(transparent)]
-    struct Text<M: Message + Default>(#[serde(with = "super::message")] M);
-
-    pub(crate) fn serialize<M: Message + Default + Clone, S: Serializer>(
-        message: &Option<M>,
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
-        message.clone().map(Text).serialize(to)
-    }
-
-    pub(crate) fn deserialize<'de, M: Message + Default, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<Option<M>, D::Error> {
-        let text = Option::<Text<M>>::deserialize(from)?;
-        Ok(text.map(|text| text.0))
-    }
-}
-
 /// A setting by its name.
 pub(crate) mod named {
     use serde::de::Error as _;
@@ -60,27 +36,5 @@ pub(crate) mod named {
 
     pub(crate) fn deserialize<'de, N: Named, D: Deserializer<'de>>(from: D) -> Result<N, D::Error> {
         N::from_name(&String::deserialize(from)?).map_err(D::Error::custom)
-    }
-}
-
-/// As [`named`] for a setting that may be absent.
-pub(crate) mod optional_named {
-    use serde::de::Error as _;
-    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
-    use wheelarm_proto::settings::Named;
-
-    pub(crate) fn serialize<N: Named, S: Serializer>(
-        value: &Option<N>,
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
-        value.map(Named::name).serialize(to)
-    }
-
-    pub(crate) fn deserialize<'de, N: Named, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<Option<N>, D::Error> {
-        let name = Option::<String>::deserialize(from)?;
-        let read = |name: String| N::from_name(&name).map_err(D::Error::custom);
-        name.map(read).transpose()
     }
 }

@@ -17,7 +17,7 @@ use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_proto::v1;
 use wheelarm_rollout::{
     Driver, Expert, Failure, FailureCause, Finished, InProcess, Limits, Processes, Record, Rollout,
-    RolloutResult, WorkerOptions,
+    WorkerOptions,
 };
 
 use super::activity::Activity;
@@ -112,8 +112,8 @@ pub fn attempt(
         activity.set_step("finishing the file");
     });
     match result? {
-        RolloutResult::Finished(finished) => attempt.judged(&finished, wall_seconds),
-        RolloutResult::Failed(failure) => attempt.failed(failure),
+        Ok(finished) => attempt.judged(&finished, wall_seconds),
+        Err(failure) => attempt.failed(failure),
     }
 }
 

@@ -23,7 +23,6 @@ use crate::control::tasks_of_program;
 use crate::policy::{DriverChoice, PolicyArgs, Start};
 use summary::Summary;
 use wheelarm_operate::run::Progress;
-use wheelarm_proto::settings::Depth;
 use wheelarm_rollout::launcher::{Input, Launch, Process, Program, all_cameras};
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
@@ -173,12 +172,7 @@ fn one(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summ
         scenario: args.scenario(seed, driver.cameras(cameras, false)?),
         label: free_label(&args.out, &format!("{}-seed{seed}", args.task)),
         driver: driver.for_episode(seed, None),
-        record: Some(Record {
-            out: args.out.clone(),
-            scratch: None,
-            depth: Depth::Metres,
-            name: "demo".to_owned(),
-        }),
+        record: Some(Record::new("demo", &args.out)),
         limits: Limits::default(),
         folder: None,
         observer: display.clone(),
@@ -187,7 +181,7 @@ fn one(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summ
     let result = backend.run_and_then(&rollout, &mut || {
         bar.set_message(format!("seed {seed}: finishing the file"));
     });
-    let mut finished = result?.finished()?;
+    let mut finished = result??;
     let recorded = finished.recorded.take().context("nothing was recorded")?;
     let wall = begun.elapsed();
     let sheet = if args.no_sheet || recorded.path.is_empty() {

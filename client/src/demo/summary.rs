@@ -60,7 +60,7 @@ impl fmt::Display for Summary {
             writeln!(f, "  NOT GOOD: {}", self.problem())?;
         }
         f.write_str(&evaluation_lines(&self.finished.evaluation))?;
-        let stopped = self.finished.stopped.clone().unwrap_or_default();
+        let stopped = &self.finished.stopped;
         let mut pictures = 0;
         for stream in &stopped.manifest {
             if StreamId::parse(&stream.stream).is_camera() {

@@ -71,7 +71,7 @@ fn is_zero(count: &u32) -> bool {
 }
 
 /// What came of one episode.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Task.
     pub task: String,
@@ -150,20 +150,7 @@ impl Entry {
             settings: job.settings(),
             policy: job.policy.clone(),
             policy_files: job.policy_files.clone(),
-            label: None,
-            success: false,
-            why: String::new(),
-            end: String::new(),
-            course: None,
-            conditions: Vec::new(),
-            seconds: 0.0,
-            factor: 0.0,
-            hash: String::new(),
-            rejected_starts: 0,
-            notes: Vec::new(),
-            thinking: None,
-            broken: None,
-            scenario: None,
+            ..Self::default()
         }
     }
 

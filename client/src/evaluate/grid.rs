@@ -183,9 +183,7 @@ fn last_pictures(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[Picture; 2]>
         observer: last.clone(),
     };
     let backend = Processes::new(args.assets.clone(), args.graphics.adapter.clone());
-    let result = backend
-        .run(&rollout)
-        .and_then(|result| Ok(result.finished()?));
+    let result = backend.run(&rollout).and_then(|result| Ok(result?));
     result.with_context(|| format!("{} seed {}", job.task, job.seed))?;
     let mut images = std::mem::take(&mut *last.images.lock()).into_iter();
     let mut next = || images.next().context("the episode sent no pictures")?;

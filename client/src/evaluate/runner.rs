@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use wheelarm_dataset::scenario_text::scenario_json;
 use wheelarm_rollout::{
-    Backend, Failure, Finished, InProcess, Limits, Processes, Record, Rollout, RolloutResult,
-    WorkerOptions, free_label,
+    Backend, Failure, Finished, InProcess, Limits, Processes, Record, Rollout, WorkerOptions,
+    free_label,
 };
 
 use super::args::EvaluateArgs;
@@ -35,10 +35,8 @@ impl<'a> Runner<'a> {
         index: usize,
     ) -> anyhow::Result<Self> {
         let record = args.records().then(|| Record {
-            out: args.out.clone(),
-            scratch: None,
             depth: args.depth,
-            name: format!("evaluate-{index}"),
+            ..Record::new(&format!("evaluate-{index}"), &args.out)
         });
         let (assets, adapter) = (args.assets.clone(), args.graphics.adapter.clone());
         // A policy is queried from this process, and recordings of successes that are not
@@ -95,8 +93,8 @@ impl<'a> Runner<'a> {
             None => String::new(),
         };
         match result.with_context(|| format!("{} seed {}", job.task, job.seed))? {
-            RolloutResult::Finished(finished) => self.finished(job, *finished, label, &monitor),
-            RolloutResult::Failed(failure) => Ok(failed(job, failure, label, begun.elapsed())),
+            Ok(finished) => self.finished(job, finished, label, &monitor),
+            Err(failure) => Ok(failed(job, failure, label, begun.elapsed())),
         }
     }
 

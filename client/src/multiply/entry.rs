@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use wheelarm_rollout::LogEntry;
 
 /// What came of one try.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Seed of the scene.
     pub seed: u64,

@@ -10,8 +10,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_proto::settings::{Depth, Quality};
 use wheelarm_proto::v1;
 use wheelarm_rollout::{
-    Backend, DemonstrationFile, Driver, Finished, InProcess, Limits, Record, Rollout,
-    RolloutResult, Unobserved, WorkerOptions,
+    Backend, DemonstrationFile, Driver, Finished, InProcess, Limits, Record, Rollout, WorkerOptions,
 };
 
 use super::args::MultiplyArgs;
@@ -67,18 +66,12 @@ impl<'a> Runner<'a> {
         let result = self.backend.run(&self.rollout(seed, &label))?;
         let entry = Entry {
             seed,
-            kept: false,
-            source: String::new(),
-            end: String::new(),
-            why: String::new(),
-            label: String::new(),
-            seconds: 0.0,
             wall_seconds: begun.elapsed().as_secs_f64(),
-            notes: Vec::new(),
+            ..Entry::default()
         };
         let entry = match result {
-            RolloutResult::Finished(finished) => self.judged(entry, &label, *finished)?,
-            RolloutResult::Failed(failure) => Entry {
+            Ok(finished) => self.judged(entry, &label, finished)?,
+            Err(failure) => Entry {
                 end: "broke".to_owned(),
                 why: failure.reason,
                 ..entry
@@ -147,14 +140,12 @@ impl<'a> Runner<'a> {
                 noise: args.noise,
             }),
             record: Some(Record {
-                out: self.staging.clone(),
-                scratch: None,
                 depth: Depth::Nothing,
-                name: "multiply".to_owned(),
+                ..Record::new("multiply", &self.staging)
             }),
             limits: Limits::patience(args.patience),
             folder: None,
-            observer: Arc::new(Unobserved),
+            observer: Arc::new(()),
         }
     }
 }

@@ -6,9 +6,7 @@ use std::sync::Arc;
 
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
-use wheelarm_rollout::{
-    Backend, Driver, Finished, Limits, Processes, REPLAY, Record, Rollout, Unobserved,
-};
+use wheelarm_rollout::{Backend, Driver, Finished, Limits, Processes, REPLAY, Record, Rollout};
 
 use super::args::ReplayArgs;
 use crate::multiply::mark;
@@ -43,17 +41,15 @@ pub(super) fn run(
         label,
         driver,
         record: args.out.as_ref().map(|out| Record {
-            out: out.clone(),
-            scratch: None,
             depth,
-            name: REPLAY.to_owned(),
+            ..Record::new(REPLAY, out)
         }),
         limits: Limits::default(),
         folder: None,
-        observer: Arc::new(Unobserved),
+        observer: Arc::new(()),
     };
     let backend = Processes::new(args.assets.clone(), adapter.map(str::to_owned));
-    Ok(backend.run(&rollout)?.finished()?)
+    Ok(backend.run(&rollout)??)
 }
 
 /// A new recording.

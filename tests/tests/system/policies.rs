@@ -100,9 +100,14 @@ fn seen(name: &str, sensors: &[&str]) {
         require_recorders: 1,
         ..Default::default()
     };
-    let episode = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
-    assert_eq!(episode.error, Some(PolicyError::Said("enough".to_owned())));
-    assert_eq!((episode.rows, episode.thinking.len()), (24, 24));
+    let finished = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
+    assert_eq!(
+        finished.policy_error,
+        Some(PolicyError::Said("enough".to_owned()))
+    );
+    // Six control ticks for each row, at 10 Hz.
+    let rows = finished.ticks / 6;
+    assert_eq!((rows, finished.answer_seconds.len()), (24, 24));
     recorder.finish();
 
     let wanted = learning::reads;

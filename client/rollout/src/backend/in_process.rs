@@ -2,12 +2,13 @@
 //! from one episode to the next and passes images on without a copy.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use parking_lot::Mutex;
 
 use super::Backend;
+use super::watch::{Simulator, Watch};
 use super::worker::{RunningEpisode, Worker, WorkerOptions};
 use crate::failure::{Failure, FailureCause};
 use crate::finished::Finished;
@@ -41,7 +42,7 @@ impl InProcess {
         let mut worker = self.worker.lock();
         if let Some(worker) = &*worker
             && !worker.is_worn()
-            && worker.death(Duration::ZERO)?.is_none()
+            && Worker::death(worker)?.is_none()
         {
             return Ok(Arc::clone(worker));
         }
@@ -55,9 +56,11 @@ impl Backend for InProcess {
             .context("a worker runs the scripted expert only; use a server and clients")?;
         let worker = self.worker()?;
         let mut run = Run {
-            rollout,
+            watch: Watch {
+                rollout,
+                heartbeat: Heartbeat::new(rollout.limits.silence),
+            },
             episode: worker.begin(request)?,
-            heartbeat: Heartbeat::new(rollout.limits.silence),
             recorder: None,
         };
         let result = run.simulate().and_then(|finished| {
@@ -93,9 +96,8 @@ impl Backend for InProcess {
 
 /// An episode in a worker.
 struct Run<'a> {
-    rollout: &'a Rollout,
+    watch: Watch<'a>,
     episode: RunningEpisode,
-    heartbeat: Heartbeat,
     /// Exit code and words of the recorder.
     recorder: Option<(u8, String)>,
 }
@@ -130,18 +132,13 @@ impl Run<'_> {
     /// failed or was lost, or the caller cancelled it.
     fn next(&mut self) -> anyhow::Result<Option<Event>> {
         let event = self.episode.next(limits::LOOK);
-        if (self.rollout.limits.cancelled)() {
-            // All episodes of the worker end with it, and the caller discards them all.
-            self.episode.worker().kill();
-            return Err(self.failed(FailureCause::Cancelled, "cancelled".to_owned()));
-        }
         match event {
             Some(Event::Status(status)) => {
-                self.heartbeat.status(&status, Instant::now());
-                self.rollout.observer.status(&status);
+                self.watch.heartbeat.status(&status, Instant::now());
+                self.watch.rollout.observer.status(&status);
                 Ok(None)
             }
-            Some(Event::Failed { cause, reason }) => Err(self.failed(cause, reason)),
+            Some(Event::Failed { cause, reason }) => Err(self.watch.failed(cause, reason)),
             Some(Event::HostFailed(words)) => Err(self.host_failed(&words)),
             Some(Event::Recorded { code, words }) => {
                 self.recorder = Some((code, words.clone()));
@@ -152,56 +149,20 @@ impl Run<'_> {
             }
             Some(event @ (Event::Finished(_) | Event::Over)) => Ok(Some(event)),
             None => {
-                self.heartbeat.look();
-                self.check_worker()?;
+                self.watch.check(&mut Arc::clone(self.episode.worker()))?;
                 Ok(None)
             }
         }
     }
 
-    fn check_worker(&self) -> anyhow::Result<()> {
-        let worker = self.episode.worker();
-        if let Some(death) = worker.death(Duration::ZERO)? {
-            let cause = match worker.was_killed() {
-                true => FailureCause::Killed,
-                false => FailureCause::Server,
-            };
-            return Err(self.failed(cause, death));
-        }
-        let patience = self.rollout.limits.silence;
-        if self.heartbeat.silent_for() < patience {
-            return Ok(());
-        }
-        worker.kill();
-        let seconds = patience.as_secs_f64();
-        let words = format!("the worker stalled and told nothing for {seconds:.0} s");
-        Err(self.failed(FailureCause::Server, words))
-    }
-
-    /// Ends an episode whose simulated time stands still while the worker reports it. If
-    /// the expert does not return from the end of its simulation, the expert is at fault.
+    /// Ends an episode whose simulated time stands still.
     fn check_stall(&mut self) -> anyhow::Result<()> {
-        let patience = self.rollout.limits.stall;
-        if self.heartbeat.stalled_for() < patience {
+        let Some(words) = self.watch.stall() else {
             return Ok(());
-        }
-        let words = format!(
-            "simulation time stalled for {:.0} s{}",
-            patience.as_secs_f64(),
-            self.heartbeat.waiting_for()
-        );
+        };
         self.episode.cancel();
-        Err(match self.episode.is_over_within(2 * limits::END) {
-            true => self.failed(FailureCause::Stall, words),
-            false => self.failed(
-                FailureCause::Operator,
-                format!("the operator stalled: {words}"),
-            ),
-        })
-    }
-
-    fn failed(&self, cause: FailureCause, reason: String) -> anyhow::Error {
-        self.heartbeat.failure(cause, reason).into()
+        let has_ended = self.episode.is_over_within(2 * limits::END);
+        Err(self.watch.stalled(words, has_ended))
     }
 
     fn host_failed(&self, words: &str) -> anyhow::Error {
@@ -213,5 +174,22 @@ impl Run<'_> {
         let recorder = self.recorder.as_ref();
         let recorder = recorder.map(|(code, words)| format!("  the recorder: {code} {words}\n"));
         self.episode.worker().tail() + &recorder.unwrap_or_default()
+    }
+}
+
+impl Simulator for Arc<Worker> {
+    const SILENT: &'static str = "the worker stalled and told";
+
+    fn death(&mut self) -> anyhow::Result<Option<String>> {
+        Worker::death(self)
+    }
+
+    fn was_killed(&self) -> bool {
+        Worker::was_killed(self)
+    }
+
+    fn kill(&mut self) {
+        // All episodes of the worker end with it.
+        Worker::kill(self);
     }
 }

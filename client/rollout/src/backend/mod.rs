@@ -2,6 +2,7 @@
 
 mod in_process;
 mod processes;
+mod watch;
 mod worker;
 
 use crate::finished::Finished;
@@ -35,8 +36,8 @@ pub trait Backend: Send + Sync {
         simulated: &mut dyn FnMut(),
     ) -> anyhow::Result<RolloutResult> {
         match self.attempt(rollout, simulated) {
-            Ok(finished) => Ok(RolloutResult::Finished(Box::new(finished))),
-            Err(problem) => problem.downcast().map(RolloutResult::Failed),
+            Ok(finished) => Ok(Ok(finished)),
+            Err(problem) => problem.downcast().map(Err),
         }
     }
 

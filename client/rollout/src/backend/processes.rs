@@ -13,13 +13,14 @@ use wheelarm_operate::run::DriverError;
 use wheelarm_proto::v1;
 
 use super::Backend;
+use super::watch::{Simulator, Watch};
 use crate::failure::{Failure, FailureCause};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
-use crate::launcher::{Recorder, RecorderOptions, Server, ServerOptions, StartError, Work};
+use crate::launcher::{Lifetime, Record, Recorder, Server, ServerOptions, StartError, Work};
 use crate::limits;
 use crate::observer::Observer;
-use crate::rollout::{Record, Rollout};
+use crate::rollout::Rollout;
 use crate::session::Session;
 
 /// Time between two status requests.
@@ -91,22 +92,20 @@ impl Processes {
             StartError::Broke(problem) => problem,
         })?;
         let link = server.link()?;
-        let is_lasting = rollout.folder.is_none();
-        let recorder = record.as_ref().map(|record| {
-            let options = RecorderOptions {
-                name: record.name.clone(),
-                out: record.out.clone(),
-                scratch: record.scratch.clone(),
-                depth: record.depth,
-                one_episode: !is_lasting,
-            };
-            Recorder::start(server.connect(), &options)
-        });
+        // A folder has room for the messages of one episode.
+        let lifetime = match rollout.folder {
+            Some(_) => Lifetime::OneEpisode,
+            None => Lifetime::Lasting,
+        };
+        let recorder = record
+            .as_ref()
+            .map(|record| Recorder::start(server.connect(), record, lifetime))
+            .transpose()?;
         Ok(Programs {
             server,
             link,
-            recorder: recorder.transpose()?,
-            is_lasting,
+            recorder,
+            lifetime,
         })
     }
 }
@@ -148,9 +147,8 @@ impl Processes {
         let status = Status::start(&programs.link, &heartbeat, rollout);
         let driver = self.drive(rollout, programs, &heartbeat)?;
         let mut run = Run {
-            rollout,
+            watch: Watch { rollout, heartbeat },
             programs,
-            heartbeat,
             driver: Some(driver),
         };
         let result = run.simulate().and_then(|finished| {
@@ -210,9 +208,7 @@ struct Programs {
     server: Server,
     link: Link,
     recorder: Option<Recorder>,
-    /// The recorder records every episode and ends with this process; another one records
-    /// one episode and exits.
-    is_lasting: bool,
+    lifetime: Lifetime,
 }
 
 impl Programs {
@@ -224,7 +220,10 @@ impl Programs {
             let _ = self.link.close();
         }
         self.server.kill();
-        if let Some(recorder) = self.recorder.take_if(|_| self.is_lasting && !is_finished) {
+        if let Some(recorder) = self
+            .recorder
+            .take_if(|_| self.lifetime == Lifetime::Lasting && !is_finished)
+        {
             recorder.end();
         }
     }
@@ -232,9 +231,8 @@ impl Programs {
 
 /// An episode whose driver runs in this process.
 struct Run<'a> {
-    rollout: &'a Rollout,
+    watch: Watch<'a>,
     programs: &'a mut Programs,
-    heartbeat: Heartbeat,
     driver: Option<Work<anyhow::Result<Finished>>>,
 }
 
@@ -244,7 +242,7 @@ impl Run<'_> {
     fn simulate(&mut self) -> anyhow::Result<Finished> {
         let mut error: Option<(Instant, anyhow::Error)> = None;
         loop {
-            self.check_server()?;
+            self.watch.check(&mut self.programs.server)?;
             if let Some(driver) = self.driver.take_if(|driver| driver.is_over()) {
                 match driver.outcome() {
                     Ok(Ok(finished)) => return Ok(finished),
@@ -255,7 +253,7 @@ impl Run<'_> {
                     }
                     Err(panicked) => {
                         let words = format!("the operator panicked: {}", panicked.0);
-                        return Err(self.failed(FailureCause::Operator, words));
+                        return Err(self.watch.failed(FailureCause::Operator, words));
                     }
                 }
             }
@@ -265,7 +263,7 @@ impl Run<'_> {
                 error = Some((Instant::now(), problem));
             }
             if let Some((_, problem)) =
-                error.take_if(|(since, _)| self.heartbeat.has_answered_since(*since))
+                error.take_if(|(since, _)| self.watch.heartbeat.has_answered_since(*since))
             {
                 return Err(problem);
             }
@@ -280,7 +278,7 @@ impl Run<'_> {
         let Some(recorder) = &mut self.programs.recorder else {
             return Ok(finished);
         };
-        if self.programs.is_lasting {
+        if self.programs.lifetime == Lifetime::Lasting {
             let status = recorder.finished(&self.programs.link, finished.episode())?;
             return Ok(Finished {
                 messages: recorder.tail(),
@@ -290,7 +288,7 @@ impl Run<'_> {
         }
         loop {
             // The recorder may wait for a server that is lost.
-            self.check_server()?;
+            self.watch.check(&mut self.programs.server)?;
             let Some(recorder) = &mut self.programs.recorder else {
                 return Ok(finished);
             };
@@ -311,49 +309,15 @@ impl Run<'_> {
         }
     }
 
-    /// Ends the episode when the caller cancels it or the server is lost.
-    fn check_server(&mut self) -> anyhow::Result<()> {
-        self.heartbeat.look();
-        if (self.rollout.limits.cancelled)() {
-            return Err(self.failed(FailureCause::Cancelled, "cancelled".to_owned()));
-        }
-        let server = &mut self.programs.server;
-        if let Some(death) = server.death(Duration::ZERO)? {
-            let cause = match server.was_killed() {
-                true => FailureCause::Killed,
-                false => FailureCause::Server,
-            };
-            return Err(self.failed(cause, death));
-        }
-        let patience = self.rollout.limits.silence;
-        if self.heartbeat.silent_for() < patience {
-            return Ok(());
-        }
-        server.kill();
-        let seconds = patience.as_secs_f64();
-        let words = format!("the server stalled and answered nothing for {seconds:.0} s");
-        Err(self.failed(FailureCause::Server, words))
-    }
-
-    /// Ends an episode whose simulated time stands still while the server answers. A driver
-    /// that does not return from the end of its server is at fault.
+    /// Ends an episode whose simulated time stands still.
     fn check_stall(&mut self) -> anyhow::Result<()> {
-        let patience = self.rollout.limits.stall;
-        if self.heartbeat.stalled_for() < patience {
+        let Some(words) = self.watch.stall() else {
             return Ok(());
-        }
-        let words = format!(
-            "simulation time stalled for {:.0} s{}",
-            patience.as_secs_f64(),
-            self.heartbeat.waiting_for()
-        );
+        };
         self.programs.server.kill();
         let driver = self.driver.take();
-        if driver.is_some_and(|driver| !driver.is_over_within(limits::END)) {
-            let words = format!("the operator stalled: {words}");
-            return Err(self.failed(FailureCause::Operator, words));
-        }
-        Err(self.failed(FailureCause::Stall, words))
+        let has_ended = driver.is_none_or(|driver| driver.is_over_within(limits::END));
+        Err(self.watch.stalled(words, has_ended))
     }
 
     /// The error of a recorder that ended too early.
@@ -369,14 +333,26 @@ impl Run<'_> {
     fn of_driver(&self, problem: anyhow::Error) -> anyhow::Error {
         if is_unanswered(&problem) {
             let words = format!("the server did not answer and was ended: {problem:#}");
-            return self.failed(FailureCause::Stall, words);
+            return self.watch.failed(FailureCause::Stall, words);
         }
         let tail = self.programs.server.tail();
         problem.context(format!("the driver failed; the server said:\n{tail}"))
     }
+}
 
-    fn failed(&self, cause: FailureCause, reason: String) -> anyhow::Error {
-        self.heartbeat.failure(cause, reason).into()
+impl Simulator for Server {
+    const SILENT: &'static str = "the server stalled and answered";
+
+    fn death(&mut self) -> anyhow::Result<Option<String>> {
+        Server::death(self)
+    }
+
+    fn was_killed(&self) -> bool {
+        Server::was_killed(self)
+    }
+
+    fn kill(&mut self) {
+        Server::kill(self);
     }
 }
 

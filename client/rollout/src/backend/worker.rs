@@ -136,13 +136,13 @@ impl Worker {
         self.next.load(Ordering::Relaxed) > MOST_EPISODES
     }
 
-    /// How the worker died, with its last words, if it has or does so within `patience`.
+    /// How the worker died, with its last words, if it has.
     ///
     /// # Errors
     /// When the operating system cannot report it.
-    pub fn death(&self, patience: Duration) -> anyhow::Result<Option<String>> {
+    pub fn death(&self) -> anyhow::Result<Option<String>> {
         let mut process = self.process.lock();
-        let Some(status) = process.ended_within(patience)? else {
+        let Some(status) = process.ended()? else {
             return Ok(None);
         };
         Ok(Some(match process.last_words().as_str() {

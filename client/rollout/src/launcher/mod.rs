@@ -13,7 +13,7 @@ mod work;
 
 pub use process::{Input, Launch, Process, Program, end_with_parent};
 pub use program::{find_program, programs_named, required_program};
-pub use recorder::{Recorder, RecorderOptions};
+pub use recorder::{Lifetime, Record, Recorder};
 pub use server::{Server, ServerOptions, StartError, all_cameras};
 pub use socket::remove_socket;
 pub use work::{Panicked, Work};

@@ -6,43 +6,52 @@ use std::process::ExitStatus;
 use std::time::Instant;
 
 use anyhow::bail;
+use serde::{Deserialize, Serialize};
 use wheelarm_link::{Connect, Link};
 use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::v1;
 
 use super::process::{Input, Launch, Process, Program};
 use crate::limits;
+use crate::serde_text::named;
 
-/// What a recorder is started with.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecorderOptions {
-    /// Its name at the server.
-    pub name: String,
-    /// Folder for the files.
+/// How an episode is recorded.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Record {
+    /// Folder for the file.
     pub out: PathBuf,
-    /// Folder for what is being recorded; `out` when absent.
+    /// Folder for the recording before it is complete; `out` when absent.
+    #[serde(default)]
     pub scratch: Option<PathBuf>,
     /// How depth is stored.
+    #[serde(with = "named")]
     pub depth: Depth,
-    /// It records one episode and ends. Its messages go to `recorder.log` in
-    /// `out`, and it is killed with this process: whoever comes next makes the
-    /// episode again. Others end with this process in good order and leave a
-    /// partial file.
-    pub one_episode: bool,
+    /// Name of the recorder at the server.
+    pub name: String,
 }
 
-impl RecorderOptions {
-    /// One that records whatever comes, depth in metres.
+impl Record {
+    /// Records into `out`, depth in metres.
     #[must_use]
-    pub fn lasting(name: &str, out: &Path) -> Self {
+    pub fn new(name: &str, out: &Path) -> Self {
         Self {
-            name: name.to_owned(),
             out: out.to_owned(),
             scratch: None,
             depth: Depth::Metres,
-            one_episode: false,
+            name: name.to_owned(),
         }
     }
+}
+
+/// How long a recorder lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lifetime {
+    /// It records one episode and exits. Its messages go to `recorder.log` in its folder,
+    /// and it is killed with this process: the episode is made again.
+    OneEpisode,
+    /// It records every episode. It ends with this process in good order and leaves a
+    /// partial file.
+    Lasting,
 }
 
 /// A recorder; killed when dropped.
@@ -57,7 +66,7 @@ impl Recorder {
     ///
     /// # Errors
     /// When it cannot be started.
-    pub fn start(connect: &Connect, options: &RecorderOptions) -> anyhow::Result<Self> {
+    pub fn start(connect: &Connect, record: &Record, lifetime: Lifetime) -> anyhow::Result<Self> {
         let mut arguments: Vec<OsString> = [
             "--connect",
             &connect.endpoint,
@@ -65,23 +74,23 @@ impl Recorder {
             &connect.sim,
             "record",
             "--name",
-            &options.name,
+            &record.name,
             "--depth",
-            options.depth.name(),
+            record.depth.name(),
         ]
         .map(OsString::from)
         .to_vec();
-        arguments.extend(["--out".into(), (&options.out).into()]);
-        if let Some(scratch) = &options.scratch {
+        arguments.extend(["--out".into(), (&record.out).into()]);
+        if let Some(scratch) = &record.scratch {
             arguments.extend(["--scratch".into(), scratch.into()]);
         }
-        let (more, input, folder): (&[&str], _, _) = match options.one_episode {
-            true => (
+        let (more, input, folder): (&[&str], _, _) = match lifetime {
+            Lifetime::OneEpisode => (
                 &["--episodes", "1"],
                 Input::Text(String::new()),
-                Some(options.out.clone()),
+                Some(record.out.clone()),
             ),
-            false => (&["--end-with-stdin"], Input::Lifeline, None),
+            Lifetime::Lasting => (&["--end-with-stdin"], Input::Lifeline, None),
         };
         arguments.extend(more.iter().map(OsString::from));
         let process = Process::start(Launch {
@@ -93,7 +102,7 @@ impl Recorder {
             folder,
         })?;
         Ok(Self {
-            name: options.name.clone(),
+            name: record.name.clone(),
             process,
         })
     }

@@ -4,7 +4,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitStatus;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use wheelarm_link::{Connect, Link};
@@ -179,13 +179,12 @@ impl Server {
         self.process.ended()
     }
 
-    /// That it died, and why by its own words, if it has or does so within
-    /// `patience`.
+    /// How it died, with its last words, if it has.
     ///
     /// # Errors
-    /// When the operating system does not tell.
-    pub fn death(&mut self, patience: Duration) -> anyhow::Result<Option<String>> {
-        let status = self.process.ended_within(patience)?;
+    /// When the operating system cannot report it.
+    pub fn death(&mut self) -> anyhow::Result<Option<String>> {
+        let status = self.process.ended()?;
         Ok(status.map(|status| died(status, &self.process.last_words())))
     }
 

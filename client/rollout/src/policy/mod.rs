@@ -23,6 +23,6 @@ pub use batched::Batched;
 pub use host::{Host, NAME_VARIABLE, POLICY_VARIABLE};
 pub use interface::{Policy, PolicyError, checked};
 pub use remote::{PATIENCE, Remote, listen, listen_at};
-pub use run::{PolicyEpisode, PolicyOptions, run};
+pub use run::{PolicyOptions, run};
 pub use serve::{Answers, serve};
 pub use trivial::{Hold, Repeat};

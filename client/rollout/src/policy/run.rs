@@ -4,13 +4,15 @@
 use std::time::{Duration, Instant};
 
 use wheelarm_link::{Link, Turn, Turns};
-use wheelarm_operate::run::DriverError;
+use wheelarm_operate::operator::Outcome;
+use wheelarm_operate::run::{DriverError, OwnEpisode, Report};
 use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
 
 use super::interface::{Policy, PolicyError, checked};
 use super::observation::{Collector, STREAMS};
+use crate::finished::Finished;
 
 /// Silence after which the server is asked what it waits for.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -59,65 +61,18 @@ impl Default for PolicyOptions {
     }
 }
 
-/// How an episode went.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PolicyEpisode {
-    /// The episode.
-    pub started: v1::EpisodeStarted,
-    /// Its end; absent where it goes on.
-    pub stopped: Option<v1::EpisodeStopped>,
-    /// Last evaluation of the task.
-    pub evaluation: v1::Evaluation,
-    /// What the policy did wrong, which ended the episode.
-    pub error: Option<PolicyError>,
-    /// The state of the simulation broke, in words.
-    pub broken: Option<String>,
-    /// Rows that were carried out.
-    pub rows: u64,
-    /// Wall time of each of the policy's answers, s.
-    pub thinking: Vec<f64>,
-}
-
-impl PolicyEpisode {
-    /// Simulated seconds from the episode's beginning to its end.
-    #[must_use]
-    pub fn seconds(&self) -> f64 {
-        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
-        let begun = stamp(self.started.header.as_ref());
-        let ended = stamp(self.stopped.as_ref().and_then(|s| s.header.as_ref()));
-        ended.saturating_sub(begun) as f64 * 1e-9
-    }
-}
-
-/// Ends the episode where the episode ends without having done so.
-struct Own<'a> {
-    link: &'a Link,
-    started: &'a v1::EpisodeStarted,
-    open: bool,
-}
-
-impl Drop for Own<'_> {
-    fn drop(&mut self) {
-        if self.open
-            && let Err(e) = self.link.stop_episode_of(self.started, false)
-        {
-            tracing::warn!("the episode could not be ended: {e}");
-        }
-    }
-}
-
 /// Runs the task in force, which must wait for an episode in lock-step. `told`
-/// hears the simulated seconds at every row.
+/// receives the simulated seconds at every row.
 ///
 /// # Errors
-/// [`DriverError`] when server or scenario are at fault; what the policy does wrong is a
-/// [`PolicyEpisode`] with an error.
+/// [`DriverError`] when server or scenario are at fault; an error of the policy ends the
+/// episode and is part of [`Finished`].
 pub fn run(
     link: &Link,
     policy: &dyn Policy,
     options: &PolicyOptions,
     told: &mut dyn FnMut(f64),
-) -> Result<PolicyEpisode, DriverError> {
+) -> Result<Finished, DriverError> {
     let spec = policy.spec();
     let scene = link.ask(&v1::SceneRequest {})?;
     let status = link.ask(&v1::StatusRequest {})?;
@@ -146,21 +101,9 @@ pub fn run(
         false => started.instruction.clone(),
     };
     let first = started.header.clone().unwrap_or_default();
-    let episode = PolicyEpisode {
-        started: started.clone(),
-        stopped: None,
-        evaluation: v1::Evaluation::default(),
-        error: None,
-        broken: None,
-        rows: 0,
-        thinking: Vec::new(),
-    };
     let mut work = Work {
-        own: Own {
-            link,
-            started: &started,
-            open: true,
-        },
+        link,
+        own: OwnEpisode::new(link, &started, true),
         policy,
         turns,
         collector,
@@ -179,7 +122,12 @@ pub fn run(
         instruction,
         first,
         until: options.until_seconds,
-        episode,
+        started,
+        stopped: None,
+        error: None,
+        broken: None,
+        rows: 0,
+        answer_seconds: Vec::new(),
     };
     let over = work.execute(told)?;
     work.finish(over)
@@ -236,8 +184,9 @@ enum Over {
 }
 
 struct Work<'a> {
+    link: &'a Link,
     /// Ended before control is given back with the turns.
-    own: Own<'a>,
+    own: OwnEpisode<'a>,
     policy: &'a dyn Policy,
     turns: Turns,
     collector: Collector,
@@ -248,7 +197,16 @@ struct Work<'a> {
     instruction: String,
     first: v1::Header,
     until: Option<f64>,
-    episode: PolicyEpisode,
+    started: v1::EpisodeStarted,
+    stopped: Option<v1::EpisodeStopped>,
+    /// The error of the policy, which ends the episode.
+    error: Option<PolicyError>,
+    /// How the state of the simulation diverged.
+    broken: Option<String>,
+    /// Rows that were executed.
+    rows: u64,
+    /// Wall time of each answer of the policy, s.
+    answer_seconds: Vec<f64>,
 }
 
 impl Work<'_> {
@@ -260,7 +218,7 @@ impl Work<'_> {
             instruction: self.instruction.clone(),
         };
         if let Err(problem) = self.policy.reset(reset) {
-            self.episode.error = Some(problem);
+            self.error = Some(problem);
             return Ok(Over::Done);
         }
         loop {
@@ -286,26 +244,26 @@ impl Work<'_> {
                     }
                 }
                 Turn::Refused(refusal) => {
-                    self.episode.error = Some(PolicyError::Refused(refusal.reason));
+                    self.error = Some(PolicyError::Refused(refusal.reason));
                     return Ok(Over::Done);
                 }
                 Turn::Ended(end) if self.is_end(&end) => {
-                    self.own.open = false;
+                    self.own.leave();
                     if end.cause() != v1::EndCause::Physics {
                         return Err(DriverError::Ended);
                     }
-                    self.episode.stopped = Some(end);
+                    self.stopped = Some(end);
                     return Ok(Over::Stopped);
                 }
                 Turn::Ended(_) => {}
                 Turn::Silent(status) => {
                     silent += 1;
                     if status.episode.is_none() {
-                        self.own.open = false;
+                        self.own.leave();
                         if status.broken.is_empty() {
                             return Err(DriverError::Ended);
                         }
-                        self.episode.broken = Some(status.broken);
+                        self.broken = Some(status.broken);
                         return Ok(Over::Stopped);
                     }
                     if silent > GIVE_UP && !status.paused {
@@ -335,7 +293,7 @@ impl Work<'_> {
             over_ticks,
             ..Default::default()
         };
-        let Some(is_first) = self.collector.see(self.own.link, now, PICTURE)? else {
+        let Some(is_first) = self.collector.see(self.link, now, PICTURE)? else {
             // A sensor has not given its first picture.
             self.turns.answer(hold())?;
             return Ok(true);
@@ -343,12 +301,12 @@ impl Work<'_> {
         let command = match self.ask(now, is_first) {
             Ok(command) => command,
             Err(problem) => {
-                self.episode.error = Some(problem);
+                self.error = Some(problem);
                 return Ok(false);
             }
         };
         self.turns.answer(command.unwrap_or_else(hold))?;
-        self.episode.rows += 1;
+        self.rows += 1;
         Ok(true)
     }
 
@@ -364,32 +322,46 @@ impl Work<'_> {
                 instruction: self.instruction.clone(),
                 moments: self.collector.moments(),
             })?;
-            self.episode.thinking.push(begun.elapsed().as_secs_f64());
+            self.answer_seconds.push(begun.elapsed().as_secs_f64());
             self.pilot.take(chunk.rows as usize, &chunk.values)?;
         }
         Ok(self.pilot.command()?)
     }
 
-    /// Ends the episode, unless somebody else goes on or has ended it.
-    fn finish(mut self, over: Over) -> Result<PolicyEpisode, DriverError> {
+    /// Ends the episode, unless another driver continues it or it has ended.
+    fn finish(mut self, over: Over) -> Result<Finished, DriverError> {
         if matches!(over, Over::Given) {
-            self.own.open = false;
+            self.own.leave();
         }
-        if std::mem::take(&mut self.own.open) {
-            let stopped = self.own.link.stop_episode_of(self.own.started, false)?;
-            self.episode.stopped = Some(stopped);
+        if let Some(stopped) = self.own.end()? {
+            self.stopped = Some(stopped);
         }
-        let end = self.episode.stopped.as_ref();
-        let told = end.and_then(|stopped| stopped.evaluation.clone());
-        self.episode.evaluation = told.unwrap_or_else(|| self.collector.evaluation.clone());
+        let end = self.stopped.as_ref();
+        let evaluation = end.and_then(|stopped| stopped.evaluation.clone());
+        let mut evaluation = evaluation.unwrap_or_else(|| self.collector.evaluation.clone());
         if let Some(end) = end.filter(|end| end.cause() == v1::EndCause::Physics) {
             let words = end.anomalies.last().cloned().unwrap_or_default();
-            self.episode.broken.get_or_insert(words);
+            self.broken.get_or_insert(words);
         }
-        if self.episode.broken.is_some() || self.episode.error.is_some() {
-            self.episode.evaluation.success = false;
-        }
-        Ok(self.episode)
+        evaluation.success &= self.broken.is_none() && self.error.is_none();
+        let outcome = match (&self.broken, &self.error) {
+            (Some(words), _) => Outcome::Broken(format!("the physics broke: {words}")),
+            (None, Some(problem)) => Outcome::Failure(problem.to_string()),
+            (None, None) if evaluation.success => Outcome::Success,
+            (None, None) => Outcome::Failure(format!("the task failed: {}", evaluation.failure)),
+        };
+        Ok(Finished {
+            policy_error: self.error,
+            answer_seconds: self.answer_seconds,
+            ..Finished::from(Report {
+                outcome,
+                started: self.started,
+                stopped: self.stopped,
+                evaluation,
+                ticks: self.rows * u64::from(self.over_ticks),
+                source: None,
+            })
+        })
     }
 
     fn is_end(&self, stopped: &v1::EpisodeStopped) -> bool {

@@ -13,7 +13,7 @@ use wheelarm_proto::v1;
 use wheelarm_record::{ExitSummary, RecordOptions};
 use wheelarm_rollout::launcher::Panicked;
 use wheelarm_rollout::protocol::{EpisodeRequest, Event};
-use wheelarm_rollout::{FailureCause, Finished, Heartbeat, Record, Session, Unobserved, limits};
+use wheelarm_rollout::{FailureCause, Finished, Heartbeat, Record, Session, limits};
 use wheelarm_server::service::startup;
 use wheelarm_server::sim::Simulation;
 
@@ -163,7 +163,7 @@ fn begin(link: &Link, request: &EpisodeRequest) -> anyhow::Result<Receiver<Outco
                 recorders: u32::from(request.record.is_some()),
                 log: request.log.as_deref(),
                 heartbeat: &Heartbeat::new(limits::FINISH),
-                observer: &Unobserved,
+                observer: &(),
             })
         });
         let outcome = catch_unwind(work).map_err(|cause| Panicked::because_of(&*cause));
