@@ -19,6 +19,8 @@ pub mod demo;
 mod disturb;
 pub mod doctor;
 pub mod drive;
+#[cfg(all(test, feature = "hdf5"))]
+mod earlier_logs;
 mod episode_seed;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;

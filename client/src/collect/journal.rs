@@ -259,6 +259,20 @@ mod tests {
     }
 
     #[test]
+    fn journals_of_earlier_versions_are_read_and_resumed() {
+        let text = include_str!("../../../tests/data/episode-logs/collect.jsonl");
+        let mut ledger = Ledger::default();
+        for entry in crate::earlier_logs::resumed(text) {
+            ledger.add(entry);
+        }
+        assert_eq!(ledger.done["pick_mustard-0000"].attempt, 0);
+        let failed = &ledger.failed["pick_mustard-0001"];
+        assert_eq!(failed[0].broken, Some(FailureCause::Server));
+        assert_eq!((failed[0].death, failed[1].death), (1, 0));
+        assert_eq!(ledger.next_attempt("pick_mustard-0001"), (2, 0));
+    }
+
+    #[test]
     fn a_journal_cut_in_its_last_line_names_that_line() {
         let folder = tempfile::tempdir().unwrap();
         let journal = open(folder.path(), Shard::WHOLE).unwrap();

@@ -222,3 +222,34 @@ impl Entry {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earlier_logs::resumed;
+
+    #[test]
+    fn results_of_earlier_versions_are_read_and_resumed() {
+        let text = include_str!("../../../tests/data/episode-logs/evaluate.jsonl");
+        let entries = resumed::<Entry>(text);
+        let ends = entries.iter().map(|entry| entry.end.as_str());
+        assert_eq!(
+            ends.collect::<Vec<_>>(),
+            ["success", "success", "server broke", ""]
+        );
+        assert_eq!(entries[2].broken, Some(FailureCause::Server));
+        let job = |entry: &Entry| Job {
+            task: entry.task.clone(),
+            seed: entry.seed,
+            variation: Variation::default(),
+            policy: entry.policy.clone(),
+            policy_files: entry.policy_files.clone(),
+        };
+        for entry in &entries {
+            assert!(entry.is_of(&job(entry)), "{entry:?}");
+            let others = entries.iter().filter(|other| other.is_of(&job(entry)));
+            assert_eq!(others.count(), 1, "{entry:?}");
+        }
+        assert_eq!(entries[3].recording().as_deref(), Some("pick_bowl-seed7"));
+    }
+}

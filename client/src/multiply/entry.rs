@@ -48,3 +48,18 @@ impl LogEntry for Entry {
         self.seed == known.seed
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earlier_logs::resumed;
+
+    #[test]
+    fn results_of_earlier_versions_are_read_and_resumed() {
+        let text = include_str!("../../../tests/data/episode-logs/multiply.jsonl");
+        let entries = resumed::<Entry>(text);
+        let seeds: Vec<u64> = entries.iter().map(|entry| entry.seed).collect();
+        assert_eq!(seeds, [500_000, 500_001]);
+        assert!(entries.iter().all(|entry| entry.kept));
+    }
+}
