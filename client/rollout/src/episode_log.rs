@@ -210,7 +210,7 @@ mod tests {
         }
     }
 
-    /// Opens a log that nobody uses. A child process of another test may hold the lock
+    /// Opens a log that no process has open. A child process of another test may hold the lock
     /// between its fork and its exec.
     fn open(path: &Path) -> EpisodeLog<Line> {
         let mut opened = (0..500).map(|_| {

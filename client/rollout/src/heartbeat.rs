@@ -91,7 +91,9 @@ impl Heartbeat {
             state.still = Duration::ZERO;
         }
         state.waiting_for.clone_from(&status.waiting_for);
-        state.scenario.clone_from(&status.scenario);
+        if status.scenario.is_some() {
+            state.scenario.clone_from(&status.scenario);
+        }
         if let Some(seconds) = episode_seconds(status) {
             state.seconds = seconds;
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 pub const READY: Duration = Duration::from_secs(300);
 /// From the end of an episode to its finished file.
 pub const FINISH: Duration = Duration::from_secs(900);
-/// For each way of ending a program, before the next harder one: it is asked,
+/// For each way of ending a program, before the next harder one: it receives a request,
 /// it is terminated, it is killed.
 pub const END: Duration = Duration::from_secs(20);
 /// Between two looks at a program.

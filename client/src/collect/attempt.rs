@@ -239,7 +239,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// The scenario that is asked for.
+    /// The requested scenario.
     fn scenario(&self) -> v1::Scenario {
         let plan = &self.setup.plan;
         let mut scenario = v1::Scenario {

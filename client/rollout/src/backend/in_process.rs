@@ -8,9 +8,8 @@ use anyhow::{Context, anyhow};
 use parking_lot::Mutex;
 
 use super::Backend;
-use super::watch::{Simulator, Watch};
+use super::watch::{Simulator, Watch, is_reusable};
 use super::worker::{RunningEpisode, Worker, WorkerOptions};
-use crate::failure::{Failure, FailureCause};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
 use crate::limits;
@@ -76,11 +75,7 @@ impl Backend for InProcess {
             // A disk that rejects the log rejects the recording too, which is reported.
             let _ = std::fs::write(folder.join(WORKER_LOG), run.messages());
         }
-        let is_harmless = |problem: &anyhow::Error| {
-            let failure = problem.downcast_ref::<Failure>();
-            failure.is_some_and(|failure| failure.cause == FailureCause::Scenario)
-        };
-        if result.as_ref().is_err_and(|problem| !is_harmless(problem)) {
+        if !is_reusable(&result) {
             let mut current = self.worker.lock();
             if current.as_ref().is_some_and(|w| Arc::ptr_eq(w, &worker)) {
                 *current = None;
@@ -141,11 +136,13 @@ impl Run<'_> {
             Some(Event::Failed { cause, reason }) => Err(self.watch.failed(cause, reason)),
             Some(Event::HostFailed(words)) => Err(self.host_failed(&words)),
             Some(Event::Recorded { code, words }) => {
-                self.recorder = Some((code, words.clone()));
-                match code {
-                    0 => Ok(None),
-                    _ => Err(self.host_failed(&format!("the recording failed: {words}"))),
-                }
+                let problem = match (code, words.as_str()) {
+                    (0, _) => None,
+                    (_, "") => Some("the recording is not complete".to_owned()),
+                    (_, words) => Some(format!("the recording failed: {words}")),
+                };
+                self.recorder = Some((code, words));
+                problem.map_or(Ok(None), |problem| Err(self.host_failed(&problem)))
             }
             Some(event @ (Event::Finished(_) | Event::Over)) => Ok(Some(event)),
             None => {

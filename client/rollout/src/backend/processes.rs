@@ -13,7 +13,7 @@ use wheelarm_operate::run::DriverError;
 use wheelarm_proto::v1;
 
 use super::Backend;
-use super::watch::{Simulator, Watch};
+use super::watch::{Simulator, Watch, is_reusable};
 use crate::failure::{Failure, FailureCause};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
@@ -118,13 +118,7 @@ impl Backend for Processes {
             None => self.start(rollout)?,
         };
         let result = self.episode(rollout, &mut programs, simulated);
-        let is_reusable = match &result {
-            Ok(_) => true,
-            Err(problem) => problem
-                .downcast_ref::<Failure>()
-                .is_some_and(|failure| failure.cause == FailureCause::Scenario),
-        };
-        match self.kept.is_some() && is_reusable {
+        match self.kept.is_some() && is_reusable(&result) {
             true => *self.programs.lock() = Some(programs),
             false => programs.end(result.is_ok()),
         }
@@ -144,7 +138,7 @@ impl Processes {
         simulated: &mut dyn FnMut(),
     ) -> anyhow::Result<Finished> {
         let heartbeat = Heartbeat::new(rollout.limits.silence);
-        let status = Status::start(&programs.link, &heartbeat, rollout);
+        let status = Status::start(&programs.link, &heartbeat, rollout, self.kept.is_some());
         let driver = self.drive(rollout, programs, &heartbeat)?;
         let mut run = Run {
             watch: Watch { rollout, heartbeat },
@@ -390,7 +384,7 @@ fn is_unanswered(problem: &anyhow::Error) -> bool {
 struct Status(Arc<AtomicBool>);
 
 impl Status {
-    fn start(link: &Link, heartbeat: &Heartbeat, rollout: &Rollout) -> Self {
+    fn start(link: &Link, heartbeat: &Heartbeat, rollout: &Rollout, is_kept: bool) -> Self {
         let wanted = Arc::new(AtomicBool::new(true));
         let (link, heartbeat) = (link.clone(), heartbeat.clone());
         let observer: Arc<dyn Observer> = Arc::clone(&rollout.observer);
@@ -399,9 +393,13 @@ impl Status {
         std::thread::spawn(move || {
             while is_wanted.load(Ordering::Acquire) {
                 let sent = Instant::now();
-                if let Ok(status) = link.ask_within(&v1::StatusRequest {}, answer)
+                if let Ok(mut status) = link.ask_within(&v1::StatusRequest {}, answer)
                     && is_wanted.load(Ordering::Acquire)
                 {
+                    if is_kept {
+                        // It may still be that of the episode before.
+                        status.scenario = None;
+                    }
                     heartbeat.status(&status, sent);
                     observer.status(&status);
                 }

@@ -1,6 +1,7 @@
 //! Watches the program that simulates an episode.
 
-use crate::failure::FailureCause;
+use crate::failure::{Failure, FailureCause};
+use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
 use crate::rollout::Rollout;
 
@@ -79,4 +80,14 @@ impl Watch<'_> {
     pub fn failed(&self, cause: FailureCause, reason: String) -> anyhow::Error {
         self.heartbeat.failure(cause, reason).into()
     }
+}
+
+/// Whether the programs of an episode can run another one: it finished, or only its
+/// scenario was rejected.
+pub(super) fn is_reusable(result: &anyhow::Result<Finished>) -> bool {
+    let is_of_scenario = |problem: &anyhow::Error| {
+        let failure = problem.downcast_ref::<Failure>();
+        failure.is_some_and(|failure| failure.cause == FailureCause::Scenario)
+    };
+    result.as_ref().err().is_none_or(is_of_scenario)
 }

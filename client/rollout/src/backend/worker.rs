@@ -41,7 +41,7 @@ pub(super) struct Worker {
     next: AtomicU64,
 }
 
-/// Events of a worker that nobody has read.
+/// Unread events of a worker.
 #[derive(Default)]
 struct Inbox {
     events: Mutex<Events>,

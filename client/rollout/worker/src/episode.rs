@@ -90,7 +90,7 @@ fn attempt(
     let outcome = loop {
         match expert.recv_timeout(limits::LOOK) {
             Ok(outcome) => break Some(outcome),
-            Err(_) if stop.is_asked() => break None,
+            Err(_) if stop.is_requested() => break None,
             Err(_) => broken = serving.ended(),
         }
         if broken.is_some() {
@@ -102,19 +102,19 @@ fn attempt(
         Some(Ok(Err(problem))) => match serving.ended_within(NOTICE) {
             Some(words) => failed(FailureCause::Server, words),
             None => {
-                stop.ask();
+                stop.request();
                 let problem = problem.context("the operator broke");
                 output.write(Event::HostFailed(format!("{problem:#}")));
             }
         },
         Some(Err(panicked)) => {
-            stop.ask();
+            stop.request();
             let words = format!("the operator panicked: {}", panicked.0);
             failed(FailureCause::Operator, words);
         }
         None => {
             // The expert ends with its service.
-            stop.ask();
+            stop.request();
             drop(serving);
             if let Some(words) = broken {
                 failed(FailureCause::Server, words);

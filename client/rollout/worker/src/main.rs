@@ -68,15 +68,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn assets(told: Option<PathBuf>) -> anyhow::Result<PathBuf> {
-    if let Some(told) = told {
-        if !told.join("scenes").is_dir() {
+fn assets(named: Option<PathBuf>) -> anyhow::Result<PathBuf> {
+    if let Some(named) = named {
+        if !named.join("scenes").is_dir() {
             bail!(
                 "{} holds no folder `scenes`; name the assets folder of WheelArm",
-                told.display()
+                named.display()
             );
         }
-        return Ok(told);
+        return Ok(named);
     }
     installed::assets()
         .context("no assets folder found; name it with --assets DIR or WHEELARM_ASSETS")
@@ -119,7 +119,7 @@ fn work(args: Args) -> anyhow::Result<()> {
             }
             Request::Cancel { number } => {
                 if let Some(stop) = stops.lock().get(&number) {
-                    stop.ask();
+                    stop.request();
                 }
             }
         }

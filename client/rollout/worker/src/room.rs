@@ -23,27 +23,27 @@ pub struct Room {
 /// A request to end an episode early.
 #[derive(Clone, Default)]
 pub struct Stop {
-    is_asked: Arc<AtomicBool>,
+    is_requested: Arc<AtomicBool>,
     changed: Arc<Notify>,
 }
 
 impl Stop {
     /// Requests the end.
-    pub fn ask(&self) {
-        self.is_asked.store(true, Ordering::Release);
+    pub fn request(&self) {
+        self.is_requested.store(true, Ordering::Release);
         self.changed.notify_waiters();
         self.changed.notify_one();
     }
 
     /// Whether the end was requested.
     #[must_use]
-    pub fn is_asked(&self) -> bool {
-        self.is_asked.load(Ordering::Acquire)
+    pub fn is_requested(&self) -> bool {
+        self.is_requested.load(Ordering::Acquire)
     }
 
     /// Waits for the request.
     pub async fn requested(self) {
-        if !self.is_asked() {
+        if !self.is_requested() {
             self.changed.notified().await;
         }
     }

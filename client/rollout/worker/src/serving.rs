@@ -67,8 +67,8 @@ impl Serving {
         loop {
             match serves.recv_timeout(limits::LOOK) {
                 Ok(()) => break,
-                Err(RecvTimeoutError::Timeout) if !stop.is_asked() && Instant::now() < deadline => {
-                }
+                Err(RecvTimeoutError::Timeout)
+                    if !stop.is_requested() && Instant::now() < deadline => {}
                 Err(RecvTimeoutError::Timeout) => {
                     anyhow::bail!("the service did not start in time")
                 }
@@ -123,7 +123,7 @@ impl Serving {
 
 impl Drop for Serving {
     fn drop(&mut self) {
-        // It ends by itself where nobody is left to hear this.
+        // A service that has ended does not receive this.
         let _ = self.end.take().map(|end| end.send(()));
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
