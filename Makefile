@@ -37,6 +37,8 @@
 # make test-variety   how much demonstrations differ, 40 seeds of each task from EXPERT_SEED, and
 #                    the rhythm of the style human, 6 seeds; about an hour on two cores;
 #                    results in data/variety-COMMIT
+# make test-hashes   state hashes of 44 episodes beside tests/data/redesign-hashes.csv, a minute
+#                    and a half on two cores
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
 # make demo-policy   the policy that ships takes the mustard, or does POLICY_TASK=pick_blue_mug,
@@ -67,7 +69,7 @@ export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
 # What this shell was told of a server elsewhere is not for servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
-.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
+.PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean
 all: build
 
 build:
@@ -140,6 +142,9 @@ people:
 	"$(WHEELARM_PYTHON)" scripts/people/make_people.py $(if $(WHEEL),"$(WHEEL)")
 	"$(WHEELARM_PYTHON)" tests/python/check_people.py
 	"$(WHEELARM_PYTHON)" scripts/people/look_at_people.py guide docs/images/people.png
+
+test-hashes: build
+	$(CARGO) test --release -p wheelarm-tests --test system -- --ignored of_all_episodes
 
 test-people:
 	scripts/setup.sh python numpy

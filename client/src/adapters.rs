@@ -4,7 +4,7 @@ use std::process::Command;
 use std::str::FromStr;
 
 use anyhow::{Context, bail};
-use wheelarm_rig::required_program;
+use wheelarm_rollout::launcher::required_program;
 
 /// On what is drawn.
 #[derive(clap::Args, Clone, Debug, Default)]

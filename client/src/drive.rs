@@ -11,7 +11,7 @@ use wheelarm_drive::{Gateway, Options};
 use wheelarm_link::Connect;
 use wheelarm_proto::signals::Signals;
 use wheelarm_proto::v1;
-use wheelarm_rig::{Recorder, RecorderOptions, Server, ServerOptions, all_cameras};
+use wheelarm_rollout::launcher::{Lifetime, Record, Recorder, Server, ServerOptions, all_cameras};
 
 use crate::choice;
 use crate::control::refuse_closed;
@@ -142,8 +142,8 @@ impl Rig {
             .map(|out| {
                 std::fs::create_dir_all(out)
                     .with_context(|| format!("making the folder {}", out.display()))?;
-                let options = RecorderOptions::lasting("drive", out);
-                Recorder::start(server.connect(), &options)
+                let record = Record::new("drive", out);
+                Recorder::start(server.connect(), &record, Lifetime::Lasting)
             })
             .transpose()?;
         Ok(Self { server, recorder })

@@ -9,8 +9,6 @@ pub mod access;
 mod adapters;
 #[cfg(feature = "hdf5")]
 mod axis;
-#[cfg(feature = "hdf5")]
-mod broken;
 mod choice;
 #[cfg(feature = "hdf5")]
 pub mod collect;
@@ -21,13 +19,13 @@ pub mod demo;
 mod disturb;
 pub mod doctor;
 pub mod drive;
+#[cfg(all(test, feature = "hdf5"))]
+mod earlier_logs;
 mod episode_seed;
 #[cfg(feature = "hdf5")]
 pub mod evaluate;
 #[cfg(feature = "hdf5")]
 mod language;
-#[cfg(feature = "hdf5")]
-mod ledger;
 #[cfg(feature = "hdf5")]
 pub mod multiply;
 pub mod operate;
@@ -46,4 +44,4 @@ mod text_file;
 mod variation;
 pub mod watch;
 #[cfg(feature = "hdf5")]
-mod way;
+mod worker_mode;

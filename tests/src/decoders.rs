@@ -7,9 +7,9 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
-use wheelarm_pilot::openpi;
 use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::{Message, StreamId, check, v1};
+use wheelarm_rollout::policy::openpi;
 use wheelarm_server::geometry::mesh;
 use wheelarm_server::robot::control::GripperMap;
 use wheelarm_server::robot::{CorridorSettings, RobotModel};
@@ -114,7 +114,7 @@ pub fn samples(bytes: &[u8]) {
 pub fn policy_reply(bytes: &[u8]) {
     let robot = v1::RobotDescription::default();
     let fly = |spec: &v1::PolicySpec, rows: usize, values: &[f32]| {
-        let Ok((kind, _)) = wheelarm_pilot::checked(spec) else {
+        let Ok((kind, _)) = wheelarm_rollout::policy::checked(spec) else {
             return;
         };
         for ensemble in [None, Some(0.1)] {

@@ -1,10 +1,11 @@
 //! Errors that the operator makes on purpose, so that their correction is recorded.
 
+use serde::{Deserialize, Serialize};
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1::Incident;
 
 /// An error that is made once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ForcedError {
     /// The first grasp closes beside the thing.
     WrongGrasp,

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::run::{OperateError, Progress, Report};
+use super::run::{DriverError, Progress, Report};
 
 /// A log of one operator at work.
 pub struct Log {
@@ -34,7 +34,7 @@ impl Log {
     }
 
     /// Writes down how it went.
-    pub fn end(&mut self, report: &Result<Report, OperateError>) {
+    pub fn end(&mut self, report: &Result<Report, DriverError>) {
         match report {
             Ok(report) => self.line(&report.why().unwrap_or_else(|| "done".to_owned())),
             Err(problem) => self.line(&format!("error: {problem}")),

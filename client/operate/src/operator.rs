@@ -10,6 +10,7 @@ mod recovery;
 mod start;
 
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 use wheelarm_proto::geometry;
 use wheelarm_proto::person::FORCE_LIMIT;
 use wheelarm_proto::v1::{self, Phase};
@@ -29,7 +30,7 @@ use super::skill::fumble::Fumble;
 use super::skill::{Memory, Now, Skill, Step};
 
 /// How the work ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Outcome {
     /// The task's conditions hold.
     Success,
@@ -37,6 +38,18 @@ pub enum Outcome {
     Failure(String),
     /// The simulation broke under its hands: not its fault.
     Broken(String),
+}
+
+impl Outcome {
+    /// Why the task was not done, for people; absent when it was.
+    #[must_use]
+    pub fn why(&self, evaluation: &v1::Evaluation) -> Option<String> {
+        match self {
+            Self::Failure(why) | Self::Broken(why) => Some(why.clone()),
+            Self::Success if evaluation.success => None,
+            Self::Success => Some("the task's conditions no longer held at the end".to_owned()),
+        }
+    }
 }
 
 /// The whole work takes no longer than this, seconds of simulation time.

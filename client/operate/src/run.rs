@@ -61,19 +61,19 @@ impl Default for OperateOptions {
     }
 }
 
-/// Why the operator could not work.
+/// Why a driver (the expert or a policy) could not finish an episode.
 #[derive(Debug, thiserror::Error)]
-pub enum OperateError {
+pub enum DriverError {
     /// The connection.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// A message is not as the contract says.
     #[error("a message of the server is wrong: {0}")]
     Message(#[from] Invalid),
-    /// The scene cannot be worked with.
+    /// The scene, or an observation of it, cannot be used.
     #[error("{0}")]
     Scene(String),
-    /// The episode ended under the operator's hands.
+    /// Another client ended the episode.
     #[error("the episode was ended by somebody else")]
     Ended,
     /// The task was done or lost before.
@@ -124,27 +124,7 @@ impl Report {
     /// Why the task was not done, for people; absent when it was.
     #[must_use]
     pub fn why(&self) -> Option<String> {
-        match &self.outcome {
-            Outcome::Failure(why) | Outcome::Broken(why) => Some(why.clone()),
-            Outcome::Success if self.evaluation.success => None,
-            Outcome::Success => Some("the task's conditions no longer held at the end".to_owned()),
-        }
-    }
-
-    /// Number of the episode in its server's run.
-    #[must_use]
-    pub fn episode(&self) -> u64 {
-        self.started.header.as_ref().map_or(0, |h| h.episode)
-    }
-
-    /// Simulated seconds from the episode's beginning to its end; 0 where it
-    /// goes on.
-    #[must_use]
-    pub fn seconds(&self) -> f64 {
-        let stamp = |header: Option<&v1::Header>| header.map_or(0, |h| h.stamp_nanos);
-        let begun = stamp(self.started.header.as_ref());
-        let ended = stamp(self.stopped.as_ref().and_then(|s| s.header.as_ref()));
-        ended.saturating_sub(begun) as f64 * 1e-9
+        self.outcome.why(&self.evaluation)
     }
 }
 
@@ -157,19 +137,52 @@ fn broke(words: &str) -> Outcome {
     Outcome::Broken(format!("the physics broke: {words}"))
 }
 
-/// Ends the operator's own episode when the operator cannot go on: in
-/// lock-step, time would wait for it for good.
-struct OwnEpisode<'a> {
+/// An episode that a driver started. It ends when this is dropped: in lock-step, time would
+/// wait for the driver for good.
+pub struct OwnEpisode<'a> {
     link: &'a Link,
-    open: bool,
+    started: v1::EpisodeStarted,
+    is_open: bool,
+}
+
+impl<'a> OwnEpisode<'a> {
+    /// The episode `started`, where it is `ours`; otherwise nothing is ended.
+    #[must_use]
+    pub fn new(link: &'a Link, started: &v1::EpisodeStarted, is_ours: bool) -> Self {
+        Self {
+            link,
+            started: started.clone(),
+            is_open: is_ours,
+        }
+    }
+
+    /// Whether it still runs and is to be ended here.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.is_open
+    }
+
+    /// Leaves it as it is: it has ended, or another driver continues it.
+    pub fn leave(&mut self) {
+        self.is_open = false;
+    }
+
+    /// Ends it, unless it was left.
+    ///
+    /// # Errors
+    /// As [`Link::stop_episode_of`].
+    pub fn end(&mut self) -> Result<Option<v1::EpisodeStopped>, LinkError> {
+        match std::mem::take(&mut self.is_open) {
+            true => self.link.stop_episode_of(&self.started, false).map(Some),
+            false => Ok(None),
+        }
+    }
 }
 
 impl Drop for OwnEpisode<'_> {
     fn drop(&mut self) {
-        if self.open
-            && let Err(e) = self.link.stop_episode(false)
-        {
-            tracing::warn!("the episode could not be ended: {e}");
+        if let Err(problem) = self.end() {
+            tracing::warn!("the episode could not be ended: {problem}");
         }
     }
 }
@@ -177,12 +190,12 @@ impl Drop for OwnEpisode<'_> {
 /// Does the task: joins the running episode, or starts one and stops it.
 ///
 /// # Errors
-/// [`OperateError`]; a task that was tried and failed is a [`Report`].
+/// [`DriverError`]; a task that was tried and failed is a [`Report`].
 pub fn run(
     link: &Link,
     options: &OperateOptions,
     progress: &mut dyn FnMut(&Progress<'_>),
-) -> Result<Report, OperateError> {
+) -> Result<Report, DriverError> {
     let turns = link.turns(&options.commander, options.take, &observation::STREAMS)?;
     let (scenario, running) = set_up(link, options.task.as_deref())?;
     let reply = link.ask(&v1::SceneRequest {})?;
@@ -194,7 +207,7 @@ pub fn run(
     let profile = OperatorProfile::new(seed).in_style(style, seed);
     let operator = Operator::new(scene, goal, profile);
     let mut operator = operator
-        .map_err(OperateError::Scene)?
+        .map_err(DriverError::Scene)?
         .shown(options.shown.clone());
     if options.on_the_spot {
         operator = operator.on_the_spot();
@@ -214,10 +227,7 @@ pub fn run(
         None => (start(link, options, &scenario)?, true),
     };
     let mut work = Work {
-        own: OwnEpisode {
-            link,
-            open: is_ours,
-        },
+        own: OwnEpisode::new(link, &started, is_ours),
         turns,
         operator,
         collector: Collector::new(roles),
@@ -235,7 +245,7 @@ pub fn run(
 fn set_up(
     link: &Link,
     task: Option<&str>,
-) -> Result<(v1::Scenario, Option<v1::EpisodeStarted>), OperateError> {
+) -> Result<(v1::Scenario, Option<v1::EpisodeStarted>), DriverError> {
     let status: v1::Status = link.ask(&v1::StatusRequest {})?;
     let scenario = status.scenario.unwrap_or_default();
     if let (Some(task), None) = (task, &status.episode)
@@ -248,7 +258,7 @@ fn set_up(
         return Ok((link.reset(wanted, false)?, None));
     }
     if status.episode.is_none() && status.evaluation.is_some_and(|e| e.done) {
-        return Err(OperateError::Over);
+        return Err(DriverError::Over);
     }
     Ok((scenario, status.episode))
 }
@@ -273,7 +283,7 @@ impl Work<'_> {
     fn until_over(
         &mut self,
         progress: &mut dyn FnMut(&Progress<'_>),
-    ) -> Result<Outcome, OperateError> {
+    ) -> Result<Outcome, DriverError> {
         let mut silent = 0;
         loop {
             let collector = &mut self.collector;
@@ -308,7 +318,7 @@ impl Work<'_> {
         &mut self,
         clock: &v1::Clock,
         progress: &mut dyn FnMut(&Progress<'_>),
-    ) -> Result<Option<Outcome>, OperateError> {
+    ) -> Result<Option<Outcome>, DriverError> {
         let stamp = clock.header.as_ref().map_or(0, |h| h.stamp_nanos);
         let Some(seen) = self.collector.observe(stamp)? else {
             self.turns.answer(v1::Command::default())?;
@@ -347,13 +357,13 @@ impl Work<'_> {
     }
 
     /// An episode has ended under the operator's hands: its own, or another.
-    fn ended(&mut self, end: v1::EpisodeStopped) -> Result<Option<Outcome>, OperateError> {
+    fn ended(&mut self, end: v1::EpisodeStopped) -> Result<Option<Outcome>, DriverError> {
         if !self.is_end(&end) {
             return Ok(None);
         }
-        self.own.open = false;
+        self.own.leave();
         if end.cause() != v1::EndCause::Physics {
-            return Err(OperateError::Ended);
+            return Err(DriverError::Ended);
         }
         let outcome = broke(end.anomalies.last().map_or("", String::as_str));
         self.stopped = Some(end);
@@ -361,42 +371,38 @@ impl Work<'_> {
     }
 
     /// Nothing came for `silent` times the patience.
-    fn silent(
-        &mut self,
-        silent: u32,
-        status: &v1::Status,
-    ) -> Result<Option<Outcome>, OperateError> {
+    fn silent(&mut self, silent: u32, status: &v1::Status) -> Result<Option<Outcome>, DriverError> {
         if status.episode.is_none() {
-            self.own.open = false;
+            self.own.leave();
             return match status.broken.as_str() {
-                "" => Err(OperateError::Ended),
+                "" => Err(DriverError::Ended),
                 words => Ok(Some(broke(words))),
             };
         }
         if silent > GIVE_UP && !status.paused {
             let seconds = PATIENCE.as_secs_f64() * f64::from(silent);
-            return Err(OperateError::Silent(seconds, status.waiting_for.clone()));
+            return Err(DriverError::Silent(seconds, status.waiting_for.clone()));
         }
         Ok(None)
     }
 
     /// Ends the episode if it is the operator's own, and reports.
-    fn finish(mut self, outcome: Outcome, is_ours: bool) -> Result<Report, OperateError> {
+    fn finish(mut self, outcome: Outcome, is_ours: bool) -> Result<Report, DriverError> {
         // The last command takes effect before the end is asked for: otherwise it
         // would be chance whether its tick still belongs to the episode.
-        while self.stopped.is_none() && (self.own.open || !is_ours) {
+        while self.stopped.is_none() && (self.own.is_open() || !is_ours) {
             let collector = &mut self.collector;
             match self.turns.next(PATIENCE, &mut |s| collector.take(s))? {
                 Turn::Answer(_) | Turn::Silent(_) => break,
                 Turn::Ended(end) if self.is_end(&end) => {
-                    self.own.open = false;
+                    self.own.leave();
                     self.stopped = Some(end);
                 }
                 Turn::Ended(_) | Turn::Refused(_) => {}
             }
         }
-        if std::mem::take(&mut self.own.open) {
-            self.stopped = Some(self.own.link.stop_episode(false)?);
+        if let Some(stopped) = self.own.end()? {
+            self.stopped = Some(stopped);
         }
         let told = self.stopped.as_ref().and_then(|s| s.evaluation.clone());
         let mut evaluation = told.unwrap_or_else(|| self.collector.evaluation());

@@ -1,12 +1,13 @@
-//! How an attempt goes, for people: told by whoever works on it, shown by the
-//! progress display.
+//! The progress of an attempt, for people: reported by the attempt, shown by the progress
+//! display.
 
 use std::sync::Arc;
 
 use parking_lot::Mutex;
+use wheelarm_proto::v1;
+use wheelarm_rollout::{Observer, episode_seconds};
 
-/// Simulated seconds and what is being done, shared by those who tell and those
-/// who show.
+/// Simulated seconds and the current step, shared between attempt and display.
 #[derive(Clone, Debug, Default)]
 pub struct Activity(Arc<Mutex<State>>);
 
@@ -17,19 +18,21 @@ struct State {
 }
 
 impl Activity {
-    /// Something else begins: nothing is simulated yet.
+    /// Another attempt begins: nothing is simulated yet.
     pub fn reset(&self) {
         *self.0.lock() = State::default();
     }
 
-    /// What is being done, in a word or two.
-    pub fn tell(&self, doing: &str) {
+    /// Names the current step, in a word or two.
+    pub fn set_step(&self, doing: &str) {
         doing.clone_into(&mut self.0.lock().doing);
     }
 
-    /// So many simulated seconds are over.
-    pub fn simulated(&self, seconds: f64, doing: String) {
-        *self.0.lock() = State { seconds, doing };
+    /// Both as text.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let state = self.0.lock();
+        format!("{:6.1} s simulated, {}", state.seconds, state.doing)
     }
 
     /// Simulated seconds so far.
@@ -37,11 +40,13 @@ impl Activity {
     pub fn seconds(&self) -> f64 {
         self.0.lock().seconds
     }
+}
 
-    /// Both in words.
-    #[must_use]
-    pub fn line(&self) -> String {
-        let state = self.0.lock();
-        format!("{:6.1} s simulated, {}", state.seconds, state.doing)
+impl Observer for Activity {
+    fn status(&self, status: &v1::Status) {
+        if let Some(seconds) = episode_seconds(status) {
+            let doing = format!("{:.2}x real time", status.real_time_factor);
+            *self.0.lock() = State { seconds, doing };
+        }
     }
 }

@@ -1,21 +1,24 @@
-//! One attempt at an episode: what it is made of and what its file is worth.
-//! `by_process` and `by_socket` simulate it.
+//! One attempt at an episode: its rollout, and the value of its file.
 //!
-//! A failure of the task is the operator's and gets a fresh seed, and so does a
-//! simulation that breaks and an operator that panics or stalls; where a server or a
-//! worker dies or hangs, which may be the host's fault, the same seed is tried once
-//! more; anything else that goes wrong is the host's, and the same seed is tried
-//! again. A server or worker that something else killed ran out of memory: the same
-//! seed is tried again by fewer workers, and the journal has no entry.
+//! A failure of the task is the expert's and gets a fresh seed, and so does a simulation
+//! that diverges and an expert that panics or hangs. When a server or a worker dies or
+//! hangs, which may be the host's fault, the same seed is tried once more. Anything else
+//! that goes wrong is the host's, and the same seed is tried again. A server or worker that
+//! another program killed ran out of memory: the same seed is tried again by fewer workers,
+//! and the journal has no entry.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use wheelarm_dataset::read::Episode as Recording;
 use wheelarm_dataset::scenario_text::scenario_json;
-use wheelarm_operate::run::Report;
 use wheelarm_proto::v1;
+use wheelarm_rollout::{
+    Driver, Expert, Failure, FailureCause, Finished, InProcess, Limits, Processes, Record, Rollout,
+    WorkerOptions,
+};
 
 use super::activity::Activity;
 use super::episode::Episode;
@@ -24,18 +27,14 @@ use super::journal::{Done, Failed};
 use super::judge::{Judged, judge};
 use super::loss::{self, Loss};
 use super::plan::Plan;
-use super::slot::Slot;
+use super::slot::{Permit, Slot};
 use super::stop::Stop;
-use crate::broken::Broken;
 use crate::episode_seed::EpisodeSeed;
-use crate::way::Way;
+use crate::worker_mode::WorkerMode;
 
-/// Simulation time may stall for as long as the server may be silent, and
-/// for this long in any case, while the server answers.
-pub const STALL: Duration = Duration::from_secs(60);
-
-/// File for what the operator does, in a staging folder.
-pub const OPERATOR_LOG: &str = "operator.log";
+/// Simulated time may stand still for as long as the server may be silent, and for this
+/// long in any case, while the server answers.
+const STALL: Duration = Duration::from_secs(60);
 
 /// What every attempt of a campaign needs.
 #[derive(Clone, Debug)]
@@ -47,76 +46,166 @@ pub struct Setup {
     /// Assets folder; the server looks for it when absent.
     pub assets: Option<PathBuf>,
     /// How a worker runs.
-    pub way: Way,
+    pub mode: WorkerMode,
     /// Longest time in which a server does not answer before it is ended.
     pub patience: Duration,
 }
 
-/// What came of an attempt.
+impl Setup {
+    /// A slot whose images are rendered by `adapter`; by the strongest when absent.
+    #[must_use]
+    pub fn slot(&self, adapter: Option<String>) -> Slot {
+        let assets = self.assets.clone();
+        Slot::new(match self.mode {
+            WorkerMode::Socket => Box::new(Processes::new(assets, adapter)),
+            WorkerMode::Process => Box::new(InProcess::new(WorkerOptions {
+                assets,
+                adapter,
+                folder: Some(self.folder.root().to_owned()),
+            })),
+        })
+    }
+}
+
+/// The outcome of an attempt.
 #[derive(Debug)]
 pub enum Outcome {
     /// The staged file is good.
     Done(Box<Done>),
-    /// The task was not done, or it was no fault of a server or the host.
+    /// The task was not done, or the failure is not the fault of a server or the host.
     Failed(Failed),
     /// The server died or hung.
     Broke(Failed),
-    /// Something else killed the server or the worker; how it ended.
+    /// Another program killed the server or the worker; how it ended.
     Killed(String),
-    /// Thrown away because the campaign is to end.
+    /// Discarded because the campaign ends.
     Stopped,
 }
 
-/// An attempt under way.
-pub struct Attempt<'a> {
-    pub setup: &'a Setup,
-    pub slot: &'a Slot,
-    pub episode: &'a Episode,
-    pub number: u32,
-    pub seed: u64,
-    pub staging: PathBuf,
-    pub stop: &'a Stop,
-    pub activity: &'a Activity,
-    pub begun: Instant,
-}
-
-/// Why an attempt ends before its file is there.
-pub enum Halt {
-    Over(Box<Outcome>),
-    Trouble(anyhow::Error),
-}
-
-impl From<anyhow::Error> for Halt {
-    fn from(problem: anyhow::Error) -> Self {
-        Self::Trouble(problem)
+/// Makes one attempt; the file lies in the staging folder afterwards. `permit` is held
+/// while it simulates and is dropped before the file is finished.
+///
+/// # Errors
+/// When something failed that may be the host's fault, with the last messages.
+pub fn attempt(
+    setup: &Setup,
+    (episode, number): (&Episode, u32),
+    (slot, permit): (&Slot, Permit<'_>),
+    stop: &Stop,
+    activity: &Activity,
+) -> anyhow::Result<Outcome> {
+    let attempt = Attempt {
+        setup,
+        episode,
+        number,
+        seed: episode.seed_of(number),
+        staging: setup.folder.stage(&episode.id)?,
+        activity,
+        begun: Instant::now(),
+    };
+    activity.set_step("starting");
+    let rollout = attempt.rollout(stop);
+    let (mut permit, mut wall_seconds) = (Some(permit), 0.0);
+    let result = slot.backend().run_and_then(&rollout, &mut || {
+        permit = None;
+        wall_seconds = attempt.begun.elapsed().as_secs_f64();
+        activity.set_step("finishing the file");
+    });
+    match result? {
+        Ok(finished) => attempt.judged(&finished, wall_seconds),
+        Err(failure) => attempt.failed(failure),
     }
 }
 
-/// An attempt that is over.
-pub fn over(outcome: Outcome) -> Halt {
-    Halt::Over(Box::new(outcome))
+/// An attempt under way.
+struct Attempt<'a> {
+    setup: &'a Setup,
+    episode: &'a Episode,
+    number: u32,
+    seed: u64,
+    staging: PathBuf,
+    activity: &'a Activity,
+    begun: Instant,
 }
 
 impl Attempt<'_> {
-    /// What the file of an attempt is worth that took `wall_seconds`; `said` are the
-    /// words of whoever made it.
-    pub fn judged(
-        &self,
-        report: &Report,
-        wall_seconds: f64,
-        said: &str,
-    ) -> anyhow::Result<Outcome> {
-        self.activity.tell("checking the file");
+    fn rollout(&self, stop: &Stop) -> Rollout {
+        let plan = &self.setup.plan;
+        let stop = stop.clone();
+        Rollout {
+            scenario: self.scenario(),
+            label: self.episode.id.clone(),
+            driver: Driver::Expert(Expert {
+                profile_seed: self.profile_seed(),
+                forced: plan.variation.forced(self.drawn()),
+            }),
+            record: Some(Record {
+                out: self.staging.clone(),
+                scratch: self.setup.folder.scratch(&self.episode.id),
+                depth: plan.depth,
+                name: "collect".to_owned(),
+            }),
+            limits: Limits {
+                silence: self.setup.patience,
+                stall: self.setup.patience.max(STALL),
+                cancelled: Arc::new(move || stop.at_once()),
+            },
+            folder: Some(self.staging.clone()),
+            observer: Arc::new(self.activity.clone()),
+        }
+    }
+
+    /// The outcome of an attempt that failed before the expert finished.
+    fn failed(&self, failure: Failure) -> anyhow::Result<Outcome> {
+        let cause = failure.cause;
+        let entry = |failure: Failure| {
+            let requested = || serde_json::json!({ "task": self.episode.task, "seed": self.seed });
+            Failed {
+                episode: self.episode.id.clone(),
+                task: self.episode.task.clone(),
+                attempt: self.number,
+                seed: self.seed,
+                settings: self.episode.settings.clone(),
+                reason: failure.reason,
+                seconds: failure.seconds,
+                wall_seconds: self.begun.elapsed().as_secs_f64(),
+                broken: Some(cause.stored()),
+                death: 0,
+                loss: None,
+                scenario: Some(
+                    failure
+                        .scenario
+                        .as_deref()
+                        .map_or_else(requested, scenario_json),
+                ),
+            }
+        };
+        match cause {
+            FailureCause::Cancelled => Ok(Outcome::Stopped),
+            FailureCause::Killed => Ok(Outcome::Killed(failure.reason)),
+            FailureCause::Server => Ok(Outcome::Broke(entry(failure))),
+            FailureCause::Stall => Err(anyhow!(failure.reason)),
+            FailureCause::Scenario
+            | FailureCause::Physics
+            | FailureCause::Operator
+            | FailureCause::Policy => Ok(Outcome::Failed(entry(failure))),
+        }
+    }
+
+    /// The outcome of an attempt whose simulation took `wall_seconds`, by its file.
+    fn judged(&self, finished: &Finished, wall_seconds: f64) -> anyhow::Result<Outcome> {
+        self.activity.set_step("checking the file");
         let file = self.staging.join(format!("{}.h5", self.episode.id));
         let judged = judge(
             self.episode,
             self.number,
             &file,
             &self.scenario(),
-            report,
+            finished,
             wall_seconds,
         );
-        let judged = judged.with_context(|| format!("the recorder said:\n{said}"))?;
+        let judged =
+            judged.with_context(|| format!("the recorder said:\n{}", finished.messages))?;
         Ok(match judged {
             Judged::Done(done) => Outcome::Done(done),
             Judged::Failed(mut failed) => {
@@ -143,15 +232,15 @@ impl Attempt<'_> {
     }
 
     /// From what the episode is drawn.
-    pub fn drawn(&self) -> EpisodeSeed {
+    fn drawn(&self) -> EpisodeSeed {
         EpisodeSeed {
             scene: self.seed,
             sentence: self.episode.sentence,
         }
     }
 
-    /// The scenario that is asked for.
-    pub fn scenario(&self) -> v1::Scenario {
+    /// The requested scenario.
+    fn scenario(&self) -> v1::Scenario {
         let plan = &self.setup.plan;
         let mut scenario = v1::Scenario {
             scene: plan.scene.clone(),
@@ -171,31 +260,11 @@ impl Attempt<'_> {
     }
 
     /// Seed of the operator's profile; the scenario's when absent.
-    pub fn profile_seed(&self) -> Option<u64> {
+    fn profile_seed(&self) -> Option<u64> {
         match self.setup.plan.randomise.operator {
             // The scenario's seed, for the first sentence of a scene.
             true => (self.episode.sentence > 0).then(|| self.drawn().own()),
             false => Some(0),
-        }
-    }
-
-    /// The journal's entry where something broke; `told` is the scenario that
-    /// the server told.
-    pub fn failed(&self, broken: Broken, reason: String, told: Option<v1::Scenario>) -> Failed {
-        let asked = || serde_json::json!({ "task": self.episode.task, "seed": self.seed });
-        Failed {
-            episode: self.episode.id.clone(),
-            task: self.episode.task.clone(),
-            attempt: self.number,
-            seed: self.seed,
-            settings: self.episode.settings.clone(),
-            reason,
-            seconds: self.activity.seconds(),
-            wall_seconds: self.begun.elapsed().as_secs_f64(),
-            broken: Some(broken),
-            death: 0,
-            loss: None,
-            scenario: Some(told.as_ref().map_or_else(asked, scenario_json)),
         }
     }
 }

@@ -13,14 +13,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use parking_lot::{Condvar, Mutex};
-use wheelarm_rig::Panicked;
+use wheelarm_rollout::launcher::Panicked;
 
-use super::attempt::{Outcome, Setup};
+use super::attempt::{Outcome, Setup, attempt};
 use super::capacity::{PIPELINES, free_disk, size, worker_bytes};
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
-use super::make::attempt;
 use super::progress::Show;
 use super::slot::{Part, Permit, Slot};
 use super::stop::Stop;
@@ -73,7 +72,7 @@ struct Shared<'a> {
     jobs: Mutex<Jobs>,
     /// An episode came back, or none is made any more.
     changed: Condvar,
-    journal: Mutex<Journal>,
+    journal: Journal,
     tally: Mutex<Tally>,
     /// Bytes of the longest episode.
     largest: f64,
@@ -108,7 +107,7 @@ pub fn work(
             taken: 0,
         }),
         changed: Condvar::new(),
-        journal: Mutex::new(journal),
+        journal,
         tally: Mutex::default(),
         largest,
         busy: AtomicUsize::new(0),
@@ -281,7 +280,7 @@ impl Shared<'_> {
                     );
                     self.setup.folder.publish(&done)?;
                     let seconds = done.seconds;
-                    self.journal.lock().append(&Entry::Done(done))?;
+                    self.journal.append(&Entry::Done(done))?;
                     self.setup.folder.clean(&episode.id)?;
                     self.tally.lock().done += 1;
                     self.show
@@ -309,7 +308,7 @@ impl Shared<'_> {
             let entered = (episode.clone(), format!("seed {seed}: {reason}"));
             self.tally.lock().entered.push(entered);
         }
-        self.journal.lock().append(&Entry::Failed(failed))?;
+        self.journal.append(&Entry::Failed(failed))?;
         self.show.end(pipeline, seconds, 0.0, false, &words);
         Ok(())
     }

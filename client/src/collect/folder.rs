@@ -25,7 +25,7 @@ use wheelarm_dataset::publish;
 
 use super::episode::Shard;
 use super::journal::Done;
-use wheelarm_rig::remove_socket;
+use wheelarm_rollout::launcher::remove_socket;
 
 /// Folder of the kept recordings of failed attempts.
 const FAILED_EPISODES: &str = "failed_episodes";

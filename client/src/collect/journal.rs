@@ -1,21 +1,15 @@
-//! What has been done: an append-only file of JSON lines per shard, each line
-//! on the disk before anybody believes it.
-//!
-//! A last line that a crash cut short is left out, and dropped when the next one
-//! is written. Nothing else is ever rewritten.
+//! The journals of a dataset: an [`EpisodeLog`] for each shard, and what they say together.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use wheelarm_dataset::publish;
+use wheelarm_rollout::{EpisodeLog, FailureCause, LogEntry, read_log};
 
 use super::episode::Shard;
 use super::loss::Loss;
-use crate::broken::Broken;
 
 /// One line of a journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,7 +85,7 @@ pub struct Failed {
     pub wall_seconds: f64,
     /// What broke; absent when it was the task that failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub broken: Option<Broken>,
+    pub broken: Option<FailureCause>,
     /// Which server of this attempt it was that died or hung, from 1; 0 when
     /// none did.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -139,17 +133,11 @@ impl Ledger {
         files.sort();
         let mut ledger = Self::default();
         for file in files {
-            let text = std::fs::read(&file)
-                .with_context(|| format!("reading the journal {}", file.display()))?;
-            for (at, line) in text.split(|byte| *byte == b'\n').enumerate() {
-                if line.is_empty() {
-                    continue;
-                }
-                match serde_json::from_slice(line) {
-                    Ok(entry) => ledger.add(entry),
-                    Err(_) => ledger.torn.push((file.clone(), at + 1)),
-                }
-            }
+            let (entries, cut) = read_log(&file)?;
+            entries.into_iter().for_each(|entry| ledger.add(entry));
+            ledger
+                .torn
+                .extend(cut.into_iter().map(|line| (file.clone(), line)));
         }
         Ok(ledger)
     }
@@ -197,79 +185,33 @@ impl Ledger {
     }
 }
 
-/// The journal of one shard, open for appending and locked.
-#[derive(Debug)]
-pub struct Journal {
-    file: File,
-    /// Length of what is whole, bytes, where a line that was cut follows it.
-    whole: Option<u64>,
+/// The journal of one shard.
+pub type Journal = EpisodeLog<Entry>;
+
+impl LogEntry for Entry {
+    const COMMAND: &'static str = "collect";
+    const OTHER_LOG: &'static str = "--shard or --out";
+
+    /// Every line counts: [`Ledger`] puts them together.
+    fn replaces(&self, _: &Self) -> bool {
+        false
+    }
 }
 
-impl Journal {
-    /// Opens the journal of `shard` in `folder`, or makes it.
-    ///
-    /// # Errors
-    /// When another process works on this shard, or the file cannot be used.
-    pub fn open(folder: &Path, shard: Shard) -> anyhow::Result<Self> {
-        Self::open_named(folder, &format!("shard-{}-of-{}", shard.index, shard.count))
-    }
+/// Opens the journal of `shard` in `folder`, or makes it.
+///
+/// # Errors
+/// When another process works on this shard, or the file cannot be used.
+pub fn open(folder: &Path, shard: Shard) -> anyhow::Result<Journal> {
+    open_named(folder, &format!("shard-{}-of-{}", shard.index, shard.count))
+}
 
-    /// Opens the journal called `name` in `folder`, or makes it.
-    ///
-    /// # Errors
-    /// As [`Journal::open`].
-    pub fn open_named(folder: &Path, name: &str) -> anyhow::Result<Self> {
-        let path = folder.join(format!("{name}.jsonl"));
-        let mut file = OpenOptions::new()
-            .create(true)
-            .append(true)
-            .read(true)
-            .open(&path)
-            .with_context(|| format!("opening the journal {}", path.display()))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm collect` writes {}; wait for its end, or take another --shard or --out",
-                path.display()
-            ),
-            // Some network file systems know no locks.
-            Err(TryLockError::Error(e)) => {
-                tracing::warn!(
-                    "{} cannot be locked ({e}); see to it that no shard runs twice",
-                    path.display()
-                );
-            }
-        }
-        let mut text = Vec::new();
-        file.read_to_end(&mut text)
-            .with_context(|| format!("reading the journal {}", path.display()))?;
-        let last = text.rsplit(|byte| *byte == b'\n').next();
-        let mut whole = None;
-        if let Some(last) = last.filter(|last| !last.is_empty()) {
-            if serde_json::from_slice::<Entry>(last).is_ok() {
-                // Its end alone is missing.
-                file.write_all(b"\n").context("writing the journal")?;
-            } else {
-                whole = Some((text.len() - last.len()) as u64);
-            }
-        }
-        Ok(Self { file, whole })
-    }
-
-    /// Appends an entry; it is on the disk afterwards.
-    ///
-    /// # Errors
-    /// When the disk does not take it.
-    pub fn append(&mut self, entry: &Entry) -> anyhow::Result<()> {
-        let mut line = serde_json::to_vec(entry)?;
-        line.push(b'\n');
-        let mut cut = self.whole.take().into_iter();
-        // A line that was cut must not swallow this one.
-        cut.try_for_each(|whole| self.file.set_len(whole))
-            .and_then(|()| self.file.write_all(&line))
-            .and_then(|()| publish::sync_data(&self.file))
-            .context("writing the journal; is the disk full?")
-    }
+/// Opens the journal called `name` in `folder`, or makes it.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_named(folder: &Path, name: &str) -> anyhow::Result<Journal> {
+    EpisodeLog::open(&folder.join(format!("{name}.jsonl")), publish::sync_data)
 }
 
 #[cfg(test)]
@@ -297,7 +239,7 @@ mod tests {
     fn a_server_that_died_once_has_its_attempt_tried_once_more() {
         let died = |attempt: u32, death: u32| {
             Entry::Failed(Failed {
-                broken: Some(Broken::Server),
+                broken: Some(FailureCause::Server),
                 death,
                 ..failed(attempt)
             })
@@ -317,34 +259,36 @@ mod tests {
     }
 
     #[test]
-    fn a_line_cut_short_is_ignored_and_swallows_nothing() {
+    fn journals_of_earlier_versions_are_read_and_resumed() {
+        let text = include_str!("../../../tests/data/episode-logs/collect.jsonl");
+        let mut ledger = Ledger::default();
+        for entry in crate::earlier_logs::resumed(text) {
+            ledger.add(entry);
+        }
+        assert_eq!(ledger.done["pick_mustard-0000"].attempt, 0);
+        let failed = &ledger.failed["pick_mustard-0001"];
+        assert_eq!(failed[0].broken, Some(FailureCause::Server));
+        assert_eq!((failed[0].death, failed[1].death), (1, 0));
+        assert_eq!(ledger.next_attempt("pick_mustard-0001"), (2, 0));
+    }
+
+    #[test]
+    fn a_journal_cut_in_its_last_line_names_that_line() {
         let folder = tempfile::tempdir().unwrap();
-        let mut journal = Journal::open(folder.path(), Shard::WHOLE).unwrap();
+        let journal = open(folder.path(), Shard::WHOLE).unwrap();
         journal.append(&Entry::Failed(failed(0))).unwrap();
         drop(journal);
         let path = folder.path().join("shard-0-of-1.jsonl");
         let whole = std::fs::read(&path).unwrap();
-        for cut in 1..whole.len() {
-            let torn = [&whole[..], &whole[..cut]].concat();
-            std::fs::write(&path, torn).unwrap();
-            let torn = Ledger::read(folder.path()).unwrap().torn;
-            let is_torn = cut < whole.len() - 1;
-            assert_eq!(torn.len(), usize::from(is_torn), "cut at {cut}");
-            let mut journal = Journal::open(folder.path(), Shard::WHOLE).unwrap();
-            journal.append(&Entry::Failed(failed(1))).unwrap();
-            let ledger = Ledger::read(folder.path()).unwrap();
-            assert_eq!(ledger.next_attempt("a-0000"), (2, 0), "cut at {cut}");
-            assert_eq!(ledger.torn, [], "cut at {cut}: it is dropped");
-        }
-    }
-
-    #[test]
-    fn a_shard_is_made_by_one_process_at_a_time() {
-        let folder = tempfile::tempdir().unwrap();
-        let first = Journal::open(folder.path(), Shard::WHOLE).unwrap();
-        let problem = Journal::open(folder.path(), Shard::WHOLE).unwrap_err();
-        assert!(problem.to_string().contains("another"), "{problem}");
-        drop(first);
-        Journal::open(folder.path(), Shard::WHOLE).unwrap();
+        std::fs::write(&path, [&whole[..], &whole[..whole.len() / 2]].concat()).unwrap();
+        let torn = Ledger::read(folder.path()).unwrap().torn;
+        assert_eq!(torn, [(path.clone(), 2)]);
+        let journal = open(folder.path(), Shard::WHOLE).unwrap();
+        let error = open(folder.path(), Shard::WHOLE).unwrap_err().to_string();
+        assert!(error.contains("--shard or --out"), "{error}");
+        journal.append(&Entry::Failed(failed(1))).unwrap();
+        let ledger = Ledger::read(folder.path()).unwrap();
+        assert_eq!(ledger.next_attempt("a-0000"), (2, 0));
+        assert_eq!(ledger.torn, []);
     }
 }

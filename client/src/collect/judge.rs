@@ -7,14 +7,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::{Episode as Recording, Summary};
 use wheelarm_dataset::scenario_text::scenario_json;
-use wheelarm_operate::run::Report;
 use wheelarm_proto::person::NO_PERSON;
 use wheelarm_proto::v1;
+use wheelarm_rollout::{FailureCause, Finished};
 
 use super::episode::Episode;
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
-use crate::broken::Broken;
 
 /// What a file is worth.
 pub enum Judged {
@@ -34,7 +33,7 @@ pub fn judge(
     number: u32,
     file: &Path,
     asked: &v1::Scenario,
-    report: &Report,
+    finished: &Finished,
     wall_seconds: f64,
 ) -> anyhow::Result<Judged> {
     let seed = episode.seed_of(number);
@@ -45,15 +44,15 @@ pub fn judge(
     let scenario = recording.scenario()?;
     check_settings(&scenario, asked)?;
     let scenario = scenario_json(&scenario);
-    if recording.is_broken() || !(report.succeeded() && summary.success) {
-        let broken = recording.is_broken().then_some(Broken::Physics);
+    if recording.is_broken() || !(finished.succeeded() && summary.success) {
+        let broken = recording.is_broken().then_some(FailureCause::Physics);
         return Ok(Judged::Failed(Failed {
             episode: episode.id.clone(),
             task: episode.task.clone(),
             attempt: number,
             seed,
             settings: episode.settings.clone(),
-            reason: reason(&summary, report),
+            reason: reason(&summary, finished),
             seconds,
             wall_seconds,
             broken,
@@ -197,8 +196,8 @@ fn is_person(recorded: Option<&v1::Person>, asked: Option<&v1::Person>) -> bool 
 }
 
 /// Why the task was not done.
-fn reason(summary: &Summary, report: &Report) -> String {
-    let mut parts: Vec<String> = report.why().into_iter().collect();
+fn reason(summary: &Summary, finished: &Finished) -> String {
+    let mut parts: Vec<String> = finished.why().into_iter().collect();
     if !summary.failure_reason.is_empty() {
         parts.push(summary.failure_reason.clone());
     }

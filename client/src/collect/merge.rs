@@ -13,7 +13,7 @@ use wheelarm_dataset::read::Episode as Recording;
 use super::card;
 use super::episode::{Episode, episodes};
 use super::folder::{Folder, appear, sha256};
-use super::journal::{Done, Entry, Failed, Journal, Ledger};
+use super::journal::{self, Done, Entry, Failed, Ledger};
 use super::judge::check;
 use super::loss::Loss;
 use super::manifest::Manifest;
@@ -57,7 +57,7 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     let plan = plan.context("no folder to merge is named")?;
     let folder = Folder::make(out)?;
     folder.keep_plan(&plan.text)?;
-    let mut journal = Journal::open_named(&folder.journal(), "merged")?;
+    let journal = journal::open_named(&folder.journal(), "merged")?;
     let mut ledger = Ledger::read(&folder.journal())?;
     let ours = |source: &Path| match (source.canonicalize(), out.canonicalize()) {
         (Ok(a), Ok(b)) => a == b,

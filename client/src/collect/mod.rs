@@ -8,8 +8,6 @@
 
 mod activity;
 mod attempt;
-mod by_process;
-mod by_socket;
 mod capacity;
 mod card;
 mod episode;
@@ -19,7 +17,6 @@ mod folder;
 mod journal;
 mod judge;
 mod loss;
-mod make;
 mod manifest;
 mod merge;
 mod names;
@@ -28,7 +25,6 @@ mod progress;
 mod resume;
 mod slot;
 mod stop;
-mod watch;
 
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
@@ -43,14 +39,13 @@ use wheelarm_proto::installed;
 use crate::adapters::AdapterArgs;
 use crate::choice::{named, patience};
 use crate::control::tasks_of_program;
-use crate::way::Way;
+use crate::worker_mode::WorkerMode;
 use attempt::Setup;
 use capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use episode::{Episode, Shard, episodes};
 use estimate::{Estimate, estimate};
 use fleet::Tally;
 use folder::Folder;
-use journal::Journal;
 use manifest::Manifest;
 use plan::Plan;
 use progress::Show;
@@ -98,8 +93,8 @@ pub struct CollectArgs {
     pub graphics: AdapterArgs,
     /// How a worker runs: `process` is server, recorder and operator in one process,
     /// `socket` each in its own.
-    #[arg(long, value_parser = named::<Way>(), default_value = "process")]
-    pub worker: Way,
+    #[arg(long, value_parser = named::<WorkerMode>(), default_value = "process")]
+    pub worker: WorkerMode,
     /// Wall seconds without an answer after which a server is ended, 5 at least.
     #[arg(long, default_value = "180", value_parser = patience::<5>, value_name = "SECONDS")]
     pub patience: Duration,
@@ -191,11 +186,14 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         plan,
         folder,
         assets: args.assets.clone(),
-        way: args.worker,
+        mode: args.worker,
         patience: args.patience,
     };
     let slots = args.graphics.of_workers(workers)?;
-    let slots: Vec<Slot> = slots.into_iter().map(Slot::on).collect();
+    let slots: Vec<Slot> = slots
+        .into_iter()
+        .map(|adapter| setup.slot(adapter))
+        .collect();
     collect(&setup, args.shard, mine, &estimate, &slots)
 }
 
@@ -210,11 +208,11 @@ fn collect(
     let stop = Stop::default();
     stop.listen()?;
     let folder = &setup.folder;
-    let mut journal = Journal::open(&folder.journal(), shard)?;
+    let journal = journal::open(&folder.journal(), shard)?;
     // Read again under the lock.
     let (mut ledger, _) = ledger(folder, &mine)?;
     folder.keep_plan(&setup.plan.text)?;
-    settle(folder, &mine, &mut journal, &mut ledger)?;
+    settle(folder, &mine, &journal, &mut ledger)?;
     let jobs = jobs(&mine, &ledger, estimate);
     let slots = &slots[..slots.len().min(jobs.len().max(1))];
     let workers = slots.len();

@@ -68,7 +68,7 @@ pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<
 pub fn settle(
     folder: &Folder,
     mine: &[Episode],
-    journal: &mut Journal,
+    journal: &Journal,
     ledger: &mut Ledger,
 ) -> anyhow::Result<()> {
     let mut torn = ledger.torn.len();
@@ -147,6 +147,7 @@ pub fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> 
 mod tests {
     use super::*;
     use crate::collect::episode::{Shard, episodes};
+    use crate::collect::journal;
     use crate::collect::plan::Plan;
 
     #[test]
@@ -184,9 +185,9 @@ mod tests {
             std::fs::write(&orphan, "lost").unwrap();
             let others = kept.join("other-attempt-0.h5");
             std::fs::write(&others, "of another shard").unwrap();
-            let mut open = Journal::open(&folder.journal(), Shard::WHOLE).unwrap();
+            let open = journal::open(&folder.journal(), Shard::WHOLE).unwrap();
             let (mut known, warnings) = ledger(&folder, &mine).unwrap();
-            settle(&folder, &mine, &mut open, &mut known).unwrap();
+            settle(&folder, &mine, &open, &mut known).unwrap();
             let is_whole = cut == text.len();
             assert_eq!(known.done.len(), 1 + usize::from(is_whole), "cut at {cut}");
             assert_eq!(warnings.len(), usize::from(!is_whole), "{warnings:?}");
@@ -201,9 +202,9 @@ mod tests {
         // Without a line that was cut nobody knows what such a file is.
         std::fs::write(&journal, format!("{first}\n")).unwrap();
         std::fs::write(folder.file(&mine[1].id), "abc").unwrap();
-        let mut open = Journal::open(&folder.journal(), Shard::WHOLE).unwrap();
+        let open = journal::open(&folder.journal(), Shard::WHOLE).unwrap();
         let (mut known, _) = ledger(&folder, &mine).unwrap();
-        let told = settle(&folder, &mine, &mut open, &mut known).unwrap_err();
+        let told = settle(&folder, &mine, &open, &mut known).unwrap_err();
         assert!(told.to_string().contains("move it away"), "{told}");
     }
 }

@@ -1,20 +1,15 @@
 //! A worker's slot: the right to simulate, which its pipelines take in turn, and the
-//! process that does it.
+//! backend that simulates.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
 
 use parking_lot::{Mutex, MutexGuard};
-use wheelarm_rig::{Worker, WorkerOptions};
+use wheelarm_rollout::Backend;
 
-/// Room for one simulation; whoever wants to simulate waits for its permit.
-#[derive(Default)]
+/// Room for one simulation; a pipeline that wants to simulate waits for its permit.
 pub struct Slot {
     permit: Mutex<()>,
-    adapter: Option<String>,
-    worker: Mutex<Option<Arc<Worker>>>,
+    backend: Box<dyn Backend>,
     pipelines: AtomicUsize,
     retired: AtomicBool,
 }
@@ -34,7 +29,7 @@ impl<'a> Part<'a> {
 impl Drop for Part<'_> {
     fn drop(&mut self) {
         if self.0.pipelines.fetch_sub(1, Ordering::AcqRel) == 1 {
-            *self.0.worker.lock() = None;
+            self.0.backend.rest();
         }
     }
 }
@@ -46,13 +41,21 @@ pub struct Permit<'a> {
 }
 
 impl Slot {
-    /// One whose pictures are drawn by `adapter`; the strongest when absent.
+    /// A slot that simulates with `backend`.
     #[must_use]
-    pub fn on(adapter: Option<String>) -> Self {
+    pub fn new(backend: Box<dyn Backend>) -> Self {
         Self {
-            adapter,
-            ..Self::default()
+            permit: Mutex::new(()),
+            backend,
+            pipelines: AtomicUsize::new(0),
+            retired: AtomicBool::new(false),
         }
+    }
+
+    /// The backend.
+    #[must_use]
+    pub fn backend(&self) -> &dyn Backend {
+        self.backend.as_ref()
     }
 
     /// A part for another pipeline.
@@ -62,7 +65,7 @@ impl Slot {
         Part(self)
     }
 
-    /// Waits until nobody else simulates here.
+    /// Waits until no other pipeline simulates here.
     #[must_use]
     pub fn permit(&self) -> Permit<'_> {
         Permit {
@@ -81,35 +84,8 @@ impl Slot {
         self.retired.load(Ordering::Acquire)
     }
 
-    /// Lets go of the process, which ends when nothing uses it.
+    /// Releases the process, which ends when nothing uses it.
     pub fn rest(&self) {
-        *self.worker.lock() = None;
-    }
-
-    /// The adapter.
-    #[must_use]
-    pub fn adapter(&self) -> Option<&str> {
-        self.adapter.as_deref()
-    }
-
-    /// The process of this slot that works for the dataset in `folder`; a new one
-    /// where there is none, or it has died or done its share.
-    ///
-    /// # Errors
-    /// When it cannot be started.
-    pub fn worker(&self, assets: &Option<PathBuf>, folder: &Path) -> anyhow::Result<Arc<Worker>> {
-        let mut worker = self.worker.lock();
-        if let Some(worker) = &*worker
-            && !worker.is_worn()
-            && worker.death(Duration::ZERO)?.is_none()
-        {
-            return Ok(Arc::clone(worker));
-        }
-        let options = WorkerOptions {
-            assets: assets.clone(),
-            adapter: self.adapter.clone(),
-            folder: Some(folder.to_owned()),
-        };
-        Ok(Arc::clone(worker.insert(Worker::start(&options)?)))
+        self.backend.rest();
     }
 }

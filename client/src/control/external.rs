@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, bail};
-use wheelarm_rig::{end_with_parent, find_program, programs_named};
+use wheelarm_rollout::launcher::{end_with_parent, find_program, programs_named};
 
 /// Likeness (Jaro and Winkler, 0 to 1) from which a name is suggested.
 const ALIKE: f64 = 0.85;

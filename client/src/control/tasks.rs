@@ -7,7 +7,7 @@ use std::process::Command;
 use anyhow::{Context, bail};
 use wheelarm_link::{Connect, LinkError};
 use wheelarm_proto::{program, v1};
-use wheelarm_rig::required_program;
+use wheelarm_rollout::launcher::required_program;
 
 use super::{link, print};
 

@@ -7,27 +7,24 @@ mod summary;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use parking_lot::Mutex;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
 use crate::choice::{named, seed_range};
 use crate::control::tasks_of_program;
-use crate::policy::{Driver, PolicyArgs, Start};
+use crate::policy::{DriverChoice, PolicyArgs, Start};
 use summary::Summary;
-use wheelarm_link::Link;
-use wheelarm_operate::operator::Outcome;
-use wheelarm_operate::run::{self as operate, OperateOptions, Progress, Report};
-use wheelarm_pilot::fly::{self, FlyOptions};
-use wheelarm_rig::{
-    Input, Launch, Process, Program, Recorder, RecorderOptions, Server, ServerOptions, all_cameras,
-    free_label,
-};
+use wheelarm_operate::run::Progress;
+use wheelarm_rollout::launcher::{Input, Launch, Process, Program, all_cameras};
+use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
 /// Longest time for drawing a contact sheet.
 const SHEET: Duration = Duration::from_secs(120);
@@ -84,23 +81,18 @@ pub struct DemoArgs {
 }
 
 impl DemoArgs {
-    /// What the server of an episode is started with.
-    fn server(&self, seed: u64, cameras: Vec<v1::CameraSetting>) -> ServerOptions {
-        ServerOptions {
-            scenario: v1::Scenario {
-                scene: self.scene.clone(),
-                task: Some(self.task.clone()),
-                robot: self.robot.clone(),
-                seed: Some(seed),
-                cameras,
-                pacing: v1::Pacing::LockStep.into(),
-                quality: self.quality.code().into(),
-                look: self.look.map(|look| look.for_episode(seed)),
-                sensors: self.sensor.clone(),
-                ..v1::Scenario::default()
-            },
-            assets: self.assets.clone(),
-            ..ServerOptions::default()
+    fn scenario(&self, seed: u64, cameras: Vec<v1::CameraSetting>) -> v1::Scenario {
+        v1::Scenario {
+            scene: self.scene.clone(),
+            task: Some(self.task.clone()),
+            robot: self.robot.clone(),
+            seed: Some(seed),
+            cameras,
+            pacing: v1::Pacing::LockStep.into(),
+            quality: self.quality.code().into(),
+            look: self.look.map(|look| look.for_episode(seed)),
+            sensors: self.sensor.clone(),
+            ..v1::Scenario::default()
         }
     }
 }
@@ -123,7 +115,7 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("making the folder {}", args.out.display()))?;
-    let driver = Driver::start(
+    let driver = DriverChoice::start(
         &args.policy,
         &Start {
             seeds: first..end,
@@ -132,7 +124,7 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
             takeover: None,
         },
     )?;
-    if let Some(policy) = driver.told() {
+    if let Some(policy) = driver.description() {
         println!("{policy}");
     }
     let mut done = Vec::new();
@@ -153,7 +145,7 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     Ok(if done.iter().all(Summary::is_good) {
         ExitCode::SUCCESS
-    } else if done.iter().all(|summary| summary.report.succeeded()) {
+    } else if done.iter().all(|summary| summary.finished.succeeded()) {
         ExitCode::from(3)
     } else {
         ExitCode::FAILURE
@@ -161,44 +153,37 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Records one episode.
-fn one(args: &DemoArgs, driver: &Driver, seed: u64) -> anyhow::Result<Summary> {
+fn one(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summary> {
     let begun = Instant::now();
     let bar = ProgressBar::new_spinner().with_style(ProgressStyle::with_template(
         "{spinner} {elapsed_precise} {msg}",
     )?);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar.set_message(format!("seed {seed}: starting the server"));
-    // A policy sees what it was made for, and that is recorded.
+    // A policy sees the images that it was made for, and these are recorded.
     let cameras = vec![all_cameras(args.width, args.height, args.rate)];
-    let server = Server::start(&args.server(seed, driver.cameras(cameras, false)?))?;
-    let link = server.link()?;
-    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
-    let recording = RecorderOptions::lasting("demo", &args.out);
-    let mut recorder = Recorder::start(server.connect(), &recording)?;
-    let label = free_label(&args.out, &format!("{}-seed{seed}", args.task));
-    bar.set_message(format!("seed {seed}: {}", status.adapter));
-    let mut watch = Watch {
-        bar: &bar,
-        link: &link,
+    let display = Arc::new(Display {
+        bar: bar.clone(),
         seed,
         begun,
-        asked: Instant::now(),
-        frames: 0,
-        first_picture: None,
+        seen: Mutex::default(),
+    });
+    let rollout = Rollout {
+        scenario: args.scenario(seed, driver.cameras(cameras, false)?),
+        label: free_label(&args.out, &format!("{}-seed{seed}", args.task)),
+        driver: driver.for_episode(seed, None),
+        record: Some(Record::new("demo", &args.out)),
+        limits: Limits::default(),
+        folder: None,
+        observer: display.clone(),
     };
-    let report = work(&link, driver, label, &mut watch).with_context(|| {
-        format!(
-            "the server said:\n{}the recorder said:\n{}",
-            server.tail(),
-            recorder.tail()
-        )
-    })?;
-    let first_picture = watch.first_picture;
-    bar.set_message(format!("seed {seed}: finishing the file"));
-    let recorded = recorder.finished(&link, report.episode())?;
+    let backend = Processes::new(args.assets.clone(), None);
+    let result = backend.run_and_then(&rollout, &mut || {
+        bar.set_message(format!("seed {seed}: finishing the file"));
+    });
+    let mut finished = result??;
+    let recorded = finished.recorded.take().context("nothing was recorded")?;
     let wall = begun.elapsed();
-    drop(recorder);
-    server.stop(link)?;
     let sheet = if args.no_sheet || recorded.path.is_empty() {
         None
     } else {
@@ -206,100 +191,58 @@ fn one(args: &DemoArgs, driver: &Driver, seed: u64) -> anyhow::Result<Summary> {
         sheet(Path::new(&recorded.path))?
     };
     bar.finish_and_clear();
+    let seen = std::mem::take(&mut *display.seen.lock());
     Ok(Summary {
         seed,
-        report,
+        finished,
         recorded,
-        adapter: status.adapter,
-        first_picture,
+        adapter: seen.adapter,
+        first_picture: seen.first_picture,
         wall,
         sheet,
     })
 }
 
-/// Who does the task does it.
-fn work(
-    link: &Link,
-    driver: &Driver,
-    label: String,
-    watch: &mut Watch<'_>,
-) -> anyhow::Result<Report> {
-    Ok(match driver {
-        Driver::Operator => {
-            let options = OperateOptions {
-                label: Some(label),
-                require_recorders: 1,
-                ..OperateOptions::default()
-            };
-            operate::run(link, &options, &mut |progress| watch.show(progress))?
-        }
-        Driver::Policy(policy, options) | Driver::Both(policy, options, _) => {
-            let options = FlyOptions {
-                label,
-                require_recorders: 1,
-                ..options.clone()
-            };
-            let begun = Instant::now();
-            let flight = fly::run(link, policy.as_ref(), &options, &mut |time| {
-                let factor = time / begun.elapsed().as_secs_f64().max(1e-9);
-                watch.show(&Progress {
-                    time,
-                    phase: "policy",
-                    factor,
-                    notes: &[],
-                });
-            })?;
-            let outcome = match (flight.broken, flight.error) {
-                (Some(words), _) => Outcome::Broken(words),
-                (None, Some(problem)) => Outcome::Failure(problem.to_string()),
-                (None, None) if flight.evaluation.success => Outcome::Success,
-                (None, None) => {
-                    Outcome::Failure(format!("the task failed: {}", flight.evaluation.failure))
-                }
-            };
-            Report {
-                outcome,
-                started: flight.started,
-                stopped: flight.stopped,
-                evaluation: flight.evaluation,
-                ticks: flight.rows * (60.0 / policy.spec().rate_hz).round() as u64,
-                source: None,
-            }
-        }
-    })
-}
-
-/// Shows how it goes.
-struct Watch<'a> {
-    bar: &'a ProgressBar,
-    link: &'a Link,
+/// Shows the progress of an episode.
+struct Display {
+    bar: ProgressBar,
     seed: u64,
     begun: Instant,
-    asked: Instant,
+    seen: Mutex<Seen>,
+}
+
+/// Values of the newest status.
+#[derive(Default)]
+struct Seen {
+    adapter: String,
     frames: u64,
     first_picture: Option<Duration>,
 }
 
-impl Watch<'_> {
-    fn show(&mut self, progress: &Progress<'_>) {
+impl Observer for Display {
+    fn progress(&self, progress: &Progress<'_>) {
         for note in progress.notes {
             self.bar
                 .println(format!("  {:6.1} s  {note}", progress.time));
         }
-        if self.asked.elapsed() > Duration::from_millis(500) {
-            self.asked = Instant::now();
-            if let Ok(status) = self.link.ask(&v1::StatusRequest {}) {
-                self.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
-                if self.frames > 0 {
-                    self.first_picture
-                        .get_or_insert_with(|| self.begun.elapsed());
-                }
-            }
-        }
         self.bar.set_message(format!(
             "seed {}: {:5.1} s simulated, {:<11} {:4} pictures, {:.2}x real time",
-            self.seed, progress.time, progress.phase, self.frames, progress.factor
+            self.seed,
+            progress.time,
+            progress.phase,
+            self.seen.lock().frames,
+            progress.factor
         ));
+    }
+
+    fn status(&self, status: &v1::Status) {
+        let mut seen = self.seen.lock();
+        seen.adapter.clone_from(&status.adapter);
+        seen.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
+        if seen.frames > 0 {
+            seen.first_picture
+                .get_or_insert_with(|| self.begun.elapsed());
+        }
     }
 }
 

@@ -7,21 +7,21 @@ use std::time::Duration;
 use wheelarm_proto::{StreamId, v1};
 
 use crate::control::evaluation_lines;
-use wheelarm_operate::run::Report;
+use wheelarm_rollout::Finished;
 
 /// What came of one episode.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Seed of the scenario.
     pub seed: u64,
-    /// What the operator and the task say.
-    pub report: Report,
-    /// What the recorder says.
+    /// The verdict of the driver and of the task.
+    pub finished: Finished,
+    /// Status of the recorder.
     pub recorded: v1::RecorderStatus,
     /// Graphics adapter.
     pub adapter: String,
     /// From the start of the server until the recorder had a picture, as far as it
-    /// was asked: twice a second.
+    /// was asked: once a second.
     pub first_picture: Option<Duration>,
     /// From the start of the server to the finished file.
     pub wall: Duration,
@@ -33,13 +33,13 @@ impl Summary {
     /// The task succeeded and the recording is complete.
     #[must_use]
     pub fn is_good(&self) -> bool {
-        self.report.succeeded() && self.recorded.complete && self.recorded.missed == 0
+        self.finished.succeeded() && self.recorded.complete && self.recorded.missed == 0
     }
 
     /// Why it is not good.
     #[must_use]
     pub fn problem(&self) -> String {
-        self.report.why().unwrap_or_else(|| {
+        self.finished.why().unwrap_or_else(|| {
             format!(
                 "{} samples are missing {}",
                 self.recorded.missed, self.recorded.message
@@ -50,17 +50,17 @@ impl Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let simulated = self.report.seconds().max(1e-9);
+        let simulated = self.finished.seconds().max(1e-9);
         writeln!(
             f,
             "seed {}: {:?}",
-            self.seed, self.report.started.instruction
+            self.seed, self.finished.started.instruction
         )?;
         if !self.is_good() {
             writeln!(f, "  NOT GOOD: {}", self.problem())?;
         }
-        f.write_str(&evaluation_lines(&self.report.evaluation))?;
-        let stopped = self.report.stopped.clone().unwrap_or_default();
+        f.write_str(&evaluation_lines(&self.finished.evaluation))?;
+        let stopped = &self.finished.stopped;
         let mut pictures = 0;
         for stream in &stopped.manifest {
             if StreamId::parse(&stream.stream).is_camera() {

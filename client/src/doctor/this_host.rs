@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::finding::Finding;
 use wheelarm_proto::program::version;
-use wheelarm_rig::find_program;
+use wheelarm_rollout::launcher::find_program;
 
 /// Cores that a server with two cameras and a recorder want for real time.
 const CORES: usize = 4;

@@ -9,7 +9,7 @@ use clap::Args;
 use wheelarm_proto::look::LookText;
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
-use wheelarm_rig::{ServerOptions, all_cameras};
+use wheelarm_rollout::launcher::all_cameras;
 
 use super::compare::CompareArgs;
 use super::entry::Job;
@@ -21,7 +21,7 @@ use crate::disturb::Disturb;
 use crate::language::Language;
 use crate::policy::PolicyArgs;
 use crate::variation::Variation;
-use crate::way::Way;
+use crate::worker_mode::WorkerMode;
 
 /// What `wheelarm evaluate` can do instead of evaluating.
 #[derive(clap::Subcommand, Clone, Debug)]
@@ -68,8 +68,8 @@ pub struct EvaluateArgs {
     pub deterministic: bool,
     /// How a worker with the scripted operator runs: `process` is server, recorder and
     /// operator in one process, `socket` each in its own; a policy's is always that.
-    #[arg(long, value_parser = named::<Way>(), default_value = "process")]
-    pub worker: Way,
+    #[arg(long, value_parser = named::<WorkerMode>(), default_value = "process")]
+    pub worker: WorkerMode,
     /// Servers at work at one time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,
@@ -246,31 +246,25 @@ impl EvaluateArgs {
         }
     }
 
-    /// What a server of this evaluation is started with: with the scenario of
-    /// `job`, or without a task.
-    pub(super) fn server(
+    /// The scenario of `job`; without a job that of a server before its first episode.
+    pub(super) fn scenario(
         &self,
         job: Option<&Job>,
         cameras: Vec<v1::CameraSetting>,
-    ) -> ServerOptions {
-        let mut options = ServerOptions {
-            scenario: v1::Scenario {
-                scene: self.scene.clone(),
-                robot: self.robot.clone(),
-                task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
-                seed: Some(job.map_or(0, |job| job.seed)),
-                cameras,
-                pacing: v1::Pacing::LockStep.into(),
-                quality: Quality::Standard.code().into(),
-                ..v1::Scenario::default()
-            },
-            assets: self.assets.clone(),
-            adapter: self.graphics.adapter.clone(),
-            ..ServerOptions::default()
+    ) -> v1::Scenario {
+        let mut scenario = v1::Scenario {
+            scene: self.scene.clone(),
+            robot: self.robot.clone(),
+            task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
+            seed: Some(job.map_or(0, |job| job.seed)),
+            cameras,
+            pacing: v1::Pacing::LockStep.into(),
+            quality: Quality::Standard.code().into(),
+            ..v1::Scenario::default()
         };
         if let Some(job) = job {
-            job.variation.apply(job.seed, &mut options.scenario);
+            job.variation.apply(job.seed, &mut scenario);
         }
-        options
+        scenario
     }
 }

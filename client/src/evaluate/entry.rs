@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
+use wheelarm_rollout::{FailureCause, LogEntry};
 
 use super::progress::Course;
-use crate::broken::Broken;
 use crate::variation::Variation;
 
 /// One episode to do.
@@ -71,7 +71,7 @@ fn is_zero(count: &u32) -> bool {
 }
 
 /// What came of one episode.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Task.
     pub task: String,
@@ -122,26 +122,38 @@ pub struct Entry {
     pub thinking: Option<(usize, f64, f64)>,
     /// What broke; absent when nothing did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub broken: Option<Broken>,
+    pub broken: Option<FailureCause>,
     /// Where something broke, the scenario that reproduces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
 
-/// How a task failed, in a word or two; `gave up` where the task itself had not.
-#[must_use]
-pub fn failed(evaluation: &v1::Evaluation) -> String {
-    use v1::FailureReason as Reason;
-    match evaluation.failure_reason() {
-        Reason::Unspecified | Reason::None => "gave up".to_owned(),
-        reason => {
-            let name = reason.as_str_name().trim_start_matches("FAILURE_REASON_");
-            name.to_lowercase().replace('_', " ")
+impl LogEntry for Entry {
+    const COMMAND: &'static str = "evaluate";
+
+    /// The same episode of the same policy.
+    fn replaces(&self, known: &Self) -> bool {
+        fn key(e: &Entry) -> (u64, [&String; 3]) {
+            (e.seed, [&e.task, &e.settings, &e.policy])
         }
+        key(self) == key(known)
     }
 }
 
 impl Entry {
+    /// An empty result of `job`.
+    #[must_use]
+    pub fn for_job(job: &Job) -> Self {
+        Self {
+            task: job.task.clone(),
+            seed: job.seed,
+            settings: job.settings(),
+            policy: job.policy.clone(),
+            policy_files: job.policy_files.clone(),
+            ..Self::default()
+        }
+    }
+
     /// Whether it is the result of `job`.
     #[must_use]
     pub fn is_of(&self, job: &Job) -> bool {
@@ -208,5 +220,36 @@ impl Entry {
                 format!("  {}", self.why.lines().next().unwrap_or_default())
             }
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earlier_logs::resumed;
+
+    #[test]
+    fn results_of_earlier_versions_are_read_and_resumed() {
+        let text = include_str!("../../../tests/data/episode-logs/evaluate.jsonl");
+        let entries = resumed::<Entry>(text);
+        let ends = entries.iter().map(|entry| entry.end.as_str());
+        assert_eq!(
+            ends.collect::<Vec<_>>(),
+            ["success", "success", "server broke", ""]
+        );
+        assert_eq!(entries[2].broken, Some(FailureCause::Server));
+        let job = |entry: &Entry| Job {
+            task: entry.task.clone(),
+            seed: entry.seed,
+            variation: Variation::default(),
+            policy: entry.policy.clone(),
+            policy_files: entry.policy_files.clone(),
+        };
+        for entry in &entries {
+            assert!(entry.is_of(&job(entry)), "{entry:?}");
+            let others = entries.iter().filter(|other| other.is_of(&job(entry)));
+            assert_eq!(others.count(), 1, "{entry:?}");
+        }
+        assert_eq!(entries[3].recording().as_deref(), Some("pick_bowl-seed7"));
     }
 }

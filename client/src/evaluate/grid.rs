@@ -3,14 +3,16 @@
 //! done once more for it, with the cameras on: the same bits again.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
+use parking_lot::Mutex;
 use wheelarm_dataset::sheet::grid::{Cell, grid};
-use wheelarm_link::Frame;
-use wheelarm_operate::run::{self as operate, OperateOptions};
+use wheelarm_link::{Camera, Frame, Link};
 use wheelarm_proto::v1;
-use wheelarm_rig::{Server, all_cameras};
+use wheelarm_rollout::launcher::all_cameras;
+use wheelarm_rollout::{Backend, Driver, Expert, Limits, Observer, Processes, Rollout};
 
 use super::args::EvaluateArgs;
 use super::entry::{Entry, Job};
@@ -136,29 +138,56 @@ fn cameras(robot: &v1::RobotDescription) -> anyhow::Result<[&str; 2]> {
     Ok([chair, arm])
 }
 
+/// Keeps the newest images of the chair's and the arm's camera.
+#[derive(Default)]
+struct LastImages {
+    cameras: Mutex<Vec<(String, Camera)>>,
+    images: Mutex<Vec<anyhow::Result<Picture>>>,
+}
+
+impl Observer for LastImages {
+    fn attach(&self, link: &Link) -> anyhow::Result<()> {
+        let robot = link.ask(&v1::SceneRequest {})?.robot.unwrap_or_default();
+        for name in cameras(&robot)? {
+            let camera = link.camera(name, 1)?;
+            self.cameras.lock().push((name.to_owned(), camera));
+        }
+        Ok(())
+    }
+
+    fn detach(&self) {
+        let cameras = std::mem::take(&mut *self.cameras.lock());
+        let last = cameras.into_iter().map(|(name, camera)| {
+            let frame = camera.next(PICTURE)?;
+            let frame = frame.with_context(|| format!("the camera {name} sent no picture"))?;
+            Ok(Picture::from(frame))
+        });
+        *self.images.lock() = last.collect();
+    }
+}
+
 /// The last pictures of an episode.
 fn last_pictures(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[Picture; 2]> {
     let cameras_on = vec![all_cameras(SIZE[0], SIZE[1], 1.0)];
-    let server = Server::start(&args.server(Some(job), cameras_on))?;
-    let link = server.link()?;
-    let robot = link.ask(&v1::SceneRequest {})?.robot.unwrap_or_default();
-    let [chair, arm] = cameras(&robot)?;
-    // The newest picture of each is kept.
-    let seen = [(chair, link.camera(chair, 1)?), (arm, link.camera(arm, 1)?)];
-    let work = OperateOptions {
-        forced: job.variation.forced(job.seed),
-        ..OperateOptions::default()
+    let last = Arc::new(LastImages::default());
+    let rollout = Rollout {
+        scenario: args.scenario(Some(job), cameras_on),
+        label: job.label(),
+        driver: Driver::Expert(Expert {
+            forced: job.variation.forced(job.seed),
+            ..Expert::default()
+        }),
+        record: None,
+        limits: Limits::default(),
+        folder: None,
+        observer: last.clone(),
     };
-    operate::run(&link, &work, &mut |_| {})
-        .with_context(|| format!("{} seed {}", job.task, job.seed))?;
-    let last = seen.map(|(name, camera)| {
-        let frame = camera.next(PICTURE)?;
-        let frame = frame.with_context(|| format!("the camera {name} sent no picture"))?;
-        anyhow::Ok(Picture::from(frame))
-    });
-    server.stop(link)?;
-    let [chair, arm] = last;
-    Ok([chair?, arm?])
+    let backend = Processes::new(args.assets.clone(), args.graphics.adapter.clone());
+    let result = backend.run(&rollout).and_then(|result| Ok(result?));
+    result.with_context(|| format!("{} seed {}", job.task, job.seed))?;
+    let mut images = std::mem::take(&mut *last.images.lock()).into_iter();
+    let mut next = || images.next().context("the episode sent no pictures")?;
+    Ok([next()?, next()?])
 }
 
 #[cfg(test)]

@@ -10,19 +10,15 @@
 mod args;
 mod compare;
 mod entry;
+mod episode_monitor;
 mod grid;
-mod ledger;
-mod one_process;
 mod page;
 mod progress;
-mod pulse;
 mod redraw;
 mod report;
+mod runner;
 mod scope;
-mod station;
 mod statistics;
-mod witness;
-mod worker;
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
@@ -30,15 +26,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, bail};
 use parking_lot::Mutex;
+use wheelarm_dataset::publish;
 use wheelarm_proto::v1;
+use wheelarm_rollout::EpisodeLog;
 
 use crate::control::tasks_of_program;
-use crate::policy::{Choice, Driver, Start, files};
+use crate::policy::{Choice, DriverChoice, Start, files};
 use entry::Job;
-use ledger::Ledger;
 use report::Report;
+use runner::Runner;
 use scope::Scope;
-use station::Station;
 
 pub use args::EvaluateArgs;
 pub use entry::Entry;
@@ -61,7 +58,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("making the folder {}", args.out.display()))?;
     let scope = args.scope()?;
     let tasks = tasks(args, scope.layout)?;
-    let driver = Driver::start(
+    let driver = DriverChoice::start(
         &args.policy,
         &Start {
             seeds: scope.seeds.clone(),
@@ -89,9 +86,9 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
             })
         })
         .collect();
-    let ledger = Ledger::open(&args.out)?;
-    begin(args, &wanted, &ledger)?;
-    let known = ledger.entries();
+    let log = EpisodeLog::open(&args.out.join("episodes.jsonl"), publish::sync_data)?;
+    begin(args, &wanted, &log)?;
+    let known = log.entries();
     let is_done = |job: &Job| {
         let mut counted = known
             .iter()
@@ -106,8 +103,8 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         let entries: Vec<&Entry> = entries.collect();
         print!("{}", skipped(args, &entries, done.len() + open.len()));
     }
-    work(args, &driver, &open, &ledger)?;
-    let entries: Vec<Entry> = ledger
+    work(args, &driver, &open, &log)?;
+    let entries: Vec<Entry> = log
         .entries()
         .into_iter()
         .filter(|entry| done.iter().chain(&open).any(|job| entry.is_of(job)))
@@ -134,19 +131,19 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
 
 /// Sets results of before aside with `--fresh`, and otherwise refuses those that a policy
 /// with other files made: they would be counted together with the new ones.
-fn begin(args: &EvaluateArgs, wanted: &[Job], ledger: &Ledger) -> anyhow::Result<()> {
+fn begin(args: &EvaluateArgs, wanted: &[Job], log: &EpisodeLog<Entry>) -> anyhow::Result<()> {
     if args.fresh {
         let is_old = |entry: &Entry| {
             wanted
                 .iter()
                 .any(|job| entry.is_of(job) || entry.is_outdated(job))
         };
-        if let Some(aside) = ledger.set_aside(is_old)? {
+        if let Some(aside) = log.set_aside(is_old)? {
             println!("the results of before are in {}", aside.display());
         }
         return Ok(());
     }
-    let known = ledger.entries();
+    let known = log.entries();
     let is_outdated = |entry: &&Entry| wanted.iter().any(|job| entry.is_outdated(job));
     let outdated = known.iter().filter(is_outdated).count();
     if outdated > 0 {
@@ -264,7 +261,12 @@ fn each_once(list: &str) -> anyhow::Result<Vec<&str>> {
 }
 
 /// Does the open episodes with as many servers as asked.
-fn work(args: &EvaluateArgs, driver: &Driver, open: &[Job], ledger: &Ledger) -> anyhow::Result<()> {
+fn work(
+    args: &EvaluateArgs,
+    driver: &DriverChoice,
+    open: &[Job],
+    log: &EpisodeLog<Entry>,
+) -> anyhow::Result<()> {
     if open.is_empty() {
         return Ok(());
     }
@@ -277,7 +279,7 @@ fn work(args: &EvaluateArgs, driver: &Driver, open: &[Job], ledger: &Ledger) -> 
             scope.spawn(move || {
                 let mut args = args.clone();
                 args.graphics.adapter = adapter;
-                if let Err(error) = one_after_another((&args, driver), index, open, next, ledger) {
+                if let Err(error) = one_after_another((&args, driver), index, open, next, log) {
                     // The others finish what they are at.
                     next.store(open.len(), Ordering::Relaxed);
                     trouble.lock().get_or_insert(error);
@@ -288,32 +290,25 @@ fn work(args: &EvaluateArgs, driver: &Driver, open: &[Job], ledger: &Ledger) -> 
     trouble.into_inner().map_or(Ok(()), Err)
 }
 
-/// A worker's episodes: whichever are next, with a new server where one is spent.
+/// The episodes of runner number `index`: the next one that nobody has begun, until none
+/// is left.
 fn one_after_another(
-    (args, driver): (&EvaluateArgs, &Driver),
+    (args, driver): (&EvaluateArgs, &DriverChoice),
     index: usize,
     open: &[Job],
     next: &AtomicUsize,
-    ledger: &Ledger,
+    log: &EpisodeLog<Entry>,
 ) -> anyhow::Result<()> {
-    let mut worker: Option<Station> = None;
+    let runner = Runner::new(args, driver, index)?;
     loop {
         let at = next.fetch_add(1, Ordering::Relaxed);
         let Some(job) = open.get(at) else {
-            break;
+            return Ok(());
         };
-        let able = match &mut worker {
-            Some(worker) => worker,
-            none => none.insert(Station::start(args, driver, index)?),
-        };
-        let (entry, lives) = able.episode(job)?;
-        if !lives {
-            worker = None;
-        }
+        let entry = runner.episode(job)?;
         println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
-        ledger.add(&entry)?;
+        log.append(&entry)?;
     }
-    worker.map_or(Ok(()), Station::stop)
 }
 
 #[cfg(test)]

@@ -324,10 +324,10 @@ impl fmt::Display for Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::broken::Broken;
     use crate::evaluate::entry::Condition;
     use crate::evaluate::progress::{Course, Milestone, Way};
     use crate::variation::Variation;
+    use wheelarm_rollout::FailureCause;
 
     #[test]
     fn rates_count_by_task_and_by_failed_condition() {
@@ -399,7 +399,7 @@ mod tests {
         assert!((far.mean - 80.0).abs() < 1e-12, "{far:?}");
         // One that broke has no course: the mean says of how many it is.
         let mut broken = entry("a", 3, false);
-        (broken.course, broken.broken) = (None, Some(Broken::Server));
+        (broken.course, broken.broken) = (None, Some(FailureCause::Server));
         let with = Report::new(&names, &[&entries[..], &[broken]].concat(), &scope);
         let with = with.tasks[0].progress.clone().unwrap();
         assert_eq!((far.episodes, with.episodes, with.mean), (3, 3, far.mean));

@@ -6,12 +6,12 @@
 //! cameras; those in which the task succeeded are kept, marked with their source.
 
 mod args;
-mod ledger;
+mod entry;
 pub mod mark;
 mod report;
+mod runner;
 mod settings;
 mod sources;
-mod station;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -20,15 +20,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use parking_lot::Mutex;
+use wheelarm_dataset::publish;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
+use wheelarm_rollout::EpisodeLog;
 
 pub use args::MultiplyArgs;
-use ledger::Ledger;
+use entry::Entry;
 use report::Report;
+use runner::Runner;
 use settings::Settings;
 use sources::Sources;
-use station::Station;
 
 /// Tries for each episode that is asked for where nothing says the seeds.
 const TRIES: u64 = 4;
@@ -61,7 +63,8 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
             args.out.display()
         );
     }
-    let ledger = Ledger::open(&args.out)?;
+    let log: EpisodeLog<Entry> =
+        EpisodeLog::open(&args.out.join("episodes.jsonl"), publish::sync_data)?;
     let sources = Sources::read(args)?;
     for (file, why) in &sources.left_out {
         println!("left out    {file}: {why}");
@@ -85,21 +88,21 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     let course = Mutex::new(Course {
         next: first,
         end,
-        kept: ledger.kept(),
+        kept: log.entries().iter().filter(|entry| entry.kept).count() as u64,
         running: 0,
         problem: None,
     });
-    let tried = ledger.seeds();
+    let tried: BTreeSet<u64> = log.entries().iter().map(|entry| entry.seed).collect();
     std::thread::scope(|scope| {
         for index in 0..args.jobs.get() {
-            let (course, ledger, tried) = (&course, &ledger, &tried);
+            let (course, log, tried) = (&course, &log, &tried);
             let (sources, shown) = (&sources, &shown);
             scope.spawn(move || {
-                let mut station = Station::new(args, sources, shown, index);
+                let runner = Runner::new(args, sources, shown, index);
                 while let Some(seed) = next(course, tried, args) {
-                    let tried = station.episode(seed).and_then(|entry| {
+                    let tried = runner.episode(seed).and_then(|entry| {
                         println!("{}", entry.line());
-                        ledger.add(&entry)?;
+                        log.append(&entry)?;
                         Ok(entry)
                     });
                     let mut course = course.lock();
@@ -118,7 +121,7 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     if let Some(problem) = course.problem {
         return Err(problem);
     }
-    let report = Report::new(args, &sources, ledger.entries(), begun.elapsed());
+    let report = Report::new(args, &sources, log.entries(), begun.elapsed());
     report.write(&args.out)?;
     print!("{report}");
     Ok(match report.kept >= args.episodes.get() {

@@ -9,7 +9,7 @@ use anyhow::Context;
 use serde::Serialize;
 
 use super::args::MultiplyArgs;
-use super::ledger::Entry;
+use super::entry::Entry;
 use super::sources::Sources;
 
 /// What came of a run; `report.json`.

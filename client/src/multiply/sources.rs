@@ -17,7 +17,7 @@ use wheelarm_operate::observation::{Collector, Observation};
 use wheelarm_operate::scene::SceneModel;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
-use wheelarm_rig::{Server, ServerOptions};
+use wheelarm_rollout::launcher::{Server, ServerOptions};
 
 use super::args::MultiplyArgs;
 

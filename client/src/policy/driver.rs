@@ -1,4 +1,4 @@
-//! Who does the tasks: the scripted operator or a policy.
+//! The driver that `--policy` names: the scripted expert or a policy.
 
 use std::ops::Range;
 use std::path::Path;
@@ -7,25 +7,26 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use wheelarm_link::Connect;
-use wheelarm_pilot::fly::FlyOptions;
-use wheelarm_pilot::openpi::{NameMap, OpenPi};
-use wheelarm_pilot::{Batched, Hold, Host, Policy, Repeat};
+use wheelarm_operate::forced::ForcedError;
 use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::v1;
-use wheelarm_rig::Program;
+use wheelarm_rollout::launcher::Program;
+use wheelarm_rollout::policy::openpi::{NameMap, OpenPi};
+use wheelarm_rollout::policy::{Batched, Hold, Host, Policy, PolicyOptions, Repeat, checked};
+use wheelarm_rollout::{Driver, Expert, PolicyDriver, Takeover};
 
 use super::nearest::Nearest;
 use super::{Choice, PolicyArgs};
+use crate::episode_seed::mixed;
 
-/// Who does the tasks.
+/// The driver that `--policy` names.
 #[derive(Clone)]
-pub enum Driver {
-    /// The scripted operator.
-    Operator,
-    /// A policy, and how its answers are carried out.
-    Policy(Arc<dyn Policy>, FlyOptions),
-    /// A policy, and after some time, this at most, the operator.
-    Both(Arc<dyn Policy>, FlyOptions, f64),
+pub enum DriverChoice {
+    /// The scripted expert.
+    Expert,
+    /// A policy, how its answers are executed, and the seconds after which the expert takes
+    /// over at the latest.
+    Policy(Arc<dyn Policy>, PolicyOptions, Option<f64>),
 }
 
 /// What a driver is started for.
@@ -41,7 +42,7 @@ pub struct Start<'a> {
     pub takeover: Option<Duration>,
 }
 
-impl Driver {
+impl DriverChoice {
     /// Starts what `--policy` says.
     ///
     /// # Errors
@@ -64,7 +65,7 @@ impl Driver {
                         most.as_secs_f64()
                     );
                 }
-                return Ok(Self::Operator);
+                return Ok(Self::Expert);
             }
             Choice::Hold => Arc::new(Hold::default()),
             Choice::Repeat => Arc::new(Repeat::default()),
@@ -105,7 +106,7 @@ impl Driver {
         if !args.training_seeds {
             apart(spec, &start.seeds)?;
         }
-        let (_, ticks) = wheelarm_pilot::checked(spec)?;
+        let (_, ticks) = checked(spec)?;
         let row = ticks * wheelarm_proto::TICKS_PER_CONTROL as u32;
         if !args.latency.is_multiple_of(row) {
             bail!(
@@ -117,22 +118,46 @@ impl Driver {
         if args.ensemble.is_none() {
             enough(spec, args.execute, latency)?;
         }
-        let options = FlyOptions {
+        let options = PolicyOptions {
             execute: args.execute,
             latency,
             ensemble: args.ensemble,
-            ..FlyOptions::default()
+            ..PolicyOptions::default()
         };
-        Ok(match start.takeover {
-            Some(most) => Self::Both(policy, options, most.as_secs_f64()),
-            None => Self::Policy(policy, options),
-        })
+        let takeover = start.takeover.map(|most| most.as_secs_f64());
+        Ok(Self::Policy(policy, options, takeover))
     }
 
-    /// What people are told of a policy before it begins.
+    /// Whether it is the scripted expert.
     #[must_use]
-    pub fn told(&self) -> Option<String> {
-        let (Self::Policy(policy, options) | Self::Both(policy, options, _)) = self else {
+    pub fn is_expert(&self) -> bool {
+        matches!(self, Self::Expert)
+    }
+
+    /// The driver of one episode; `forced` is the error that the expert makes on purpose.
+    #[must_use]
+    pub fn for_episode(&self, seed: u64, forced: Option<ForcedError>) -> Driver {
+        let expert = Expert {
+            profile_seed: None,
+            forced,
+        };
+        match self {
+            Self::Expert => Driver::Expert(expert),
+            Self::Policy(policy, options, takeover) => Driver::Policy(PolicyDriver {
+                policy: Arc::clone(policy),
+                options: options.clone(),
+                takeover: takeover.map(|most| Takeover {
+                    seconds: most * share(seed),
+                    expert,
+                }),
+            }),
+        }
+    }
+
+    /// One line about a policy for people; absent for the expert.
+    #[must_use]
+    pub fn description(&self) -> Option<String> {
+        let Self::Policy(policy, options, _) = self else {
             return None;
         };
         let spec = policy.spec();
@@ -158,9 +183,8 @@ impl Driver {
     /// Name for results; empty for the scripted operator.
     #[must_use]
     pub fn name(&self) -> String {
-        let (policy, options) = match self {
-            Self::Operator => return String::new(),
-            Self::Policy(policy, options) | Self::Both(policy, options, _) => (policy, options),
+        let Self::Policy(policy, options, takeover) = self else {
+            return String::new();
         };
         let spec = policy.spec();
         let hash = spec.weights_sha256.get(..12).map(|hash| format!("@{hash}"));
@@ -173,7 +197,7 @@ impl Driver {
         if let Some(k) = options.ensemble {
             name += &format!(", ensemble {k}");
         }
-        if let Self::Both(_, _, most) = self {
+        if let Some(most) = takeover {
             name += &format!(", operator after {most} s at most");
         }
         name
@@ -188,7 +212,7 @@ impl Driver {
         recorded: Vec<v1::CameraSetting>,
         is_asked: bool,
     ) -> anyhow::Result<Vec<v1::CameraSetting>> {
-        let (Self::Policy(policy, _) | Self::Both(policy, ..)) = self else {
+        let Self::Policy(policy, ..) = self else {
             return Ok(recorded);
         };
         let spec = policy.spec();
@@ -224,6 +248,11 @@ impl Driver {
         }
         Ok(cameras)
     }
+}
+
+/// The share of the longest time for which the policy drives, sampled from the seed: 0 to 1.
+fn share(seed: u64) -> f64 {
+    (mixed(seed ^ 0x7a6b_0c57_11d3_95e1) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 /// The map of names of a policy behind a WebSocket.
@@ -309,7 +338,10 @@ mod tests {
             alone: false,
             takeover: Some(Duration::from_secs(5)),
         };
-        let told = Driver::start(&args, &start).err().unwrap().to_string();
+        let told = DriverChoice::start(&args, &start)
+            .err()
+            .unwrap()
+            .to_string();
         assert!(told.contains("--policy"), "{told}");
     }
 

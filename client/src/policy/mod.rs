@@ -14,7 +14,7 @@ use clap::Args;
 use crate::choice::patience;
 
 pub use choice::Choice;
-pub use driver::{Driver, Start};
+pub use driver::{DriverChoice, Start};
 
 /// Options that name a policy and say how its answers are carried out.
 #[derive(Args, Clone, Debug)]

@@ -8,9 +8,9 @@ use anyhow::{Context, ensure};
 use parking_lot::Mutex;
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
 use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
-use wheelarm_pilot::{Policy, PolicyError};
 use wheelarm_policy::ActionKind;
 use wheelarm_proto::{PHYSICS_HZ, v1};
+use wheelarm_rollout::policy::{Policy, PolicyError};
 
 /// Rows of an answer.
 const CHUNK: usize = 10;

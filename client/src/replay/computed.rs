@@ -3,24 +3,17 @@
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
-use wheelarm_link::{Link, Turn, Turns};
-use wheelarm_proto::topic::Sample;
-use wheelarm_proto::{TopicId, v1};
-use wheelarm_rig::free_label;
+use wheelarm_proto::v1;
+use wheelarm_rollout::{Comparison, Driver, Replay, free_label};
 
 use super::args::ReplayArgs;
 use super::assets;
-use super::comparison::Comparison;
-use super::rig::{NAME, Rig};
+use super::recording::{self, Recorded};
 use super::script::{self, Script};
-
-/// Silence after which the replay gives up.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Replays and prints the result; exit code 1 when a state differs, 3 when the
 /// new recording is not complete.
@@ -80,8 +73,8 @@ fn each(args: &ReplayArgs, script: &Script, looks: &[v1::Look]) -> anyhow::Resul
     Ok(code)
 }
 
-/// One replay, under the look of the recording or another one: what is to be
-/// said of it, and the exit code.
+/// One replay, under the look of the recording or another one: the lines to print, and the
+/// exit code.
 fn once(
     args: &ReplayArgs,
     script: &Script,
@@ -98,78 +91,65 @@ fn once(
         let before = scenario.look.replace(look).unwrap_or_default();
         let moves = |look: &v1::Look| look.camera > 0 || look.lens > 0;
         if moves(&before) || moves(&look) {
-            // Drawn anew: the calibration, and the look on top of it.
+            // Sampled anew: the calibration, and the look on top of it.
             for camera in &mut cameras {
                 (camera.lens, camera.place) = (None, None);
             }
         }
     }
-    let mut rig = Rig::start(args, &scenario, cameras.clone(), script.depth, adapter)?;
-    reset(&rig.link, script, scenario, cameras)?;
-    // Subscribed before the episode begins, so that its first state is seen.
-    let mut turns = rig.link.turns(NAME, false, &[TopicId::StateHash])?;
-    let request = v1::EpisodeStartRequest {
-        label: match &args.out {
-            Some(out) => free_label(out, label),
-            None => label.to_owned(),
+    let recorded = script.assets.clone();
+    let replay = Replay {
+        scenario: v1::Scenario {
+            cameras: cameras.clone(),
+            ..scenario.clone()
         },
-        instruction: Some(script.instruction.clone()),
-        require_recorders: rig.recorders(),
-        commander: NAME.to_owned(),
-        replay: true,
-        ..v1::EpisodeStartRequest::default()
+        instruction: script.instruction.clone(),
+        snapshot: script.snapshot.clone(),
+        first_tick: script.first_tick,
+        last_tick: script.last_tick,
+        commands: script.commands.clone(),
+        hashes: script.hashes.clone(),
+        check_assets: Arc::new(move |loaded| check_assets(&recorded, loaded)),
     };
-    let started = rig.link.ask(&request);
-    let started = started.with_context(|| rig.server.tail())?;
-    let fed = check_assets(&rig.link, script).and_then(|()| feed(&mut turns, script, &started));
-    // A replay that broke off is not worth a file.
-    rig.link.stop_episode_of(&started, fed.is_err())?;
-    let (line, mut code) = fed?.report();
+    let label = match &args.out {
+        Some(out) => free_label(out, label),
+        None => label.to_owned(),
+    };
+    let finished = recording::run(
+        args,
+        &scenario,
+        cameras,
+        (script.depth, adapter),
+        (label, Driver::Replay(Arc::new(replay))),
+    )?;
+    let comparison = finished.comparison.as_ref();
+    let (line, mut code) = report(comparison.context("the replay compared nothing")?);
     let mut lines = vec![line];
-    if let Some(recorded) = rig.recorded(&started)? {
+    if let Some(recorded) = Recorded::new(args, &finished)? {
         lines.push(format!("recorded {}", recorded.line()));
         if code == ExitCode::SUCCESS {
             code = recorded.code();
         }
     }
-    drop(turns);
-    rig.stop()?;
     Ok((lines, code))
 }
 
-/// Puts the server into the state at the start of the episode.
-fn reset(
-    link: &Link,
-    script: &Script,
-    mut scenario: v1::Scenario,
-    cameras: Vec<v1::CameraSetting>,
-) -> anyhow::Result<()> {
-    scenario.cameras = cameras;
-    // Whatever paced the recording, its commands are applied tick by tick.
-    scenario.pacing = v1::Pacing::LockStep.into();
-    // The quality was given when the server was started.
-    scenario.quality = v1::RenderQuality::Unspecified.into();
-    let request = v1::ResetRequest {
-        scenario: Some(scenario),
-        snapshot: script.snapshot.clone(),
-        ..v1::ResetRequest::default()
+/// The comparison as a line; exit code 1 when something differs.
+fn report(comparison: &Comparison) -> (String, ExitCode) {
+    let (words, code) = match comparison.equal_hashes() {
+        Ok(equal) => (format!("{equal} hashes equal"), ExitCode::SUCCESS),
+        Err(problem) => (problem, ExitCode::FAILURE),
     };
-    let reply: v1::ResetReply = link.ask(&request)?;
-    let tick = reply.header.unwrap_or_default().tick;
-    if tick != script.first_tick {
-        bail!(
-            "the snapshot puts the server at tick {tick}, the episode began at tick {}; was the file made by another version?",
-            script.first_tick
-        );
-    }
-    Ok(())
+    (
+        format!("replayed {} ticks, {words}", comparison.ticks()),
+        code,
+    )
 }
 
-/// Says what the loaded assets have otherwise than the recorded ones, and refuses
-/// a robot that would move otherwise.
-fn check_assets(link: &Link, script: &Script) -> anyhow::Result<()> {
-    let loaded = link.ask(&v1::SnapshotRequest {})?.assets;
-    let changes = assets::changes(&script.assets, &loaded);
+/// Prints how the loaded assets differ from the recorded ones, and rejects a robot that
+/// would move differently.
+fn check_assets(recorded: &[v1::AssetText], loaded: &[v1::AssetText]) -> anyhow::Result<()> {
+    let changes = assets::changes(recorded, loaded);
     let (moving, others): (Vec<_>, Vec<_>) = changes
         .into_iter()
         .partition(assets::Change::moves_the_robot);
@@ -188,46 +168,4 @@ fn check_assets(link: &Link, script: &Script) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-/// Feeds the commands by tick and collects the hashes.
-fn feed(
-    turns: &mut Turns,
-    script: &Script,
-    started: &v1::EpisodeStarted,
-) -> anyhow::Result<Comparison> {
-    let number = started.header.as_ref().map_or(0, |header| header.episode);
-    let mut comparison = Comparison::with(script.hashes.clone());
-    let mut asked = script.first_tick;
-    loop {
-        let turn = turns.next(PATIENCE, &mut |sample| {
-            if let Sample::StateHash(sample) = sample {
-                let header = sample.header.unwrap_or_default();
-                if header.episode == number {
-                    comparison.take(header.tick, sample.hash);
-                }
-            }
-        })?;
-        let header = match turn {
-            Turn::Answer(clock) => clock.header.unwrap_or_default(),
-            Turn::Refused(refusal) => {
-                bail!("the server refused a recorded command: {}", refusal.reason);
-            }
-            Turn::Ended(_) => bail!("the episode was ended by somebody else"),
-            Turn::Silent(status) => bail!(
-                "nothing came for {:.0} s after tick {asked}; the server waits for: {}",
-                PATIENCE.as_secs_f64(),
-                status.waiting_for
-            ),
-        };
-        if header.episode != number {
-            continue;
-        }
-        asked = header.tick;
-        if asked > script.last_tick {
-            return Ok(comparison);
-        }
-        turns.answer(script.command(asked)?)?;
-        comparison.tick();
-    }
 }

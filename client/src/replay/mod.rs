@@ -7,10 +7,9 @@
 mod args;
 mod assets;
 mod calibration;
-mod comparison;
 mod computed;
 mod recorded;
-mod rig;
+mod recording;
 mod script;
 
 use std::process::ExitCode;

@@ -3,17 +3,17 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
-use wheelarm_link::Link;
 use wheelarm_proto::v1;
-use wheelarm_rig::free_label;
+use wheelarm_rollout::{Driver, Playback, free_label};
 
 use super::args::ReplayArgs;
 use super::assets;
 use super::calibration;
-use super::rig::Rig;
+use super::recording::{self, Recorded};
 use super::script;
 
 /// Records the states of the file again with new pictures; exit code 3 when the
@@ -25,66 +25,40 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     let started = episode.started()?;
     let scenario = episode.scenario()?;
     let states = episode.states()?;
-    let Some((first, others)) = states.split_first() else {
+    if states.is_empty() {
         bail!(
             "{} holds no recorded state that could be drawn",
             args.file.display()
         );
-    };
+    }
     let mut cameras = script::cameras(&scenario, args.width, args.height, &args.camera);
     calibration::as_recorded(&mut cameras, episode)?;
     check_rates(&cameras, scenario.state_rate_hz())?;
     let depth = script::depth(episode)?;
     let adapters = args.graphics.of_workers(1)?;
-    let mut rig = Rig::start(
+    let robot = episode.robot()?;
+    let playback = Playback {
+        scenario: v1::Scenario {
+            cameras: cameras.clone(),
+            ..scenario.clone()
+        },
+        instruction: started.instruction.clone(),
+        states,
+        check_robot: Arc::new(move |loaded| warn_of_another_robot(&robot, loaded)),
+    };
+    let count = playback.states.len();
+    let finished = recording::run(
         args,
         &scenario,
-        cameras.clone(),
-        depth,
-        adapters[0].as_deref(),
+        cameras,
+        (depth, adapters[0].as_deref()),
+        (
+            free_label(out, &format!("{}-as-recorded", started.label)),
+            Driver::Playback(Arc::new(playback)),
+        ),
     )?;
-    let request = v1::ResetRequest {
-        scenario: Some(v1::Scenario {
-            cameras,
-            pacing: v1::Pacing::LockStep.into(),
-            quality: v1::RenderQuality::Unspecified.into(),
-            ..scenario
-        }),
-        playback: true,
-        ..v1::ResetRequest::default()
-    };
-    let link = &rig.link;
-    link.ask(&request).with_context(|| rig.server.tail())?;
-    if let Some(loaded) = link.ask(&v1::SceneRequest {})?.robot {
-        let told = assets::drawn_otherwise(&episode.robot()?, &loaded);
-        if !told.is_empty() {
-            eprintln!(
-                "the loaded robot is drawn, which is another than the recorded one (take the \
-                 recorded assets with --assets):\n  {}",
-                told.join("\n  ")
-            );
-        }
-    }
-    link.ask(first).with_context(|| {
-        "the recorded states do not fit the assets; replay with those of the recording: --assets"
-    })?;
-    let request = v1::EpisodeStartRequest {
-        label: free_label(out, &format!("{}-as-recorded", started.label)),
-        instruction: Some(started.instruction.clone()),
-        require_recorders: rig.recorders(),
-        ..v1::EpisodeStartRequest::default()
-    };
-    let begun = link.ask(&request).with_context(|| rig.server.tail())?;
-    let shown = show(link, others);
-    // What broke off is not worth a file.
-    link.stop_episode_of(&begun, shown.is_err())?;
-    shown?;
-    let recorded = rig.recorded(&begun)?.context("nothing was recorded")?;
-    println!(
-        "drew {} recorded states into {}",
-        states.len(),
-        recorded.line()
-    );
+    let recorded = Recorded::new(args, &finished)?.context("nothing was recorded")?;
+    println!("drew {count} recorded states into {}", recorded.line());
     let computed = episode.streams()?.into_iter();
     let computed: Vec<_> = computed.filter(|name| is_computed(name)).collect();
     if !computed.is_empty() {
@@ -93,16 +67,19 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
             computed.join(", ")
         );
     }
-    rig.stop()?;
     Ok(recorded.code())
 }
 
-fn show(link: &Link, states: &[v1::ShowRequest]) -> anyhow::Result<()> {
-    for state in states {
-        link.ask(state)
-            .with_context(|| format!("showing the state of tick {}", state.tick))?;
+/// Prints that the loaded robot looks different from the recorded one, if it does.
+fn warn_of_another_robot(recorded: &v1::RobotDescription, loaded: &v1::RobotDescription) {
+    let differences = assets::drawn_otherwise(recorded, loaded);
+    if !differences.is_empty() {
+        eprintln!(
+            "the loaded robot is drawn, which is another than the recorded one (take the \
+             recorded assets with --assets):\n  {}",
+            differences.join("\n  ")
+        );
     }
-    Ok(())
 }
 
 /// Pictures can be drawn only where a state was recorded.

@@ -25,8 +25,8 @@ pub(super) struct Script {
     pub last_tick: u64,
     /// State hashes by tick.
     pub hashes: Vec<(u64, u64)>,
-    applied: BTreeMap<u64, v1::Applied>,
-    marks: BTreeMap<u64, Marks>,
+    /// The commands by tick: the applied values with the recorded labels.
+    pub commands: BTreeMap<u64, v1::Command>,
 }
 
 /// Labels of a command that change no motion, and from which exports mark their rows.
@@ -56,6 +56,22 @@ impl Marks {
         later(&mut self.mode, command.mode);
         later(&mut self.incident, command.incident);
         later(&mut self.assistance, command.assistance);
+    }
+
+    /// The command for what was `applied`, with these labels.
+    fn command(self, applied: v1::Applied) -> v1::Command {
+        v1::Command {
+            arm: applied.arm,
+            base: applied.base,
+            gripper: applied.gripper,
+            phase: self.phase,
+            phase_name: self.phase_name,
+            device: self.device,
+            mode: self.mode,
+            assistance: self.assistance,
+            incident: self.incident,
+            ..v1::Command::default()
+        }
     }
 }
 
@@ -100,7 +116,19 @@ impl Script {
             .last_key_value()
             .context("the file holds no applied command")?
             .0;
-        let script = Self {
+        let ticks = (header.tick..=last_tick).step_by(TICKS_PER_CONTROL as usize);
+        for tick in ticks {
+            if !applied.contains_key(&tick) {
+                bail!(
+                    "the applied command of tick {tick} is missing in the file, so the episode cannot be done again exactly"
+                );
+            }
+        }
+        let commands = applied.into_iter().map(|(tick, applied)| {
+            let marks = marks.remove(&tick).unwrap_or_default();
+            (tick, marks.command(applied))
+        });
+        Ok(Self {
             label: started.label.clone(),
             instruction: started.instruction.clone(),
             scenario: episode.scenario()?,
@@ -111,18 +139,8 @@ impl Script {
             first_tick: header.tick,
             last_tick,
             hashes: episode.state_hashes()?,
-            applied,
-            marks,
-        };
-        let ticks = (script.first_tick..=last_tick).step_by(TICKS_PER_CONTROL as usize);
-        for tick in ticks {
-            if !script.applied.contains_key(&tick) {
-                bail!(
-                    "the applied command of tick {tick} is missing in the file, so the episode cannot be done again exactly"
-                );
-            }
-        }
-        Ok(script)
+            commands: commands.collect(),
+        })
     }
 
     /// Refuses an episode that this version of the physics cannot do again.
@@ -153,28 +171,6 @@ impl Script {
             scenario.task(),
             scenario.seed(),
         )
-    }
-
-    /// The command that was newly applied at `tick`, with its recorded marks. That it is a
-    /// replay is told by its commander.
-    pub fn command(&self, tick: u64) -> anyhow::Result<v1::Command> {
-        let applied = self
-            .applied
-            .get(&tick)
-            .with_context(|| format!("the recording has no tick {tick}"))?;
-        let marks = self.marks.get(&tick).cloned().unwrap_or_default();
-        Ok(v1::Command {
-            arm: applied.arm.clone(),
-            base: applied.base,
-            gripper: applied.gripper,
-            phase: marks.phase,
-            phase_name: marks.phase_name,
-            device: marks.device,
-            mode: marks.mode,
-            assistance: marks.assistance,
-            incident: marks.incident,
-            ..v1::Command::default()
-        })
     }
 }
 
@@ -224,8 +220,7 @@ mod tests {
             first_tick: 0,
             last_tick: 0,
             hashes: Vec::new(),
-            applied: BTreeMap::new(),
-            marks: BTreeMap::new(),
+            commands: BTreeMap::new(),
         }
     }
 

@@ -5,8 +5,8 @@
 //! many are asked about together, as a network's last bits are); or at once `unfit` and `crash`.
 
 use wheelarm_link::Connect;
-use wheelarm_pilot::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
 use wheelarm_proto::v1;
+use wheelarm_rollout::policy::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
 
 /// Where hand and knuckle stand in a row of state.
 const HAND: std::ops::Range<usize> = 14..23;

@@ -18,6 +18,7 @@ mod faults_recorder;
 mod faults_server;
 mod forgery;
 mod gate;
+mod hashes;
 mod installed;
 mod looks;
 mod multiply;

@@ -94,7 +94,7 @@ fn damaged_answers_of_policies_are_survived() {
     let mut packed = b"\x81\xa7actions\x84\xc4\x0b__ndarray__\xc3\xc4\x04data\xc4\x60".to_vec();
     packed.extend([0; 96]);
     packed.extend(b"\xc4\x05dtype\xa3<f4\xc4\x05shape\x92\x02\x0c");
-    let rows = wheelarm_pilot::openpi::rows(&packed, "actions").expect("rows");
+    let rows = wheelarm_rollout::policy::openpi::rows(&packed, "actions").expect("rows");
     assert_eq!((rows.count, rows.size), (2, 12));
     read_damaged("msgpack", &packed, 3000, decoders::policy_reply);
 }

@@ -8,8 +8,8 @@ use std::sync::Mutex;
 use serde_json::Value;
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
 use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
-use wheelarm_pilot::{Hold, Policy, PolicyError, fly};
 use wheelarm_proto::v1;
+use wheelarm_rollout::policy::{self, Hold, Policy, PolicyError, PolicyOptions};
 use wheelarm_tests::{Recorder, Server, printed, program, root, wait_until};
 
 /// Holds the hand, drives on, and remembers what it saw.
@@ -95,14 +95,19 @@ fn seen(name: &str, sensors: &[&str]) {
         },
         saw: Mutex::default(),
     };
-    let options = fly::FlyOptions {
+    let options = PolicyOptions {
         label: "seen".to_owned(),
         require_recorders: 1,
         ..Default::default()
     };
-    let flight = fly::run(&link, &policy, &options, &mut |_| {}).expect("a flight");
-    assert_eq!(flight.error, Some(PolicyError::Said("enough".to_owned())));
-    assert_eq!((flight.rows, flight.thinking.len()), (24, 24));
+    let finished = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
+    assert_eq!(
+        finished.policy_error,
+        Some(PolicyError::Said("enough".to_owned()))
+    );
+    // Six control ticks for each row, at 10 Hz.
+    let rows = finished.ticks / 6;
+    assert_eq!((rows, finished.answer_seconds.len()), (24, 24));
     recorder.finish();
 
     let wanted = learning::reads;

@@ -159,19 +159,19 @@ const STRAIGHT: [&str; 9] = [
     "client/learn/src",
     "client/link/src",
     "client/operate/src",
-    "client/pilot/src",
     "client/policy/src",
     "client/record/src",
-    "client/rig/src",
+    "client/rollout/src",
+    "client/rollout/worker/src",
     "client/src",
 ];
 
 #[test]
 fn files_of_the_clients_do_not_name_each_other_in_circles() {
-    let rig = arrows("client/rig/src");
+    let rollout = arrows("client/rollout/src");
     assert!(
-        rig["server"].contains("process"),
-        "arrows are seen: {rig:?}"
+        rollout["launcher::server"].contains("launcher::process"),
+        "arrows are seen: {rollout:?}"
     );
     let teleop = &arrows("client/src")["teleop"];
     assert!(

@@ -124,9 +124,15 @@ fn no_clamp_on_limits_that_are_computed() {
     );
 }
 
+/// The program that runs server and clients in one process.
+const WORKER: &str = "client/rollout/worker/Cargo.toml";
+
 #[test]
 fn no_client_depends_on_the_server() {
     for manifest in list("client", "Cargo.toml") {
+        if manifest.ends_with(WORKER) {
+            continue;
+        }
         let text = fs::read_to_string(&manifest).expect("a manifest");
         assert!(
             !text.contains("wheelarm-server"),
@@ -156,14 +162,14 @@ fn links_over_tls_are_our_own() {
 fn nobody_names_the_worker() {
     for folder in ["server", "client", "proto"] {
         for manifest in list(folder, "Cargo.toml") {
-            if manifest.ends_with("server/worker/Cargo.toml") {
+            if manifest.ends_with(WORKER) {
                 continue;
             }
             let text = fs::read_to_string(&manifest).expect("a manifest");
             assert!(!text.contains("wheelarm-worker"), "{}", manifest.display());
         }
     }
-    let below = dependencies("server/worker");
+    let below = dependencies("client/rollout/worker");
     for name in ["wheelarm-server", "wheelarm-record", "wheelarm-operate"] {
         assert!(below.iter().any(|below| below == name), "{below:?}");
     }
@@ -186,13 +192,17 @@ const CLIENTS: [(&str, &[&str]); 10] = [
     ("client/learn", &["link", "policy", "proto"]),
     ("client/operate", &["link", "proto", "route"]),
     ("client/record", &["dataset", "link", "proto"]),
-    ("client/rig", &["link", "operate", "proto"]),
-    ("client/pilot", &["link", "policy", "proto", "rig"]),
+    ("client/rollout", &["link", "operate", "policy", "proto"]),
+    (
+        "client/rollout/worker",
+        &[
+            "dataset", "link", "operate", "proto", "record", "rollout", "server",
+        ],
+    ),
     (
         "client",
         &[
-            "access", "dataset", "drive", "link", "operate", "pilot", "policy", "proto", "record",
-            "rig",
+            "access", "dataset", "drive", "link", "operate", "policy", "proto", "record", "rollout",
         ],
     ),
 ];
@@ -281,7 +291,7 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
         .find_map(|l| l.strip_prefix("default-members = "));
     assert_eq!(
         line,
-        Some(r#"["server", "client", "client/dataset", "server/worker"]"#)
+        Some(r#"["server", "client", "client/dataset", "client/rollout/worker"]"#)
     );
     let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
     let build = make.split("\nbuild:\n").nth(1).expect("a target");
@@ -289,7 +299,12 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     assert!(!build.contains("--workspace"), "{build}");
     // Each of them has a program, and no other package of a user has one but what
     // learns, which is built when it is asked for.
-    for package in ["server", "client", "client/dataset", "server/worker"] {
+    for package in [
+        "server",
+        "client",
+        "client/dataset",
+        "client/rollout/worker",
+    ] {
         assert!(
             root().join(package).join("src/main.rs").is_file(),
             "{package}"
@@ -297,7 +312,12 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     }
     for (package, _) in CLIENTS {
         let is_program = root().join(package).join("src/main.rs").is_file();
-        let programs = ["client", "client/dataset", "client/learn"];
+        let programs = [
+            "client",
+            "client/dataset",
+            "client/learn",
+            "client/rollout/worker",
+        ];
         assert_eq!(is_program, programs.contains(&package));
     }
 }
@@ -310,7 +330,7 @@ fn a_thin_client_needs_no_hdf5_and_no_terminal() {
         let line = format!("{name} = {{ workspace = true, optional = true }}");
         assert!(text.contains(&line), "{name} is not optional");
     }
-    for package in ["client/link", "client/operate", "client/rig"] {
+    for package in ["client/link", "client/operate", "client/rollout"] {
         for name in dependencies(package) {
             let heavy = ["hdf5", "ratatui", "clap", "wheelarm-dataset"];
             assert!(!heavy.contains(&name.as_str()), "{package} names {name}");

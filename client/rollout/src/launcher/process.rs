@@ -1,0 +1,421 @@
+//! A child process under supervision: its messages are kept in a file, the
+//! terminal's Ctrl-C does not reach it, and it does not outlive this process. It has a
+//! process group of its own: what it starts ends with it.
+
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::Write;
+use std::os::unix::fs::FileExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use super::program::required_program;
+use crate::limits;
+
+/// Lines of a program's messages that stand in an error.
+const TAIL_LINES: usize = 30;
+/// Newest bytes of its messages that are read.
+const TAIL_BYTES: u64 = 1 << 16;
+
+/// How a program is started.
+#[derive(Debug)]
+pub struct Launch {
+    /// What it is in words, for errors and the name of its log: `server`.
+    pub name: &'static str,
+    /// The program.
+    pub program: Program,
+    /// Its arguments.
+    pub arguments: Vec<OsString>,
+    /// Environment variables that it has beside those of this process.
+    pub environment: Vec<(&'static str, OsString)>,
+    /// What it reads, and with what it ends.
+    pub input: Input,
+    /// Folder for its messages as `NAME.log`; without one they are kept while
+    /// it is watched.
+    pub folder: Option<PathBuf>,
+}
+
+/// Which program is started.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// One of WheelArm's, found beside this one or on PATH.
+    Own(&'static str),
+    /// A command line of the user's, for `sh`; arguments follow it as they are.
+    Shell(String),
+}
+
+/// What a program has as its standard input, and with what it ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// This text, which may be empty. The kernel kills the program when the
+    /// thread that started it is gone, however it went (on Linux): start it on
+    /// one that lives as long as it is needed.
+    Text(String),
+    /// Nothing, until this process is gone or lets it end: the program ends by
+    /// itself then, in good order.
+    Lifeline,
+    /// What is written into [`Process::take_pipes`], whose other end is what it
+    /// prints. The kernel kills it as one that reads a text.
+    Orders,
+}
+
+/// A child process; killed when dropped.
+#[derive(Debug)]
+pub struct Process {
+    name: &'static str,
+    child: Child,
+    /// How it ended, once that is known.
+    status: Option<ExitStatus>,
+    /// This program killed it.
+    ended_here: bool,
+    log: File,
+    /// Where its own messages begin: those of another before it may stand there.
+    begin: u64,
+}
+
+impl Process {
+    /// Starts a program.
+    ///
+    /// # Errors
+    /// When it is not there or does not start.
+    pub fn start(launch: Launch) -> anyhow::Result<Self> {
+        let mut command = match &launch.program {
+            Program::Own(name) => Command::new(required_program(name)?),
+            Program::Shell(line) => {
+                let mut shell = Command::new("sh");
+                // In the place of the shell, so that what is ended is the program.
+                shell.args(["-c", &format!("exec {line} \"$@\""), "sh"]);
+                shell
+            }
+        };
+        let log = match &launch.folder {
+            Some(folder) => {
+                let file = folder.join(format!("{}.log", launch.name));
+                let options = File::options().create(true).read(true).append(true).clone();
+                options
+                    .open(&file)
+                    .with_context(|| format!("making {}", file.display()))?
+            }
+            None => tempfile::tempfile().context(
+                "keeping the messages of a program; set TMPDIR to a folder that can be written",
+            )?,
+        };
+        let begin = log.metadata().map_or(0, |file| file.len());
+        let another = || log.try_clone().context("keeping the messages of a program");
+        let output = match launch.input {
+            Input::Orders => Stdio::piped(),
+            Input::Text(_) | Input::Lifeline => another()?.into(),
+        };
+        command
+            .args(&launch.arguments)
+            .envs(launch.environment)
+            .stdin(Stdio::piped())
+            .stdout(output)
+            .stderr(another()?)
+            .process_group(0);
+        // Its last words are shown, and a backtrace behind them would hide them;
+        // panics still show theirs.
+        const BACKTRACE: &str = "RUST_LIB_BACKTRACE";
+        if std::env::var_os(BACKTRACE).is_none() {
+            command.env(BACKTRACE, "0");
+        }
+        if let Input::Text(_) | Input::Orders = launch.input {
+            end_with_parent(&mut command);
+        }
+        let child = command
+            .spawn()
+            .with_context(|| format!("starting the {}", launch.name))?;
+        let mut process = Self {
+            name: launch.name,
+            child,
+            status: None,
+            ended_here: false,
+            log,
+            begin,
+        };
+        if let Input::Text(text) = launch.input
+            && let Some(mut input) = process.child.stdin.take()
+        {
+            // One that ends before it has read everything says why by itself.
+            let _ = input.write_all(text.as_bytes());
+        }
+        Ok(process)
+    }
+
+    /// What it reads and what it prints, once, of one that takes orders.
+    #[must_use]
+    pub fn take_pipes(&mut self) -> Option<(ChildStdin, ChildStdout)> {
+        self.child.stdin.take().zip(self.child.stdout.take())
+    }
+
+    /// How it ended, if it has. What it started and left behind is killed then.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
+        if self.status.is_none() {
+            let status = self.child.try_wait();
+            self.status = status.with_context(|| format!("watching the {}", self.name))?;
+            if self.status.is_some() {
+                self.signal(Signal::KILL);
+            }
+        }
+        Ok(self.status)
+    }
+
+    /// Signals the whole group. The group may be gone; its number is nobody else's while
+    /// one of it lives, or its first has not been waited for.
+    fn signal(&self, signal: Signal) {
+        if let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
+            let _ = kill_process_group(group, signal);
+        }
+    }
+
+    /// How it ended, if it does so within `patience`.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
+        let deadline = Instant::now() + patience;
+        loop {
+            match self.ended()? {
+                None if Instant::now() < deadline => std::thread::sleep(limits::LOOK),
+                ended => return Ok(ended),
+            }
+        }
+    }
+
+    /// Ends it: its standard input is closed, with which one that holds it as a
+    /// lifeline ends; after [`limits::END`] it is terminated with all that it started,
+    /// then killed. How it ended.
+    ///
+    /// # Errors
+    /// When the operating system does not tell.
+    pub fn end(&mut self) -> anyhow::Result<ExitStatus> {
+        if let Some(lifeline) = self.child.stdin.take() {
+            drop(lifeline);
+            if let Some(status) = self.ended_within(limits::END)? {
+                return Ok(status);
+            }
+        }
+        if self.ended()?.is_none() {
+            self.signal(Signal::TERM);
+        }
+        if let Some(status) = self.ended_within(limits::END)? {
+            return Ok(status);
+        }
+        self.kill();
+        let status = self.child.wait();
+        status.with_context(|| format!("watching the {}", self.name))
+    }
+
+    /// Kills it and all that it started, also when it is stopped.
+    pub fn kill(&mut self) {
+        if self.status.is_none() {
+            self.ended_here = true;
+            self.signal(Signal::KILL);
+            self.status = self.child.wait().ok();
+        }
+    }
+
+    /// Whether SIGKILL ended it that this program did not send: a process rarely gets it
+    /// from anything but a kernel or a job scheduler without memory left.
+    #[must_use]
+    pub fn was_killed(&self) -> bool {
+        let signal = self.status.and_then(|status| status.signal());
+        !self.ended_here && signal == Some(Signal::KILL.as_raw())
+    }
+
+    /// Its newest messages, 64 KiB at most.
+    #[must_use]
+    pub fn messages(&self) -> String {
+        let length = self.log.metadata().map_or(0, |file| file.len());
+        let from = length.saturating_sub(TAIL_BYTES).max(self.begin);
+        let length = length.max(from);
+        let mut bytes = vec![0; usize::try_from(length - from).unwrap_or_default()];
+        match self.log.read_exact_at(&mut bytes, from) {
+            Ok(()) => String::from_utf8_lossy(&bytes).into_owned(),
+            Err(_) => String::new(),
+        }
+    }
+
+    /// The last lines of what it said, indented, each with its end.
+    #[must_use]
+    pub fn tail(&self) -> String {
+        let text = self.messages();
+        let lines: Vec<&str> = text.lines().collect();
+        let tail = lines[lines.len().saturating_sub(TAIL_LINES)..].iter();
+        tail.map(|line| format!("  {line}\n")).collect()
+    }
+
+    /// Why it ended by its own words: those of a panic, else its error; empty
+    /// when it said neither.
+    #[must_use]
+    pub fn last_words(&self) -> String {
+        last_words(&self.messages())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// Lets the kernel kill the child when the thread that started it is gone,
+/// however it went.
+#[cfg(target_os = "linux")]
+#[expect(
+    unsafe_code,
+    reason = "a hook between fork and exec; it makes two system calls and nothing else"
+)]
+pub fn end_with_parent(command: &mut Command) {
+    let parent = std::process::id();
+    let hook = move || {
+        rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
+        // The parent may have gone before the kernel was asked.
+        if std::os::unix::process::parent_id() == parent {
+            Ok(())
+        } else {
+            Err(std::io::Error::from(std::io::ErrorKind::NotFound))
+        }
+    };
+    // SAFETY: the hook makes two system calls that are async-signal-safe; it
+    // allocates nothing and takes no lock.
+    unsafe {
+        command.pre_exec(hook);
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+pub fn end_with_parent(_command: &mut Command) {}
+
+/// The place and words of the first panic in a program's messages, else its last
+/// error.
+fn last_words(messages: &str) -> String {
+    let lines: Vec<&str> = messages
+        .lines()
+        .filter(|line| !line.trim().is_empty())
+        .collect();
+    let panic = lines.iter().position(|line| line.contains("panicked at"));
+    if let Some(at) = panic {
+        let end = lines.len().min(at + 2);
+        return lines[at..end].join(" ").trim().to_owned();
+    }
+    let mut errors = lines.iter().rev().map(|line| line.trim());
+    let error = errors.find(|line| {
+        let start = line.get(..6).unwrap_or_default();
+        start.eq_ignore_ascii_case("error:")
+    });
+    error.unwrap_or_default().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str, input: Input, folder: Option<PathBuf>) -> Process {
+        let launch = Launch {
+            name: "shell",
+            program: Program::Shell(format!("sh -c '{}'", script.replace('\'', "'\\''"))),
+            arguments: Vec::new(),
+            environment: Vec::new(),
+            input,
+            folder,
+        };
+        Process::start(launch).expect("a shell")
+    }
+
+    #[test]
+    fn a_panic_is_the_last_word_of_a_program() {
+        let said = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
+                    index out of bounds\nnote: run with RUST_BACKTRACE=1\n\
+                    Error: the simulation thread panicked\n";
+        let words = last_words(said);
+        assert!(
+            words.ends_with("src/a.rs:3:4: index out of bounds"),
+            "{words}"
+        );
+        assert_eq!(last_words("a\nError: no disk \n\n"), "Error: no disk");
+        assert_eq!(last_words("INFO all is well"), "");
+    }
+
+    #[test]
+    fn a_program_reads_its_text_and_its_messages_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        for folder in [None, Some(folder.path().to_owned())] {
+            let text = Input::Text("a scenario\n".to_owned());
+            let mut process = shell("cat; echo error: no disk >&2; exit 3", text, folder);
+            let status = process.ended_within(limits::END).unwrap();
+            assert_eq!(status.and_then(|status| status.code()), Some(3));
+            assert_eq!(process.tail(), "  a scenario\n  error: no disk\n");
+            assert_eq!(process.last_words(), "error: no disk");
+        }
+        let log = std::fs::read_to_string(folder.path().join("shell.log")).unwrap();
+        assert_eq!(log, "a scenario\nerror: no disk\n");
+    }
+
+    #[test]
+    fn one_with_a_lifeline_ends_in_good_order_and_another_is_terminated() {
+        let mut bound = shell("cat; exit 4", Input::Lifeline, None);
+        assert_eq!(bound.ended().unwrap(), None);
+        assert_eq!(bound.end().unwrap().code(), Some(4));
+        let script = "trap 'exit 5' TERM; echo up; while :; do sleep 0.05; done";
+        let mut other = shell(script, Input::Text(String::new()), None);
+        while other.messages().is_empty() {
+            std::thread::sleep(limits::LOOK);
+        }
+        assert_eq!(other.end().unwrap().code(), Some(5));
+    }
+
+    /// Whether a process runs; one that nobody has waited for does not.
+    fn runs(id: &str) -> bool {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status"));
+        status.is_ok_and(|status| !status.contains("State:\tZ"))
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn what_a_launcher_started_ends_with_it() {
+        // Once it is ended, once it ends by itself.
+        for rest in ["wait", "exit 0"] {
+            let script = format!("sleep 600 & echo $!; {rest}");
+            let mut launcher = shell(&script, Input::Text(String::new()), None);
+            while launcher.messages().is_empty() {
+                std::thread::sleep(limits::LOOK);
+            }
+            let id = launcher.messages().trim().to_owned();
+            if rest == "wait" {
+                assert!(runs(&id));
+                launcher.kill();
+            } else {
+                let status = launcher.ended_within(limits::END).unwrap();
+                assert_eq!(status.and_then(|status| status.code()), Some(0));
+            }
+            let deadline = Instant::now() + limits::END;
+            while runs(&id) && Instant::now() < deadline {
+                std::thread::sleep(limits::LOOK);
+            }
+            assert!(!runs(&id), "{rest}");
+        }
+    }
+
+    #[test]
+    fn a_program_that_is_absent_is_told_with_the_cure() {
+        let launch = Launch {
+            name: "ghost",
+            program: Program::Own("wheelarm-ghost"),
+            arguments: Vec::new(),
+            environment: Vec::new(),
+            input: Input::Lifeline,
+            folder: None,
+        };
+        let told = Process::start(launch).unwrap_err().to_string();
+        assert!(told.contains("cargo build"), "{told}");
+    }
+}
