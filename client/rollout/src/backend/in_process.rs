@@ -8,7 +8,7 @@ use anyhow::{Context, anyhow};
 use parking_lot::Mutex;
 
 use super::Backend;
-use super::watch::{Simulator, Watch, is_reusable};
+use super::watch::{Watch, is_reusable};
 use super::worker::{RunningEpisode, Worker, WorkerOptions};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
@@ -41,7 +41,7 @@ impl InProcess {
         let mut worker = self.worker.lock();
         if let Some(worker) = &*worker
             && !worker.is_worn()
-            && Worker::death(worker)?.is_none()
+            && worker.process.lock().death()?.is_none()
         {
             return Ok(Arc::clone(worker));
         }
@@ -58,6 +58,7 @@ impl Backend for InProcess {
             watch: Watch {
                 rollout,
                 heartbeat: Heartbeat::new(rollout.limits.silence),
+                verb: "told",
             },
             episode: worker.begin(request)?,
             recorder: None,
@@ -146,7 +147,8 @@ impl Run<'_> {
             }
             Some(event @ (Event::Finished(_) | Event::Over)) => Ok(Some(event)),
             None => {
-                self.watch.check(&mut Arc::clone(self.episode.worker()))?;
+                self.watch
+                    .check(&mut self.episode.worker().process.lock())?;
                 Ok(None)
             }
         }
@@ -170,23 +172,6 @@ impl Run<'_> {
     fn messages(&self) -> String {
         let recorder = self.recorder.as_ref();
         let recorder = recorder.map(|(code, words)| format!("  the recorder: {code} {words}\n"));
-        self.episode.worker().tail() + &recorder.unwrap_or_default()
-    }
-}
-
-impl Simulator for Arc<Worker> {
-    const SILENT: &'static str = "the worker stalled and told";
-
-    fn death(&mut self) -> anyhow::Result<Option<String>> {
-        Worker::death(self)
-    }
-
-    fn was_killed(&self) -> bool {
-        Worker::was_killed(self)
-    }
-
-    fn kill(&mut self) {
-        // All episodes of the worker end with it.
-        Worker::kill(self);
+        self.episode.worker().process.lock().tail() + &recorder.unwrap_or_default()
     }
 }

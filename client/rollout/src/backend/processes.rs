@@ -13,7 +13,7 @@ use wheelarm_operate::run::DriverError;
 use wheelarm_proto::v1;
 
 use super::Backend;
-use super::watch::{Simulator, Watch, is_reusable};
+use super::watch::{Watch, is_reusable};
 use crate::failure::{Failure, FailureCause};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
@@ -141,7 +141,11 @@ impl Processes {
         let status = Status::start(&programs.link, &heartbeat, rollout, self.kept.is_some());
         let driver = self.drive(rollout, programs, &heartbeat)?;
         let mut run = Run {
-            watch: Watch { rollout, heartbeat },
+            watch: Watch {
+                rollout,
+                heartbeat,
+                verb: "answered",
+            },
             programs,
             driver: Some(driver),
         };
@@ -213,7 +217,7 @@ impl Programs {
             // A client that leaves first sees no lost connection. The server ends anyway.
             let _ = self.link.close();
         }
-        self.server.kill();
+        self.server.process.kill();
         if let Some(recorder) = self
             .recorder
             .take_if(|_| self.lifetime == Lifetime::Lasting && !is_finished)
@@ -236,7 +240,7 @@ impl Run<'_> {
     fn simulate(&mut self) -> anyhow::Result<Finished> {
         let mut error: Option<(Instant, anyhow::Error)> = None;
         loop {
-            self.watch.check(&mut self.programs.server)?;
+            self.watch.check(&mut self.programs.server.process)?;
             if let Some(driver) = self.driver.take_if(|driver| driver.is_over()) {
                 match driver.outcome() {
                     Ok(Ok(finished)) => return Ok(finished),
@@ -275,20 +279,20 @@ impl Run<'_> {
         if self.programs.lifetime == Lifetime::Lasting {
             let status = recorder.finished(&self.programs.link, finished.episode())?;
             return Ok(Finished {
-                messages: recorder.tail(),
+                messages: recorder.process.tail(),
                 recorded: Some(status),
                 ..finished
             });
         }
         loop {
             // The recorder may wait for a server that is lost.
-            self.watch.check(&mut self.programs.server)?;
+            self.watch.check(&mut self.programs.server.process)?;
             let Some(recorder) = &mut self.programs.recorder else {
                 return Ok(finished);
             };
-            if recorder.ended()?.is_some() {
+            if recorder.process.ended()?.is_some() {
                 return Ok(Finished {
-                    messages: recorder.tail(),
+                    messages: recorder.process.tail(),
                     ..finished
                 });
             }
@@ -296,7 +300,7 @@ impl Run<'_> {
                 return Err(anyhow!(
                     "the recorder did not finish within {:.0} s:\n{}",
                     limits::FINISH.as_secs_f64(),
-                    recorder.tail()
+                    recorder.process.tail()
                 ));
             }
             std::thread::sleep(limits::LOOK);
@@ -308,7 +312,7 @@ impl Run<'_> {
         let Some(words) = self.watch.stall() else {
             return Ok(());
         };
-        self.programs.server.kill();
+        self.programs.server.process.kill();
         let driver = self.driver.take();
         let has_ended = driver.is_none_or(|driver| driver.is_over_within(limits::END));
         Err(self.watch.stalled(words, has_ended))
@@ -319,8 +323,13 @@ impl Run<'_> {
         let Some(recorder) = &mut self.programs.recorder else {
             return Ok(None);
         };
-        let status = recorder.ended()?.filter(|status| !status.success());
-        Ok(status.map(|status| anyhow!("the recorder ended ({status}):\n{}", recorder.tail())))
+        let status = recorder.process.ended()?.filter(|status| !status.success());
+        Ok(status.map(|status| {
+            anyhow!(
+                "the recorder ended ({status}):\n{}",
+                recorder.process.tail()
+            )
+        }))
     }
 
     /// The error of the driver: a stall where a request timed out, else as it is.
@@ -329,24 +338,8 @@ impl Run<'_> {
             let words = format!("the server did not answer and was ended: {problem:#}");
             return self.watch.failed(FailureCause::Stall, words);
         }
-        let tail = self.programs.server.tail();
+        let tail = self.programs.server.process.tail();
         problem.context(format!("the driver failed; the server said:\n{tail}"))
-    }
-}
-
-impl Simulator for Server {
-    const SILENT: &'static str = "the server stalled and answered";
-
-    fn death(&mut self) -> anyhow::Result<Option<String>> {
-        Server::death(self)
-    }
-
-    fn was_killed(&self) -> bool {
-        Server::was_killed(self)
-    }
-
-    fn kill(&mut self) {
-        Server::kill(self);
     }
 }
 
@@ -354,7 +347,7 @@ impl Drop for Run<'_> {
     fn drop(&mut self) {
         if let Some(driver) = &self.driver {
             // The driver ends with its server; one that hangs is left behind.
-            self.programs.server.kill();
+            self.programs.server.process.kill();
             let _ = driver.is_over_within(limits::END);
         }
     }

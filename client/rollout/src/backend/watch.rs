@@ -3,33 +3,21 @@
 use crate::failure::{Failure, FailureCause};
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
+use crate::launcher::Process;
 use crate::rollout::Rollout;
-
-/// A program that simulates.
-pub(super) trait Simulator {
-    /// Start of the error of a silent program: `the server stalled and answered`.
-    const SILENT: &'static str;
-
-    /// How it died, with its last words, if it has.
-    fn death(&mut self) -> anyhow::Result<Option<String>>;
-
-    /// Whether another program killed it.
-    fn was_killed(&self) -> bool;
-
-    /// Kills it.
-    fn kill(&mut self);
-}
 
 /// The clocks of an episode and their limits.
 pub(super) struct Watch<'a> {
     pub rollout: &'a Rollout,
     pub heartbeat: Heartbeat,
+    /// What a silent program did not do, for the error: `answered`.
+    pub verb: &'static str,
 }
 
 impl Watch<'_> {
     /// Ends the episode with an error when the caller cancels it, or when the program died
     /// or is silent for too long.
-    pub fn check<S: Simulator>(&self, simulator: &mut S) -> anyhow::Result<()> {
+    pub fn check(&self, simulator: &mut Process) -> anyhow::Result<()> {
         self.heartbeat.look();
         let limits = &self.rollout.limits;
         if (limits.cancelled)() {
@@ -48,7 +36,11 @@ impl Watch<'_> {
         }
         simulator.kill();
         let seconds = limits.silence.as_secs_f64();
-        let words = format!("{} nothing for {seconds:.0} s", S::SILENT);
+        let words = format!(
+            "the {} stalled and {} nothing for {seconds:.0} s",
+            simulator.name(),
+            self.verb
+        );
         Err(self.failed(FailureCause::Server, words))
     }
 

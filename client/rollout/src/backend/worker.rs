@@ -35,7 +35,7 @@ pub struct WorkerOptions {
 
 /// A worker; killed when its last owner drops it.
 pub(super) struct Worker {
-    process: Mutex<Process>,
+    pub process: Mutex<Process>,
     input: Mutex<ChildStdin>,
     inbox: Arc<Inbox>,
     next: AtomicU64,
@@ -135,38 +135,6 @@ impl Worker {
     pub fn is_worn(&self) -> bool {
         self.next.load(Ordering::Relaxed) > MOST_EPISODES
     }
-
-    /// How the worker died, with its last words, if it has.
-    ///
-    /// # Errors
-    /// When the operating system cannot report it.
-    pub fn death(&self) -> anyhow::Result<Option<String>> {
-        let mut process = self.process.lock();
-        let Some(status) = process.ended()? else {
-            return Ok(None);
-        };
-        Ok(Some(match process.last_words().as_str() {
-            "" => format!("the worker died ({status})"),
-            words => format!("the worker died ({status}): {words}"),
-        }))
-    }
-
-    /// Whether another program killed it, see [`Process::was_killed`].
-    #[must_use]
-    pub fn was_killed(&self) -> bool {
-        self.process.lock().was_killed()
-    }
-
-    /// Kills it, also when it is stopped.
-    pub fn kill(&self) {
-        self.process.lock().kill();
-    }
-
-    /// Its last messages.
-    #[must_use]
-    pub fn tail(&self) -> String {
-        self.process.lock().tail()
-    }
 }
 
 impl Inbox {
@@ -259,7 +227,7 @@ impl Drop for RunningEpisode {
             self.cancel();
             // What is left would write into the folder of the next attempt.
             if !self.is_over_within(limits::END) {
-                self.worker.kill();
+                self.worker.process.lock().kill();
             }
         }
         let mut events = self.worker.inbox.events.lock();

@@ -223,6 +223,27 @@ impl Process {
         }
     }
 
+    /// How it died, with its last words, if it has.
+    ///
+    /// # Errors
+    /// When the operating system cannot report it.
+    pub fn death(&mut self) -> anyhow::Result<Option<String>> {
+        let Some(status) = self.ended()? else {
+            return Ok(None);
+        };
+        let died = format!("the {} died ({status})", self.name);
+        Ok(Some(match self.last_words().as_str() {
+            "" => died,
+            words => format!("{died}: {words}"),
+        }))
+    }
+
+    /// Its name in messages, as in [`Launch::name`].
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// Whether SIGKILL ended it that this program did not send: a process rarely gets it
     /// from anything but a kernel or a job scheduler without memory left.
     #[must_use]

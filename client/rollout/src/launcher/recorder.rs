@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::ExitStatus;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -58,7 +57,8 @@ pub enum Lifetime {
 #[derive(Debug)]
 pub struct Recorder {
     name: String,
-    process: Process,
+    /// The process.
+    pub process: Process,
 }
 
 impl Recorder {
@@ -107,20 +107,6 @@ impl Recorder {
         })
     }
 
-    /// How it ended, if it has.
-    ///
-    /// # Errors
-    /// When the operating system does not tell.
-    pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
-        self.process.ended()
-    }
-
-    /// The recorder's last messages.
-    #[must_use]
-    pub fn tail(&self) -> String {
-        self.process.tail()
-    }
-
     /// Waits until it has finished the file of an episode.
     ///
     /// # Errors
@@ -140,14 +126,14 @@ impl Recorder {
                     _ => {}
                 }
             }
-            if let Some(status) = self.ended()? {
-                bail!("the recorder ended ({status}):\n{}", self.tail());
+            if let Some(status) = self.process.ended()? {
+                bail!("the recorder ended ({status}):\n{}", self.process.tail());
             }
             if Instant::now() > deadline {
                 bail!(
                     "the recorder did not finish within {:.0} s:\n{}",
                     limits::FINISH.as_secs_f64(),
-                    self.tail()
+                    self.process.tail()
                 );
             }
             std::thread::sleep(limits::LOOK);

@@ -3,7 +3,6 @@
 
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::process::ExitStatus;
 use std::time::Instant;
 
 use anyhow::{Context, anyhow};
@@ -61,7 +60,8 @@ pub enum StartError {
 /// A server; killed when dropped.
 #[derive(Debug)]
 pub struct Server {
-    process: Process,
+    /// The process.
+    pub process: Process,
     connect: Connect,
     _socket: Option<tempfile::TempDir>,
 }
@@ -123,7 +123,7 @@ impl Server {
         let deadline = Instant::now() + limits::READY;
         loop {
             // Before its messages are read: what it said last is among them.
-            let ended = self.ended().map_err(StartError::Broke)?;
+            let ended = self.process.ended().map_err(StartError::Broke)?;
             let messages = self.process.messages();
             if let Some(ready) = messages.lines().find_map(Ready::parse) {
                 self.connect.endpoint = ready.endpoint;
@@ -165,40 +165,6 @@ impl Server {
             .with_context(|| format!("the server said:\n{}", self.process.tail()))
     }
 
-    /// The server's last messages.
-    #[must_use]
-    pub fn tail(&self) -> String {
-        self.process.tail()
-    }
-
-    /// How it ended, if it has.
-    ///
-    /// # Errors
-    /// When the operating system does not tell.
-    pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
-        self.process.ended()
-    }
-
-    /// How it died, with its last words, if it has.
-    ///
-    /// # Errors
-    /// When the operating system cannot report it.
-    pub fn death(&mut self) -> anyhow::Result<Option<String>> {
-        let status = self.process.ended()?;
-        Ok(status.map(|status| died(status, &self.process.last_words())))
-    }
-
-    /// Whether something else killed it, see [`Process::was_killed`].
-    #[must_use]
-    pub fn was_killed(&self) -> bool {
-        self.process.was_killed()
-    }
-
-    /// Kills it, also when it is stopped.
-    pub fn kill(&mut self) {
-        self.process.kill();
-    }
-
     /// Asks it to end; after [`limits::END`] it is terminated, then killed.
     ///
     /// # Errors
@@ -211,13 +177,6 @@ impl Server {
             self.process.end()?;
         }
         Ok(())
-    }
-}
-
-fn died(status: ExitStatus, words: &str) -> String {
-    match words {
-        "" => format!("the server died ({status})"),
-        words => format!("the server died ({status}): {words}"),
     }
 }
 
