@@ -131,7 +131,13 @@ angle_step = { value = 1e-3, unit = "rad", source = "guess" }
                 "not",
             ),
             ("[odometry]", "[odometer]", "4", "odometer", "imu"),
-            ("origin = \"here\"", "origin = \"\"", "1", "origin", "where"),
+            (
+                "origin = \"here\"",
+                "origin = \"\"",
+                "1",
+                "origin",
+                "licence",
+            ),
             ("radius = {", "radius = [", "5", "(file)", "TOML"),
             (
                 "{ value = 1e-3, unit = \"rad\", source = \"guess\" }",

@@ -244,7 +244,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
         Query::Reach,
     ] {
         let answer: Result<v1::Ack, String> = ask(&session, &keys, query, rubbish.clone());
-        assert!(answer.expect_err("a failure").contains("cannot be read"));
+        assert!(answer.expect_err("a failure").contains("cannot decode"));
     }
     let reset = |scenario: v1::Scenario| {
         let request = v1::ResetRequest {

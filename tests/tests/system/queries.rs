@@ -352,7 +352,7 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
         (given(&|s| s.task = Some("x".repeat(100_000))), "task name"),
         (
             given(&|s| s.objects = vec![s.objects[0].clone(); 1000]),
-            "objects: 1000 are given, at most",
+            "objects: got 1000, at most",
         ),
         (given(&|s| s.state_rate_hz = Some(1e-300)), "1e-300 Hz"),
     ];
