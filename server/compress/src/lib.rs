@@ -1,9 +1,9 @@
-//! Deflate and byte shuffle of HDF5's built-in filters, in both directions; depth in the
-//! forms of a recording.
+//! Deflate and byte shuffle as in HDF5's built-in filters, and their inverse; depth in
+//! the form of recordings.
 //!
-//! At [`LEVEL`] ISA-L's igzip deflates chunks on CPUs for which it has assembly, otherwise
-//! libdeflate. Both write plain deflate, so every reader accepts either and no file names
-//! the library (docs/decisions/0013).
+//! At [`LEVEL`] chunks are deflated by ISA-L's igzip on CPUs for which it has assembly,
+//! otherwise by libdeflate. Both write standard deflate, which every reader accepts;
+//! files do not record which was used.
 
 #![warn(missing_docs)]
 
@@ -19,10 +19,10 @@ use igzip::Igzip;
 use noise::Run;
 use shuffle::{shuffle, unshuffle};
 
-/// Level of every chunk: measured as the best trade of speed and size.
+/// Level of every chunk: measured as the best tradeoff between speed and size.
 pub const LEVEL: u8 = 1;
 
-/// Most bytes of a stored block (RFC 1951, 3.2.4).
+/// Largest number of bytes of a stored block (RFC 1951, 3.2.4).
 const STORED_BLOCK: usize = 65_535;
 /// Start of a zlib stream: deflate, 32 KiB window, fastest (RFC 1950, 2.2).
 const ZLIB: [u8; 2] = [0x78, 0x01];
@@ -32,8 +32,8 @@ pub struct Deflate {
     coder: Coder,
     shuffled: Vec<u8>,
     runs: Vec<Run>,
-    /// Room for one stream; kept, because fresh memory of that size costs more
-    /// than the copy out of it.
+    /// Buffer for one stream; reused, because fresh memory of that size costs more than
+    /// the copy.
     stream: Vec<u8>,
 }
 
@@ -48,13 +48,13 @@ impl Deflate {
     #[must_use]
     pub fn at_level(level: u8) -> Self {
         let igzip = match level {
-            LEVEL => Igzip::if_it_suits(),
+            LEVEL => Igzip::if_supported(),
             _ => None,
         };
-        Self::with(igzip.map_or_else(|| Coder::libdeflate(level), Coder::Igzip))
+        Self::with_coder(igzip.map_or_else(|| Coder::libdeflate(level), Coder::Igzip))
     }
 
-    fn with(coder: Coder) -> Self {
+    fn with_coder(coder: Coder) -> Self {
         Self {
             coder,
             shuffled: Vec::new(),
@@ -63,11 +63,11 @@ impl Deflate {
         }
     }
 
-    /// Appends the zlib stream of `bytes` to `out`; `element` > 1 shuffles the
-    /// bytes of elements of that size first. Returns the stream's length.
+    /// Appends the zlib stream of `bytes` to `out`; `element` > 1 shuffles the bytes of
+    /// elements of that size first. Returns the stream's length.
     ///
-    /// What hardly shrinks goes into stored blocks of the same stream, which any
-    /// reader takes.
+    /// Incompressible data is put into stored blocks of the same stream, which any
+    /// reader accepts.
     pub fn append(&mut self, bytes: &[u8], element: usize, out: &mut Vec<u8>) -> usize {
         let source = if element > 1 {
             shuffle(bytes, element, &mut self.shuffled);
@@ -99,24 +99,24 @@ impl Deflate {
     }
 }
 
-/// A stream that is not what it should be.
+/// An invalid stream.
 #[derive(Debug, thiserror::Error)]
 pub enum InflateError {
-    /// It cannot be inflated, or holds more.
+    /// It cannot be inflated, or is too long.
     #[error("{0}")]
     Stream(#[from] libdeflater::DecompressionError),
-    /// It holds less.
+    /// It is too short.
     #[error("it has {got} bytes, expected {expected}")]
     Length {
-        /// Bytes that it holds.
+        /// Bytes in the stream.
         got: usize,
-        /// Bytes that it should hold.
+        /// Expected bytes.
         expected: usize,
     },
 }
 
-/// The `length` bytes whose elements of `element` bytes were shuffled (1: they were
-/// not) and deflated into the zlib stream `stream`.
+/// Inflates the zlib stream `stream` to `length` bytes and reverses the shuffle of
+/// elements of `element` bytes (1: none).
 ///
 /// # Errors
 /// [`InflateError`].
@@ -133,7 +133,7 @@ pub fn inflate(stream: &[u8], element: usize, length: usize) -> Result<Vec<u8>, 
     }
 }
 
-/// What makes a deflate stream.
+/// A deflate encoder.
 enum Coder {
     Igzip(Igzip),
     Libdeflate(Compressor),
@@ -146,8 +146,8 @@ impl Coder {
         Self::Libdeflate(Compressor::new(level))
     }
 
-    /// Leaves such runs as this coder can make a stream of: libdeflate ends a
-    /// stream whenever it is called, so for it only noise at the beginning counts.
+    /// Merges runs that this encoder cannot split: libdeflate ends a stream with every
+    /// call, so only noise at the beginning is stored.
     fn join(&self, runs: &mut Vec<Run>) {
         if let Self::Libdeflate(_) = self
             && let (Some(at), Some(end)) = (
@@ -160,10 +160,10 @@ impl Coder {
         }
     }
 
-    /// The deflate stream of `bytes` in `room`, ended where these are the `last`;
-    /// nothing where it cannot be made.
+    /// The deflate stream of `bytes` in `room`, ended if they are the `last`; `None`
+    /// when it fails.
     fn deflate<'a>(&mut self, bytes: &[u8], last: bool, room: &'a mut Vec<u8>) -> Option<&'a [u8]> {
-        // Stored blocks, and what ends a stream at a whole byte.
+        // Stored blocks, and the bytes that end a stream at a whole byte.
         let bound = bytes.len() + 6 * (bytes.len() / STORED_BLOCK + 1) + 1024;
         let length = match self {
             Self::Igzip(igzip) => {
@@ -187,7 +187,7 @@ impl Coder {
     }
 }
 
-/// Appends `bytes` in stored blocks, the last of which ends the stream if asked.
+/// Appends `bytes` in stored blocks; the last one ends the stream if requested.
 fn store(bytes: &[u8], last: bool, out: &mut Vec<u8>) {
     let mut rest = bytes;
     loop {
@@ -216,11 +216,11 @@ mod tests {
         out
     }
 
-    /// One of each that this processor can run.
+    /// One of each encoder that this CPU can run.
     fn each() -> Vec<Deflate> {
-        let coders = Igzip::if_it_suits().map(Coder::Igzip);
+        let coders = Igzip::if_supported().map(Coder::Igzip);
         let coders = coders.into_iter().chain([Coder::libdeflate(LEVEL)]);
-        coders.map(Deflate::with).collect()
+        coders.map(Deflate::with_coder).collect()
     }
 
     /// Numbers without a pattern.
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn planes_of_noise_are_stored_in_a_stream_that_reads_back() {
+    fn planes_of_noise_are_stored_in_a_readable_stream() {
         const COUNT: usize = WORTH_A_LOOK + 5;
         for (noisy, stored) in [(0_u32, 0), (0xff, COUNT), (0xffff, 2 * COUNT), (0xff00, 0)] {
             let bytes: Vec<u8> = noise()
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_in_the_middle_and_at_the_end_is_stored_where_the_coder_can_go_on() {
+    fn noise_in_the_middle_and_at_the_end_is_stored_if_the_encoder_can_continue() {
         let mut random = noise();
         let mut take = |count: usize| -> Vec<u8> {
             let words = random.by_ref().take(count / 4);
@@ -270,7 +270,7 @@ mod tests {
         };
         let even = |count: usize| (0..count).map(|i| (i >> 7) as u8).collect::<Vec<u8>>();
         for last_is_noise in [false, true] {
-            // Two planes, shuffled already; the second has noise too.
+            // Two planes, already shuffled; the second has noise too.
             let mut planes = even(100_000);
             planes.extend(take(200_000));
             planes.extend(even(300_000));
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_of_any_size_of_element_and_a_rest_read_back() {
+    fn noise_with_any_element_size_and_a_remainder_is_readable() {
         for element in [2, 8] {
             let bytes: Vec<u8> = noise()
                 .flat_map(u32::to_le_bytes)
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_and_small_chunks_are_compressed_as_they_are() {
+    fn bytes_and_small_chunks_are_compressed_without_splitting() {
         let bytes: Vec<u8> = noise().take(1000).flat_map(u32::to_le_bytes).collect();
         for (element, bytes) in [(1, bytes.as_slice()), (4, &bytes), (1, &[])] {
             let mut expected = bytes.to_vec();
