@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 
-use super::grasp_candidate::GraspCandidate;
+use super::grasp_candidate::{GraspCandidate, LOW};
 use super::habits::Habits;
 use super::scene::SceneModel;
 use wheelarm_route::footprint_check::{Pose2, wrap};
@@ -36,9 +36,6 @@ pub const PLACEMENT_MARGIN: f64 = 0.045;
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
-/// What stands lower than this is taken near by, for the arm reaches down to it from
-/// its shoulder, metres over the floor.
-pub const LOW: f64 = 0.35;
 /// No further from the arm's base than this then, metres.
 const LOW_FURTHEST: f64 = 0.66;
 /// Spacing of the poses of the hand's path that are checked, metres, and greatest change of a

@@ -7,7 +7,6 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
 use wheelarm_route::footprint_check::Pose2;
 
-use super::base_placement::LOW;
 use super::clearance::Surroundings;
 use super::goal::Goal;
 use super::habits::Habits;
@@ -72,6 +71,9 @@ impl GraspCandidate {
 /// Room that the hand keeps from what it must not touch, metres: the first
 /// that leaves a candidate is taken. The last one allows for boxes around round things.
 pub const MARGINS: [f64; 4] = [0.008, 0.004, 0.0, -0.006];
+/// An object lower than this is taken near by and with a steep hand: the arm reaches down to it
+/// from its shoulder, metres over the floor.
+pub const LOW: f64 = 0.35;
 /// The hand opens wider than the thing by this much where that is possible, metres.
 const ROOM: f64 = 0.034;
 /// Turns of a round thing that are looked at.
