@@ -313,7 +313,7 @@ fn approach(now: &mut Now<'_>, candidate: &GraspCandidate, stops: &[Isometry3<f6
         }
         Some(ApproachHabit::Correct([x, y, z])) => {
             let start = now.scene.house_from_tool(now.seen);
-            // Less far beside it where there is no room.
+            // The lateral error shrinks where it would collide; the error along the approach stays.
             for share in [1.0, 0.5, 0.0] {
                 let misjudged = candidate.pregrasp * Translation3::new(share * x, share * y, z);
                 let mut short = stops.to_vec();
