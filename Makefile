@@ -81,7 +81,7 @@ build:
 # Needs CMake 3.26 or newer.
 static:
 	scripts/setup.sh
-	$(CARGO) build --release --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5 --target-dir "$(STATIC)"
+	$(CARGO) build --release --bins --features wheelarm-cli/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5 --target-dir "$(STATIC)"
 	! ldd "$(STATIC)/release/wheelarm" "$(STATIC)/release/wheelarm-dataset" "$(STATIC)/release/wheelarm-worker" | grep -E 'libhdf5|libcurl|libssl'
 
 dist:
@@ -139,9 +139,9 @@ test-lerobot: build
 
 people:
 	scripts/setup.sh python numpy pillow:PIL
-	"$(WHEELARM_PYTHON)" scripts/people/make_people.py $(if $(WHEEL),"$(WHEEL)")
+	"$(WHEELARM_PYTHON)" assets/tools/people/make_people.py $(if $(WHEEL),"$(WHEEL)")
 	"$(WHEELARM_PYTHON)" tests/python/check_people.py
-	"$(WHEELARM_PYTHON)" scripts/people/look_at_people.py guide docs/images/people.png
+	"$(WHEELARM_PYTHON)" assets/tools/people/look_at_people.py guide docs/images/people.png
 
 test-hashes: build
 	$(CARGO) test --release -p wheelarm-tests --test system -- --ignored of_all_episodes
@@ -209,19 +209,19 @@ demo-policy: build
 train-mustard:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	scripts/train_policy.sh "$(RUN)"
+	client/learn/scripts/train_policy.sh "$(RUN)"
 
 train-tasks: RUN := data/tasks
 train-tasks:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	scripts/train_tasks.sh "$(RUN)"
+	client/learn/scripts/train_tasks.sh "$(RUN)"
 
 train-multiplied: RUN := data/multiplied
 train-multiplied:
 	scripts/setup.sh
 	$(CARGO) build --release --bins
-	scripts/train_multiplied.sh "$(RUN)"
+	client/learn/scripts/train_multiplied.sh "$(RUN)"
 
 bench:
 	scripts/setup.sh python numpy h5py mujoco

@@ -55,7 +55,7 @@ programs() {
     done
     CONFIG_SITE=$PWD/scripts/dist/config.site RUSTFLAGS=${rust# } CFLAGS_x86_64_unknown_linux_gnu=${c# } CXXFLAGS_x86_64_unknown_linux_gnu=${c# } \
         cargo zigbuild --locked --profile dist --target "$target.$glibc" --target-dir "$build" \
-        ${JOBS:+-j "$JOBS"} --bins --features wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5
+        ${JOBS:+-j "$JOBS"} --bins --features wheelarm-cli/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5
 }
 
 # One prefix as it is installed: bin and share. Every package is made of it.

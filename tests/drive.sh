@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests the page that drives (client/drive/page).
+# Tests the page that drives (client/teleop/web/page).
 #   tests/drive.sh        its logic by node, then every device, accessibility and a headset
 #                         in Chromium, and one switch that lifts the mustard; installs Chromium and four npm packages if they are missing
 #   tests/drive.sh fast   only its logic: seconds, node alone

@@ -18,8 +18,8 @@ from pathlib import Path
 import ziglang
 from license_expression import AND, OR, LicenseSymbol, LicenseWithExceptionSymbol, get_spdx_licensing
 
-PROGRAMS = {"wheelarm-server", "wheelarm-client", "wheelarm-dataset", "wheelarm-worker"}
-FEATURES = "wheelarm-client/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5"
+PROGRAMS = {"wheelarm-server", "wheelarm-cli", "wheelarm-dataset", "wheelarm-worker"}
+FEATURES = "wheelarm-cli/static-hdf5,wheelarm-dataset/static-hdf5,wheelarm-worker/static-hdf5"
 
 # Licences under which we may pass binaries on with notice alone; of what is
 # under MPL-2.0 the source must be named too, which the list does. EPL-2.0 is not

@@ -5,7 +5,7 @@ and a bad one: goal beside measured.
     figures.py [--seconds 60] [--size 640x360] [--programs target/release] [--out FILE]
 
 A server, a gateway with keys and a page without a screen: it speaks the page's protocol
-(client/drive/PROTOCOL.md), counts a picture as painted when it has come, drives forward
+(client/teleop/web/PROTOCOL.md), counts a picture as painted when it has come, drives forward
 and back by key and stops. An observer beside the server sees what arrives there. All
 clocks are the host's. Needs root (network namespaces) and the Python package `wheelarm`.
 """

@@ -1,4 +1,4 @@
-// A gateway without a robot that speaks client/drive/PROTOCOL.md, for tests of the
+// A gateway without a robot that speaks client/teleop/web/PROTOCOL.md, for tests of the
 // page: it notes what it was told, and does with it what the protocol says. Its
 // chair and hand are points that move by what is in force.
 
@@ -9,10 +9,10 @@ import { extname, join, normalize } from "node:path";
 import { fileURLToPath } from "node:url";
 import { WebSocketServer } from "ws";
 
-import { TEST_STREAM } from "../../client/drive/page/parts/test_stream.js";
+import { TEST_STREAM } from "../../client/teleop/web/page/parts/test_stream.js";
 
 const HERE = fileURLToPath(new URL(".", import.meta.url));
-const PAGE = join(HERE, "../../client/drive/page");
+const PAGE = join(HERE, "../../client/teleop/web/page");
 const TYPES = { ".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".json": "application/json" };
 const POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; " +
   "connect-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'";

@@ -11,7 +11,7 @@ import { tmpdir } from "node:os";
 import path from "node:path";
 import { createInterface } from "node:readline";
 
-import { preset } from "../../client/drive/page/logic/profile.js";
+import { preset } from "../../client/teleop/web/page/logic/profile.js";
 import { launch, until } from "./browser.js";
 
 const PROGRAM = process.env.WHEELARM || new URL("../../target/release/wheelarm", import.meta.url).pathname;

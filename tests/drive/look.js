@@ -2,7 +2,7 @@
 
 import { mkdirSync } from "node:fs";
 
-import { preset } from "../../client/drive/page/logic/profile.js";
+import { preset } from "../../client/teleop/web/page/logic/profile.js";
 import { launch, open } from "./browser.js";
 
 const PHONE = { width: 360, height: 740 };

@@ -11,7 +11,7 @@ import tomllib
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts/people"))
+sys.path.insert(0, str(ROOT / "assets/tools/people"))
 
 import reader  # noqa: E402
 from chair import Chair, depth  # noqa: E402

@@ -1,8 +1,8 @@
-"""Writes client/src/evaluate/intervals.csv: intervals of shares and p values of pairs, by
-scipy and statsmodels, against which `cargo test -p wheelarm-client` holds ours.
+"""Writes client/campaign/src/evaluate/intervals.csv: intervals of shares and p values of pairs, by
+scipy and statsmodels, against which `cargo test -p wheelarm-campaign` holds ours.
 
     pip install scipy statsmodels
-    python tests/python/intervals.py > client/src/evaluate/intervals.csv
+    python tests/python/intervals.py > client/campaign/src/evaluate/intervals.csv
 """
 
 import csv

@@ -1,5 +1,5 @@
 //! Everything that reads untrusted input, each behind one function that must
-//! return whatever the bytes are. The fuzz targets (`fuzz/`) and the mutation
+//! return whatever the bytes are. The fuzz targets (`tests/fuzz/`) and the mutation
 //! test of this package call the same functions.
 
 use std::path::{Path, PathBuf};

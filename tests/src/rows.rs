@@ -7,11 +7,11 @@ use std::path::Path;
 use anyhow::{Context, bail, ensure};
 use wheelarm_dataset::convert::learning::{self, Learning, RowOptions};
 use wheelarm_dataset::convert::{ReadOptions, Recording, Sees};
-use wheelarm_link::{Link, Turn};
 use wheelarm_policy::{ActionKind, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{PHYSICS_HZ, TICKS_PER_CONTROL, TopicId, v1};
+use wheelarm_sdk::{Link, Turn};
 
 use crate::exported::Exported;
 use crate::{PATIENCE, Server};

@@ -7,7 +7,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use wheelarm_link::{Connect, Link};
+use wheelarm_sdk::{Connect, Link};
 
 use crate::{program, root};
 

@@ -42,4 +42,4 @@ pub mod view;
 pub mod writer;
 
 pub use hdf::add_texts;
-pub use wheelarm_compress as compress;
+pub use wheelarm_codec as compress;

@@ -11,8 +11,8 @@ use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE, Policy, serve};
 use wheelarm_learn::train::act::{ActLesson, ActOptions};
 use wheelarm_learn::train::{self, Schedule};
 use wheelarm_learn::trained::Trained;
-use wheelarm_link::Connect;
 use wheelarm_proto::v1;
+use wheelarm_sdk::Connect;
 
 /// Exit code when steps are left.
 const UNFINISHED: u8 = 4;

@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use wheelarm_link::Streams;
-use wheelarm_operate::demonstration::Demonstrations;
-use wheelarm_operate::forced::ForcedError;
-use wheelarm_operate::log::Log;
-use wheelarm_operate::run::{self as expert, DriverError, OperateOptions, Progress, Report};
+use wheelarm_expert::demonstration::Demonstrations;
+use wheelarm_expert::forced::ForcedError;
+use wheelarm_expert::log::Log;
+use wheelarm_expert::run::{self as expert, DriverError, OperateOptions, Progress, Report};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
+use wheelarm_sdk::Streams;
 
 use crate::finished::Finished;
 use crate::heartbeat::Heartbeat;
@@ -51,7 +51,7 @@ pub struct Expert {
 /// Demonstrations for one episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DemonstrationFile {
-    /// A list of [`Demonstration`](wheelarm_operate::demonstration::Demonstration) as JSON.
+    /// A list of [`Demonstration`](wheelarm_expert::demonstration::Demonstration) as JSON.
     pub file: PathBuf,
     /// Seed of the choice among the demonstrations and of the noise.
     pub seed: u64,

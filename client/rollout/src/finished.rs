@@ -1,8 +1,8 @@
 //! The result of an episode whose driver reached its end.
 
 use serde::{Deserialize, Serialize};
-use wheelarm_operate::operator::Outcome;
-use wheelarm_operate::run::Report;
+use wheelarm_expert::operator::Outcome;
+use wheelarm_expert::run::Report;
 use wheelarm_proto::v1;
 
 use crate::comparison::Comparison;

@@ -1,8 +1,8 @@
 //! Watches an episode while it runs.
 
-use wheelarm_link::Link;
-use wheelarm_operate::run::Progress;
+use wheelarm_expert::run::Progress;
 use wheelarm_proto::v1;
+use wheelarm_sdk::Link;
 
 /// Watches an episode while it runs. Every method has an empty default.
 ///

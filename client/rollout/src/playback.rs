@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Context;
-use wheelarm_link::Link;
-use wheelarm_operate::operator::Outcome;
-use wheelarm_operate::run::{Progress, Report};
+use wheelarm_expert::operator::Outcome;
+use wheelarm_expert::run::{Progress, Report};
 use wheelarm_proto::v1;
+use wheelarm_sdk::Link;
 
 use crate::finished::Finished;
 use crate::session::Session;

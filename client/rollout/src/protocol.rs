@@ -119,9 +119,9 @@ pub enum Event {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wheelarm_operate::forced::ForcedError;
-    use wheelarm_operate::operator::Outcome;
-    use wheelarm_operate::run::Report;
+    use wheelarm_expert::forced::ForcedError;
+    use wheelarm_expert::operator::Outcome;
+    use wheelarm_expert::run::Report;
     use wheelarm_proto::settings::Depth;
 
     #[test]

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use wheelarm_link::{Link, Turn, Turns};
-use wheelarm_operate::operator::Outcome;
-use wheelarm_operate::run::{Progress, Report};
+use wheelarm_expert::operator::Outcome;
+use wheelarm_expert::run::{Progress, Report};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
+use wheelarm_sdk::{Link, Turn, Turns};
 
 use crate::comparison::Comparison;
 use crate::finished::Finished;

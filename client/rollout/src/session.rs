@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use wheelarm_link::Link;
-use wheelarm_operate::run::Progress;
+use wheelarm_expert::run::Progress;
+use wheelarm_sdk::Link;
 
 use crate::heartbeat::Heartbeat;
 use crate::observer::Observer;

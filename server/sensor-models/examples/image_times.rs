@@ -1,14 +1,14 @@
 //! Milliseconds per image of the models of a wrist camera and a chair camera, by stage:
-//! `cargo run --release -p wheelarm-sensors --example image_times [WIDTH HEIGHT]`. The
+//! `cargo run --release -p wheelarm-sensor-models --example image_times [WIDTH HEIGHT]`. The
 //! image is synthetic: planes, edges and some texture.
 
 use std::time::Instant;
 
-use wheelarm_sensors::color::ColorModel;
-use wheelarm_sensors::depth::DepthModel;
-use wheelarm_sensors::model::Model;
-use wheelarm_sensors::noise::Random;
-use wheelarm_sensors::{Exact, Lens, Surface};
+use wheelarm_sensor_models::color::ColorModel;
+use wheelarm_sensor_models::depth::DepthModel;
+use wheelarm_sensor_models::model::Model;
+use wheelarm_sensor_models::noise::Random;
+use wheelarm_sensor_models::{Exact, Lens, Surface};
 
 const ROUNDS: u64 = 15;
 

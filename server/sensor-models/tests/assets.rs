@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use wheelarm_sensors::{Model, Surface, Surfaces, surface};
+use wheelarm_sensor_models::{Model, Surface, Surfaces, surface};
 
 fn assets() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets")

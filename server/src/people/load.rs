@@ -45,7 +45,7 @@ impl Person {
         let broken = |words: String| {
             Place::file(&file).wrong(
                 words,
-                "a mesh of scripts/people",
+                "a mesh of assets/tools/people",
                 "make it again: make people",
             )
         };

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use nalgebra::Translation3;
-use wheelarm_sensors::depth::DepthParameters;
-use wheelarm_sensors::model::FOLDER;
-use wheelarm_sensors::{BadParameter, Model, Surface, Surfaces, surface};
+use wheelarm_sensor_models::depth::DepthParameters;
+use wheelarm_sensor_models::model::FOLDER;
+use wheelarm_sensor_models::{BadParameter, Model, Surface, Surfaces, surface};
 
 use super::camera::{CameraSpec, Intrinsics, RenderScene};
 use crate::scene::{self, SceneError};
@@ -20,7 +20,7 @@ pub struct SensorSetting {
     pub camera: String,
     /// Seed of its noise; `None`: the scenario's.
     pub seed: Option<u64>,
-    /// 0 to [`MAX_STRENGTH`](wheelarm_sensors::model::MAX_STRENGTH).
+    /// 0 to [`MAX_STRENGTH`](wheelarm_sensor_models::model::MAX_STRENGTH).
     pub strength: f64,
 }
 

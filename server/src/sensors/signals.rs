@@ -3,9 +3,9 @@
 //! the same bits.
 
 use wheelarm_proto::random::fnv1a;
-use wheelarm_sensors::encoders::{Encoders, Joints};
-use wheelarm_sensors::imu::ImuModel;
-use wheelarm_sensors::odometry::{OdometryModel, OdometryReading};
+use wheelarm_sensor_models::encoders::{Encoders, Joints};
+use wheelarm_sensor_models::imu::ImuModel;
+use wheelarm_sensor_models::odometry::{OdometryModel, OdometryReading};
 
 use super::imu;
 use super::models::Device;
@@ -118,7 +118,7 @@ impl Signals {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wheelarm_sensors::noise::Random;
+    use wheelarm_sensor_models::noise::Random;
 
     #[test]
     fn models_use_different_random_streams() {

@@ -5,8 +5,8 @@
 //! nothing passes here.
 
 use wheelarm_proto::random::fnv1a;
-use wheelarm_sensors::delay::{Delay, DelayLine};
-use wheelarm_sensors::noise::Random;
+use wheelarm_sensor_models::delay::{Delay, DelayLine};
+use wheelarm_sensor_models::noise::Random;
 
 use super::command_gate::{REST, StoppedGroups};
 use crate::robot::control::{ArmIntent, ControlInput};
@@ -94,7 +94,7 @@ impl CommandDelay {
 mod tests {
     use super::*;
     use crate::robot::control::{BaseIntent, GripperIntent};
-    use wheelarm_sensors::Model;
+    use wheelarm_sensor_models::Model;
 
     const NONE: StoppedGroups = StoppedGroups {
         base: false,

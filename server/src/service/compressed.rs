@@ -9,8 +9,8 @@ use std::thread::JoinHandle;
 
 use bytes::Bytes;
 use parking_lot::Mutex;
-use wheelarm_compress::Deflate;
-use wheelarm_compress::depth::to_millimetres;
+use wheelarm_codec::Deflate;
+use wheelarm_codec::depth::to_millimetres;
 use wheelarm_proto::digest::Digest;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
@@ -243,7 +243,7 @@ fn deflate(deflate: &mut Deflate, bytes: &[u8], element: usize) -> Bytes {
 
 #[cfg(test)]
 mod tests {
-    use wheelarm_compress::inflate;
+    use wheelarm_codec::inflate;
 
     use super::*;
 

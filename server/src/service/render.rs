@@ -12,7 +12,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::{StreamId, v1};
-use wheelarm_sensors::Surface;
+use wheelarm_sensor_models::Surface;
 
 use super::compressed::{Compressed, Exact};
 use super::convert;

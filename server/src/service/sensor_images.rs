@@ -16,11 +16,11 @@ use std::time::Duration;
 
 use wheelarm_proto::random::fnv1a;
 use wheelarm_proto::{PHYSICS_HZ, stamp_nanos, v1};
-use wheelarm_sensors::color::ColorModel;
-use wheelarm_sensors::delay::{Delay, DelayLine};
-use wheelarm_sensors::depth::{DepthModel, DepthParameters};
-use wheelarm_sensors::noise::Random;
-use wheelarm_sensors::{Exact, Lens, Surface};
+use wheelarm_sensor_models::color::ColorModel;
+use wheelarm_sensor_models::delay::{Delay, DelayLine};
+use wheelarm_sensor_models::depth::{DepthModel, DepthParameters};
+use wheelarm_sensor_models::noise::Random;
+use wheelarm_sensor_models::{Exact, Lens, Surface};
 
 use super::convert;
 use super::error::ServiceError;

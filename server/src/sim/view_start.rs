@@ -1,7 +1,7 @@
 //! Starts from which a robot camera has the target in view.
 
 use nalgebra::{Isometry3, Point3};
-use wheelarm_route::obb::Obb;
+use wheelarm_planning::obb::Obb;
 
 use super::scenario::Scenario;
 use crate::robot::{CameraMount, RobotModel};

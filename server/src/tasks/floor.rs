@@ -4,11 +4,11 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Translation3, Vector3};
+use wheelarm_planning::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
+use wheelarm_planning::hybrid_a_star::{self, PathPreferences};
+use wheelarm_planning::obb::Obb;
 use wheelarm_proto::exact;
 use wheelarm_proto::settings::Starts;
-use wheelarm_route::footprint_check::{FootprintCheck, Limb, Outline, Pose2, occupied};
-use wheelarm_route::hybrid_a_star::{self, PathPreferences};
-use wheelarm_route::obb::Obb;
 
 use super::area::{AreaSpec, Range, Variant};
 use super::random::{index, number, stream};

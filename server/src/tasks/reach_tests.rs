@@ -4,7 +4,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use wheelarm_route::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 
 use super::*;
 use crate::robot::RobotModel;

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { after, before, test } from "node:test";
 
-import { preset } from "../../../client/drive/page/logic/profile.js";
+import { preset } from "../../../client/teleop/web/page/logic/profile.js";
 import { launch, open, until } from "../browser.js";
 import { LOOKS } from "../look.js";
 

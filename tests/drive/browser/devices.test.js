@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { preset } from "../../../client/drive/page/logic/profile.js";
+import { preset } from "../../../client/teleop/web/page/logic/profile.js";
 import { launch, open, painted, until } from "../browser.js";
 
 let browser;

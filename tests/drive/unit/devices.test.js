@@ -1,12 +1,12 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Dwell } from "../../../client/drive/page/logic/dwell.js";
-import { Gamepads, STICK_MODES, shaped, steepest } from "../../../client/drive/page/logic/gamepad.js";
-import { KEY_DEFAULTS, meaning, remap } from "../../../client/drive/page/logic/keys.js";
-import { MOTIONS, axesOf, directions } from "../../../client/drive/page/logic/motions.js";
-import { Twice } from "../../../client/drive/page/logic/twice.js";
-import { GRAMMAR, saysStop, understand } from "../../../client/drive/page/logic/voice.js";
+import { Dwell } from "../../../client/teleop/web/page/logic/dwell.js";
+import { Gamepads, STICK_MODES, shaped, steepest } from "../../../client/teleop/web/page/logic/gamepad.js";
+import { KEY_DEFAULTS, meaning, remap } from "../../../client/teleop/web/page/logic/keys.js";
+import { MOTIONS, axesOf, directions } from "../../../client/teleop/web/page/logic/motions.js";
+import { Twice } from "../../../client/teleop/web/page/logic/twice.js";
+import { GRAMMAR, saysStop, understand } from "../../../client/teleop/web/page/logic/voice.js";
 
 test("dwelling clicks once, and again only after the pointer left", () => {
   const dwell = new Dwell({ time: 1000, radius: 30 });

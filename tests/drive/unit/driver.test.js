@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Driver, LATCH_MS } from "../../../client/drive/page/logic/driver.js";
+import { Driver, LATCH_MS } from "../../../client/teleop/web/page/logic/driver.js";
 
 /** A driver that may drive. */
 function free() {

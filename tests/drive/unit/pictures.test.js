@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { FROZEN_MS, HEADER_BYTES, Pictures, readHeader } from "../../../client/drive/page/logic/pictures.js";
-import { loopAge, rights } from "../../../client/drive/page/logic/rights.js";
-import { oneInOneOut } from "../../../client/drive/page/parts/decode.js";
+import { FROZEN_MS, HEADER_BYTES, Pictures, readHeader } from "../../../client/teleop/web/page/logic/pictures.js";
+import { loopAge, rights } from "../../../client/teleop/web/page/logic/rights.js";
+import { oneInOneOut } from "../../../client/teleop/web/page/parts/decode.js";
 
 const picture = () => ({ closed: 0, close() { this.closed += 1; } });
 const header = (camera, seq, tick) => ({ camera, seq, tick });

@@ -4,11 +4,11 @@ import { join } from "node:path";
 import { test } from "node:test";
 import { fileURLToPath } from "node:url";
 
-import { Clutch, times, toChair } from "../../../client/drive/page/xr/clutch.js";
-import { PRESETS, checked, movePad, preset, sizePad } from "../../../client/drive/page/logic/profile.js";
-import { facing, hit } from "../../../client/drive/page/xr/panels.js";
+import { Clutch, times, toChair } from "../../../client/teleop/web/page/xr/clutch.js";
+import { PRESETS, checked, movePad, preset, sizePad } from "../../../client/teleop/web/page/logic/profile.js";
+import { facing, hit } from "../../../client/teleop/web/page/xr/panels.js";
 
-const PAGE = fileURLToPath(new URL("../../../client/drive/page", import.meta.url));
+const PAGE = fileURLToPath(new URL("../../../client/teleop/web/page", import.meta.url));
 
 test("every preset passes its own check and survives a file", () => {
   for (const name of Object.keys(PRESETS)) {

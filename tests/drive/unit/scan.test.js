@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Cross, Cursor, Scanner } from "../../../client/drive/page/logic/scan.js";
+import { Cross, Cursor, Scanner } from "../../../client/teleop/web/page/logic/scan.js";
 
 const ROWS = [
   { id: "row:chair", label: "Chair", items: [{ id: "f", label: "F" }, { id: "b", label: "B" }] },

@@ -4,10 +4,10 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{CONTROL_HZ, TopicId, v1};
+use wheelarm_sdk::{Commander, Link, Streams};
 use wheelarm_tests::{IdleCommander, Server};
 use zenoh::Wait;
 

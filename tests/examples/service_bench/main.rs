@@ -10,9 +10,9 @@ mod latency;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use wheelarm_link::Link;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
+use wheelarm_sdk::Link;
 use wheelarm_tests::{IdleCommander, Recorder, Server, wait_until};
 use zenoh::Wait;
 

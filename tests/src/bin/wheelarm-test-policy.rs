@@ -4,9 +4,9 @@
 //! `nan`, `huge`, `words`, `silent`, `dies`, `keys`, `sways` (its speed is that of how
 //! many are asked about together, as a network's last bits are); or at once `unfit` and `crash`.
 
-use wheelarm_link::Connect;
 use wheelarm_proto::v1;
 use wheelarm_rollout::policy::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
+use wheelarm_sdk::Connect;
 
 /// Where hand and knuckle stand in a row of state.
 const HAND: std::ops::Range<usize> = 14..23;

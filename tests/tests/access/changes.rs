@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use wheelarm_access::Role;
-use wheelarm_link::{Connect, Link, LinkError};
 use wheelarm_proto::{Query, v1};
+use wheelarm_sdk::{Connect, Link, LinkError};
 use wheelarm_tests::{PATIENCE, Router, Server, printed, wait_until};
 
 use super::lab::{Keys, SIM, gets_through, status, until_moving};

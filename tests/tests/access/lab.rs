@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 use wheelarm_access::{Folder, Role, User};
-use wheelarm_link::{Commander, Connect, Link};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Message, schema, v1};
+use wheelarm_sdk::{Commander, Connect, Link};
 use wheelarm_tests::{PATIENCE, Server, program, wait_until};
 use zenoh::pubsub::Subscriber;
 use zenoh::{Session, Wait};

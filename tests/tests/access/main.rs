@@ -1,5 +1,5 @@
 //! Who may do what, with a real server over TLS: every role does what the table in
-//! `server/access` says, and nothing else gets through. The table itself is tried
+//! `proto/access` says, and nothing else gets through. The table itself is tried
 //! key by key in that package; here stands what only a running server shows.
 //!
 //! What is refused ends without a word or never arrives. So each refusal is

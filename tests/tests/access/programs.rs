@@ -4,9 +4,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use wheelarm_access::{Folder, Role};
-use wheelarm_link::{Connect, Link, LinkError, Silence, open_session};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Query, TopicId, v1};
+use wheelarm_sdk::{Connect, Link, LinkError, Silence, open_session};
 use wheelarm_tests::{PATIENCE, Router, Server, printed, program, wait_until};
 use zenoh::Session;
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 use wheelarm_access::Role;
-use wheelarm_link::LinkError;
 use wheelarm_proto::{Message, Query, TopicId, v1};
+use wheelarm_sdk::LinkError;
 use wheelarm_tests::{PATIENCE, wait_until};
 use zenoh::Wait;
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig};

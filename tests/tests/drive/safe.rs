@@ -119,7 +119,7 @@ impl Safe {
     }
 
     /// The link to the server behind it.
-    pub fn link(&self) -> wheelarm_link::Link {
+    pub fn link(&self) -> wheelarm_sdk::Link {
         self.server.link()
     }
 

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use serde_json::Value;
 use wheelarm_dataset::read::Episode;
-use wheelarm_link::{Link, LinkError};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
+use wheelarm_sdk::{Link, LinkError};
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};
 
 use super::faults_server::processes;

@@ -11,11 +11,11 @@ use wheelarm_dataset::compress::Deflate;
 use wheelarm_dataset::compress::depth::to_millimetres;
 use wheelarm_dataset::read::{Camera, Episode};
 use wheelarm_dataset::validate::validate;
-use wheelarm_link::Link;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::{Depth, Named, Pacing, Quality};
 use wheelarm_proto::v1;
-use wheelarm_record::RecordOptions;
+use wheelarm_recorder::RecordOptions;
+use wheelarm_sdk::Link;
 use wheelarm_server::sensors::camera::{Graphics, Packing};
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::{CameraSetting, Scenario, Simulation};
@@ -79,7 +79,7 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
                 episodes: Some(1),
             };
             let never = std::future::pending();
-            runtime.block_on(wheelarm_record::run(&link, options, never, |_| {}))
+            runtime.block_on(wheelarm_recorder::run(&link, options, never, |_| {}))
         }
     });
     let idle = IdleCommander::start(&link);

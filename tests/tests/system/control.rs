@@ -8,7 +8,7 @@ use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, PATIENCE, Server, printed, program, root, wait_until};
 use zenoh::Wait;
 
-fn holder(link: &wheelarm_link::Link) -> String {
+fn holder(link: &wheelarm_sdk::Link) -> String {
     let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
     status.holder
 }

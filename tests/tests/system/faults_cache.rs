@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{StreamId, TopicId, v1};
+use wheelarm_sdk::{Commander, Link, Streams};
 use wheelarm_tests::{PATIENCE, Proxy, Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::Priority;

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::Command;
 
 use wheelarm_dataset::read::Episode;
-use wheelarm_link::Link;
 use wheelarm_proto::v1;
+use wheelarm_sdk::Link;
 use wheelarm_tests::{Recorder, Server, printed, wait_until};
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=160x90@30", "--quality", "fast"];

@@ -5,9 +5,9 @@ use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use wheelarm_link::{Connect, Link};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
+use wheelarm_sdk::{Connect, Link};
 use wheelarm_tests::{Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;

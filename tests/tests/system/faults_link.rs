@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use wheelarm_dataset::read::Episode;
-use wheelarm_drive::ladder::Ladder;
-use wheelarm_link::{Commander, Link, Streams};
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
+use wheelarm_sdk::{Commander, Link, Streams};
+use wheelarm_teleop_web::ladder::Ladder;
 use wheelarm_tests::{IdleCommander, Line, PATIENCE, Proxy, Recorder, Server, wait_until};
 use zenoh::sample::SampleKind;
 

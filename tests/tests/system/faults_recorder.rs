@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use wheelarm_dataset::log;
 use wheelarm_dataset::read::Episode;
-use wheelarm_link::Link;
 use wheelarm_proto::{CREDIT_TICKS, TICKS_PER_CONTROL, v1};
+use wheelarm_sdk::Link;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, wait_until};
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];

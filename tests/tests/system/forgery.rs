@@ -6,9 +6,9 @@
 use std::path::Path;
 
 use wheelarm_dataset::read::{Episode, Values};
-use wheelarm_link::Link;
 use wheelarm_proto::Query;
 use wheelarm_proto::{Message, TopicId, v1};
+use wheelarm_sdk::Link;
 use wheelarm_tests::{PATIENCE, Recorder, Router, Server, wait_until};
 use zenoh::Wait;
 use zenoh::sample::SourceInfo;

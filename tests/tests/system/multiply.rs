@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use wheelarm_client::multiply::mark;
+use wheelarm_campaign::multiply::mark;
 use wheelarm_dataset::read::Episode;
 use wheelarm_tests::{printed, wheelarm};
 

@@ -1,4 +1,4 @@
-//! Programs that others write with `wheelarm-link`: the guide's, run as they
+//! Programs that others write with `wheelarm-sdk`: the guide's, run as they
 //! stand there.
 
 use std::path::Path;
@@ -26,7 +26,7 @@ fn the_guide_shows_the_examples_as_they_are_run() {
     let chapter = std::fs::read_to_string(chapter).expect("a chapter");
     let mut blocks = chapter.split("```rust\n").skip(1);
     for name in EXAMPLES {
-        let file = root().join(format!("client/link/examples/{name}.rs"));
+        let file = root().join(format!("client/sdk/examples/{name}.rs"));
         let source = std::fs::read_to_string(file).expect("an example");
         let block = blocks.next().and_then(|rest| rest.split("```").next());
         assert_eq!(block, Some(source.as_str()), "{name}");

@@ -6,11 +6,11 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use wheelarm_link::{Link, Streams};
 use wheelarm_proto::Query;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
+use wheelarm_sdk::{Link, Streams};
 use wheelarm_tests::{Line, PATIENCE, Proxy, Server, program, root, wait_until};
 use zenoh::Wait;
 use zenoh::sample::{SampleKind, SourceInfo};
@@ -258,7 +258,7 @@ fn whoever_ends_its_own_episode_never_ends_another() {
     let link = server.link();
     let first = start(&link, "first");
     link.stop_episode_of(&first, false).expect("its end");
-    let over = |told: Result<v1::EpisodeStopped, wheelarm_link::LinkError>| {
+    let over = |told: Result<v1::EpisodeStopped, wheelarm_sdk::LinkError>| {
         let told = told.expect_err("it is over").to_string();
         assert!(told.contains("is over"), "{told}");
         told
@@ -440,7 +440,7 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
         .stderr(Stdio::null())
         .spawn()
         .expect("a process");
-    let connect = wheelarm_link::Connect {
+    let connect = wheelarm_sdk::Connect {
         endpoint,
         sim: "early".into(),
         timeout_secs: PATIENCE.as_secs_f64(),

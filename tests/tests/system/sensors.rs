@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use wheelarm_dataset::read::{Camera, Episode};
-use wheelarm_link::Link;
 use wheelarm_proto::v1;
+use wheelarm_sdk::Link;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};
 
 const SMALL: [&str; 4] = ["--camera", "gen3=160x96@10", "--pacing", "lock-step"];

@@ -4,9 +4,9 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use wheelarm_link::{Link, LinkError};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
+use wheelarm_sdk::{Link, LinkError};
 use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
 use zenoh::Wait;
 

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use parking_lot::Mutex;
-use wheelarm_link::{Link, LinkError};
-use wheelarm_operate::run::DriverError;
+use wheelarm_expert::run::DriverError;
 use wheelarm_proto::v1;
+use wheelarm_sdk::{Link, LinkError};
 
 use super::Backend;
 use super::watch::{Watch, is_reusable};

@@ -4,6 +4,7 @@
 //! time limits. None outlives this process. [`Work`] is work of this process that may
 //! panic or hang without taking the process along.
 
+mod listed_tasks;
 pub mod process;
 mod program;
 mod recorder;
@@ -11,6 +12,7 @@ mod server;
 mod socket;
 mod work;
 
+pub use listed_tasks::tasks_of_program;
 pub use process::{Input, Launch, Process, Program, end_with_parent};
 pub use program::{find_program, programs_named, required_program};
 pub use recorder::{Lifetime, Record, Recorder};

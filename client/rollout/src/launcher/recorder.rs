@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
-use wheelarm_link::{Connect, Link};
 use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::v1;
+use wheelarm_sdk::{Connect, Link};
 
 use super::process::{Input, Launch, Process, Program};
 use crate::limits;

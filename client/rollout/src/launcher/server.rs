@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, anyhow};
-use wheelarm_link::{Connect, Link};
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
 use wheelarm_proto::v1;
+use wheelarm_sdk::{Connect, Link};
 
 use super::process::{Input, Launch, Process, Program};
 use super::socket::socket_folder;

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use crate::launcher::process::{Input, Launch, Process, Program};
 use tempfile::TempDir;
-use wheelarm_link::{Connect, LinkError, Silence, open_session};
 use wheelarm_proto::v1;
+use wheelarm_sdk::{Connect, LinkError, Silence, open_session};
 use zenoh::Session;
 
 use super::interface::{PolicyError, checked};

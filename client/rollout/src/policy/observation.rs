@@ -4,12 +4,12 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use wheelarm_link::{Camera, Frame, Link, LinkError, SensorPictures};
-use wheelarm_operate::run::DriverError;
+use wheelarm_expert::run::DriverError;
 use wheelarm_policy::{Observed, state};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
+use wheelarm_sdk::{Camera, Frame, Link, LinkError, SensorPictures};
 
 /// Streams that make up a row of state, and how the task stands.
 pub(crate) const STREAMS: [TopicId; 6] = [

@@ -3,12 +3,12 @@
 
 use std::time::{Duration, Instant};
 
-use wheelarm_link::{Link, Turn, Turns};
-use wheelarm_operate::operator::Outcome;
-use wheelarm_operate::run::{DriverError, OwnEpisode, Report};
+use wheelarm_expert::operator::Outcome;
+use wheelarm_expert::run::{DriverError, OwnEpisode, Report};
 use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
+use wheelarm_sdk::{Link, Turn, Turns};
 
 use super::interface::{Policy, PolicyError, checked};
 use super::observation::{Collector, STREAMS};

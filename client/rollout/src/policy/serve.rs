@@ -2,9 +2,9 @@
 //! token and answers the queries `describe`, `reset` and `infer`, one at a time.
 
 use anyhow::Context;
-use wheelarm_link::{Connect, Silence, open_session};
 use wheelarm_proto::keys::PolicyKeys;
 use wheelarm_proto::{Message, schema, v1};
+use wheelarm_sdk::{Connect, Silence, open_session};
 use zenoh::Wait;
 use zenoh::query::Query;
 

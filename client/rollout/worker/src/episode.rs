@@ -8,12 +8,12 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
-use wheelarm_link::Link;
 use wheelarm_proto::v1;
-use wheelarm_record::{ExitSummary, RecordOptions};
+use wheelarm_recorder::{ExitSummary, RecordOptions};
 use wheelarm_rollout::launcher::Panicked;
 use wheelarm_rollout::protocol::{EpisodeRequest, Event};
 use wheelarm_rollout::{FailureCause, Finished, Heartbeat, Record, Session, limits};
+use wheelarm_sdk::Link;
 use wheelarm_server::service::startup;
 use wheelarm_server::sim::Simulation;
 
@@ -192,7 +192,7 @@ impl Recorder {
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread
             .spawn(move || {
-                let recording = wheelarm_record::run(&link, options, stop.requested(), |_| {});
+                let recording = wheelarm_recorder::run(&link, options, stop.requested(), |_| {});
                 runtime.block_on(recording)
             })
             .context("starting the thread of the recorder")?;

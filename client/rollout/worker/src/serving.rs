@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use tokio::sync::oneshot;
-use wheelarm_link::Link;
 use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::Panicked;
 use wheelarm_rollout::limits;
+use wheelarm_sdk::Link;
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::Simulation;
 

@@ -1,7 +1,7 @@
 //! Streams deflated on the GPU decompress to the image.
 
-use wheelarm_compress::depth::to_millimetres;
-use wheelarm_compress::{Deflate, inflate};
+use wheelarm_codec::depth::to_millimetres;
+use wheelarm_codec::{Deflate, inflate};
 use wheelarm_proto::settings::Depth;
 
 use super::packing_tests::{SIZES, both, sizes};

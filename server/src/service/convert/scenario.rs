@@ -7,7 +7,7 @@ use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::settings::MAX_SENSOR_STRENGTH;
 use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
-use wheelarm_sensors::model::MAX_STRENGTH;
+use wheelarm_sensor_models::model::MAX_STRENGTH;
 
 use crate::look::Look;
 use crate::people::PersonSetting;

@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use wheelarm_planning::footprint_check::wrap;
 use wheelarm_proto::Query;
 use wheelarm_proto::topic::StreamId;
 use wheelarm_proto::v1::FailureCode;
 use wheelarm_proto::{Message, v1};
-use wheelarm_route::footprint_check::wrap;
 
 use super::Engine;
 use crate::geometry::bounds;

@@ -62,9 +62,9 @@ const EXACT: [&str; 14] = [
     "server/src/scene",
     "server/src/geometry",
     "server/src/service",
-    "client/operate/src",
-    "server/route/src",
-    "server/language/src",
+    "client/expert/src",
+    "proto/planning/src",
+    "proto/language/src",
     "server/sensor-models/src",
     "client/policy/src",
 ];
@@ -170,39 +170,60 @@ fn nobody_names_the_worker() {
         }
     }
     let below = dependencies("client/rollout/worker");
-    for name in ["wheelarm-server", "wheelarm-record", "wheelarm-operate"] {
+    for name in ["wheelarm-server", "wheelarm-recorder", "wheelarm-expert"] {
         assert!(below.iter().any(|below| below == name), "{below:?}");
     }
-    assert!(below.iter().all(|name| name != "wheelarm-client"));
+    assert!(
+        below
+            .iter()
+            .all(|name| name != "wheelarm-cli" && name != "wheelarm-campaign")
+    );
 }
 
 /// Packages below `client/` and which of this workspace they may name: no arrow
 /// runs up and there is no circle.
-const CLIENTS: [(&str, &[&str]); 10] = [
-    ("client/link", &["proto"]),
+const CLIENTS: [(&str, &[&str]); 13] = [
+    ("client/sdk", &["proto"]),
     ("client/policy", &["proto"]),
-    (
-        "client/dataset",
-        &["compress", "language", "policy", "proto"],
-    ),
-    (
-        "client/drive",
-        &["access", "link", "operate", "proto", "route"],
-    ),
-    ("client/learn", &["link", "policy", "proto"]),
-    ("client/operate", &["link", "proto", "route"]),
-    ("client/record", &["dataset", "link", "proto"]),
-    ("client/rollout", &["link", "operate", "policy", "proto"]),
+    ("client/options", &["proto", "sdk"]),
+    ("client/dataset", &["codec", "language", "policy", "proto"]),
+    ("client/expert", &["planning", "proto", "sdk"]),
+    ("client/learn", &["policy", "proto", "sdk"]),
+    ("client/recorder", &["dataset", "proto", "sdk"]),
+    ("client/rollout", &["expert", "policy", "proto", "sdk"]),
     (
         "client/rollout/worker",
         &[
-            "dataset", "link", "operate", "proto", "record", "rollout", "server",
+            "dataset", "expert", "proto", "recorder", "rollout", "sdk", "server",
         ],
     ),
     (
-        "client",
+        "client/teleop/web",
+        &["access", "expert", "planning", "proto", "sdk"],
+    ),
+    (
+        "client/teleop/terminal",
+        &["options", "proto", "sdk", "teleop-web"],
+    ),
+    (
+        "client/campaign",
         &[
-            "access", "dataset", "drive", "link", "operate", "policy", "proto", "record", "rollout",
+            "dataset", "expert", "options", "policy", "proto", "rollout", "sdk",
+        ],
+    ),
+    (
+        "client/cli",
+        &[
+            "access",
+            "campaign",
+            "expert",
+            "options",
+            "proto",
+            "recorder",
+            "rollout",
+            "sdk",
+            "teleop-terminal",
+            "teleop-web",
         ],
     ),
 ];
@@ -210,11 +231,11 @@ const CLIENTS: [(&str, &[&str]); 10] = [
 /// Users and keys stand below server and clients and open no connection.
 #[test]
 fn access_opens_no_connection() {
-    for name in dependencies("server/access") {
+    for name in dependencies("proto/access") {
         let ours = name.strip_prefix("wheelarm-");
         let foreign = ["rapier3d", "wgpu", "tokio", "zenoh"].contains(&name.as_str());
         let allowed = ours.is_none_or(|ours| ours == "proto") && !foreign;
-        assert!(allowed, "server/access names {name}");
+        assert!(allowed, "proto/access names {name}");
     }
 }
 
@@ -223,9 +244,9 @@ fn access_opens_no_connection() {
 #[test]
 fn the_pure_packages_stand_below_server_and_clients() {
     for folder in [
-        "server/compress",
-        "server/route",
-        "server/language",
+        "proto/codec",
+        "proto/planning",
+        "proto/language",
         "server/sensor-models",
     ] {
         for name in dependencies(folder) {
@@ -291,7 +312,7 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
         .find_map(|l| l.strip_prefix("default-members = "));
     assert_eq!(
         line,
-        Some(r#"["server", "client", "client/dataset", "client/rollout/worker"]"#)
+        Some(r#"["server", "client/cli", "client/dataset", "client/rollout/worker"]"#)
     );
     let make = fs::read_to_string(root().join("Makefile")).expect("a Makefile");
     let build = make.split("\nbuild:\n").nth(1).expect("a target");
@@ -301,7 +322,7 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     // learns, which is built when it is asked for.
     for package in [
         "server",
-        "client",
+        "client/cli",
         "client/dataset",
         "client/rollout/worker",
     ] {
@@ -313,7 +334,7 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     for (package, _) in CLIENTS {
         let is_program = root().join(package).join("src/main.rs").is_file();
         let programs = [
-            "client",
+            "client/cli",
             "client/dataset",
             "client/learn",
             "client/rollout/worker",
@@ -325,12 +346,17 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
 /// Packages without which the thin client is built: its features bring them.
 #[test]
 fn a_thin_client_needs_no_hdf5_and_no_terminal() {
-    let text = fs::read_to_string(root().join("client/Cargo.toml")).expect("a manifest");
-    for name in ["hdf5", "ratatui", "wheelarm-dataset", "wheelarm-record"] {
+    let text = fs::read_to_string(root().join("client/cli/Cargo.toml")).expect("a manifest");
+    for name in [
+        "hdf5",
+        "wheelarm-campaign",
+        "wheelarm-recorder",
+        "wheelarm-teleop-terminal",
+    ] {
         let line = format!("{name} = {{ workspace = true, optional = true }}");
         assert!(text.contains(&line), "{name} is not optional");
     }
-    for package in ["client/link", "client/operate", "client/rollout"] {
+    for package in ["client/sdk", "client/expert", "client/rollout"] {
         for name in dependencies(package) {
             let heavy = ["hdf5", "ratatui", "clap", "wheelarm-dataset"];
             assert!(!heavy.contains(&name.as_str()), "{package} names {name}");
@@ -338,7 +364,7 @@ fn a_thin_client_needs_no_hdf5_and_no_terminal() {
     }
 }
 
-/// What `wheelarm-link` may be built with: proto, zenoh, and small crates.
+/// What `wheelarm-sdk` may be built with: proto, zenoh, and small crates.
 const LINK: [&str; 10] = [
     "bytes",
     "parking_lot",
@@ -364,11 +390,11 @@ const UNIX: [&str; 7] = [
 
 #[test]
 fn a_foreign_client_needs_proto_and_zenoh_alone_and_no_unix() {
-    for name in dependencies("client/link") {
-        assert!(LINK.contains(&name.as_str()), "wheelarm-link needs {name}");
+    for name in dependencies("client/sdk") {
+        assert!(LINK.contains(&name.as_str()), "wheelarm-sdk needs {name}");
     }
     let mut found = Vec::new();
-    for path in list("client/link/src", ".rs") {
+    for path in list("client/sdk/src", ".rs") {
         for (line, text) in code(&path) {
             for call in UNIX.iter().filter(|call| text.contains(**call)) {
                 found.push(format!("{}:{line} names {call}", path.display()));
@@ -376,4 +402,31 @@ fn a_foreign_client_needs_proto_and_zenoh_alone_and_no_unix() {
         }
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+/// A name stands for one place: no command module shares its name with a crate.
+#[test]
+fn no_command_module_has_the_name_of_a_crate() {
+    let crates: Vec<String> = ["proto", "server", "client"]
+        .iter()
+        .flat_map(|folder| list(folder, "Cargo.toml"))
+        .filter_map(|path| fs::read_to_string(path).ok())
+        .filter_map(|text| {
+            let name = text.split("name = \"wheelarm-").nth(1)?;
+            Some(name.split('"').next()?.replace('-', "_"))
+        })
+        .collect();
+    assert!(crates.len() > 15, "{crates:?}");
+    for folder in ["client/cli/src", "client/campaign/src"] {
+        for path in list(folder, ".rs") {
+            let place = path.strip_prefix(root().join(folder)).expect("below src");
+            let first = place.components().next().expect("a file").as_os_str();
+            let first = first.to_string_lossy();
+            let module = first.trim_end_matches(".rs");
+            assert!(
+                !crates.iter().any(|name| name == module),
+                "{folder}/{first} has the name of the crate wheelarm-{module}; rename the module"
+            );
+        }
+    }
 }

@@ -106,7 +106,7 @@ fn shuffled(first: u32, size: u32, at: u32) -> u32 {
 
 // Metres, by their bits, as 16-bit millimetres, rounded to the nearest: 0 where nothing
 // was hit or it is too far, at least 1 where something was. By whole numbers, as
-// `wheelarm-compress` does it by IEEE 754: a graphics card may round a product otherwise.
+// `wheelarm-codec` does it by IEEE 754: a graphics card may round a product otherwise.
 fn millimetres(metres: u32) -> u32 {
     // Nothing, or infinite, not a number, negative.
     if metres == 0u || metres >= 0x7f800000u {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::super::planes::Planes;
-use wheelarm_compress::huffman::{HEADER_WORDS, SYMBOLS};
+use wheelarm_codec::huffman::{HEADER_WORDS, SYMBOLS};
 use wheelarm_proto::settings::Depth;
 
 /// Number of streams: colour, depth, IDs.

@@ -13,8 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytes::Bytes;
 use parking_lot::Mutex;
 use wgpu::util::DeviceExt;
-use wheelarm_compress::depth::to_millimetres;
-use wheelarm_compress::huffman::{Block, SYMBOLS};
+use wheelarm_codec::depth::to_millimetres;
+use wheelarm_codec::huffman::{Block, SYMBOLS};
 use wheelarm_proto::settings::Depth;
 
 use super::planes::Planes;
@@ -358,7 +358,7 @@ impl CameraDeflater {
             }
             false => &exact[..],
         };
-        let again = wheelarm_compress::inflate(stream, self.layout.element(i), expected.len());
+        let again = wheelarm_codec::inflate(stream, self.layout.element(i), expected.len());
         again.is_ok_and(|again| again == expected)
     }
 

@@ -1,0 +1,364 @@
+//! `wheelarm evaluate`: the scripted operator does tasks over many seeds and
+//! the rates of success are counted.
+//!
+//! Every episode runs in lock-step on a server of the command's own, without
+//! cameras and without a recorder unless asked. Its result is appended to
+//! `episodes.jsonl` as soon as it is there, so that an interrupted run is
+//! resumed. What breaks a server costs one episode: it is entered with the
+//! scenario that reproduces it, and a new server goes on.
+
+mod args;
+mod compare;
+mod entry;
+mod episode_monitor;
+mod grid;
+mod page;
+mod progress;
+mod redraw;
+mod report;
+mod runner;
+mod scope;
+mod statistics;
+
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, bail};
+use parking_lot::Mutex;
+use wheelarm_dataset::publish;
+use wheelarm_proto::v1;
+use wheelarm_rollout::EpisodeLog;
+
+use crate::policy_options::{Choice, DriverChoice, Start, files};
+use entry::Job;
+use report::Report;
+use runner::Runner;
+use scope::Scope;
+use wheelarm_rollout::launcher::tasks_of_program;
+
+pub use args::EvaluateArgs;
+pub use entry::Entry;
+
+/// Exit code when something broke in an episode.
+const BROKEN: u8 = 3;
+
+/// Runs the evaluation. Success when every episode of every task succeeded, 3
+/// when something broke in one of them.
+///
+/// # Errors
+/// When a program cannot be started, a recorder fails, or the folder cannot be
+/// written.
+pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
+    if let Some(args::Instead::Compare(args)) = &args.instead {
+        compare::run(args)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let scope = args.scope()?;
+    let tasks = tasks(args, scope.layout)?;
+    let driver = DriverChoice::start(
+        &args.policy,
+        &Start {
+            seeds: scope.seeds.clone(),
+            log: &args.out,
+            alone: args.deterministic,
+            takeover: args.takeover,
+        },
+    )?;
+    let policy = driver.name();
+    let policy_files = files::digest(&args.policy.policy)?;
+    // Seed by seed, so that what was interrupted has about as many of every task.
+    let wanted: Vec<Job> = scope
+        .seeds
+        .clone()
+        .flat_map(|seed| {
+            tasks.iter().map({
+                let (variation, policy, policy_files) = (&scope.variation, &policy, &policy_files);
+                move |task| Job {
+                    task: task.clone(),
+                    seed,
+                    variation: variation.clone(),
+                    policy: policy.clone(),
+                    policy_files: policy_files.clone(),
+                }
+            })
+        })
+        .collect();
+    let log = EpisodeLog::open(&args.out.join("episodes.jsonl"), publish::sync_data)?;
+    begin(args, &wanted, &log)?;
+    let known = log.entries();
+    let is_done = |job: &Job| {
+        let mut counted = known
+            .iter()
+            .filter(|entry| !args.again || entry.broken.is_none());
+        counted.any(|entry| entry.is_of(job))
+    };
+    let (done, open): (Vec<Job>, Vec<Job>) = wanted.into_iter().partition(|job| is_done(job));
+    if !done.is_empty() {
+        let entries = known
+            .iter()
+            .filter(|entry| done.iter().any(|job| entry.is_of(job)));
+        let entries: Vec<&Entry> = entries.collect();
+        print!("{}", skipped(args, &entries, done.len() + open.len()));
+    }
+    work(args, &driver, &open, &log)?;
+    let entries: Vec<Entry> = log
+        .entries()
+        .into_iter()
+        .filter(|entry| done.iter().chain(&open).any(|job| entry.is_of(job)))
+        .collect();
+    conclude(
+        args,
+        &scope,
+        &Report::new(&tasks, &entries, &scope),
+        &entries,
+    )?;
+    Ok(if entries.iter().any(|entry| entry.broken.is_some()) {
+        println!(
+            "what broke is entered with its scenario in {}; --again does it anew",
+            args.out.join("episodes.jsonl").display()
+        );
+        ExitCode::from(BROKEN)
+    } else if entries.iter().all(|entry| entry.success) && entries.len() == done.len() + open.len()
+    {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// Sets results of before aside with `--fresh`, and otherwise refuses those that a policy
+/// with other files made: they would be counted together with the new ones.
+fn begin(args: &EvaluateArgs, wanted: &[Job], log: &EpisodeLog<Entry>) -> anyhow::Result<()> {
+    if args.fresh {
+        let is_old = |entry: &Entry| {
+            wanted
+                .iter()
+                .any(|job| entry.is_of(job) || entry.is_outdated(job))
+        };
+        if let Some(aside) = log.set_aside(is_old)? {
+            println!("the results of before are in {}", aside.display());
+        }
+        return Ok(());
+    }
+    let known = log.entries();
+    let is_outdated = |entry: &&Entry| wanted.iter().any(|job| entry.is_outdated(job));
+    let outdated = known.iter().filter(is_outdated).count();
+    if outdated > 0 {
+        bail!(
+            "the files of the policy changed since {outdated} of the episodes in {}: add --fresh \
+             to do all episodes anew, or name another folder with --out",
+            args.out.display()
+        );
+    }
+    Ok(())
+}
+
+/// Prints the report and writes it, with the pictures unless they are not wanted.
+fn conclude(
+    args: &EvaluateArgs,
+    scope: &Scope,
+    report: &Report,
+    entries: &[Entry],
+) -> anyhow::Result<()> {
+    print!("{report}");
+    let path = args.out.join("report.json");
+    std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
+    println!("report      {}", path.display());
+    let redrawn = redraw::draw(args, entries)?;
+    let path = page::write(&args.out, report, entries, &redrawn)?;
+    println!("page        {}", path.display());
+    // Drawn by doing episodes again, which the scripted operator does alike.
+    if !args.no_grid && args.policy.policy == Choice::Operator {
+        let path = grid::draw(args, scope, report, entries)?;
+        println!("pictures    {}", path.display());
+    }
+    Ok(())
+}
+
+/// What is not done because it has been, and the cure where that means that it
+/// is not recorded.
+fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
+    let mut text = format!(
+        "{} of {wanted} episodes are in {} already\n",
+        done.len(),
+        args.out.display()
+    );
+    if !args.record {
+        return text;
+    }
+    let mut seeds: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for entry in done {
+        let file = |label| args.out.join(format!("{label}.h5"));
+        if !entry.recording().is_some_and(|label| file(label).is_file()) {
+            let seeds = seeds.entry(entry.task.as_str()).or_default();
+            seeds.push(entry.seed.to_string());
+        }
+    }
+    if seeds.is_empty() {
+        return text;
+    }
+    for (task, seeds) in seeds {
+        text += &format!("    not recorded: {task} seed {}\n", seeds.join(", "));
+    }
+    text += "they count as done, so --record makes no file of them: name another folder with \
+             --out to do and record them\n";
+    text
+}
+
+/// Names of the tasks to do, as the assets have them; of all, where other layouts are
+/// asked for, those that have several.
+fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
+    let listed = tasks_of_program(args.assets.as_deref())?;
+    let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
+    let names = |tasks: Vec<&v1::TaskInfo>| {
+        let names = tasks.into_iter().map(|task| task.name.clone());
+        names.collect::<Vec<String>>()
+    };
+    let (several, one, all) = (names(several), names(one), names(listed.iter().collect()));
+    if args.task == "all" {
+        if layout {
+            eprintln!(
+                "left out, for there is one layout of them: {}",
+                one.join(", ")
+            );
+        }
+        return Ok(if layout { several } else { all });
+    }
+    let mut tasks = Vec::new();
+    for name in each_once(&args.task)? {
+        if !all.iter().any(|task| task == name) {
+            bail!(
+                "there is no task {name:?}; the tasks are: {}",
+                all.join(", ")
+            );
+        }
+        if layout && one.iter().any(|task| task == name) {
+            bail!(
+                "there is one layout of the task {name:?}, so the axis `layout` changes nothing; several have: {}",
+                several.join(", ")
+            );
+        }
+        tasks.push(name.to_owned());
+    }
+    Ok(tasks)
+}
+
+/// The names of a list with commas.
+///
+/// # Errors
+/// When one stands there twice: its episodes would count twice.
+fn each_once(list: &str) -> anyhow::Result<Vec<&str>> {
+    let names: Vec<&str> = list.split(',').collect();
+    for (i, name) in names.iter().enumerate() {
+        if names[..i].contains(name) {
+            bail!("--task names {name:?} twice; say it once");
+        }
+    }
+    Ok(names)
+}
+
+/// Does the open episodes with as many servers as asked.
+fn work(
+    args: &EvaluateArgs,
+    driver: &DriverChoice,
+    open: &[Job],
+    log: &EpisodeLog<Entry>,
+) -> anyhow::Result<()> {
+    if open.is_empty() {
+        return Ok(());
+    }
+    let next = AtomicUsize::new(0);
+    let trouble: Mutex<Option<anyhow::Error>> = Mutex::new(None);
+    let adapters = args.graphics.of_workers(args.jobs.get().min(open.len()))?;
+    std::thread::scope(|scope| {
+        for (index, adapter) in adapters.into_iter().enumerate() {
+            let (trouble, next) = (&trouble, &next);
+            scope.spawn(move || {
+                let mut args = args.clone();
+                args.graphics.adapter = adapter;
+                if let Err(error) = one_after_another((&args, driver), index, open, next, log) {
+                    // The others finish what they are at.
+                    next.store(open.len(), Ordering::Relaxed);
+                    trouble.lock().get_or_insert(error);
+                }
+            });
+        }
+    });
+    trouble.into_inner().map_or(Ok(()), Err)
+}
+
+/// The episodes of runner number `index`: the next one that nobody has begun, until none
+/// is left.
+fn one_after_another(
+    (args, driver): (&EvaluateArgs, &DriverChoice),
+    index: usize,
+    open: &[Job],
+    next: &AtomicUsize,
+    log: &EpisodeLog<Entry>,
+) -> anyhow::Result<()> {
+    let runner = Runner::new(args, driver, index)?;
+    loop {
+        let at = next.fetch_add(1, Ordering::Relaxed);
+        let Some(job) = open.get(at) else {
+            return Ok(());
+        };
+        let entry = runner.episode(job)?;
+        println!("{:>4} of {}  {}", at + 1, open.len(), entry.line());
+        log.append(&entry)?;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: EvaluateArgs,
+    }
+
+    #[test]
+    fn what_is_not_recorded_because_it_was_done_before_is_told_with_the_cure() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let args = |more: &[&str]| Cli::parse_from([&["evaluate", "--out", out], more].concat());
+        let entry = |seed: u64| {
+            let text = format!(
+                r#"{{"task":"pick_bowl","seed":{seed},"success":true,"why":"","conditions":[],"seconds":9.0,"factor":1.0,"hash":"","notes":[]}}"#
+            );
+            serde_json::from_str::<Entry>(&text).unwrap()
+        };
+        let [zero, one, two] = [0, 1, 2].map(entry);
+        let done = [&zero, &one, &two];
+        let plain = skipped(&args(&[]).args, &done, 4);
+        assert_eq!(plain, format!("3 of 4 episodes are in {out} already\n"));
+        std::fs::write(folder.path().join("pick_bowl-seed1.h5"), "").unwrap();
+        let told = skipped(&args(&["--record"]).args, &done, 4);
+        assert!(
+            told.contains("not recorded: pick_bowl seed 0, 2\n"),
+            "{told}"
+        );
+        assert!(told.contains("name another folder with --out"), "{told}");
+        std::fs::write(folder.path().join("pick_bowl-seed0.h5"), "").unwrap();
+        let lines = |done: &[&Entry]| skipped(&args(&["--record"]).args, done, 4).lines().count();
+        assert_eq!(lines(&[&zero, &one]), 1);
+        // That file is another policy's.
+        let unrecorded = Entry {
+            label: Some(String::new()),
+            ..entry(0)
+        };
+        assert_eq!(lines(&[&unrecorded, &one]), 3);
+    }
+
+    #[test]
+    fn a_task_that_is_named_twice_is_refused() {
+        assert_eq!(each_once("b,a").unwrap(), ["b", "a"]);
+        let told = each_once("a,b,a").unwrap_err().to_string();
+        assert!(told.contains("\"a\" twice"), "{told}");
+    }
+}

@@ -1,0 +1,286 @@
+//! Which episodes an evaluation does: the seeds and what differs between them,
+//! by the command line or by a frozen split.
+
+use std::ops::Range;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+use sha2::{Digest, Sha256};
+use wheelarm_proto::installed::file_or_asset;
+use wheelarm_proto::look::LookText;
+use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::settings::Named;
+use wheelarm_proto::v1;
+
+use crate::axis::AxisAt;
+use crate::disturb::Disturb;
+use crate::sentences::LanguageFile;
+use crate::variation::{Variation, read_person, read_sensors};
+
+/// Which episodes an evaluation does.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scope {
+    /// The split, if one is named: its name.
+    pub split: Option<String>,
+    /// Seeds of each task.
+    pub seeds: Range<u64>,
+    /// What differs between episodes beside what their task draws.
+    pub variation: Variation,
+    /// Other layouts are asked for: tasks with one alone are left out.
+    pub layout: bool,
+}
+
+impl Scope {
+    /// What the seeds are for, `mixed` where they are for several things.
+    #[must_use]
+    pub fn purpose(&self) -> &'static str {
+        Purpose::of_range(self.seeds.clone()).map_or("mixed", Named::name)
+    }
+}
+
+/// A split: TOML.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SplitFile {
+    #[serde(deserialize_with = "named")]
+    purpose: Purpose,
+    seeds: Vec<u64>,
+    #[serde(default, deserialize_with = "named")]
+    starts: wheelarm_proto::settings::Starts,
+    bear_share: Option<f64>,
+    #[serde(default)]
+    robots: u32,
+    look: Option<LookText>,
+    disturb: Option<Disturb>,
+    #[serde(default, deserialize_with = "read_person")]
+    person: Option<v1::Person>,
+    #[serde(default, deserialize_with = "read_sensors")]
+    sensors: Vec<v1::SensorSetting>,
+    language: Option<LanguageFile>,
+    /// Applied in order, after all else.
+    #[serde(default)]
+    axes: Vec<AxisAt>,
+    frozen: Option<String>,
+}
+
+fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+    let name = String::deserialize(from)?;
+    T::from_name(&name).map_err(D::Error::custom)
+}
+
+/// Reads a split and holds it against the hash that froze it.
+///
+/// # Errors
+/// With file and line and the cure: it cannot be read, holds a mistake, mixes
+/// purposes, or is not what was frozen.
+pub fn read_split(path: &Path) -> anyhow::Result<Scope> {
+    let path = &file_or_asset(path);
+    let text = crate::text_file::read(path).with_context(|| {
+        format!(
+            "reading the split {}; name a file, for example assets/splits/policy-claim.toml",
+            path.display()
+        )
+    })?;
+    parse(path, &text)
+}
+
+fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
+    let at = |span: Option<Range<usize>>, what: &str| {
+        let before = span.and_then(|span| text.get(..span.start));
+        let line = before.map_or(0, |before| before.matches('\n').count()) + 1;
+        anyhow::anyhow!("{}:{line}: {}", path.display(), what.trim())
+    };
+    let file: SplitFile =
+        toml::from_str(text).map_err(|problem| at(problem.span(), problem.message()))?;
+    let language = file.language.map(LanguageFile::checked).transpose();
+    let language = language.map_err(|(span, what)| at(Some(span), &what))?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let &[first, end] = file.seeds.as_slice() else {
+        bail!(
+            "{}: seeds has {} numbers; say the first and the one after the last",
+            path.display(),
+            file.seeds.len()
+        );
+    };
+    if first >= end {
+        bail!(
+            "{}: seeds = [{first}, {end}] are none; say the first and the one after the last",
+            path.display()
+        );
+    }
+    let found = Purpose::of_range(first..end).with_context(|| path.display().to_string())?;
+    if found != file.purpose {
+        bail!(
+            "{}: the seeds {first}..{end} are for {}; those for {} are {}",
+            path.display(),
+            found.name(),
+            file.purpose.name(),
+            file.purpose.seeds()
+        );
+    }
+    if let Some(share) = file.bear_share.filter(|s| !(0.0..=1.0).contains(s)) {
+        bail!(
+            "{}: bear_share is {share}; it is a share, 0 to 1",
+            path.display()
+        );
+    }
+    let hash = hash(text)?;
+    match &file.frozen {
+        Some(frozen) if *frozen != hash => bail!(
+            "{}: the split was frozen as {frozen}, and what it says now has {hash}; a frozen split is never changed: undo the change, or give it a file name of its own",
+            path.display()
+        ),
+        Some(_) => {}
+        None => bail!(
+            "{}: it is not frozen; when it says what you want, add the line frozen = \"{hash}\"",
+            path.display()
+        ),
+    }
+    let mut variation = Variation {
+        starts: file.starts,
+        bear_share: file.bear_share,
+        robots: file.robots,
+        language,
+        look: file.look,
+        sensors: file.sensors,
+        disturb: file.disturb,
+        person: file.person,
+        ..Variation::default()
+    };
+    let layout = file.axes.iter().any(|axis| axis.is_layout());
+    file.axes.into_iter().for_each(|axis| variation.set(axis));
+    Ok(Scope {
+        layout,
+        split: Some(name.into_owned()),
+        seeds: first..end,
+        variation,
+    })
+}
+
+/// Hash of what a split says beside its hash, 16 hexadecimal digits: comments and
+/// the order of its lines do not count.
+fn hash(text: &str) -> anyhow::Result<String> {
+    let mut table: toml::Table = text.parse()?;
+    table.remove("frozen");
+    let digest = Sha256::digest(serde_json::to_string(&sorted(&table.into()))?);
+    let digits: Vec<String> = digest[..8].iter().map(|b| format!("{b:02x}")).collect();
+    Ok(digits.concat())
+}
+
+/// As JSON, with the keys in order.
+fn sorted(value: &toml::Value) -> serde_json::Value {
+    match value {
+        toml::Value::Table(table) => {
+            let entries: std::collections::BTreeMap<_, _> = table
+                .iter()
+                .map(|(key, v)| (key.clone(), sorted(v)))
+                .collect();
+            serde_json::Value::from_iter(entries)
+        }
+        toml::Value::Array(values) => values.iter().map(sorted).collect(),
+        other => serde_json::json!(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wheelarm_proto::settings::Starts;
+
+    fn problem(text: &str) -> String {
+        let problem = parse(Path::new("s.toml"), text).unwrap_err();
+        format!("{problem:#}")
+    }
+
+    #[test]
+    fn the_splits_that_ship_are_frozen() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/splits");
+        let folders = [folder.join("axes"), folder];
+        let entries = folders.iter().flat_map(|f| std::fs::read_dir(f).unwrap());
+        let paths = entries.map(|entry| entry.unwrap().path());
+        let shipped: Vec<_> = paths.filter(|path| path.is_file()).collect();
+        assert!(shipped.len() >= 7 + 27, "{shipped:?}");
+        for path in shipped {
+            let split = read_split(&path).unwrap_or_else(|p| panic!("{p:#}"));
+            assert_eq!(split.split.as_deref(), path.file_stem().unwrap().to_str());
+        }
+    }
+
+    #[test]
+    fn a_split_is_held_against_the_hash_that_froze_it() {
+        let open = "purpose = \"develop\"\nseeds = [0, 5]\nstarts = \"anywhere\"\n";
+        let told = problem(open);
+        let (_, hash) = told.split_once("frozen = \"").unwrap();
+        let line = format!("frozen = \"{}\"\n", &hash[..16]);
+        let scope = parse(Path::new("s.toml"), &format!("# why\n{line}{open}")).unwrap();
+        assert_eq!(
+            (scope.seeds, scope.variation.starts),
+            (0..5, Starts::Anywhere)
+        );
+        let changed = format!("{line}{}", open.replace('5', "6"));
+        assert!(
+            problem(&changed).contains("never changed"),
+            "{}",
+            problem(&changed)
+        );
+    }
+
+    #[test]
+    fn mistakes_are_told_with_their_place() {
+        for (text, words) in [
+            (
+                "purpose = \"develop\"\nseed = 3",
+                "s.toml:2: unknown field `seed`",
+            ),
+            (
+                "look = \"7:light=4\"",
+                "s.toml:1: look has \"light=4\", expected a strength",
+            ),
+            (
+                "purpose = \"test\"\nseeds = [0, 5]",
+                "s.toml:1: purpose \"test\" is none of",
+            ),
+            (
+                "purpose = \"train\"\nseeds = [0, 5]",
+                "those for train are 10000..1000000",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [190, 230]",
+                "below 200 for develop",
+            ),
+            ("purpose = \"develop\"\nseeds = [5, 5]", "are none"),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5, 9]",
+                "seeds has 3 numbers",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu=4\"]",
+                "s.toml:3: \"imu=4\": the strength is 4; allowed is 0 to 3",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu\", \"imu=2\"]",
+                "s.toml:3: the sensor \"imu=2\" stands there twice",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\naxes = [\"light=2\", \"night=1\"]",
+                "s.toml:3: axis \"night\" is none of",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu=much\"]",
+                "s.toml:3: \"imu=much\" is not MODEL",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\n[language]\ntypos = 2.0",
+                "s.toml:4: language.typos is 2",
+            ),
+            (
+                "purpose = \"develop\"\nseeds = [0, 5]\nbear_share = 2.0",
+                "0 to 1",
+            ),
+        ] {
+            assert!(problem(text).contains(words), "{text:?}: {}", problem(text));
+        }
+    }
+}

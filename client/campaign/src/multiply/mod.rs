@@ -1,0 +1,176 @@
+//! `wheelarm multiply`: of a few recorded episodes of a task it makes many new ones.
+//!
+//! What the hand did about the thing is cut out of each source and kept relative to the
+//! thing (`wheelarm_expert::demonstration`); the way there is planned anew in every new
+//! scene. Episodes run as those of `evaluate`, by workers in one process, without
+//! cameras; those in which the task succeeded are kept, marked with their source.
+
+mod args;
+mod entry;
+pub mod mark;
+mod report;
+mod runner;
+mod settings;
+mod sources;
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use parking_lot::Mutex;
+use wheelarm_dataset::publish;
+use wheelarm_proto::seeds::Purpose;
+use wheelarm_proto::settings::Named;
+use wheelarm_rollout::EpisodeLog;
+
+pub use args::MultiplyArgs;
+use entry::Entry;
+use report::Report;
+use runner::Runner;
+use settings::Settings;
+use sources::Sources;
+
+/// Tries for each episode that is asked for where nothing says the seeds.
+const TRIES: u64 = 4;
+/// Between two looks whether another episode is to be begun.
+const WAIT: Duration = Duration::from_millis(50);
+
+/// How far it is.
+struct Course {
+    next: u64,
+    end: u64,
+    kept: u64,
+    running: u64,
+    problem: Option<anyhow::Error>,
+}
+
+/// Multiplies. Success when as many episodes were kept as asked for.
+///
+/// # Errors
+/// When there is no source, a program cannot be started, or the folder cannot be
+/// written.
+pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
+    let (first, end) = seeds(args)?;
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let kept = std::fs::canonicalize(&args.out)?;
+    let is_kept = |dir: PathBuf| std::fs::canonicalize(dir).is_ok_and(|dir| dir == kept);
+    if is_kept(args.dir.clone()) || is_kept(args.dir.join("episodes")) {
+        bail!(
+            "--out {} is the folder of the sources, which would then be others when this goes on: choose another --out",
+            args.out.display()
+        );
+    }
+    let log: EpisodeLog<Entry> =
+        EpisodeLog::open(&args.out.join("episodes.jsonl"), publish::sync_data)?;
+    let sources = Sources::read(args)?;
+    for (file, why) in &sources.left_out {
+        println!("left out    {file}: {why}");
+    }
+    if sources.list.is_empty() {
+        let others: Vec<&str> = sources.other_tasks.iter().map(String::as_str).collect();
+        bail!(
+            "{} holds no episode of the task {:?} that can be multiplied{}; record some that succeed",
+            args.dir.display(),
+            args.task,
+            match others.is_empty() {
+                true => String::new(),
+                false => format!(" (it holds {})", others.join(", ")),
+            }
+        );
+    }
+    println!("sources     {}", sources.list.len());
+    Settings::of(args, &sources)?.hold(&args.out)?;
+    let shown = sources.write(&args.out)?;
+    let begun = Instant::now();
+    let course = Mutex::new(Course {
+        next: first,
+        end,
+        kept: log.entries().iter().filter(|entry| entry.kept).count() as u64,
+        running: 0,
+        problem: None,
+    });
+    let tried: BTreeSet<u64> = log.entries().iter().map(|entry| entry.seed).collect();
+    std::thread::scope(|scope| {
+        for index in 0..args.jobs.get() {
+            let (course, log, tried) = (&course, &log, &tried);
+            let (sources, shown) = (&sources, &shown);
+            scope.spawn(move || {
+                let runner = Runner::new(args, sources, shown, index);
+                while let Some(seed) = next(course, tried, args) {
+                    let tried = runner.episode(seed).and_then(|entry| {
+                        println!("{}", entry.line());
+                        log.append(&entry)?;
+                        Ok(entry)
+                    });
+                    let mut course = course.lock();
+                    course.running -= 1;
+                    match tried {
+                        Ok(entry) => course.kept += u64::from(entry.kept),
+                        Err(problem) => {
+                            course.problem.get_or_insert(problem);
+                        }
+                    }
+                }
+            });
+        }
+    });
+    let course = course.into_inner();
+    if let Some(problem) = course.problem {
+        return Err(problem);
+    }
+    let report = Report::new(args, &sources, log.entries(), begun.elapsed());
+    report.write(&args.out)?;
+    print!("{report}");
+    Ok(match report.kept >= args.episodes.get() {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    })
+}
+
+/// The seeds to try: none with which anything is tested, for what is made is trained on.
+fn seeds(args: &MultiplyArgs) -> anyhow::Result<(u64, u64)> {
+    let (first, end) = args.seeds.unwrap_or_else(|| {
+        let most = args.episodes.get().saturating_mul(TRIES);
+        (args.first_seed(), args.first_seed().saturating_add(most))
+    });
+    let purpose = Purpose::of_range(first..end)?;
+    match purpose {
+        Purpose::Train | Purpose::Free | Purpose::Develop => Ok((first, end)),
+        Purpose::Checkpoint
+        | Purpose::PolicyClaim
+        | Purpose::Adversarial
+        | Purpose::OperatorClaim => bail!(
+            "seeds {first}..{end} are for {}, and what is multiplied is to train on; take some of {}",
+            purpose.name(),
+            Purpose::Train.seeds()
+        ),
+    }
+}
+
+/// The seed to try next; `None` at the end. No more are begun than would be enough if
+/// all of them succeeded, so that the same are kept whatever the number of workers.
+fn next(course: &Mutex<Course>, tried: &BTreeSet<u64>, args: &MultiplyArgs) -> Option<u64> {
+    loop {
+        let mut now = course.lock();
+        if now.problem.is_some() || now.kept >= args.episodes.get() {
+            return None;
+        }
+        while now.next < now.end && tried.contains(&now.next) {
+            now.next += 1;
+        }
+        if now.kept + now.running < args.episodes.get() {
+            if now.next >= now.end {
+                return None;
+            }
+            let seed = now.next;
+            now.next += 1;
+            now.running += 1;
+            return Some(seed);
+        }
+        drop(now);
+        std::thread::sleep(WAIT);
+    }
+}

@@ -1,0 +1,85 @@
+//! Options of `wheelarm replay`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use wheelarm_proto::look::LookText;
+use wheelarm_proto::settings::Quality;
+use wheelarm_proto::v1;
+
+use crate::adapters::AdapterArgs;
+use wheelarm_options::choice::named;
+
+/// Options of `wheelarm replay`.
+#[derive(Args, Clone, Debug)]
+pub struct ReplayArgs {
+    /// Episode file.
+    pub file: PathBuf,
+    /// Records again into this folder; only compares when absent.
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Width of the recorded cameras' new pictures, pixels.
+    #[arg(long, requires = "out")]
+    pub width: Option<u32>,
+    /// Height of the recorded cameras' new pictures, pixels.
+    #[arg(long, requires = "out")]
+    pub height: Option<u32>,
+    /// Another camera as NAME=WIDTHxHEIGHT@HZ; may be repeated. One of the
+    /// recorded cameras' names replaces its setting.
+    #[arg(
+        long,
+        requires = "out",
+        value_parser = v1::CameraSetting::from_text,
+        value_name = "NAME=WxH@HZ"
+    )]
+    pub camera: Vec<v1::CameraSetting>,
+    /// Records the run this many times, each time under another look: with the
+    /// seeds from --look-seed on, a file each.
+    #[arg(long, requires = "out", conflicts_with = "as_recorded", value_name = "K",
+        value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub looks: Option<u32>,
+    /// Seed of the first look.
+    #[arg(long, requires = "looks", default_value_t = 1, value_name = "SEED")]
+    pub look_seed: u64,
+    /// Axes of the looks as AXIS=STRENGTH,…, for example light=3,camera=1; the
+    /// usual ones when absent.
+    #[arg(long, requires = "looks", value_name = "AXIS=N,…", value_parser = axes)]
+    pub look_axes: Option<LookText>,
+    /// Runs that are done at a time; half as many as there are cores when absent.
+    #[arg(long, requires = "looks", value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub jobs: Option<u32>,
+    /// Draws the recorded states anew instead of computing them, also those of
+    /// another version of the physics: robot, objects, furniture, commands and
+    /// evaluation as recorded, and new pictures.
+    #[arg(long, requires = "out")]
+    pub as_recorded: bool,
+    /// Work per picture; the recording's when absent.
+    #[arg(long, requires = "out", value_parser = named::<Quality>())]
+    pub quality: Option<Quality>,
+    /// On what it is drawn; several for --looks.
+    #[command(flatten)]
+    pub graphics: AdapterArgs,
+    /// Assets folder; the server looks for it when absent.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    pub assets: Option<PathBuf>,
+}
+
+impl ReplayArgs {
+    /// The looks that are asked for.
+    pub(super) fn asked_looks(&self) -> Vec<v1::Look> {
+        let usual = |seed| match &self.look_axes {
+            Some(axes) => axes.seeded(seed),
+            None => v1::Look::usual(seed),
+        };
+        let count = u64::from(self.looks.unwrap_or(0));
+        (0..count)
+            .map(|i| usual(self.look_seed.wrapping_add(i)))
+            .collect()
+    }
+}
+
+/// Reads the axes of a look without its seed.
+fn axes(text: &str) -> Result<LookText, String> {
+    LookText::read(&format!("0:{text}"))
+}

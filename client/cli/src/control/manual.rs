@@ -1,0 +1,325 @@
+//! The long parts of `--help` and of the man pages: examples, exit codes,
+//! environment.
+
+macro_rules! environment {
+    ($($more:literal)*) => {
+        concat!(
+            "Environment:\n",
+            "  WHEELARM_CONNECT  endpoint of the server, as --connect\n",
+            "  WHEELARM_SIM      name of the server, as --sim\n",
+            "  WHEELARM_KEYS     folder of keys, as --keys\n",
+            "  WHEELARM_USER     whose keys of that folder, as --user\n",
+            "  RUST_LOG          more messages on standard error, for example RUST_LOG=wheelarm_cli=debug",
+            $($more)*
+        )
+    };
+}
+
+macro_rules! manual {
+    ($examples:literal, $codes:literal $(, $more:literal)*) => {
+        concat!("Examples:\n", $examples, "\nExit codes:\n", $codes, "\n", environment!($($more)*))
+    };
+}
+
+/// `wheelarm`.
+pub const WHEELARM: &str = manual!(
+    "  wheelarm doctor                    is everything here that is needed?
+  wheelarm demo                      one recorded episode from nothing
+  wheelarm teleop                    drive by keys; the page shows the cameras
+  wheelarm record --out data/today   records every episode into a file
+  ssh -N -L 7447:127.0.0.1:7447 HOST brings a remote server near
+",
+    "  0  done
+  1  failed; the message names the cure
+  2  the command line is wrong
+  3  finished with loss: a recording is incomplete, or samples were missed
+"
+);
+
+/// `wheelarm status`.
+pub const STATUS: &str = manual!(
+    "  wheelarm status
+  wheelarm --connect tcp/127.0.0.1:7448 --sim left status
+",
+    "  0  a server answered
+  1  none did
+"
+);
+
+/// `wheelarm keys`.
+pub const KEYS: &str = manual!(
+    "  wheelarm keys init --host sim-host --keys /srv/wheelarm/keys
+  wheelarm users add anna --role operator --keys /srv/wheelarm/keys
+  wheelarm keys user anna --days 90 --keys /srv/wheelarm/keys
+  wheelarm-server --keys /srv/wheelarm/keys --listen tls/0.0.0.0:7447
+  wheelarm --connect tls/sim-host:7447 --keys anna teleop
+",
+    "  0  made
+  1  a folder or a user is not as it must be
+"
+);
+
+/// `wheelarm router`.
+pub const ROUTER: &str = manual!(
+    "  wheelarm router --keys /srv/wheelarm/keys
+  wheelarm-server --sim kitchen --keys /srv/wheelarm/keys \\
+    --connect tls/sim-host:7447 --listen unixsock-stream/kitchen.socket
+  wheelarm --connect tls/sim-host:7447 --keys anna --sim kitchen teleop
+",
+    "  0  it was interrupted and ended
+  1  the keys are not as they must be, or the endpoint is taken
+"
+);
+
+/// `wheelarm users`.
+pub const USERS: &str = manual!(
+    "  wheelarm users add anna --role operator --keys /srv/wheelarm/keys
+  wheelarm users password anna --keys /srv/wheelarm/keys
+  wheelarm users list --keys /srv/wheelarm/keys
+",
+    "  0  done
+  1  a folder or a user is not as it must be
+"
+);
+
+/// `wheelarm tasks`.
+pub const TASKS: &str = manual!(
+    "  wheelarm tasks
+",
+    "  0  listed, by the server or by the program wheelarm-server beside this one
+  1  neither could be asked
+"
+);
+
+/// `wheelarm reset`.
+pub const RESET: &str = manual!(
+    "  wheelarm reset --seed 7
+  wheelarm reset --task pick_mustard --seed 3
+  wheelarm reset --seed 7 --starts anywhere
+",
+    "  0  set up
+  1  refused (an episode runs, somebody is in control, no such task), or no server answered
+"
+);
+
+/// `wheelarm pause` and `wheelarm resume`.
+pub const PAUSE: &str = manual!(
+    "  wheelarm pause; wheelarm status; wheelarm resume
+",
+    "  0  done
+  1  no server answered
+"
+);
+
+/// `wheelarm lease`.
+pub const LEASE: &str = manual!(
+    "  wheelarm lease hold --name anna     and in another terminal:
+  wheelarm episode start --label try-1
+  wheelarm episode stop
+",
+    "  0  control was given back
+  1  refused (somebody else is in control), or control was lost
+",
+    "\nLines on standard input, one command each:
+  drive LINEAR TURN   chair speeds, m/s and rad/s, until the next line of the chair
+                      or the end of the lines
+  stop                chair and arm stop
+  open, close         the gripper
+  quit                gives control back, as Ctrl-C does"
+);
+
+/// `wheelarm episode`.
+pub const EPISODE: &str = manual!(
+    "  wheelarm episode start --label try-1 --instruction \"Pick up the mustard\" --require-recorders 1
+  wheelarm episode stop
+  wheelarm episode stop --discard
+",
+    "  0  started or ended
+  1  refused (one runs already, none runs), or it did not begin (a recorder is
+     missing or cannot record it), or no server answered
+"
+);
+
+/// `wheelarm record`.
+pub const RECORD: &str = manual!(
+    "  wheelarm record --out data/session
+  wheelarm record --out data/session --episodes 1 --depth u16
+  wheelarm --connect tcp/router:7447 --sim '*' record --out data/all   every server behind a router
+",
+    "  0  every file is complete
+  1  an episode could not be recorded
+  3  a file is partial: it says what it lacks
+"
+);
+
+/// `wheelarm operate`.
+pub const OPERATE: &str = manual!(
+    "  wheelarm operate --task pick_mustard --require-recorders 1
+",
+    "  0  the task succeeded
+  1  it did not, or no server answered
+"
+);
+
+/// `wheelarm demo`.
+pub const DEMO: &str = manual!(
+    "  wheelarm demo --seed 3 --out data/demo
+  wheelarm demo --seeds 0..10 --width 640 --height 360
+",
+    "  0  every task succeeded and every file is complete
+  1  one did not
+  3  a file is partial
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+);
+
+/// `wheelarm evaluate`.
+pub const EVALUATE: &str = manual!(
+    "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
+  wheelarm evaluate --task all --seeds 0..50 --again   once more, where something broke
+",
+    "  0  every episode of every task succeeded
+  1  one did not, or a program could not be started
+  3  in one of them the physics, the server or the scenario broke: it is entered
+     in episodes.jsonl as failed, with the scenario, and the others were done
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+);
+
+/// `wheelarm multiply`.
+pub const MULTIPLY: &str = manual!(
+    "  wheelarm multiply data/mine --task pick_mustard --episodes 100 --out data/more --jobs 2
+  wheelarm multiply data/mine --task place_knife --episodes 20 --noise 0 --out data/exact
+  wheelarm replay data/more/FILE.h5 --out data/drawn --camera '*=640x360@10'   draws one
+",
+    "  0  as many episodes were kept as asked for
+  1  they were not, or nothing could be multiplied; the same command goes on
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets
+\nFiles say of which episode they are by the attribute multiplied_from of their root; the
+folder's report.json counts what was tried, and how it failed."
+);
+
+/// `wheelarm replay`.
+pub const REPLAY: &str = manual!(
+    "  wheelarm replay data/demo/pick_mustard-seed0.h5
+  wheelarm replay FILE --out data/again --camera room=1280x720@10
+",
+    "  0  the same bits again
+  1  they differ (the first differing tick is named), or the file cannot be replayed
+",
+    "\n  WHEELARM_ASSETS   assets folder, as --assets"
+);
+
+/// `wheelarm teleop`.
+pub const TELEOP: &str = manual!(
+    "  wheelarm teleop
+  wheelarm teleop --instruction \"Bring me the mustard\"
+  ssh -t HOST wheelarm teleop --dead-man 2
+  wheelarm teleop --take             takes control from whoever holds it
+",
+    "  0  you left
+  1  the terminal died, a signal came, or there is no terminal; the chair was stopped
+",
+    "\n  NO_COLOR          no colours
+\nKeys (also ? inside):
+  u i o  j k l  m , .   chair; k stops; a direction stays until another key of the chair
+  q z  w x  e c         both speeds, forward speed, turn rate: 10 % more, less
+  v n  h f  g b         hand forward/back, left/right, up/down; Space: turn instead
+  - =                   finer, coarser steps
+  r y                   close, open the gripper
+  Esc                   everything stops
+  s  →  ← ←  d d        start, finish, redo, discard an episode
+  t  p  a  !            task and seed, pause, reach shell, take control
+  Ctrl-C                leave"
+);
+
+/// `wheelarm drive`.
+pub const DRIVE: &str = manual!(
+    "  wheelarm drive                         the server that runs on this host
+  wheelarm drive --task pick_mustard --out data/drive   one of its own, recorded
+  ssh -N -L 7460:127.0.0.1:7460 HOST     then open the printed link here
+",
+    "  0  interrupted; the chair was stopped and control given back
+  1  no server answers, or the address cannot be used
+"
+);
+
+/// `wheelarm preview`.
+pub const PREVIEW: &str = manual!(
+    "  wheelarm preview
+  wheelarm preview --page 127.0.0.1:8000
+  ssh -N -L 7450:127.0.0.1:7450 HOST   then open http://127.0.0.1:7450
+",
+    "  0  interrupted
+  1  the address cannot be used
+"
+);
+
+/// `wheelarm watch`.
+pub const WATCH: &str = manual!(
+    "  wheelarm watch
+  wheelarm watch --once --json | jq '.streams.joint_state.rate_hz'
+  wheelarm watch --only camera --cameras --duration 10
+",
+    "  0  measured, nothing missed
+  1  no server answered, or one of another version came back; with --once or at
+     the end of --duration also when it went away
+  3  measured, samples were missed
+"
+);
+
+/// `wheelarm doctor`.
+pub const DOCTOR: &str = manual!(
+    "  wheelarm doctor
+  wheelarm doctor --server --out /data/session
+",
+    "  0  everything works; warnings may remain
+  1  something does not work: the line after it names the cure
+"
+);
+
+/// `wheelarm completions`.
+pub const COMPLETIONS: &str = manual!(
+    "  wheelarm completions bash > ~/.local/share/bash-completion/completions/wheelarm
+  wheelarm completions zsh > ~/.zfunc/_wheelarm
+  wheelarm completions fish > ~/.config/fish/completions/wheelarm.fish
+",
+    "  0  written to standard output
+"
+);
+
+/// `wheelarm man`.
+pub const MAN: &str = manual!(
+    "  wheelarm man ~/.local/share/man/man1 && man wheelarm-teleop
+",
+    "  0  written
+  1  the folder cannot be written
+"
+);
+
+/// `wheelarm shutdown`.
+pub const SHUTDOWN: &str = manual!(
+    "  wheelarm shutdown
+",
+    "  0  the server ends; a running episode is finished first
+  1  no server answered
+"
+);
+
+/// `wheelarm collect`.
+pub const COLLECT: &str = manual!(
+    "  wheelarm collect assets/campaigns/small.toml --dry-run      episodes, samples, disk, time
+  wheelarm collect assets/campaigns/small.toml                makes what is missing
+  wheelarm collect PLAN --out DIR --shard 3/8                 one part of eight
+  wheelarm collect --merge DIR                                joins, checks, lists what is missing
+",
+    "  0  every episode asked for is there
+  1  failed, or ended early; the same command goes on
+  3  episodes are missing, or the physics or a server broke on the way: the
+     journal has the scenario, and an attempt with a fresh seed took its place
+",
+    "
+  WHEELARM_ASSETS   assets folder, as --assets
+  TMPDIR            folder for the sockets of the workers, /tmp without it"
+);

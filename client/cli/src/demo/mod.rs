@@ -1,0 +1,275 @@
+//! `wheelarm demo`: a server, a recorder and the operator, or a policy, on loopback in
+//! lock-step; then the episode's file, its pictures and what came of it.
+//!
+//! The demo uses only what every user has: the three programs and the link.
+
+mod summary;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use parking_lot::Mutex;
+use wheelarm_proto::look::LookText;
+use wheelarm_proto::settings::Quality;
+use wheelarm_proto::v1;
+
+use summary::Summary;
+use wheelarm_campaign::policy_options::{DriverChoice, PolicyArgs, Start};
+use wheelarm_expert::run::Progress;
+use wheelarm_options::choice::{named, seed_range};
+use wheelarm_rollout::launcher::tasks_of_program;
+use wheelarm_rollout::launcher::{Input, Launch, Process, Program, all_cameras};
+use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
+
+/// Longest time for drawing a contact sheet.
+const SHEET: Duration = Duration::from_secs(120);
+
+/// Options of `wheelarm demo`.
+#[derive(Args, Clone, Debug)]
+pub struct DemoArgs {
+    /// Seed of the scenario.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Several seeds, `FIRST..LAST` without the last, for example `0..10`.
+    #[arg(long, value_parser = seed_range, value_name = "A..B", conflicts_with = "seed")]
+    pub seeds: Option<(u64, u64)>,
+    /// Folder for the files.
+    #[arg(long, default_value = "data/demo")]
+    pub out: PathBuf,
+    /// Task.
+    #[arg(long, default_value = "pick_mustard")]
+    pub task: String,
+    /// Scene.
+    #[arg(long, default_value = "home")]
+    pub scene: String,
+    /// Robot, a folder in assets/robots.
+    #[arg(long, default_value = "wheelarm")]
+    pub robot: String,
+    /// Picture width, pixels.
+    #[arg(long, default_value_t = 1280)]
+    pub width: u32,
+    /// Picture height, pixels.
+    #[arg(long, default_value_t = 720)]
+    pub height: u32,
+    /// Pictures per simulated second of each camera; divides 240.
+    #[arg(long, default_value_t = 10.0)]
+    pub rate: f64,
+    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
+    /// with =STRENGTH from 0 to 3. May be repeated.
+    #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
+    pub sensor: Vec<v1::SensorSetting>,
+    /// Work per picture.
+    #[arg(long, value_parser = named::<Quality>(), default_value = "standard")]
+    pub quality: Quality,
+    /// How it looks: SEED[:AXIS=STRENGTH,…] as the server's --look, `*` in the
+    /// place of the seed for each episode's own.
+    #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
+    pub look: Option<LookText>,
+    /// Assets folder; the server looks for it when absent.
+    #[arg(long, env = "WHEELARM_ASSETS")]
+    pub assets: Option<PathBuf>,
+    /// No contact sheet.
+    #[arg(long)]
+    pub no_sheet: bool,
+    #[command(flatten)]
+    pub policy: PolicyArgs,
+}
+
+impl DemoArgs {
+    fn scenario(&self, seed: u64, cameras: Vec<v1::CameraSetting>) -> v1::Scenario {
+        v1::Scenario {
+            scene: self.scene.clone(),
+            task: Some(self.task.clone()),
+            robot: self.robot.clone(),
+            seed: Some(seed),
+            cameras,
+            pacing: v1::Pacing::LockStep.into(),
+            quality: self.quality.code().into(),
+            look: self.look.map(|look| look.for_episode(seed)),
+            sensors: self.sensor.clone(),
+            ..v1::Scenario::default()
+        }
+    }
+}
+
+/// Runs the demo for every seed. Success only when every task succeeded and
+/// every recording is complete; a recording with loss is exit code 3.
+///
+/// # Errors
+/// When a program cannot be started or stops answering.
+pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
+    let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
+    let tasks = tasks_of_program(args.assets.as_deref())?;
+    if !args.task.is_empty() && !tasks.iter().any(|task| task.name == args.task) {
+        let names: Vec<&str> = tasks.iter().map(|task| task.name.as_str()).collect();
+        bail!(
+            "no task named {:?}; available: {}",
+            args.task,
+            names.join(", ")
+        );
+    }
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("making the folder {}", args.out.display()))?;
+    let driver = DriverChoice::start(
+        &args.policy,
+        &Start {
+            seeds: first..end,
+            log: &args.out,
+            alone: true,
+            takeover: None,
+        },
+    )?;
+    if let Some(policy) = driver.description() {
+        println!("{policy}");
+    }
+    let mut done = Vec::new();
+    for seed in first..end {
+        let summary = one(args, &driver, seed)?;
+        print!("{summary}");
+        done.push(summary);
+    }
+    if done.len() > 1 {
+        let good = done.iter().filter(|summary| summary.is_good()).count();
+        println!(
+            "{good} of {} episodes succeeded and are complete",
+            done.len()
+        );
+        for summary in done.iter().filter(|summary| !summary.is_good()) {
+            println!("  not seed {}: {}", summary.seed, summary.problem());
+        }
+    }
+    Ok(if done.iter().all(Summary::is_good) {
+        ExitCode::SUCCESS
+    } else if done.iter().all(|summary| summary.finished.succeeded()) {
+        ExitCode::from(3)
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// Records one episode.
+fn one(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summary> {
+    let begun = Instant::now();
+    let bar = ProgressBar::new_spinner().with_style(ProgressStyle::with_template(
+        "{spinner} {elapsed_precise} {msg}",
+    )?);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    bar.set_message(format!("seed {seed}: starting the server"));
+    // A policy sees the images that it was made for, and these are recorded.
+    let cameras = vec![all_cameras(args.width, args.height, args.rate)];
+    let display = Arc::new(Display {
+        bar: bar.clone(),
+        seed,
+        begun,
+        seen: Mutex::default(),
+    });
+    let rollout = Rollout {
+        scenario: args.scenario(seed, driver.cameras(cameras, false)?),
+        label: free_label(&args.out, &format!("{}-seed{seed}", args.task)),
+        driver: driver.for_episode(seed, None),
+        record: Some(Record::new("demo", &args.out)),
+        limits: Limits::default(),
+        folder: None,
+        observer: display.clone(),
+    };
+    let backend = Processes::new(args.assets.clone(), None);
+    let result = backend.run_and_then(&rollout, &mut || {
+        bar.set_message(format!("seed {seed}: finishing the file"));
+    });
+    let mut finished = result??;
+    let recorded = finished.recorded.take().context("nothing was recorded")?;
+    let wall = begun.elapsed();
+    let sheet = if args.no_sheet || recorded.path.is_empty() {
+        None
+    } else {
+        bar.set_message(format!("seed {seed}: drawing the contact sheet"));
+        sheet(Path::new(&recorded.path))?
+    };
+    bar.finish_and_clear();
+    let seen = std::mem::take(&mut *display.seen.lock());
+    Ok(Summary {
+        seed,
+        finished,
+        recorded,
+        adapter: seen.adapter,
+        first_picture: seen.first_picture,
+        wall,
+        sheet,
+    })
+}
+
+/// Shows the progress of an episode.
+struct Display {
+    bar: ProgressBar,
+    seed: u64,
+    begun: Instant,
+    seen: Mutex<Seen>,
+}
+
+/// Values of the newest status.
+#[derive(Default)]
+struct Seen {
+    adapter: String,
+    frames: u64,
+    first_picture: Option<Duration>,
+}
+
+impl Observer for Display {
+    fn progress(&self, progress: &Progress<'_>) {
+        for note in progress.notes {
+            self.bar
+                .println(format!("  {:6.1} s  {note}", progress.time));
+        }
+        self.bar.set_message(format!(
+            "seed {}: {:5.1} s simulated, {:<11} {:4} pictures, {:.2}x real time",
+            self.seed,
+            progress.time,
+            progress.phase,
+            self.seen.lock().frames,
+            progress.factor
+        ));
+    }
+
+    fn status(&self, status: &v1::Status) {
+        let mut seen = self.seen.lock();
+        seen.adapter.clone_from(&status.adapter);
+        seen.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
+        if seen.frames > 0 {
+            seen.first_picture
+                .get_or_insert_with(|| self.begun.elapsed());
+        }
+    }
+}
+
+/// Draws the contact sheet; its path.
+fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
+    let picture = file.with_extension("png");
+    let mut program = Process::start(Launch {
+        name: "sheet",
+        program: Program::Own("wheelarm-dataset"),
+        environment: Vec::new(),
+        arguments: vec![
+            "sheet".into(),
+            file.into(),
+            "--out".into(),
+            picture.clone().into(),
+        ],
+        input: Input::Text(String::new()),
+        folder: None,
+    })?;
+    let status = program.ended_within(SHEET)?;
+    if status.is_none_or(|status| !status.success()) || !picture.is_file() {
+        let how = status.map_or_else(
+            || format!("it took longer than {:.0} s", SHEET.as_secs_f64()),
+            |status| status.to_string(),
+        );
+        eprintln!("no contact sheet ({how}):\n{}", program.tail());
+        return Ok(None);
+    }
+    Ok(Some(picture))
+}

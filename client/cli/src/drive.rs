@@ -1,0 +1,159 @@
+//! `wheelarm drive`: the page from which a person drives, in a browser.
+
+use std::io::{ErrorKind, Write};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::Args;
+use wheelarm_proto::signals::Signals;
+use wheelarm_proto::v1;
+use wheelarm_rollout::launcher::{Lifetime, Record, Recorder, Server, ServerOptions, all_cameras};
+use wheelarm_sdk::Connect;
+use wheelarm_teleop_web::{Gateway, Options};
+
+use crate::control::refuse_closed;
+use wheelarm_options::choice;
+
+/// Where the page is served when nothing else is said.
+const PAGE: &str = "127.0.0.1:7460";
+
+/// Options of `wheelarm drive`.
+#[derive(Args, Clone, Debug)]
+pub struct DriveArgs {
+    /// Address of the page; another port is taken when it is in use. Other machines
+    /// are let in with --keys only, or through an SSH tunnel.
+    #[arg(long, default_value = PAGE, value_name = "ADDRESS:PORT")]
+    pub page: SocketAddr,
+    /// Name under which you command; others see it.
+    #[arg(long, default_value_t = choice::own_name("drive"), value_parser = choice::name, value_name = "NAME")]
+    pub commander: String,
+    /// Starts a server of its own with this task, which ends with the page, instead
+    /// of speaking to one that runs.
+    #[arg(long, value_name = "TASK")]
+    pub task: Option<String>,
+    /// Seed of that server's scenario.
+    #[arg(long, default_value_t = 0, requires = "task")]
+    pub seed: u64,
+    /// Records that server's episodes into this folder.
+    #[arg(long, value_name = "FOLDER", requires = "task")]
+    pub out: Option<PathBuf>,
+    /// That server's pictures.
+    #[arg(long, default_value = "640x360@10", requires = "task", value_name = "WxH@HZ", value_parser = pictures)]
+    pub pictures: (u32, u32, f64),
+    /// Folder of keys and users (`wheelarm keys init`): the page is encrypted, and
+    /// lets in by password; the command's name is the user's.
+    #[arg(long, value_name = "FOLDER")]
+    pub keys: Option<PathBuf>,
+    /// Name by which browsers know this host; may be repeated.
+    #[arg(long, value_name = "HOST", requires = "keys")]
+    pub name: Vec<String>,
+    /// Writes who did what and when into this file, a line of JSON each.
+    #[arg(long, value_name = "FILE")]
+    pub audit: Option<PathBuf>,
+    /// Serves the page's files from this folder, for who works on them.
+    #[arg(long, value_name = "FOLDER", hide = true)]
+    pub files: Option<PathBuf>,
+}
+
+fn pictures(text: &str) -> Result<(u32, u32, f64), String> {
+    let camera = v1::CameraSetting::from_text(&format!("*={text}"))?;
+    Ok((
+        camera.width,
+        camera.height,
+        camera.rate_hz.unwrap_or_default(),
+    ))
+}
+
+/// Runs `wheelarm drive` until it is interrupted.
+///
+/// # Errors
+/// When there is no server, or the page's address cannot be used.
+pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
+    let rig = match &args.task {
+        Some(task) => Some(Rig::start(task, args)?),
+        None => {
+            refuse_closed(&connect.endpoint)?;
+            None
+        }
+    };
+    let connect = rig.as_ref().map_or(connect, |rig| rig.server.connect());
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .context("starting the runtime")?;
+    let options = Options {
+        connect: connect.clone(),
+        listen: args.page,
+        commander: args.commander.clone(),
+        audit: args.audit.clone(),
+        files: args.files.clone(),
+        keys: args.keys.clone(),
+        names: args.name.clone(),
+        watch_only: false,
+    };
+    let gateway = runtime.block_on(Gateway::open(&options))?;
+    // Who reads the first line and closes the pipe has the address.
+    match announce(&gateway) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
+        told => told.context("writing the page's address")?,
+    }
+    let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
+    runtime.block_on(signals.next());
+    gateway.finish();
+    if let Some(rig) = rig {
+        rig.finish()?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn announce(gateway: &Gateway) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "drive {}", gateway.drive_url())?;
+    writeln!(out, "watch {}", gateway.watch_url())?;
+    out.flush()
+}
+
+/// A server of the command's own, and a recorder.
+struct Rig {
+    server: Server,
+    recorder: Option<Recorder>,
+}
+
+impl Rig {
+    fn start(task: &str, args: &DriveArgs) -> anyhow::Result<Self> {
+        let (width, height, rate) = args.pictures;
+        let server = Server::start(&ServerOptions {
+            scenario: v1::Scenario {
+                scene: "home".to_owned(),
+                task: Some(task.to_owned()),
+                seed: Some(args.seed),
+                cameras: vec![all_cameras(width, height, rate)],
+                pacing: v1::Pacing::RealTime.into(),
+                ..v1::Scenario::default()
+            },
+            ..ServerOptions::default()
+        })?;
+        let recorder = args
+            .out
+            .as_deref()
+            .map(|out| {
+                std::fs::create_dir_all(out)
+                    .with_context(|| format!("making the folder {}", out.display()))?;
+                let record = Record::new("drive", out);
+                Recorder::start(server.connect(), &record, Lifetime::Lasting)
+            })
+            .transpose()?;
+        Ok(Self { server, recorder })
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        let link = self.server.link()?;
+        // A running episode is closed, and its file finished, by the server's end.
+        self.server.stop(link)?;
+        drop(self.recorder);
+        Ok(())
+    }
+}

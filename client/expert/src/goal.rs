@@ -1,0 +1,169 @@
+//! What a task asks for, as the server tells it.
+
+use nalgebra::Point3;
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::geometry::normalized;
+use wheelarm_proto::v1;
+
+use super::scene::SceneModel;
+use wheelarm_planning::obb::Obb;
+
+/// What a task asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Goal {
+    /// A thing is to be lifted and held.
+    Lift {
+        /// Index of the thing.
+        item: usize,
+    },
+    /// A thing is to be put into a region and left there.
+    Put {
+        /// Index of the thing.
+        item: usize,
+        /// The region in `house`.
+        region: Obb,
+    },
+    /// A thing is to be put into the lap and left there.
+    Give {
+        /// Index of the thing.
+        item: usize,
+        /// The lap in `wheelchair_root`.
+        lap: Obb,
+    },
+    /// The tip of a thing is to be brought to the mouth and held there.
+    Bring {
+        /// Index of the thing.
+        item: usize,
+        /// Its tip in its own frame.
+        tip: Point3<f64>,
+    },
+    /// A slide is to be pulled open.
+    Open {
+        /// Index of the thing that slides.
+        item: usize,
+        /// Index of the slide.
+        slide: usize,
+        /// Wanted joint position, metres.
+        position: f64,
+    },
+    /// A slide is to be pushed shut.
+    Close {
+        /// Index of the thing that slides.
+        item: usize,
+        /// Index of the slide.
+        slide: usize,
+        /// Wanted joint position, metres.
+        position: f64,
+    },
+}
+
+/// A slide is moved further than asked by this much, metres.
+const MORE: f64 = 0.02;
+
+impl Goal {
+    /// The slide that is moved and the joint position at which the hand aims,
+    /// metres: a little beyond what is asked.
+    #[must_use]
+    pub fn slide(&self) -> Option<(usize, f64)> {
+        match *self {
+            Self::Lift { .. } | Self::Put { .. } | Self::Give { .. } | Self::Bring { .. } => None,
+            Self::Open {
+                slide, position, ..
+            } => Some((slide, position + MORE)),
+            Self::Close {
+                slide, position, ..
+            } => Some((slide, (position - MORE).max(0.0))),
+        }
+    }
+
+    /// The region in `house` into which a thing is put.
+    #[must_use]
+    pub fn region(&self) -> Option<Obb> {
+        match self {
+            Self::Put { region, .. } => Some(*region),
+            Self::Lift { .. }
+            | Self::Give { .. }
+            | Self::Bring { .. }
+            | Self::Open { .. }
+            | Self::Close { .. } => None,
+        }
+    }
+
+    /// The thing that the hand takes.
+    #[must_use]
+    pub fn item(&self) -> usize {
+        match self {
+            Self::Lift { item }
+            | Self::Put { item, .. }
+            | Self::Give { item, .. }
+            | Self::Bring { item, .. }
+            | Self::Open { item, .. }
+            | Self::Close { item, .. } => *item,
+        }
+    }
+
+    /// Reads what the scene's answer says; `None` without a task.
+    ///
+    /// # Errors
+    /// [`Invalid`] when it names what is not there.
+    pub fn read(reply: &v1::SceneReply, scene: &SceneModel) -> Result<Option<Self>, Invalid> {
+        let Some(goal) = &reply.goal else {
+            return Ok(None);
+        };
+        let unknown = |what: &'static str, value: &str, expected: &'static str| Invalid::Word {
+            what,
+            value: value.to_owned(),
+            expected,
+        };
+        let item = scene
+            .items
+            .iter()
+            .position(|item| item.name == goal.target)
+            .ok_or_else(|| unknown("target of the goal", &goal.target, "a body that moves"))?;
+        Ok(match goal.kind() {
+            v1::GoalKind::Unspecified => None,
+            v1::GoalKind::Lift => Some(Self::Lift { item }),
+            v1::GoalKind::Bring => {
+                let tip = check::vector("tip of the goal", goal.tip.as_ref())?;
+                Some(Self::Bring {
+                    item,
+                    tip: tip.into(),
+                })
+            }
+            kind @ (v1::GoalKind::Put | v1::GoalKind::Give) => {
+                let told = goal.region.unwrap_or_default();
+                let region = Obb {
+                    pose: normalized("pose of the region", told.pose.as_ref())?,
+                    half: check::vector("half extents of the region", told.half.as_ref())?.into(),
+                    round: false,
+                };
+                Some(match kind {
+                    v1::GoalKind::Give => Self::Give { item, lap: region },
+                    _ => Self::Put { item, region },
+                })
+            }
+            kind @ (v1::GoalKind::Open | v1::GoalKind::Close) => {
+                let slide = scene
+                    .slides
+                    .iter()
+                    .position(|slide| slide.name == goal.joint)
+                    .ok_or_else(|| {
+                        unknown("joint of the goal", &goal.joint, "a joint of the scene")
+                    })?;
+                let position = check::within("position of the goal", goal.position, 0.0, 2.0)?;
+                Some(match kind {
+                    v1::GoalKind::Close => Self::Close {
+                        item,
+                        slide,
+                        position,
+                    },
+                    _ => Self::Open {
+                        item,
+                        slide,
+                        position,
+                    },
+                })
+            }
+        })
+    }
+}

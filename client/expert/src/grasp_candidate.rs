@@ -1,0 +1,306 @@
+//! Grasp candidates: every grasp of an object, turned, leaned and moved out
+//! until the hand is free of collisions at the grasp and on its way in.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use wheelarm_planning::footprint_check::Pose2;
+use wheelarm_proto::exact;
+
+use super::clearance::Surroundings;
+use super::goal::Goal;
+use super::habits::Habits;
+use super::hand::Hand;
+use super::scene::{Grasp, SceneModel};
+
+/// Where and how the hand takes an object, or puts it down, in `house`. The
+/// retreat is the way out again, from `grasp` towards `pregrasp`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraspCandidate {
+    /// End effector before the object, from where the hand approaches straight.
+    pub pregrasp: Isometry3<f64>,
+    /// End effector at the grasp.
+    pub grasp: Isometry3<f64>,
+    /// Opening of the hand during the approach, metres.
+    pub opening: f64,
+    /// Distance between the pads at the grasp, metres.
+    pub width: f64,
+    /// Cap of the pads' force, N; `None` leaves it to the operator profile.
+    pub force: Option<f64>,
+    /// How far it leans about its closing axis, radians.
+    pub lean: f64,
+    /// How much shallower than told the object is grasped, metres.
+    pub backoff: f64,
+    /// What it has against it; 0 for a hand that comes as the grasp says, infinite for one
+    /// that only habits choose.
+    pub cost: f64,
+    /// The same where the habits count; lower for a grasp that suits them.
+    pub wish: f64,
+    /// The demonstration that it is of; `None` for one of the operator's own.
+    pub shown: Option<Shown>,
+}
+
+/// Of which demonstration a grasp candidate is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// Its index.
+    pub index: usize,
+    /// The thing stands as in the demonstration after this turn about its own vertical,
+    /// radians.
+    pub turn: f64,
+    /// Where the chair stood.
+    pub chair: Pose2,
+}
+
+impl GraspCandidate {
+    /// The grasp point of `hand` in `house`.
+    #[must_use]
+    pub fn point(&self, hand: &Hand) -> Point3<f64> {
+        self.grasp * Point3::new(0.0, 0.0, hand.pads(self.width))
+    }
+
+    /// Direction of the hand on the floor plan, radians; `None` for a hand
+    /// that comes from above.
+    #[must_use]
+    pub fn heading(&self) -> Option<f64> {
+        let forward = self.grasp.rotation * Vector3::z();
+        (forward.xy().norm() > 0.3).then(|| exact::atan2(forward.y, forward.x))
+    }
+}
+
+/// Room that the hand keeps from what it must not touch, metres: the first
+/// that leaves a candidate is taken. The last one allows for boxes around round things.
+pub const MARGINS: [f64; 4] = [0.008, 0.004, 0.0, -0.006];
+/// An object lower than this is taken near by and with a steep hand: the arm reaches down to it
+/// from its shoulder, metres over the floor.
+pub const LOW: f64 = 0.35;
+/// The hand opens wider than the thing by this much where that is possible, metres.
+const ROOM: f64 = 0.034;
+/// Turns of a round thing that are looked at.
+const TURNS: u8 = 24;
+/// A grasp may be shallower than told by this much, metres.
+const BACKOFF: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
+/// How far a level hand leans forward, radians.
+const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
+/// How far a hand from above leans, radians: the camera stays above.
+const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
+/// How far a hand that closes upright turns about the bar, radians.
+const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
+/// Height of a grasp over and under the told one that is wanted at most, metres.
+const HIGHER: f64 = 0.025;
+/// The pads of a higher or lower grasp keep this far from the object's ends, metres.
+const FROM_END: f64 = 0.02;
+/// Cost of a grasp at the told height where another one is wanted.
+const NOT_AS_WANTED: f64 = 0.6;
+/// A hand from above starts nearer to the thing by this factor: there is
+/// little room below the shoulder.
+const TOP_STANDOFF: f64 = 0.55;
+/// The fingers reach this far beyond the grasp point, metres.
+const FINGER_TIP: f64 = 0.012;
+/// Room between the fingers and the limbs of a soft thing before they go in, metres.
+const OUTSIDE: f64 = 0.015;
+/// A handle is what lies this close to the grasp point, metres.
+const HANDLE: f64 = 0.02;
+
+/// Every candidate for the goal's object as it lies now that keeps `margin`
+/// metres from everything else. The pregrasp is `standoff` metres before the
+/// grasp. Candidates that suit the habits cost less.
+#[must_use]
+pub fn candidates(
+    scene: &SceneModel,
+    goal: &Goal,
+    poses: &[Isometry3<f64>],
+    habits: Option<&Habits>,
+    standoff: f64,
+    margin: f64,
+) -> Vec<GraspCandidate> {
+    let Some(house_from_item) = poses.get(goal.item()) else {
+        return Vec::new();
+    };
+    // A leaning hand presses into the lap: what is laid there is taken the plain way.
+    let habits = habits.filter(|_| !matches!(goal, Goal::Give { .. }));
+    let mut candidates = Vec::new();
+    for grasp in scene.grasps.iter().filter(|g| g.item == goal.item()) {
+        let point = house_from_item * grasp.item_from_grasp * Point3::origin();
+        let around = surroundings(scene, goal, poses, &point);
+        let turns = if grasp.symmetric { TURNS } else { 1 };
+        for turn in 0..turns {
+            let turned = UnitQuaternion::from_axis_angle(
+                &Vector3::z_axis(),
+                TAU * f64::from(turn) / f64::from(turns),
+            );
+            // The hand looks the same after half a turn about its own axis.
+            for half in [0.0, PI] {
+                let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
+                let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
+                let leans = leans(&house_from_grasp, grasp.from_above);
+                // What is soft slips out of a leaning hand.
+                let leaning = habits.filter(|_| grasp.force.is_none());
+                let is_low = house_from_grasp.translation.z < LOW;
+                let wanted = leaning.map_or(0.0, |habits| wanted_lean(leans, is_low, habits.lean));
+                let heights = match goal.slide() {
+                    Some(_) => vec![(0.0, 0.0)],
+                    None => heights(scene, grasp, house_from_item, &house_from_grasp, habits),
+                };
+                for (height, cost) in heights {
+                    let at = Translation3::new(0.0, 0.0, height) * house_from_grasp;
+                    for lean in leans {
+                        let found = deepest(scene, grasp, &at, *lean, &around, standoff, margin);
+                        candidates.extend(found.map(|mut candidate| {
+                            let backoff = candidate.cost;
+                            // Another height than the told one is for the habits alone.
+                            candidate.cost = match height == 0.0 {
+                                true => backoff + (lean / 0.4).powi(2),
+                                false => f64::INFINITY,
+                            };
+                            candidate.wish = backoff + cost + ((lean - wanted) / 0.4).powi(2);
+                            candidate
+                        }));
+                    }
+                }
+            }
+        }
+    }
+    candidates
+}
+
+/// Angles by which a hand may lean about its closing axis at a grasp, one that is
+/// only `from_above` or any.
+fn leans(house_from_grasp: &Isometry3<f64>, from_above: bool) -> &'static [f64] {
+    let axis = |v: Vector3<f64>| (house_from_grasp.rotation * v).z;
+    let (closing, up, forward) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
+    if forward < -0.8 {
+        &TOP_LEAN
+    } else if from_above || forward > 0.3 {
+        // Not from below.
+        &[]
+    } else if closing.abs() > 0.8 {
+        &UPRIGHT_LEAN
+    } else if up > 0.3 {
+        &LEVEL_LEAN
+    } else {
+        // Not with the camera below the hand.
+        &[]
+    }
+}
+
+/// The lean that a habit wants among those that are possible, radians.
+fn wanted_lean(leans: &[f64], is_low: bool, share: f64) -> f64 {
+    // The steepest ones are for places that are hard to reach, and the arm reaches a low
+    // object with no others.
+    let usual = match is_low && leans == LEVEL_LEAN {
+        true => &leans[2..],
+        false => &leans[..leans.len().min(3)],
+    };
+    let least = usual.iter().copied().fold(0.0, f64::min);
+    let most = usual.iter().copied().fold(0.0, f64::max);
+    least + share * (most - least)
+}
+
+/// How much higher than told an upright object is grasped by a level hand, metres, with the
+/// cost: as the habit wants, then as told.
+fn heights(
+    scene: &SceneModel,
+    grasp: &Grasp,
+    house_from_item: &Isometry3<f64>,
+    house_from_grasp: &Isometry3<f64>,
+    habits: Option<&Habits>,
+) -> Vec<(f64, f64)> {
+    let told = vec![(0.0, 0.0)];
+    let forward = house_from_grasp.rotation * Vector3::z();
+    let closing = house_from_grasp.rotation * Vector3::x();
+    let level = forward.z.abs() < 0.3 && closing.z.abs() < 0.3;
+    let Some(habits) = habits.filter(|_| level && grasp.force.is_none()) else {
+        return told;
+    };
+    let corners = scene.items[grasp.item].boxes.iter();
+    let corners = corners.flat_map(|obb| obb.corners());
+    let offs = corners.map(|corner| (house_from_item * corner).z - house_from_grasp.translation.z);
+    let [low, high] = offs.fold([0.0_f64; 2], |[low, high], z| [low.min(z), high.max(z)]);
+    let least = (low + FROM_END).clamp(-HIGHER, 0.0);
+    let most = (high - FROM_END).clamp(0.0, HIGHER);
+    let wanted = match habits.height < 0.0 {
+        true => -habits.height * least,
+        false => habits.height * most,
+    };
+    vec![(wanted, 0.0), (0.0, NOT_AS_WANTED)]
+}
+
+/// The candidate that leans by `lean` and is as deep as possible.
+fn deepest(
+    scene: &SceneModel,
+    grasp: &Grasp,
+    house_from_grasp: &Isometry3<f64>,
+    lean: f64,
+    around: &Surroundings,
+    standoff: f64,
+    margin: f64,
+) -> Option<GraspCandidate> {
+    let leaned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), lean);
+    let hand = &scene.hand;
+    let opening = hand.stroke.min(grasp.width + ROOM);
+    // The pads must still meet the object when the grasp is shallower.
+    let most = hand.pads(grasp.width) + 0.005 - scene.tool_length;
+    BACKOFF
+        .iter()
+        .filter(|by| **by <= most)
+        .find_map(|backoff| {
+            let tool_from_grasp = Translation3::new(0.0, 0.0, -scene.tool_length - backoff);
+            let at = house_from_grasp * leaned * tool_from_grasp;
+            let from_above = (house_from_grasp.rotation * Vector3::z()).z < -0.8;
+            let standoff = standoff * if from_above { TOP_STANDOFF } else { 1.0 };
+            let standoff = standoff.max(outside(scene, grasp));
+            let pregrasp = at * Translation3::new(0.0, 0.0, -standoff);
+            let is_free = around.hand_is_free(hand, grasp.width, &[at], margin)
+                && around.hand_is_free(hand, opening, &[pregrasp, at], margin);
+            is_free.then_some(GraspCandidate {
+                pregrasp,
+                grasp: at,
+                opening,
+                width: grasp.width,
+                force: grasp.force,
+                lean,
+                backoff: *backoff,
+                cost: backoff / 0.02 * 0.3,
+                wish: 0.0,
+                shown: None,
+            })
+        })
+}
+
+/// How far before a grasp the fingers are outside a soft thing's limbs, metres; 0
+/// for what is stiff, whose grasps lie at its rim.
+fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
+    if grasp.force.is_none() {
+        return 0.0;
+    }
+    let corners = scene.items[grasp.item].boxes.iter();
+    let corners = corners.flat_map(|obb| obb.corners());
+    let before = |corner: Point3<f64>| {
+        let corner = grasp.item_from_grasp.inverse_transform_point(&corner);
+        FINGER_TIP + OUTSIDE - corner.z
+    };
+    corners.map(before).fold(0.0, f64::max)
+}
+
+/// What the hand must not touch where it takes the goal's thing at `point`. An object
+/// is in the fingers' hold; of a slide only the handle is.
+pub(crate) fn surroundings(
+    scene: &SceneModel,
+    goal: &Goal,
+    poses: &[Isometry3<f64>],
+    point: &Point3<f64>,
+) -> Surroundings {
+    const WIDE: f64 = 0.75;
+    let item = goal.item();
+    let mut around = scene.near(point, WIDE, poses, Some(item));
+    if goal.slide().is_some() {
+        let front = scene.items[item]
+            .boxes
+            .iter()
+            .map(|obb| obb.at(&poses[item]))
+            .filter(|obb| obb.distance(point) > HANDLE);
+        around.boxes.extend(front);
+    }
+    around
+}

@@ -1,0 +1,290 @@
+//! What stands around: the server's answer to the `scene` query, checked.
+//! Nothing is decided here.
+
+use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
+use wheelarm_proto::check::{self, Invalid};
+use wheelarm_proto::geometry::normalized;
+use wheelarm_proto::v1;
+
+use super::hand::Hand;
+use super::observation::Observation;
+use wheelarm_planning::footprint_check::{Limb, Outline, occupied};
+use wheelarm_planning::obb::Obb;
+
+/// A thing that can be moved: an object, or a piece of furniture that slides.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Item {
+    /// Name.
+    pub name: String,
+    /// Boxes around it in its own frame.
+    pub boxes: Vec<Obb>,
+}
+
+/// A piece of furniture that slides, for example a drawer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slide {
+    /// Name of the joint.
+    pub name: String,
+    /// Index among the things.
+    pub item: usize,
+    /// Its pose in `house` at joint position 0.
+    pub rest: Isometry3<f64>,
+    /// Direction of growing positions in `house`.
+    pub axis: Unit<Vector3<f64>>,
+}
+
+/// A grasp of a thing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grasp {
+    /// Index of the thing.
+    pub item: usize,
+    /// Name.
+    pub name: String,
+    /// Grasp point in the thing's frame: z approach, x closing.
+    pub item_from_grasp: Isometry3<f64>,
+    /// Distance between the pads at the grasp, metres.
+    pub width: f64,
+    /// Any turn about the thing's z axis will do.
+    pub symmetric: bool,
+    /// Only where the hand comes from above.
+    pub from_above: bool,
+    /// Cap of the pads' force, N; `None` leaves it to the operator profile.
+    pub force: Option<f64>,
+}
+
+/// Who sits in the chair, in `wheelchair_root`, with the head straight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seated {
+    /// What stands for the body.
+    pub capsules: Vec<Capsule>,
+    /// Between the lips, x out of the mouth.
+    pub mouth: Isometry3<f64>,
+}
+
+/// A capsule of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capsule {
+    /// Ends of its axis.
+    pub ends: [Point3<f64>; 2],
+    /// Metres.
+    pub radius: f64,
+    /// It moves with the head.
+    pub moves: bool,
+}
+
+impl Capsule {
+    /// What it adds to the footprint of the chair.
+    fn limb(&self) -> Limb {
+        Limb {
+            ends: self.ends.map(|end| end.coords.into()),
+            radius: self.radius,
+        }
+    }
+
+    /// Distance of a point from the surface, metres; negative inside.
+    #[must_use]
+    pub fn distance(&self, at: &Point3<f64>) -> f64 {
+        let [a, b] = self.ends;
+        let along = b - a;
+        let length = along.norm_squared().max(1e-12);
+        let share = ((at - a).dot(&along) / length).clamp(0.0, 1.0);
+        (at - (a + along * share)).norm() - self.radius
+    }
+}
+
+/// Geometry of one scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneModel {
+    /// What stays, in `house`.
+    pub furniture: Vec<Obb>,
+    /// What moves: the objects in the order of their poses, then the slides.
+    pub items: Vec<Item>,
+    /// Furniture that slides, in the order of the joint positions.
+    pub slides: Vec<Slide>,
+    /// Grasps of things.
+    pub grasps: Vec<Grasp>,
+    /// `base_link` in `wheelchair_root`.
+    pub chair_from_base: Isometry3<f64>,
+    /// From the end effector to the grasp point along tool z, metres.
+    pub tool_length: f64,
+    /// Footprint of the chair: x min, x max, y min, y max, metres.
+    pub footprint: [f64; 4],
+    /// The robot and the person in it by height, bottom up: height to which it holds,
+    /// metres, and outline with the arm at home.
+    pub outlines: Vec<(f64, Outline)>,
+    /// Least and greatest distance on the floor plan from the arm's base to what
+    /// is taken, metres.
+    pub arm_range: [f64; 2],
+    /// The hand.
+    pub hand: Hand,
+    /// Positions of the arm's joints at home, from base to hand, radians.
+    pub home: [f64; 6],
+    /// Who sits in the chair.
+    pub person: Option<Seated>,
+}
+
+fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
+    boxes
+        .iter()
+        .map(|geometry| {
+            Ok(Obb {
+                pose: normalized("box pose", geometry.pose.as_ref())?,
+                half: check::vector("box half extents", geometry.half.as_ref())?.into(),
+                round: false,
+            })
+        })
+        .collect()
+}
+
+/// The thing of that name with its boxes, none where no body has the name.
+fn read_item(reply: &v1::SceneReply, name: &str) -> Result<Item, Invalid> {
+    let body = reply.bodies.iter().find(|body| body.name == name);
+    Ok(Item {
+        name: name.to_owned(),
+        boxes: read_boxes(body.map_or(&[], |body| &body.boxes))?,
+    })
+}
+
+fn read_slide(joint: &v1::FurnitureJoint, item: usize) -> Result<Slide, Invalid> {
+    let axis = check::vector("axis of a joint", joint.axis.as_ref())?;
+    Ok(Slide {
+        name: joint.name.clone(),
+        item,
+        rest: normalized("rest pose of a joint", joint.rest.as_ref())?,
+        axis: Unit::new_normalize(axis.into()),
+    })
+}
+
+fn read_grasp(grasp: &v1::GraspFrame, items: &[Item]) -> Result<Grasp, Invalid> {
+    let item = items
+        .iter()
+        .position(|item| item.name == grasp.object)
+        .ok_or_else(|| Invalid::Word {
+            what: "object of a grasp",
+            value: grasp.object.clone(),
+            expected: "the name of a body that moves",
+        })?;
+    Ok(Grasp {
+        item,
+        name: grasp.name.clone(),
+        item_from_grasp: normalized("grasp pose", grasp.pose.as_ref())?,
+        width: check::within("grasp width", grasp.width, 0.0, 1.0)?,
+        symmetric: grasp.symmetric,
+        from_above: grasp.from_above,
+        force: grasp
+            .force
+            .map(|force| check::within("grasp force", force, 0.0, 1e4))
+            .transpose()?,
+    })
+}
+
+fn read_seated(told: &v1::SeatedPerson) -> Result<Seated, Invalid> {
+    let read = |capsule: &v1::PersonCapsule| {
+        let end = |end: Option<&v1::Vector3>| {
+            check::vector("end of a person's capsule", end).map(Point3::from)
+        };
+        Ok(Capsule {
+            ends: [end(capsule.a.as_ref())?, end(capsule.b.as_ref())?],
+            radius: check::within("radius of a person's capsule", capsule.radius, 0.0, 1.0)?,
+            moves: capsule.moves,
+        })
+    };
+    Ok(Seated {
+        capsules: told.capsules.iter().map(read).collect::<Result<_, _>>()?,
+        mouth: normalized("pose of the mouth", told.mouth.as_ref())?,
+    })
+}
+
+/// Boxes as wide as they are deep by this are those of a round thing, metres.
+const ROUND: f64 = 1e-3;
+
+impl SceneModel {
+    /// Reads the server's answer.
+    ///
+    /// # Errors
+    /// [`Invalid`] that names the field.
+    pub fn read(reply: &v1::SceneReply) -> Result<Self, Invalid> {
+        let mut furniture = Vec::new();
+        for body in reply.bodies.iter().filter(|body| body.fixed) {
+            furniture.extend(read_boxes(&body.boxes)?);
+        }
+        let mut items = Vec::new();
+        for name in &reply.objects {
+            items.push(read_item(reply, name)?);
+        }
+        let mut slides = Vec::new();
+        for joint in &reply.joints {
+            slides.push(read_slide(joint, items.len())?);
+            items.push(read_item(reply, &joint.body)?);
+        }
+        let mut grasps = Vec::new();
+        for grasp in &reply.grasps {
+            grasps.push(read_grasp(grasp, &items)?);
+        }
+        for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {
+            for obb in &mut items[grasp.item].boxes {
+                // What may be taken from any side is round.
+                let upright = (obb.pose.rotation * Vector3::z()).z.abs() > 0.999;
+                obb.round = upright && (obb.half.x - obb.half.y).abs() < ROUND;
+            }
+        }
+        let robot = reply.robot.as_ref();
+        let robot = robot.ok_or(Invalid::Missing("description of the robot"))?;
+        let gripper = robot.gripper.as_ref();
+        let reach = robot.reach.unwrap_or_default();
+        let outlines = robot.outlines.iter().map(|outline| {
+            let sides = footprint(outline.footprint.as_ref())?;
+            let top = check::within("top of an outline", outline.top, 0.0, 10.0)?;
+            Ok((top, Outline { sides }))
+        });
+        let outlines = outlines.collect::<Result<Vec<_>, Invalid>>()?;
+        let person = reply.persons.first().map(read_seated).transpose()?;
+        let capsules = person.iter().flat_map(|person| &person.capsules);
+        let limbs: Vec<Limb> = capsules.map(Capsule::limb).collect();
+        // A thing that the hand cannot take in has no grasp.
+        let hand = Hand::read(gripper.ok_or(Invalid::Missing("gripper"))?)?;
+        grasps.retain(|grasp| grasp.width <= hand.stroke);
+        Ok(Self {
+            furniture,
+            items,
+            slides,
+            grasps,
+            chair_from_base: normalized("arm mount", robot.arm_mount.as_ref())?,
+            tool_length: check::within("tool length", robot.tool_length, 0.0, 0.5)?,
+            footprint: footprint(robot.footprint.as_ref())?,
+            outlines: occupied(&outlines, &limbs),
+            arm_range: check::list("range of the arm", &[reach.nearest, reach.furthest])?,
+            hand,
+            home: check::list("home of the arm", &robot.home_positions)?,
+            person,
+        })
+    }
+
+    /// Poses of all things in `house`.
+    #[must_use]
+    pub fn poses(&self, seen: &Observation) -> Vec<Isometry3<f64>> {
+        let slides = self.slides.iter().enumerate().map(|(index, slide)| {
+            let position = seen.slides.get(index).copied().unwrap_or(0.0);
+            Translation3::from(slide.axis.scale(position)) * slide.rest
+        });
+        seen.objects.iter().copied().chain(slides).collect()
+    }
+
+    /// `base_link` in `house`.
+    #[must_use]
+    pub fn house_from_base(&self, seen: &Observation) -> Isometry3<f64> {
+        seen.house_from_chair * self.chair_from_base
+    }
+
+    /// The end effector in `house`.
+    #[must_use]
+    pub fn house_from_tool(&self, seen: &Observation) -> Isometry3<f64> {
+        self.house_from_base(seen) * seen.base_from_tool
+    }
+}
+
+fn footprint(told: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
+    let told = told.ok_or(Invalid::Missing("footprint"))?;
+    let sides = [told.x_min, told.x_max, told.y_min, told.y_max];
+    check::list("footprint", &sides)
+}

@@ -1,0 +1,237 @@
+//! The skills: one small state machine each. A skill sees observations, says
+//! what to do, and ends done, missed or unable. It knows nothing of tasks and
+//! of the skills before or after it, beside what is in the hand.
+
+pub mod back_off;
+pub mod bring;
+pub mod carry;
+pub mod fumble;
+pub mod grasp;
+pub mod lift;
+pub mod look_around;
+pub mod motion;
+pub mod navigate;
+pub mod place;
+pub mod play;
+pub mod prepare;
+pub mod pull;
+pub mod reach;
+pub mod release;
+pub mod stow;
+pub mod watch;
+
+use nalgebra::Isometry3;
+use wheelarm_proto::v1::Phase;
+
+use super::base_placement::{self, ArmReachability};
+use super::demonstration::{Demonstration, Demonstrations, Wander, adapt};
+use super::goal::Goal;
+use super::grasp_candidate::{self, GraspCandidate, Shown};
+use super::observation::Observation;
+use super::profile::OperatorProfile;
+use super::scene::SceneModel;
+use super::tool_path::distance;
+use wheelarm_planning::footprint_check::Pose2;
+
+/// What is done at one control tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Act {
+    /// New end effector target in `base_link`, if any.
+    pub tool: Option<Isometry3<f64>>,
+    /// New positions of the arm's joints instead, radians, if any.
+    pub joints: Option<[f64; 6]>,
+    /// Forward speed, m/s, and turn rate, rad/s, if the chair is commanded.
+    pub base: Option<[f64; 2]>,
+    /// Opening of the gripper, metres, if it changes.
+    pub opening: Option<f64>,
+    /// Phase of the work.
+    pub phase: Phase,
+    /// Its finer name.
+    pub name: &'static str,
+}
+
+impl Act {
+    /// Nothing but the name of what is being done.
+    #[must_use]
+    pub fn named(phase: Phase, name: &'static str) -> Self {
+        Self {
+            tool: None,
+            joints: None,
+            base: None,
+            opening: None,
+            phase,
+            name,
+        }
+    }
+}
+
+/// What a skill says at one control tick.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// It is at work.
+    Going(Act),
+    /// It has done its part.
+    Done,
+    /// It did not come out as meant: let go and try again.
+    Missed(String),
+    /// It cannot be done from where the chair stands.
+    Elsewhere(String),
+    /// It cannot be done at all.
+    Impossible(String),
+}
+
+/// A skill at work.
+pub trait Skill: Send {
+    /// Decides what to do at one control tick.
+    fn step(&mut self, now: &mut Now<'_>) -> Step;
+}
+
+/// What a skill works with at one control tick.
+pub struct Now<'a> {
+    /// What stands where.
+    pub scene: &'a SceneModel,
+    /// What is asked.
+    pub goal: &'a Goal,
+    /// The operator profile.
+    pub profile: &'a OperatorProfile,
+    /// The observation.
+    pub seen: &'a Observation,
+    /// Poses of all things in `house`.
+    pub poses: &'a [Isometry3<f64>],
+    /// The arm's kinematics.
+    pub reach: &'a mut dyn ArmReachability,
+    /// What somebody has shown.
+    pub shown: &'a Demonstrations,
+    /// What skills leave for each other.
+    pub memory: &'a mut Memory,
+}
+
+/// What skills leave for each other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory {
+    /// End effector in `base_link` at the start: a safe place for the hand.
+    pub home: Option<Isometry3<f64>>,
+    /// The grasp candidate that was chosen.
+    pub candidate: Option<GraspCandidate>,
+    /// The grasp for which the chair was placed, as the end effector in the thing's frame.
+    pub planned: Option<Isometry3<f64>>,
+    /// Grasp candidates that did not work, as the end effector in the thing's frame.
+    pub refused: Vec<Isometry3<f64>>,
+    /// Stops of the chair from which it did not work.
+    pub left: Vec<Pose2>,
+    /// The thing in the end effector's frame when the hand was closed.
+    pub held: Option<Isometry3<f64>>,
+    /// The thing in `house` before it was taken.
+    pub rest: Option<Isometry3<f64>>,
+    /// What happened, in words.
+    pub notes: Vec<String>,
+    /// The scenario hinders the robot: what is taken may be moved by others.
+    pub hindered: bool,
+    /// The next grasp closes beside the thing, on purpose.
+    pub aside: bool,
+    /// Frame of the demonstration that is played, in `house`, and how the hand is off.
+    pub playing: Option<(Isometry3<f64>, Wander)>,
+}
+
+/// The thing has slipped when it moved this far in the hand, metres.
+const SLIP: f64 = 0.03;
+
+impl Now<'_> {
+    /// The goal's thing in `house`.
+    #[must_use]
+    pub fn thing(&self) -> Isometry3<f64> {
+        self.poses[self.goal.item()]
+    }
+
+    /// The goal's thing in the end effector's frame.
+    #[must_use]
+    pub fn thing_in_hand(&self) -> Isometry3<f64> {
+        self.scene.house_from_tool(self.seen).inv_mul(&self.thing())
+    }
+
+    /// Why the thing is no longer held; `None` while it is.
+    #[must_use]
+    pub fn slipped(&self) -> Option<String> {
+        let held = self.memory.held?;
+        let moved = distance(&held, &self.thing_in_hand());
+        (moved > SLIP).then(|| {
+            format!(
+                "the {} slipped {:.0} mm in the hand",
+                self.scene.items[self.goal.item()].name,
+                moved * 1e3
+            )
+        })
+    }
+
+    /// Candidates to take the goal's thing as it lies now that keep `margin` metres from
+    /// everything else: those that were shown, if any were, and no others.
+    #[must_use]
+    pub fn candidates(&self, margin: f64) -> Vec<GraspCandidate> {
+        match self.shown.list.is_empty() {
+            true => {
+                let standoff = self.profile.grasp.standoff;
+                let habits = self.profile.habits.as_ref();
+                let (scene, goal) = (self.scene, self.goal);
+                grasp_candidate::candidates(scene, goal, self.poses, habits, standoff, margin)
+            }
+            false => adapt::candidates(self.scene, self.goal, self.poses, self.shown, margin),
+        }
+    }
+
+    /// The demonstration as which the thing was taken, or is to be.
+    #[must_use]
+    pub fn taken_as(&self) -> Option<(&Demonstration, Shown)> {
+        let shown = self.memory.candidate.as_ref()?.shown?;
+        Some((self.shown.list.get(shown.index)?, shown))
+    }
+
+    /// Where the server wants the end effector to be, in `house`.
+    #[must_use]
+    pub fn house_from_desired(&self) -> Isometry3<f64> {
+        let desired = self
+            .seen
+            .base_from_desired
+            .unwrap_or(self.seen.base_from_tool);
+        self.scene.house_from_base(self.seen) * desired
+    }
+
+    /// Whether the arm, from where the end effector is meant to be, reaches
+    /// `poses` in `house` one after another without folding over.
+    pub fn reaches(&mut self, poses: &[Isometry3<f64>]) -> bool {
+        let tool = self
+            .seen
+            .base_from_desired
+            .unwrap_or(self.seen.base_from_tool);
+        let chair = self.seen.house_from_chair;
+        base_placement::reaches_from(self.scene, &chair, &tool, poses, self.reach)
+    }
+
+    /// The same along a path on which no joint has to be quick.
+    pub fn reaches_gently(&mut self, poses: &[Isometry3<f64>]) -> bool {
+        let base_from_house = self.scene.house_from_base(self.seen).inverse();
+        let poses: Vec<_> = poses.iter().map(|pose| base_from_house * pose).collect();
+        let tool = self.seen.base_from_desired;
+        let tool = tool.unwrap_or(self.seen.base_from_tool);
+        base_placement::reaches_within(&tool, &poses, base_placement::GENTLE, self.reach)
+    }
+
+    /// Gives up this stop of the chair: it is not taken again.
+    #[must_use]
+    pub fn elsewhere(&mut self, why: &str) -> Step {
+        self.memory.left.push(self.seen.chair());
+        Step::Elsewhere(why.to_owned())
+    }
+
+    /// The candidate that was chosen is not chosen again.
+    pub fn refuse_candidate(&mut self) {
+        if let Some(candidate) = self.memory.candidate {
+            let thing_from_tool = self.thing().inv_mul(&candidate.grasp);
+            self.memory.refused.push(thing_from_tool);
+        }
+    }
+
+    /// Leaves a note.
+    pub fn note(&mut self, text: String) {
+        self.memory.notes.push(text);
+    }
+}

@@ -1,0 +1,467 @@
+//! Navigate: looks for a base placement and a path to it, drives there, waits
+//! until the chair is at rest.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{Isometry3, Translation3};
+use wheelarm_proto::v1::Phase;
+
+use super::prepare::Prepare;
+use super::{Act, Now, Skill, Step};
+use crate::base_placement::{self, BasePlacement, PLACEMENT_MARGIN};
+use crate::demonstration::adapt;
+use crate::drive::Drive;
+use crate::goal::Goal;
+use crate::grasp_candidate::{GraspCandidate, MARGINS};
+use crate::habits::Habits;
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
+use wheelarm_planning::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
+
+use super::{bring, lift, place};
+
+/// Placements that are checked for reach and path per stop.
+const PLACES: usize = 120;
+/// The same of those that suit the habits: each costs time, and there are others.
+const WANTED: usize = 60;
+/// Placements without a path after which a list of placements is abandoned: each takes a rough
+/// search.
+const PATHLESS: usize = 12;
+/// A placement this near to one without a path has none either, metres and radians.
+const NEIGHBOUR: [f64; 2] = [0.045, 0.15];
+/// Levels of content with a placement: all in one go, or only what comes first.
+const LEVELS: usize = 2;
+/// A placement that did not work is not taken again within this, metres and radians.
+const LEFT: [f64; 2] = [0.12, 0.25];
+/// Straight segments before a stop that are tried, metres.
+const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
+/// Radii of arcs that are tried, as shares of the operator profile's.
+const ARCS: [f64; 2] = [1.0, 0.75];
+
+/// Nodes of a rough search that tells whether there is any path: where there is none, each
+/// full search would look at all of its nodes.
+const ROUGH: usize = 12_000;
+
+/// What the chair is to stop for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// To take the thing.
+    Take,
+    /// To put down what is in the hand.
+    Put,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Plan,
+    Drive {
+        drive: Drive,
+        begun: f64,
+        prepare: Option<Prepare>,
+    },
+    Rest {
+        since: f64,
+    },
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Navigate {
+    purpose: Purpose,
+    state: State,
+}
+
+impl Navigate {
+    /// Begins.
+    #[must_use]
+    pub fn new(purpose: Purpose) -> Self {
+        Self {
+            purpose,
+            state: State::Plan,
+        }
+    }
+
+    fn plan(&mut self, now: &mut Now<'_>) -> Step {
+        match find(now, self.purpose) {
+            Ok((drive, candidate)) => {
+                let stop = drive.goal();
+                now.note(format!(
+                    "drives to ({:.2}, {:.2}) heading {:.0}° in {:.1} s",
+                    stop.x,
+                    stop.y,
+                    stop.heading.to_degrees(),
+                    drive.duration()
+                ));
+                let prepare = match self.purpose {
+                    Purpose::Put => None,
+                    Purpose::Take => {
+                        now.memory.planned = Some(now.thing().inv_mul(&candidate.grasp));
+                        let at = base_placement::standing(&stop);
+                        Prepare::plan(now, &at, &candidate, drive.duration())
+                    }
+                };
+                self.state = State::Drive {
+                    drive,
+                    begun: now.seen.time,
+                    prepare,
+                };
+                Step::Going(Act::named(Phase::Navigating, "planning"))
+            }
+            Err(why) => Step::Impossible(why),
+        }
+    }
+}
+
+impl Skill for Navigate {
+    fn step(&mut self, now: &mut Now<'_>) -> Step {
+        let still = Some([0.0, 0.0]);
+        match &self.state {
+            State::Plan => self.plan(now),
+            State::Drive {
+                drive,
+                begun,
+                prepare,
+            } => {
+                let time = now.seen.time - begun;
+                let mut act = Act::named(Phase::Navigating, "driving");
+                if time > drive.duration() + 0.3 {
+                    act.base = still;
+                    self.state = State::Rest {
+                        since: now.seen.time,
+                    };
+                } else {
+                    act.base = Some(drive.command(time, &now.seen.chair()));
+                    act.tool = prepare.as_ref().and_then(|prepare| prepare.target(time));
+                    if act.tool.is_some() {
+                        act.name = "driving and preparing";
+                    }
+                }
+                Step::Going(act)
+            }
+            State::Rest { since } => {
+                let [speed, rate] = now.seen.chair_speed;
+                let waited = now.seen.time - since;
+                if waited > 0.3 && (speed < 0.005 && rate.abs() < 0.01 || waited > 3.0) {
+                    return Step::Done;
+                }
+                Step::Going(Act {
+                    base: still,
+                    ..Act::named(Phase::Navigating, "stopping")
+                })
+            }
+        }
+    }
+}
+
+/// What an arm with its base at `house_from_base` has to reach, in `house`.
+struct Wanted {
+    /// Pregrasp and grasp.
+    approach: Vec<Isometry3<f64>>,
+    /// What comes after it: for each level of content, the best first, lists
+    /// of poses of which one has to be reached.
+    then: Vec<Vec<Vec<Isometry3<f64>>>>,
+}
+
+/// What a base placement is good for.
+fn wanted(
+    now: &Now<'_>,
+    candidate: &GraspCandidate,
+    purpose: Purpose,
+    house_from_base: &Isometry3<f64>,
+) -> Wanted {
+    let mut approach = vec![candidate.pregrasp, candidate.grasp];
+    if purpose == Purpose::Put {
+        let then = vec![vec![Vec::new()]];
+        return Wanted { approach, then };
+    }
+    let height = lift::height(now.goal, now.profile.grasp.lift);
+    let mut raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
+    if let Some(shown) = &candidate.shown {
+        approach = adapt::approach_stops(now.shown, shown, &now.thing());
+        let lift = adapt::lift_stops(now.shown, shown, &now.thing());
+        if !lift.is_empty() {
+            raised = vec![lift];
+        }
+    }
+    let then = match now.goal {
+        Goal::Lift { .. } => {
+            let up = raised[0].last().copied().unwrap_or(candidate.grasp);
+            let back = up * Translation3::new(0.0, 0.0, -now.profile.retract);
+            let best = [&raised[0][..], &[back]].concat();
+            vec![vec![best], raised]
+        }
+        Goal::Put { .. } => {
+            let held = candidate.grasp.inv_mul(&now.thing());
+            let puts = place::candidates(now, &held, candidate);
+            let both = |put: &GraspCandidate| {
+                let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
+                raised.iter().take(2).map(then).collect::<Vec<_>>()
+            };
+            vec![puts.iter().flat_map(both).collect(), raised.clone()]
+        }
+        Goal::Give { .. } | Goal::Bring { .. } => {
+            let chair = house_from_base * now.scene.chair_from_base.inverse();
+            vec![bring::after(now, &chair, candidate), raised]
+        }
+        Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
+            let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);
+            let axis = now.scene.slides[*slide].axis;
+            let aim = now.goal.slide().map_or(slide_now, |(_, aim)| aim);
+            let pulled = |share: f64| {
+                let distance = (aim - slide_now) * share;
+                Translation3::from(axis.scale(distance)) * candidate.grasp
+            };
+            vec![vec![vec![pulled(1.0)]], vec![vec![pulled(0.3)]]]
+        }
+    };
+    Wanted { approach, then }
+}
+
+impl Wanted {
+    /// Whether all of a level can be reached by a chair at `house_from_chair`.
+    fn is_reached(
+        &self,
+        level: usize,
+        now: &mut Now<'_>,
+        house_from_chair: &Isometry3<f64>,
+        never: impl FnOnce(),
+    ) -> bool {
+        let tool = now.seen.base_from_tool;
+        let scene = now.scene;
+        let mut reaches = |poses: &[Isometry3<f64>]| {
+            base_placement::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
+        };
+        // Most placements are out for the approach already.
+        if !reaches(&self.approach) {
+            never();
+            return false;
+        }
+        self.then.get(level).is_some_and(|lists| {
+            lists
+                .iter()
+                .any(|list| reaches(&[&self.approach[..], &list[..]].concat()))
+        })
+    }
+}
+
+/// Approaches, of an arm at a place, that it does not reach: they come again with the
+/// next level and the next margin.
+type Unreached = BTreeSet<[u64; 10]>;
+
+/// Tells one approach of an arm with its base at `house_from_base` from another.
+fn key(house_from_base: &Isometry3<f64>, candidate: &GraspCandidate) -> [u64; 10] {
+    let grasp = house_from_base.inv_mul(&candidate.grasp);
+    let pregrasp = house_from_base.inv_mul(&candidate.pregrasp);
+    let [x, y, z] = grasp.translation.vector.into();
+    let [i, j, k, w] = grasp.rotation.coords.into();
+    let [a, b, c] = pregrasp.translation.vector.into();
+    [x, y, z, i, j, k, w, a, b, c].map(f64::to_bits)
+}
+
+/// What became of the placements that were looked at.
+#[derive(Default)]
+struct Tally {
+    /// Most grasp candidates that a margin left.
+    candidates: usize,
+    /// Placements that were looked at.
+    tried: usize,
+    /// Of them, out of the arm's reach.
+    unreached: usize,
+    /// Of them, without a path of the chair.
+    pathless: usize,
+}
+
+/// The drive to the best base placement, and the candidate that it is for.
+fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), String> {
+    let chair = now.seen.chair();
+    let footprint = now.scene.footprint_check(now.poses);
+    let opened = opened(now);
+    let mut tally = Tally::default();
+    let mut unreached = Unreached::default();
+    let mut pathless = Vec::new();
+    for margin in MARGINS {
+        let candidates = candidates(now, purpose, margin);
+        tally.candidates = tally.candidates.max(candidates.len());
+        let distance = now.profile.grasp.distance;
+        let habits = now.profile.habits.filter(|_| purpose == Purpose::Take);
+        let place = |habits: Option<&Habits>| {
+            let mut placements =
+                base_placement::placements(now.scene, &chair, &candidates, habits, distance);
+            placements.retain(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN));
+            if let Some(opened) = &opened {
+                placements.retain(|placement| opened.is_free(&placement.chair, 0.0));
+            }
+            placements.truncate(20 * PLACES);
+            placements
+        };
+        // As the habits want, on the other side, the same half as far, then anywhere.
+        let wanted = habits.into_iter();
+        let wanted = wanted.flat_map(|habits| [habits, habits.milder()]);
+        let wanted = wanted.flat_map(|habits| [habits, habits.mirrored()]);
+        let wanted = wanted.map(|habits| (place(Some(&habits)), WANTED));
+        let placements: Vec<_> = wanted.chain([(place(None), PLACES)]).collect();
+        let choice = Choice {
+            purpose,
+            candidates,
+        };
+        // Placements from which everything can be done come first.
+        for level in 0..LEVELS {
+            for (placements, most) in &placements {
+                let mut search = Search {
+                    footprint: &footprint,
+                    tally: &mut tally,
+                    unreached: &mut unreached,
+                    pathless: &mut pathless,
+                };
+                let drive = choice.drive((&placements[..], *most), level, now, &mut search);
+                if let Some(found) = drive {
+                    return Ok(found);
+                }
+            }
+        }
+    }
+    let name = &now.scene.items[now.goal.item()].name;
+    Err(format!(
+        "no place to stop for {name:?}: {} grasp candidates, of {} base placements {} out of the arm's reach and {} without a path",
+        tally.candidates, tally.tried, tally.unreached, tally.pathless
+    ))
+}
+
+/// What the chair must not touch once the goal's slide is open; `None` for other goals.
+fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
+    let Goal::Open { slide, .. } = now.goal else {
+        return None;
+    };
+    let (_, aim) = now.goal.slide()?;
+    let slide = now.scene.slides.get(*slide)?;
+    let mut poses = now.poses.to_vec();
+    poses[slide.item] = Translation3::from(slide.axis.scale(aim)) * slide.rest;
+    Some(now.scene.footprint_check(&poses))
+}
+
+/// Candidates to take the thing, or to put down what is in the hand.
+fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidate> {
+    match purpose {
+        Purpose::Take => now.candidates(margin),
+        Purpose::Put => {
+            let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+            place::candidates(now, &held, &place::taken(now, &held))
+        }
+    }
+}
+
+/// What one search for a base placement knows already.
+struct Search<'a> {
+    footprint: &'a FootprintCheck,
+    tally: &'a mut Tally,
+    unreached: &'a mut Unreached,
+    /// Placements without a path of the chair.
+    pathless: &'a mut Vec<Pose2>,
+}
+
+/// Whether two placements are so near that one does as well as the other.
+fn are_neighbours(a: &Pose2, b: &Pose2) -> bool {
+    a.distance(b) < NEIGHBOUR[0] && a.to(b)[2].abs() < NEIGHBOUR[1]
+}
+
+/// Where the chair may stop, and for what.
+struct Choice {
+    purpose: Purpose,
+    candidates: Vec<GraspCandidate>,
+}
+
+impl Choice {
+    /// The drive to the best of `placements` from which all of a level of content can
+    /// be reached.
+    fn drive(
+        &self,
+        (placements, most): (&[BasePlacement], usize),
+        level: usize,
+        now: &mut Now<'_>,
+        search: &mut Search<'_>,
+    ) -> Option<(Drive, GraspCandidate)> {
+        let chair = now.seen.chair();
+        let (mut looked, mut without_path) = (0, 0);
+        let mut refused: Vec<(Pose2, usize)> = Vec::new();
+        for placement in placements {
+            if looked == most || without_path > PATHLESS {
+                break;
+            }
+            // Neighbours of a placement that did not do rarely do better.
+            let is_near = |(pose, candidate): &(Pose2, usize)| {
+                *candidate == placement.candidate && are_neighbours(pose, &placement.chair)
+            };
+            let was_left = now.memory.left.iter().any(|pose| {
+                pose.distance(&placement.chair) < LEFT[0]
+                    && pose.to(&placement.chair)[2].abs() < LEFT[1]
+            });
+            if was_left
+                || refused.iter().any(is_near)
+                || (search.pathless.iter()).any(|pose| are_neighbours(pose, &placement.chair))
+            {
+                continue;
+            }
+            let at = base_placement::standing(&placement.chair);
+            let base = at * now.scene.chair_from_base;
+            looked += 1;
+            search.tally.tried += 1;
+            let candidate = &self.candidates[placement.candidate];
+            let wanted = wanted(now, candidate, self.purpose, &base);
+            let key = key(&base, candidate);
+            if search.unreached.contains(&key)
+                || !wanted.is_reached(level, now, &at, || {
+                    search.unreached.insert(key);
+                })
+            {
+                search.tally.unreached += 1;
+                refused.push((placement.chair, placement.candidate));
+                continue;
+            }
+            let Some(path) = drive_path(search.footprint, chair, placement.chair, now) else {
+                search.tally.pathless += 1;
+                search.pathless.push(placement.chair);
+                without_path += 1;
+                continue;
+            };
+            return Some((Drive::new(chair, &path, &now.profile.drive), *candidate));
+        }
+        None
+    }
+}
+
+/// The quickest path whose last part is straight, so that the chair arrives
+/// aligned, with wide or with tight arcs.
+fn drive_path(
+    footprint: &FootprintCheck,
+    start: Pose2,
+    goal: Pose2,
+    now: &Now<'_>,
+) -> Option<Vec<Segment>> {
+    let mut best: Option<DrivePath> = None;
+    for length in STRAIGHTS {
+        let before = goal.rolled(-length, 0.0);
+        let all = ARCS.map(|tightness| PathPreferences {
+            radius: now.profile.path.radius * tightness,
+            ..now.profile.path
+        });
+        let [_, tight] = &all;
+        if !hybrid_a_star::has_path(footprint, start, before, tight, ROUGH) {
+            continue;
+        }
+        for preferences in all {
+            let Some(mut path) = hybrid_a_star::search(footprint, start, before, &preferences)
+            else {
+                continue;
+            };
+            path.segments.push(Segment::Roll {
+                length,
+                curvature: 0.0,
+            });
+            // A long straight part aligns better than a short one.
+            path.cost += length / now.profile.drive.speed - 4.0 * length;
+            if best.as_ref().is_none_or(|best| path.cost < best.cost) {
+                best = Some(path);
+            }
+        }
+    }
+    best.map(|path| path.segments)
+}

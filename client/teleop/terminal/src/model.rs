@@ -1,0 +1,520 @@
+//! What teleoperation knows and decides: keys, samples and time go in,
+//! commands and errands come out. Pure: no terminal, no network, no clock of
+//! its own; times are seconds of the caller's clock.
+
+mod commands;
+mod control;
+mod episode;
+
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::v1;
+use wheelarm_proto::v1::RefusalCode;
+
+use wheelarm_teleop_web::arm::{self, Arm};
+
+use crate::drive::Drive;
+use crate::form::{Answer, Form, Leaving};
+use crate::keys::Key;
+use wheelarm_teleop_web::watch::{Connection, Situation};
+
+pub use control::Control;
+pub use wheelarm_teleop_web::errand::{Done, Errand, Start};
+
+/// A second press within this time confirms, s.
+const CONFIRM: f64 = 2.5;
+/// A message stays this long in the message line, s.
+const MESSAGE: f64 = 8.0;
+/// Round trip of a person's control tick in lock-step, s.
+const TICK: f64 = 1.0 / 60.0;
+
+/// What the outside is to do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Effect {
+    /// Send a command that answers the tick of the header.
+    Send(Box<v1::Header>, Box<v1::Command>),
+    /// Ask the server for something that takes time.
+    Errand(Errand),
+    /// End the program.
+    Quit,
+}
+
+/// Settings of one run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settings {
+    /// Name under which commands are sent.
+    pub commander: String,
+    /// Take control at the start from whoever holds it.
+    pub take: bool,
+    /// Label of the first episode; from task and seed when empty.
+    pub label: String,
+    /// Instruction of the first episode; the scenario's when empty.
+    pub instruction: String,
+    /// Recorders that must be ready; 0 is practice.
+    pub recorders: u32,
+    /// Keep to the reach shell of WheelArm-Sim.
+    pub shell: bool,
+    /// The chair stops this long after its last key, s.
+    pub dead_man: Option<f64>,
+    /// Show where the object of the task lies.
+    pub target_hint: bool,
+}
+
+/// A line for the person.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// When, s.
+    pub at: f64,
+    /// It is a refusal or a problem.
+    pub bad: bool,
+    /// In words.
+    pub text: String,
+}
+
+/// Something that must be pressed twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Twice {
+    Redo,
+    Discard,
+}
+
+/// What teleoperation knows.
+#[derive(Debug)]
+pub struct Model {
+    /// Settings of this run.
+    pub settings: Settings,
+    /// The newest of everything.
+    pub situation: Situation,
+    /// The chair's keys.
+    pub drive: Drive,
+    /// The arm's keys.
+    pub arm: Arm,
+    /// Who commands.
+    pub control: Control,
+    /// What stands on the screen instead of the controls.
+    pub form: Option<Form>,
+    /// The help stands on the screen.
+    pub help: bool,
+    /// The line for the person.
+    pub message: Option<Message>,
+    /// What is being waited for.
+    pub busy: Option<&'static str>,
+    /// Time from sending a command to its echo, s, and when it came, s.
+    pub echo: Option<(f64, f64)>,
+    /// Commands of this program that were refused (count).
+    pub refused: u64,
+    /// Why the last of them was, and when, s.
+    pub last_refusal: Option<(f64, String)>,
+    /// Address of the preview page.
+    pub page: String,
+    /// The keys that mean nothing in a row (count).
+    twice: Option<(Twice, f64)>,
+    start: Start,
+    leaving: bool,
+    asked_again: f64,
+    /// When control was given, s.
+    leased_at: f64,
+    arm_problem: String,
+    /// Lock-step: what the next answer says.
+    pending: v1::Command,
+    /// Lock-step: tick to answer and when, s.
+    answer_due: Option<(v1::Header, f64)>,
+    answered: Option<u64>,
+    answered_at: f64,
+}
+
+impl Model {
+    /// Before anything is known.
+    #[must_use]
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            drive: Drive::new(settings.dead_man),
+            arm: Arm::new(settings.shell),
+            start: Start {
+                label: settings.label.clone(),
+                numbered: false,
+                instruction: settings.instruction.clone(),
+                recorders: settings.recorders,
+            },
+            settings,
+            situation: Situation::default(),
+            control: Control::None,
+            form: None,
+            help: false,
+            message: None,
+            busy: None,
+            echo: None,
+            refused: 0,
+            last_refusal: None,
+            page: String::new(),
+            twice: None,
+            leaving: false,
+            asked_again: f64::NEG_INFINITY,
+            leased_at: f64::NEG_INFINITY,
+            arm_problem: String::new(),
+            pending: v1::Command::default(),
+            answer_due: None,
+            answered: None,
+            answered_at: f64::NEG_INFINITY,
+        }
+    }
+
+    fn say(&mut self, now: f64, text: impl Into<String>) {
+        self.tell(now, false, text.into());
+    }
+
+    fn warn(&mut self, now: f64, text: impl Into<String>) {
+        self.tell(now, true, text.into());
+    }
+
+    fn tell(&mut self, at: f64, bad: bool, text: String) {
+        self.message = Some(Message { at, bad, text });
+    }
+
+    /// Whether a command would be heard; the reason if not.
+    ///
+    /// # Errors
+    /// Why it would not, for the message line.
+    pub fn can_command(&self, now: f64) -> Result<(), String> {
+        match &self.situation.connection {
+            Connection::Open => {}
+            Connection::Opening => return Err("not connected yet: nothing is sent".to_owned()),
+            Connection::Silent(since) => {
+                return Err(format!(
+                    "no answer for {:.1} s: nothing is sent",
+                    now - since
+                ));
+            }
+            Connection::Lost(..) => {
+                return Err("the connection is lost: nothing is sent".to_owned());
+            }
+        }
+        match &self.control {
+            Control::Ours => Ok(()),
+            Control::None | Control::Asking => Err("control is not ours yet".to_owned()),
+            Control::Held(holder) => Err(format!("{holder} holds control; ! takes it over")),
+        }
+    }
+
+    /// Takes a key. While a direction is latched, every key without a meaning stops the
+    /// robot: who presses in a hurry hits what the keyboard layout or Caps Lock makes of
+    /// the stop key.
+    pub fn key(&mut self, key: &Key, now: f64) -> Vec<Effect> {
+        if self.form.is_some() {
+            // Nobody steers while they type.
+            let mut effects = self.stop_latched(now);
+            if let Some(form) = &mut self.form {
+                let answer = form.key(key);
+                effects.extend(self.answer(answer, now));
+            }
+            return effects;
+        }
+        if self.help {
+            self.help = false;
+            if !matches!(key, Key::Char('k') | Key::Escape | Key::Ctrl('c')) {
+                return self.stop_latched(now);
+            }
+        }
+        match key {
+            Key::Char('?') => self.help = true,
+            Key::Char(' ') => {
+                self.arm.turning = !self.arm.turning;
+                let mode = if self.arm.turning { "turn" } else { "move" };
+                self.say(now, format!("arm keys {mode} the hand"));
+            }
+            Key::Char(character) => {
+                return match self.character(*character, now) {
+                    Some(effects) => effects,
+                    None if character.is_uppercase() => {
+                        let small = character.to_lowercase();
+                        let words = format!(
+                            "{character} is not a key; is Caps Lock on? The key is {small}"
+                        );
+                        self.unknown(&words, now)
+                    }
+                    None => {
+                        self.unknown(&format!("{character} is not a key; ? shows the keys"), now)
+                    }
+                };
+            }
+            Key::Escape => return self.stop_everything(now),
+            Key::Ctrl('c') => return self.leave(now),
+            Key::Right => return self.finish(now),
+            Key::Left => return self.redo(now),
+            Key::Ctrl('l') => {}
+            Key::Paste(_) => {
+                return self.unknown("pasted text is not driven; s opens the text fields", now);
+            }
+            Key::Enter => {
+                // The alarm has been read.
+                self.situation.alarm = None;
+                return self.stop_latched(now);
+            }
+            Key::Tab | Key::BackTab | Key::Up | Key::Down => return self.stop_latched(now),
+            _ => return self.unknown("unknown key; ? shows the keys", now),
+        }
+        Vec::new()
+    }
+
+    /// Stops the robot where the chair drives by a latched direction.
+    fn stop_latched(&mut self, now: f64) -> Vec<Effect> {
+        match self.drive.direction {
+            Some(_) => self.stop_everything(now),
+            None => Vec::new(),
+        }
+    }
+
+    /// A key without a meaning.
+    fn unknown(&mut self, words: &str, now: f64) -> Vec<Effect> {
+        let stopped = match self.drive.direction {
+            Some(_) => "everything stops: ",
+            None => "",
+        };
+        let effects = self.stop_latched(now);
+        self.warn(now, format!("{stopped}{words}"));
+        effects
+    }
+
+    /// Does what a character stands for, if it stands for anything.
+    fn character(&mut self, key: char, now: f64) -> Option<Vec<Effect>> {
+        let effects = match key {
+            's' => self.open_start(now),
+            'd' => self.discard(now),
+            't' => self.open_reset(now),
+            'p' => self.pause(now),
+            '!' => self.open_take(now),
+            'a' => {
+                self.arm.shell = !self.arm.shell;
+                let state = if self.arm.shell { "on" } else { "off" };
+                self.say(now, format!("reach shell {state}"));
+                Vec::new()
+            }
+            '-' | '=' | '+' => {
+                self.resize(key != '-', now);
+                Vec::new()
+            }
+            'r' | 'y' => self.gripper(key == 'r', now),
+            _ => match arm::KEYS.iter().find(|(k, ..)| *k == key) {
+                Some((_, axis, sign)) => self.arm(*axis, *sign, now),
+                None => return self.chair(key, now),
+            },
+        };
+        Some(effects)
+    }
+
+    /// Brakes the chair and holds the arm.
+    pub fn stop_everything(&mut self, now: f64) -> Vec<Effect> {
+        self.drive.stop(now);
+        self.arm.forget();
+        self.say(now, "everything stops");
+        if self.can_command(now).is_err() {
+            self.drive.forget();
+            return Vec::new();
+        }
+        let base = self.drive.due(now);
+        let arm = Some(v1::ArmCommand {
+            target: Some(v1::arm_command::Target::Hold(true)),
+        });
+        let command = v1::Command {
+            arm,
+            base,
+            ..v1::Command::default()
+        };
+        self.command(command, None)
+    }
+
+    fn answer(&mut self, answer: Answer, now: f64) -> Vec<Effect> {
+        if answer != Answer::Stay {
+            self.form = None;
+        }
+        match answer {
+            Answer::Stay | Answer::Close => Vec::new(),
+            Answer::Start {
+                label,
+                instruction,
+                recorders,
+            } => {
+                self.start = Start {
+                    numbered: self.start.numbered && self.start.label == label,
+                    label,
+                    instruction,
+                    recorders,
+                };
+                self.errand("starting", Errand::Start(self.start.clone()), now)
+            }
+            Answer::Reset { task, seed } => {
+                self.errand("setting up", Errand::Reset { task, seed }, now)
+            }
+            Answer::Take => {
+                self.control = Control::Asking;
+                vec![Effect::Errand(Errand::Lease { take: true })]
+            }
+            Answer::Leave(leaving) => self.leave_so(leaving, now),
+        }
+    }
+
+    fn errand(&mut self, word: &'static str, errand: Errand, now: f64) -> Vec<Effect> {
+        if let Some(busy) = self.busy {
+            self.warn(now, format!("wait: {busy}"));
+            return Vec::new();
+        }
+        if !matches!(self.situation.connection, Connection::Open) {
+            self.warn(now, "no connection: nothing is sent");
+            return Vec::new();
+        }
+        self.busy = Some(word);
+        if matches!(
+            errand,
+            Errand::Start(_) | Errand::Stop { .. } | Errand::Redo(_)
+        ) {
+            // The number of the episode changes: a stop that is said once more
+            // would be for the wrong one.
+            self.drive.forget();
+        }
+        vec![Effect::Errand(errand)]
+    }
+
+    fn leave(&mut self, now: f64) -> Vec<Effect> {
+        let mut effects = self.stop_everything(now);
+        let connected = matches!(self.situation.connection, Connection::Open);
+        let ours = self.control == Control::Ours;
+        if connected && ours && self.situation.episode().is_some() {
+            self.form = Some(Form::Leave);
+        } else {
+            effects.push(Effect::Quit);
+        }
+        effects
+    }
+
+    fn leave_so(&mut self, leaving: Leaving, now: f64) -> Vec<Effect> {
+        if leaving == Leaving::Run {
+            return vec![Effect::Quit];
+        }
+        let discard = leaving == Leaving::Discard;
+        let effects = self.errand("ending", Errand::Stop { discard }, now);
+        self.leaving = !effects.is_empty();
+        effects
+    }
+
+    /// Time has come to `now`: what is due is sent.
+    pub fn tick(&mut self, now: f64) -> Vec<Effect> {
+        if self.message.as_ref().is_some_and(|m| now - m.at > MESSAGE) {
+            self.message = None;
+        }
+        if self.can_command(now).is_err() {
+            self.drive.forget();
+            return Vec::new();
+        }
+        let driving = self.drive.direction.is_some();
+        let mut effects = match self.drive.due(now) {
+            Some(base) => {
+                let base = Some(base);
+                let command = v1::Command {
+                    base,
+                    ..v1::Command::default()
+                };
+                self.command(command, None)
+            }
+            None => Vec::new(),
+        };
+        if driving && self.drive.direction.is_none() {
+            self.warn(now, "the chair stopped: no key for too long");
+        }
+        if let Some((header, due)) = self.answer_due.take() {
+            if now >= due {
+                self.answered = Some(header.tick);
+                // A late answer is not made up for by quicker ones for long.
+                self.answered_at = due.max(now - TICK);
+                let command = std::mem::take(&mut self.pending);
+                effects.push(Effect::Send(Box::new(header), Box::new(command)));
+            } else {
+                self.answer_due = Some((header, due));
+            }
+        }
+        effects
+    }
+
+    /// When [`Model::tick`] is wanted next, at the latest, s.
+    #[must_use]
+    pub fn next_tick(&self, now: f64) -> f64 {
+        let idle = now + 0.05;
+        let drive = if self.drive.direction.is_some() {
+            now + 0.02
+        } else {
+            idle
+        };
+        self.answer_due
+            .as_ref()
+            .map_or(drive, |(_, due)| due.min(drive))
+    }
+
+    /// Takes the description of the robot that is simulated.
+    pub fn robot(&mut self, robot: &v1::RobotDescription) -> Vec<Effect> {
+        self.situation.take_robot(robot);
+        self.arm.fit(robot);
+        Vec::new()
+    }
+
+    /// Takes a sample of a stream.
+    pub fn sample(&mut self, sample: Sample, now: f64) -> Vec<Effect> {
+        match &sample {
+            Sample::Refusal(refusal) => return self.refusal(refusal, now),
+            Sample::Applied(applied) if applied.arm_problem != self.arm_problem => {
+                self.arm_problem.clone_from(&applied.arm_problem);
+                if !self.arm_problem.is_empty() {
+                    // The next step starts from where the arm is.
+                    self.arm.forget();
+                    self.warn(now, format!("arm: {}", applied.arm_problem));
+                }
+            }
+            Sample::Clock(clock) => {
+                let header = clock.header.clone().unwrap_or_default();
+                let is_new = self.answered.is_none_or(|tick| header.tick > tick);
+                if self.lock_step() && is_new && header.episode != 0 {
+                    let due = (self.answered_at + TICK).clamp(now, now + TICK);
+                    self.answer_due = Some((header, due));
+                }
+            }
+            _ => {}
+        }
+        self.situation.take(sample, now);
+        Vec::new()
+    }
+
+    fn refusal(&mut self, refusal: &v1::Refusal, now: f64) -> Vec<Effect> {
+        if refusal.commander != self.settings.commander {
+            return Vec::new();
+        }
+        self.refused += refusal.count.max(1);
+        self.last_refusal = Some((now, refusal.reason.clone()));
+        self.warn(now, format!("refused: {}", refusal.reason));
+        self.situation
+            .note(now, true, format!("refused: {}", refusal.reason));
+        if lost_control(refusal.code()) && now - self.asked_again > 1.0 {
+            self.asked_again = now;
+            self.drive.forget();
+            self.control = Control::Asking;
+            return vec![Effect::Errand(Errand::Lease { take: false })];
+        }
+        Vec::new()
+    }
+
+    /// A command came back from the server `delay` seconds after it was sent.
+    pub fn echo(&mut self, delay: f64, now: f64) {
+        // The newest counts, smoothed so that it can be read.
+        let smooth = self
+            .echo
+            .map_or(delay, |(old, _)| old + 0.2 * (delay - old));
+        self.echo = Some((smooth, now));
+    }
+}
+
+/// Whether a refusal may be cured by asking for control again.
+fn lost_control(code: RefusalCode) -> bool {
+    matches!(
+        code,
+        RefusalCode::NoControl | RefusalCode::ControlHeld | RefusalCode::Sequence
+    )
+}
+
+#[cfg(test)]
+mod tests;

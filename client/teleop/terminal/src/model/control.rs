@@ -1,0 +1,121 @@
+//! The connection and the control lease, as the model sees them.
+
+use wheelarm_proto::v1;
+
+use super::{Effect, Errand, Form, Model};
+use wheelarm_teleop_web::watch::Connection;
+
+/// A status this soon after control was given may be older than that, s.
+const FRESH: f64 = 2.0;
+
+/// Who commands the robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// Nobody has been asked.
+    None,
+    /// The server is being asked.
+    Asking,
+    /// This program.
+    Ours,
+    /// Somebody else, by name.
+    Held(String),
+}
+
+impl Model {
+    /// The connection stands.
+    pub fn connected(&mut self, now: f64) -> Vec<Effect> {
+        self.situation.connection = Connection::Open;
+        self.situation.note(now, false, "connected".to_owned());
+        self.control = Control::Asking;
+        self.busy = None;
+        self.arm.forget();
+        self.drive.forget();
+        self.answered = None;
+        self.answer_due = None;
+        let mut effects = vec![Effect::Errand(Errand::Lease {
+            take: std::mem::take(&mut self.settings.take),
+        })];
+        if self.settings.target_hint {
+            effects.push(Effect::Errand(Errand::Scene));
+        }
+        effects
+    }
+
+    /// The connection is gone; it is tried again by itself.
+    pub fn lost(&mut self, reason: &str, now: f64) {
+        self.situation.lose(now, reason);
+        self.drive.forget();
+        self.arm.forget();
+        self.control = Control::None;
+        self.busy = None;
+        self.echo = None;
+    }
+
+    /// The server did not answer in time.
+    pub fn silent(&mut self, now: f64) {
+        // While it works on an errand its silence is expected.
+        if self.busy.is_none() {
+            self.situation.fall_silent(now);
+        }
+    }
+
+    /// The server's account of itself, and the round trip it took, s.
+    pub fn status(&mut self, status: v1::Status, round_trip: f64, now: f64) -> Vec<Effect> {
+        let holder = status.holder.clone();
+        for verdict in self.situation.take_status(status, round_trip, now) {
+            self.tell(now, verdict.bad, verdict.text);
+        }
+        match &self.control {
+            // An answer that was under way when control was given is old.
+            Control::Ours if now - self.leased_at < FRESH => {}
+            Control::Ours if holder != self.settings.commander => {
+                self.drive.forget();
+                if holder.is_empty() {
+                    // The server started anew or gave the lease up.
+                    self.control = Control::Asking;
+                    return vec![Effect::Errand(Errand::Lease { take: false })];
+                }
+                self.warn(now, format!("{holder} took control; ! takes it back"));
+                self.control = Control::Held(holder);
+            }
+            Control::Held(_) if holder.is_empty() => {
+                self.say(now, "nobody holds control any more");
+                self.control = Control::Asking;
+                return vec![Effect::Errand(Errand::Lease { take: false })];
+            }
+            Control::Held(known) if *known != holder => self.control = Control::Held(holder),
+            _ => {}
+        }
+        Vec::new()
+    }
+
+    /// What came of asking for control.
+    pub(super) fn leased(&mut self, result: Result<(), String>, now: f64) {
+        match result {
+            Ok(()) => {
+                self.control = Control::Ours;
+                self.leased_at = now;
+                self.say(now, "control is yours; ? shows the keys");
+            }
+            Err(why) => {
+                let holder = self.situation.status.as_ref().map(|s| s.holder.clone());
+                let holder = holder.filter(|h| !h.is_empty());
+                self.control = Control::Held(holder.unwrap_or_else(|| "somebody else".to_owned()));
+                self.warn(now, why);
+            }
+        }
+    }
+
+    pub(super) fn open_take(&mut self, now: f64) -> Vec<Effect> {
+        match &self.control {
+            Control::Held(holder) => {
+                self.form = Some(Form::Take {
+                    holder: holder.clone(),
+                });
+            }
+            Control::Ours => self.say(now, "control is yours"),
+            Control::None | Control::Asking => self.warn(now, "not connected yet"),
+        }
+        Vec::new()
+    }
+}

@@ -1,0 +1,216 @@
+//! Queries that take time: control, episodes, scenarios. Each runs on a thread of
+//! its own, and what came of it goes back to whoever decides.
+
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+use wheelarm_proto::{check, v1};
+
+use super::send::Commands;
+use wheelarm_sdk::{Commander, Link, LinkError};
+
+/// A query that takes time; its result comes back as [`Done`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Errand {
+    /// Ask for control; `take` takes it from whoever holds it.
+    Lease {
+        /// Take it over.
+        take: bool,
+    },
+    /// Start an episode.
+    Start(Start),
+    /// End the running episode.
+    Stop {
+        /// Throw it away.
+        discard: bool,
+    },
+    /// Throw the running episode away, set the scene up again, start again.
+    Redo(Start),
+    /// Set up a scenario.
+    Reset {
+        /// Task.
+        task: String,
+        /// Seed.
+        seed: u64,
+    },
+    /// Stop time, or let it go on.
+    Pause(bool),
+    /// List the tasks.
+    Tasks,
+    /// Read the scene, for the target hint.
+    Scene,
+}
+
+/// How long a person who starts an episode waits for recorders that are not connected.
+const RECORDERS_COME: Duration = Duration::from_secs(2);
+/// Time between two questions for them.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// How an episode is started.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// File label.
+    pub label: String,
+    /// Nobody chose the label: a recorder that has such a file numbers it anew.
+    pub numbered: bool,
+    /// Instruction sentence.
+    pub instruction: String,
+    /// Recorders that must be ready; 0 is practice, of which nothing is recorded.
+    pub recorders: u32,
+}
+
+/// What came of an errand; the error in words.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Done {
+    /// Control is ours, or why not.
+    Lease(Result<(), String>),
+    /// An episode began.
+    Started(Result<Box<v1::EpisodeStarted>, String>),
+    /// An episode ended.
+    Stopped(Result<Box<v1::EpisodeStopped>, String>),
+    /// A scenario is set up.
+    Reset(Result<Box<v1::Scenario>, String>),
+    /// Time is paused, or resumes.
+    Paused(Result<bool, String>),
+    /// The tasks.
+    Tasks(Result<Vec<v1::TaskInfo>, String>),
+    /// The scene.
+    Scene(Result<Box<v1::SceneReply>, String>),
+}
+
+/// What an errand brought.
+pub enum Brought {
+    /// An answer.
+    Done(Done),
+    /// Control, with the channel for commands.
+    Control(Box<Commander>),
+}
+
+/// Runs an errand and hands over what it brought. `former` is a channel that
+/// is given back before.
+pub fn run(
+    link: Link,
+    name: String,
+    errand: Errand,
+    former: Option<Commands>,
+    bring: impl Fn(Brought) + Send + 'static,
+) {
+    std::thread::spawn(move || {
+        if let Some(former) = former {
+            former.finish();
+        }
+        let done = match errand {
+            Errand::Lease { take } => match link.commander(&name, take) {
+                Ok(commander) => {
+                    bring(Brought::Control(Box::new(commander)));
+                    Done::Lease(Ok(()))
+                }
+                Err(error) => Done::Lease(Err(words(&error))),
+            },
+            Errand::Start(args) => Done::Started(start(&link, &name, &args)),
+            Errand::Stop { discard } => Done::Stopped(stop(&link, discard)),
+            Errand::Redo(args) => {
+                let again = stop(&link, true)
+                    .and_then(|_| reset(&link, v1::Scenario::default()))
+                    .and_then(|_| start(&link, &name, &args));
+                Done::Started(again)
+            }
+            Errand::Reset { task, seed } => {
+                let scenario = v1::Scenario {
+                    task: Some(task),
+                    seed: Some(seed),
+                    ..v1::Scenario::default()
+                };
+                Done::Reset(reset(&link, scenario))
+            }
+            Errand::Pause(pause) => {
+                let result = pause_time(&link, pause);
+                Done::Paused(result.map(|()| pause).map_err(|e| words(&e)))
+            }
+            Errand::Tasks => {
+                let list = link.ask(&v1::TasksRequest {});
+                Done::Tasks(list.map(|l| l.tasks).map_err(|e| words(&e)))
+            }
+            Errand::Scene => {
+                let scene = link.ask(&v1::SceneRequest {});
+                Done::Scene(scene.map(Box::new).map_err(|e| words(&e)))
+            }
+        };
+        bring(Brought::Done(done));
+    });
+}
+
+/// The server's own words where it refused; else the whole error.
+fn words(error: &LinkError) -> String {
+    match error {
+        LinkError::Refused { message, .. } => message.clone(),
+        error => error.to_string(),
+    }
+}
+
+/// Starts an episode of a person: it has no time limit, and it begins only when its
+/// recorders have opened their files.
+fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
+    wait_for_recorders(link, args.recorders)?;
+    let request = v1::EpisodeStartRequest {
+        label: args.label.clone(),
+        instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
+        require_recorders: args.recorders,
+        commander: name.to_owned(),
+        practice: args.recorders == 0,
+        time_limit_seconds: Some(check::MAX_TIME_LIMIT),
+        ..Default::default()
+    };
+    let started = match args.numbered {
+        true => link.start_episode_numbered(request),
+        false => link.start_episode(&request),
+    };
+    started.map(Box::new).map_err(|e| words(&e))
+}
+
+/// The server waits half a minute for recorders that are not connected, which a person
+/// would take for a fault.
+fn wait_for_recorders(link: &Link, wanted: u32) -> Result<(), String> {
+    if wanted == 0 {
+        return Ok(());
+    }
+    let since = Instant::now();
+    loop {
+        let status = link.ask(&v1::StatusRequest {}).map_err(|e| words(&e))?;
+        let all = status.recorders.iter();
+        let answering = all.filter(|recorder| recorder.silent_seconds.is_none());
+        let names: BTreeSet<_> = answering.map(|recorder| &recorder.recorder).collect();
+        if names.len() >= wanted as usize {
+            return Ok(());
+        }
+        if since.elapsed() > RECORDERS_COME {
+            return Err(format!(
+                "nothing can be recorded: {} of {wanted} recorders answer. Start one with \
+                 `wheelarm record`, or practise without recording",
+                names.len()
+            ));
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+fn stop(link: &Link, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
+    link.stop_episode(discard)
+        .map(Box::new)
+        .map_err(|e| words(&e))
+}
+
+/// Sets up again; the instruction of the scenario is kept.
+fn reset(link: &Link, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
+    link.reset(scenario, false)
+        .map(Box::new)
+        .map_err(|e| words(&e))
+}
+
+fn pause_time(link: &Link, pause: bool) -> Result<(), LinkError> {
+    let done = match pause {
+        true => link.ask(&v1::PauseRequest {}),
+        false => link.ask(&v1::ResumeRequest {}),
+    };
+    done.map(|_| ())
+}

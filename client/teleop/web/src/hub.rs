@@ -1,0 +1,543 @@
+//! The thread of the gateway: receives events of the server and of the pages, and executes
+//! the decisions of the model.
+//!
+//! Events wait in three lanes, each in order: stops first, then pages, then the server.
+//! However much the server sends, a stop waits for one event at most. The server's lane is
+//! bounded; behind it [`Line`] drops the oldest.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{Receiver, Select, Sender, bounded, unbounded};
+use tokio::sync::{mpsc, oneshot, watch as latest};
+use wheelarm_proto::TopicId;
+use wheelarm_proto::v1;
+use wheelarm_sdk::{Commander, Connect, Link, LinkError};
+
+use crate::audit::Audit;
+use crate::errand::{self, Brought, Done, Errand};
+use crate::model::{Effect, Model, Picked, Socket};
+use crate::protocol::{Action, Asked, Intent};
+use crate::report::{self, Sent};
+use crate::send::Commands;
+use crate::skills::{self, Skills};
+use crate::visitor::Visitor;
+use crate::watch::{Heard, Line};
+
+/// Streams that are taken.
+const STREAMS: [TopicId; 12] = [
+    TopicId::Pose,
+    TopicId::JointState,
+    TopicId::Odometry,
+    TopicId::Evaluation,
+    TopicId::Applied,
+    TopicId::Contact,
+    TopicId::Event,
+    TopicId::Clock,
+    TopicId::Phase,
+    TopicId::Refusal,
+    TopicId::Command,
+    TopicId::EpisodeStop,
+];
+/// Time between two reports to the pages.
+const REPORT: Duration = Duration::from_millis(100);
+/// Time between two looks at what is due: while something moves, and else.
+const LOOK: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
+/// Events of the server that may wait.
+const SERVER: usize = 256;
+/// Events that are taken before time goes on.
+const AT_ONCE: usize = 500;
+/// Time from the last command until the connection is closed.
+const FAREWELL: Duration = Duration::from_millis(150);
+
+/// Where a page is told something.
+#[derive(Debug)]
+pub struct Outlet {
+    /// At once; a page that does not read loses its socket.
+    pub said: mpsc::Sender<String>,
+    /// The newest report.
+    pub report: latest::Sender<String>,
+}
+
+/// What comes to the hub.
+#[derive(Debug)]
+pub enum Event {
+    /// A socket was opened; a state socket with where to tell.
+    Joined(String, Visitor, Socket, Option<Outlet>),
+    /// A socket was closed.
+    Left(String, Socket),
+    /// The session of a page's socket ended; why.
+    SignedOut(String, String),
+    /// An intent of a page.
+    Intent(String, Intent),
+    /// A stop that came before the event that its socket was opened.
+    Late(String, Intent),
+    /// A question of a page.
+    Asked(String, Asked),
+    /// What a page gets of the cameras.
+    Sent(String, Vec<Sent>),
+    /// The newest report, as a page of this visitor would get it.
+    Report(oneshot::Sender<String>),
+    /// What somebody did beside the model, for the audit.
+    Audit(serde_json::Value),
+    /// From the server.
+    Server(Server),
+    /// The gateway ends.
+    End,
+}
+
+/// What comes from the server.
+pub enum Server {
+    /// From the line.
+    Heard(Heard),
+    /// From an errand.
+    Brought(Brought),
+    /// What stands at a pixel.
+    Picked(Picked, Result<v1::PickReply, String>),
+    /// From a skill.
+    Skill(skills::Said),
+}
+
+impl std::fmt::Debug for Server {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Server")
+    }
+}
+
+/// Where events are put.
+#[derive(Clone)]
+struct Lanes {
+    stops: Sender<Event>,
+    pages: Sender<Event>,
+    server: Sender<Event>,
+}
+
+impl Lanes {
+    /// Hands an event over; one that comes after the end is dropped.
+    fn tell(&self, event: Event) {
+        let lane = match &event {
+            Event::Intent(_, intent) if intent.action == Action::Stop => &self.stops,
+            _ => &self.pages,
+        };
+        let _ = lane.send(event);
+    }
+}
+
+/// Where events come from.
+struct Came {
+    stops: Receiver<Event>,
+    pages: Receiver<Event>,
+    server: Receiver<Event>,
+}
+
+impl Came {
+    fn lanes() -> (Lanes, Self) {
+        let (stops, stops_came) = unbounded();
+        let (pages, pages_came) = unbounded();
+        let (server, server_came) = bounded(SERVER);
+        let lanes = Lanes {
+            stops,
+            pages,
+            server,
+        };
+        let came = Self {
+            stops: stops_came,
+            pages: pages_came,
+            server: server_came,
+        };
+        (lanes, came)
+    }
+
+    /// The most urgent event.
+    fn next(&self) -> Option<Event> {
+        let mut lanes = [&self.stops, &self.pages, &self.server].into_iter();
+        lanes.find_map(|lane| lane.try_recv().ok())
+    }
+
+    /// As [`Came::next`]; waits for one.
+    fn wait(&self, patience: Duration) -> Option<Event> {
+        let mut select = Select::new();
+        for lane in [&self.stops, &self.pages, &self.server] {
+            select.recv(lane);
+        }
+        // Which lane has one does not matter here.
+        let _ = select.ready_timeout(patience);
+        self.next()
+    }
+}
+
+/// How to speak to the hub.
+#[derive(Clone)]
+pub struct Hub {
+    lanes: Lanes,
+    /// The connection to the server, while there is one.
+    pub link: latest::Receiver<Option<Link>>,
+    /// Names of the cameras, by their index.
+    pub cameras: latest::Receiver<Vec<String>>,
+    /// The page in control.
+    pub driving: latest::Receiver<Option<String>>,
+}
+
+impl Hub {
+    /// Starts the thread.
+    #[must_use]
+    pub fn start(connect: &Connect, audit: Audit) -> (Self, std::thread::JoinHandle<()>) {
+        let (lanes, came) = Came::lanes();
+        let (link, link_of) = latest::channel(None);
+        let (cameras, cameras_of) = latest::channel(Vec::new());
+        let (driving, driving_of) = latest::channel(None);
+        let work = Work {
+            model: Model::default(),
+            lanes: lanes.clone(),
+            link: None,
+            link_told: link,
+            cameras,
+            driving,
+            commands: None,
+            skills: None,
+            outlets: BTreeMap::new(),
+            sent: BTreeMap::new(),
+            audit,
+            began: Instant::now(),
+            reports: 0,
+        };
+        let server = lanes.server.clone();
+        let line = Line::open(connect.clone(), STREAMS.to_vec(), server, |heard| {
+            Event::Server(Server::Heard(heard))
+        });
+        let thread = std::thread::spawn(move || {
+            work.run(&came);
+            // The line may wait for room: without a reader it ends.
+            drop(came);
+            drop(line);
+        });
+        let hub = Self {
+            lanes,
+            link: link_of,
+            cameras: cameras_of,
+            driving: driving_of,
+        };
+        (hub, thread)
+    }
+
+    /// Hands an event over; one that comes after the end is dropped.
+    pub fn tell(&self, event: Event) {
+        self.lanes.tell(event);
+    }
+}
+
+struct Work {
+    model: Model,
+    lanes: Lanes,
+    link: Option<Link>,
+    link_told: latest::Sender<Option<Link>>,
+    cameras: latest::Sender<Vec<String>>,
+    driving: latest::Sender<Option<String>>,
+    commands: Option<Commands>,
+    skills: Option<Skills>,
+    outlets: BTreeMap<String, Outlet>,
+    sent: BTreeMap<String, Vec<Sent>>,
+    audit: Audit,
+    began: Instant,
+    reports: u64,
+}
+
+impl Work {
+    fn now(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    fn run(mut self, came: &Came) {
+        let mut next_report = Instant::now();
+        loop {
+            let look = LOOK[usize::from(!self.model.is_busy())];
+            let due = next_report.saturating_duration_since(Instant::now());
+            let mut event = came.wait(look.min(due));
+            // What came meanwhile is taken before time goes on.
+            let mut taken = 0;
+            while let Some(one) = event {
+                if matches!(one, Event::End) {
+                    return self.farewell();
+                }
+                self.take(one);
+                taken += 1;
+                event = (taken < AT_ONCE).then(|| came.next()).flatten();
+            }
+            let effects = self.model.tick(self.now());
+            self.perform(effects);
+            if Instant::now() >= next_report {
+                next_report = Instant::now() + REPORT;
+                self.report();
+                self.audit.tick();
+            }
+        }
+    }
+
+    fn take(&mut self, event: Event) {
+        let now = self.now();
+        let effects = match event {
+            Event::Joined(page, visitor, socket, outlet) => {
+                self.model.joined(&page, &visitor, socket, now);
+                if let Some(outlet) = outlet {
+                    self.outlets.insert(page, outlet);
+                }
+                Vec::new()
+            }
+            Event::Left(page, socket) => {
+                let effects = self.model.left(&page, socket, now);
+                let closed = |outlet: &Outlet| outlet.said.is_closed();
+                if self.outlets.get(&page).is_some_and(closed) {
+                    self.outlets.remove(&page);
+                }
+                if socket == Socket::Video {
+                    self.sent.remove(&page);
+                }
+                effects
+            }
+            Event::SignedOut(page, why) => self.model.signed_out(&page, &why, now),
+            Event::Intent(page, intent) => {
+                // A stop overtook the opening of its socket: it waits behind it, once.
+                if intent.action == Action::Stop && !self.model.knows(&page) {
+                    let _ = self.lanes.pages.send(Event::Late(page, intent));
+                    return;
+                }
+                self.model.intent(&page, &intent, now)
+            }
+            Event::Late(page, intent) => self.model.intent(&page, &intent, now),
+            Event::Asked(page, asked) => self.model.asked(&page, &asked, now),
+            Event::Sent(page, sent) => {
+                self.sent.insert(page, sent);
+                Vec::new()
+            }
+            Event::Report(answer) => {
+                let common = report::common(&self.model, self.reports, now);
+                let _ = answer.send(serde_json::Value::Object(common).to_string());
+                Vec::new()
+            }
+            Event::Audit(line) => {
+                self.audit.write(&line);
+                Vec::new()
+            }
+            Event::Server(server) => self.hear(server, now),
+            Event::End => Vec::new(),
+        };
+        self.perform(effects);
+    }
+
+    fn hear(&mut self, server: Server, now: f64) -> Vec<Effect> {
+        match server {
+            Server::Heard(Heard::Connected(link)) => {
+                self.link_told.send_replace(Some((*link).clone()));
+                self.link = Some(*link);
+                self.model.connected(now)
+            }
+            Server::Heard(Heard::Sample(sample)) => self.model.sample(*sample, now),
+            Server::Heard(Heard::Robot(robot)) => {
+                self.model.robot(&robot);
+                Vec::new()
+            }
+            Server::Heard(Heard::Status(status, round_trip)) => {
+                self.tell_cameras(&status);
+                self.model.status(*status, round_trip, now)
+            }
+            Server::Heard(Heard::Silent) => self.model.silent(now),
+            Server::Heard(Heard::Lost(reason)) => {
+                self.link_told.send_replace(None);
+                self.link = None;
+                self.release();
+                self.model.lost(&reason, now)
+            }
+            Server::Brought(Brought::Control(commander)) => {
+                self.take_control(*commander);
+                Vec::new()
+            }
+            Server::Brought(Brought::Done(done)) => self.model.done(done, now),
+            Server::Picked(picked, reply) => self.model.picked(&picked.page, picked.id, reply, now),
+            Server::Skill(skills::Said::Acts {
+                number,
+                header,
+                command,
+                notes,
+            }) => self.model.goal_acts(number, *header, *command, &notes),
+            Server::Skill(skills::Said::Over { number, result }) => {
+                self.model.goal_over(number, result, now)
+            }
+        }
+    }
+
+    fn tell_cameras(&mut self, status: &v1::Status) {
+        let scenario = status.scenario.as_ref();
+        let names: Vec<String> = scenario
+            .map(|s| s.cameras.iter().map(|c| c.name.clone()).collect())
+            .unwrap_or_default();
+        self.cameras.send_if_modified(|known| {
+            let changed = *known != names;
+            if changed {
+                *known = names;
+            }
+            changed
+        });
+    }
+
+    fn take_control(&mut self, commander: Commander) {
+        let Some(link) = &self.link else { return };
+        let name = commander.name().to_owned();
+        self.commands = Some(Commands::new(link, commander, name, |_| {}));
+    }
+
+    /// Gives control back, on a thread: the link may hang.
+    fn release(&mut self) {
+        if let Some(commands) = self.commands.take() {
+            std::thread::spawn(move || commands.finish());
+        }
+    }
+
+    fn perform(&mut self, effects: Vec<Effect>) {
+        let driving = self.model.control.page();
+        self.driving.send_if_modified(|known| {
+            let changed = known.as_deref() != driving;
+            if changed {
+                *known = driving.map(str::to_owned);
+            }
+            changed
+        });
+        for effect in effects {
+            match effect {
+                Effect::Send(header, command) => {
+                    let stalled = match &self.commands {
+                        Some(commands) => !commands.send(*header, *command),
+                        None => false,
+                    };
+                    if stalled {
+                        let effects = self.model.not_sent(self.now());
+                        self.perform(effects);
+                    }
+                }
+                Effect::Say(page, message) => self.say(&page, message.to_string()),
+                Effect::Errand(errand, name) => self.errand(errand, name),
+                Effect::Release => self.release(),
+                Effect::Pick(picked) => self.pick(picked),
+                Effect::Goal(asked) => {
+                    let lanes = self.lanes.clone();
+                    let tell = move |said| {
+                        lanes.tell(Event::Server(Server::Skill(said)));
+                    };
+                    self.skills = self
+                        .link
+                        .clone()
+                        .map(|link| Skills::start(link, asked, tell));
+                }
+                Effect::EndGoal(_) => self.skills = None,
+                Effect::Audit(line) => self.audit.write(&line),
+            }
+        }
+    }
+
+    fn say(&mut self, page: &str, text: String) {
+        let Some(outlet) = self.outlets.get(page) else {
+            return;
+        };
+        // Whoever does not read is closed by its own socket.
+        if outlet.said.try_send(text).is_err() {
+            self.outlets.remove(page);
+        }
+    }
+
+    fn errand(&mut self, errand: Errand, name: String) {
+        let lanes = self.lanes.clone();
+        let bring = move |brought| {
+            lanes.tell(Event::Server(Server::Brought(brought)));
+        };
+        let Some(link) = &self.link else {
+            let lease = matches!(errand, Errand::Lease { .. });
+            let words = "there is no connection to the simulation".to_owned();
+            if lease {
+                bring(Brought::Done(Done::Lease(Err(words))));
+            } else {
+                bring(Brought::Done(Done::Tasks(Err(words))));
+            }
+            return;
+        };
+        // Two lives of one commander would hold each other up.
+        let asks = matches!(errand, Errand::Lease { .. });
+        let former = if asks { self.commands.take() } else { None };
+        errand::run(link.clone(), name, errand, former, bring);
+    }
+
+    fn pick(&self, picked: Picked) {
+        let lanes = self.lanes.clone();
+        let link = self.link.clone();
+        std::thread::spawn(move || {
+            let reply = match link {
+                Some(link) => link.ask(&picked.request).map_err(|e| match e {
+                    LinkError::Refused { message, .. } => message,
+                    e => e.to_string(),
+                }),
+                None => Err("there is no connection to the simulation".to_owned()),
+            };
+            lanes.tell(Event::Server(Server::Picked(picked, reply)));
+        });
+    }
+
+    fn report(&mut self) {
+        let now = self.now();
+        self.reports += 1;
+        let common = report::common(&self.model, self.reports, now);
+        for (page, outlet) in &self.outlets {
+            let sent = self.sent.get(page).map_or(&[][..], Vec::as_slice);
+            let told = report::of_page(&self.model, page, &common, sent, now);
+            outlet.report.send_replace(told.to_string());
+        }
+    }
+
+    /// Brakes the chair, holds the arm and gives control back.
+    fn farewell(&mut self) {
+        let effects = self.model.farewell(self.now());
+        self.perform(effects);
+        if let Some(commands) = self.commands.take() {
+            // The stop is on its way before control is given back.
+            std::thread::sleep(FAREWELL);
+            commands.finish();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn intent(kind: &str) -> Intent {
+        let text = format!(r#"{{"t":"{kind}","seq":1,"epoch":1}}"#);
+        Intent::read(&text).unwrap().unwrap()
+    }
+
+    #[test]
+    fn a_stop_is_taken_before_everything_that_waits() {
+        let (lanes, came) = Came::lanes();
+        let mut refused = 0;
+        while refused < 100_000 {
+            let heard = Event::Server(Server::Heard(Heard::Silent));
+            if lanes.server.try_send(heard).is_err() {
+                break;
+            }
+            refused += 1;
+        }
+        assert_eq!(refused, SERVER, "the lane of the server is bounded");
+        for _ in 0..1000 {
+            lanes.tell(Event::Intent("a".to_owned(), intent("alive")));
+        }
+        lanes.tell(Event::Intent("a".to_owned(), intent("stop")));
+        let first = came.next();
+        assert!(
+            matches!(&first, Some(Event::Intent(_, one)) if one.action == Action::Stop),
+            "{first:?}"
+        );
+        for _ in 0..1000 {
+            assert!(
+                matches!(came.next(), Some(Event::Intent(..))),
+                "pages first"
+            );
+        }
+        assert!(matches!(came.next(), Some(Event::Server(_))));
+    }
+}

@@ -1,0 +1,190 @@
+//! A skill at work for somebody who named a thing: the scripted operator's own
+//! skills, on a thread, tick by tick. It sends nothing itself: what it would do goes
+//! to the hub, which has the last word.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use wheelarm_expert::goal::Goal;
+use wheelarm_expert::observation::{self, Collector, Observation};
+use wheelarm_expert::operator::{Extent, Operator, Outcome};
+use wheelarm_expert::profile::OperatorProfile;
+use wheelarm_expert::run::RemoteReach;
+use wheelarm_expert::scene::SceneModel;
+use wheelarm_planning::obb::Obb;
+use wheelarm_proto::robot::Roles;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
+use wheelarm_sdk::Link;
+
+use crate::model::GoalAsked;
+
+/// Silence of the server after which a skill gives up.
+const SILENCE: Duration = Duration::from_secs(3);
+/// Time between two looks whether it is still wanted.
+const LOOK: Duration = Duration::from_millis(50);
+/// What is put down stands within this of the point, m: half sides of a box.
+const PLACE: [f64; 3] = [0.05, 0.05, 0.10];
+/// What is this near to the middle of the pads is in the hand, m.
+const IN_HAND: f64 = 0.12;
+
+/// What a skill says.
+#[derive(Debug)]
+pub enum Said {
+    /// What it would do at a tick.
+    Acts {
+        /// Number of the goal.
+        number: u64,
+        /// The tick that it answers.
+        header: Box<v1::Header>,
+        /// The command.
+        command: Box<v1::Command>,
+        /// What happened, in words.
+        notes: Vec<String>,
+    },
+    /// It is over.
+    Over {
+        /// Number of the goal.
+        number: u64,
+        /// In words.
+        result: Result<String, String>,
+    },
+}
+
+/// A skill at work; it ends when this is dropped.
+pub struct Skills {
+    ended: Arc<AtomicBool>,
+}
+
+impl Skills {
+    /// Begins on a thread; `tell` is told what it does.
+    #[must_use]
+    pub fn start(link: Link, asked: GoalAsked, tell: impl Fn(Said) + Send + 'static) -> Self {
+        let ended = Arc::new(AtomicBool::new(false));
+        let ours = Arc::clone(&ended);
+        std::thread::spawn(move || {
+            let number = asked.number;
+            let result = work(&link, &asked, &ours, &tell);
+            tell(Said::Over { number, result });
+        });
+        Self { ended }
+    }
+}
+
+impl Drop for Skills {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+    }
+}
+
+fn work(
+    link: &Link,
+    asked: &GoalAsked,
+    ended: &AtomicBool,
+    tell: &(impl Fn(Said) + Send),
+) -> Result<String, String> {
+    let mut topics = observation::STREAMS.to_vec();
+    topics.push(TopicId::Clock);
+    let streams = link.streams(&topics).map_err(|e| e.to_string())?;
+    let reply = link.ask(&v1::SceneRequest {}).map_err(|e| e.to_string())?;
+    let scene = SceneModel::read(&reply).map_err(|e| e.to_string())?;
+    let roles = Roles::find(&reply.robot.clone().unwrap_or_default()).map_err(|e| e.to_string())?;
+    let mut collector = Collector::new(roles);
+    let mut reach = RemoteReach::new(link);
+    let mut operator: Option<Operator> = None;
+    let (mut heard, mut answered) = (Instant::now(), None);
+    while !ended.load(Ordering::Acquire) {
+        let Some(sample) = streams.next(LOOK).map_err(|e| e.to_string())? else {
+            if heard.elapsed() > SILENCE {
+                return Err("the simulation is silent".to_owned());
+            }
+            continue;
+        };
+        heard = Instant::now();
+        let Sample::Clock(clock) = sample else {
+            collector.take(sample);
+            continue;
+        };
+        let header = clock.header.unwrap_or_default();
+        // Planning took a while: the ticks that passed meanwhile are over.
+        let due = |last: u64| header.tick >= last + TICKS_PER_CONTROL;
+        if !answered.is_none_or(due) {
+            continue;
+        }
+        let seen = collector.observe(header.stamp_nanos);
+        let Some(seen) = seen.map_err(|e| e.to_string())? else {
+            continue;
+        };
+        let operator = match &mut operator {
+            Some(operator) => operator,
+            none => none.insert(begin(asked, &scene, &seen)?),
+        };
+        let (act, outcome) = operator.step(&seen, &mut reach);
+        if let Some(error) = reach.take_error() {
+            return Err(error.to_string());
+        }
+        answered = Some(header.tick);
+        let notes = operator.notes();
+        tell(Said::Acts {
+            number: asked.number,
+            header: Box::new(header),
+            command: Box::new(operator.command(&act)),
+            notes,
+        });
+        match outcome {
+            Some(Outcome::Success) => return Ok(format!("done: {}", words(asked))),
+            Some(Outcome::Failure(why) | Outcome::Broken(why)) => return Err(why),
+            None => {}
+        }
+    }
+    Err("ended".to_owned())
+}
+
+fn words(asked: &GoalAsked) -> String {
+    let name = asked.body.replace('_', " ");
+    match asked.action {
+        "near" => format!("the hand stands before the {name}"),
+        "put" => "it is put down".to_owned(),
+        _ => format!("the {name} is held"),
+    }
+}
+
+/// The operator for what is asked.
+fn begin(asked: &GoalAsked, scene: &SceneModel, seen: &Observation) -> Result<Operator, String> {
+    let (goal, extent) = match asked.action {
+        "put" => {
+            let item = held(scene, seen).ok_or("the hand holds nothing")?;
+            let [x, y, z] = asked.point;
+            let region = Obb {
+                pose: Isometry3::translation(x, y, z + PLACE[2]),
+                half: Vector3::from(PLACE),
+                round: false,
+            };
+            (Goal::Put { item, region }, Extent::Put)
+        }
+        action => {
+            let named = scene.items.iter().position(|item| item.name == asked.body);
+            let item = named.ok_or_else(|| format!("{} cannot be taken", asked.body))?;
+            let extent = match action {
+                "near" => Extent::Near,
+                _ => Extent::Take,
+            };
+            (Goal::Lift { item }, extent)
+        }
+    };
+    let operator = Operator::new(scene.clone(), Some(goal), OperatorProfile::new(0))?;
+    Ok(operator.only(extent))
+}
+
+/// The object between the pads.
+fn held(scene: &SceneModel, seen: &Observation) -> Option<usize> {
+    let pads = scene.house_from_tool(seen) * Point3::new(0.0, 0.0, scene.tool_length);
+    let away = |pose: &Isometry3<f64>| (pose.translation.vector - pads.coords).norm();
+    let objects = seen.objects.iter().enumerate();
+    let nearest = objects.min_by(|(_, a), (_, b)| away(a).total_cmp(&away(b)));
+    nearest
+        .filter(|(_, pose)| away(pose) < IN_HAND)
+        .map(|(index, _)| index)
+}

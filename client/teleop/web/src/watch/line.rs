@@ -1,0 +1,197 @@
+//! A connection that keeps itself open: it connects, tells what comes, notices
+//! when the server is gone and connects again, until its owner drops it.
+//!
+//! All of it is told in one queue, in the order in which it came.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::Sender;
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{TopicId, v1};
+
+use wheelarm_sdk::{Bound, Connect, Link, LinkError};
+
+/// Time between two questions for the status.
+const PULSE: Duration = Duration::from_millis(400);
+/// Longest wait for the answer to one.
+const PULSE_PATIENCE: Duration = Duration::from_millis(1500);
+/// The connection is opened anew after this long without any answer.
+const GIVE_UP: Duration = Duration::from_secs(8);
+/// Wait between two attempts to connect.
+const RETRY: Duration = Duration::from_millis(500);
+/// Longest wait for one attempt, s.
+const ATTEMPT_SECS: f64 = 2.0;
+
+/// Samples that may wait: several seconds of all streams. Under a flood the newest
+/// count.
+const WAITING: Bound = Bound {
+    samples: 4096,
+    bytes: 32 << 20,
+};
+
+/// What a line tells.
+pub enum Heard {
+    /// Connected; the link may be used until [`Heard::Lost`].
+    Connected(Box<Link>),
+    /// A sample.
+    Sample(Box<Sample>),
+    /// The robot that is simulated: told after the connection, and again when
+    /// there is another one.
+    Robot(Box<v1::RobotDescription>),
+    /// The server's account of itself, and the round trip it took, s.
+    Status(Box<v1::Status>, f64),
+    /// No answer within the patience; the connection may recover.
+    Silent,
+    /// The connection is gone; it is tried again.
+    Lost(String),
+}
+
+/// A connection that keeps itself open; it ends when dropped.
+pub struct Line {
+    ended: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Line {
+    /// Starts connecting; `tell` makes the owner's event of what is heard.
+    #[must_use]
+    pub fn open<E: Send + 'static>(
+        connect: Connect,
+        streams: Vec<TopicId>,
+        events: Sender<E>,
+        tell: fn(Heard) -> E,
+    ) -> Self {
+        let ended = Arc::new(AtomicBool::new(false));
+        let ours = Arc::clone(&ended);
+        let thread = std::thread::spawn(move || {
+            let send = |heard| {
+                if events.send(tell(heard)).is_err() {
+                    ours.store(true, Ordering::Release);
+                }
+            };
+            keep_open(&connect, &streams, &ours, &send);
+        });
+        Self {
+            ended,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been printed already.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn keep_open(
+    connect: &Connect,
+    streams: &[TopicId],
+    ended: &AtomicBool,
+    send: &(dyn Fn(Heard) + Sync),
+) {
+    let attempt = Connect {
+        timeout_secs: connect.timeout_secs.clamp(0.2, ATTEMPT_SECS),
+        ..connect.clone()
+    };
+    while !ended.load(Ordering::Acquire) {
+        let reason = match Link::open(&attempt) {
+            Ok(link) => match stay(&link, streams, ended, send) {
+                Ok(Some(reason)) => {
+                    close(link);
+                    reason
+                }
+                Ok(None) => {
+                    close(link);
+                    return;
+                }
+                Err(error) => error.to_string(),
+            },
+            Err(error) => error.to_string(),
+        };
+        send(Heard::Lost(reason));
+        std::thread::sleep(RETRY);
+    }
+}
+
+/// Closing waits for the peer, which may be gone: nobody waits for that.
+fn close(link: Link) {
+    std::thread::spawn(move || link.close());
+}
+
+/// Serves one connection; why it is lost, or `None` when the owner ended it.
+fn stay(
+    link: &Link,
+    streams: &[TopicId],
+    ended: &AtomicBool,
+    send: &(dyn Fn(Heard) + Sync),
+) -> Result<Option<String>, LinkError> {
+    let samples = link.newest_streams(streams, WAITING)?;
+    send(Heard::Connected(Box::new(link.clone())));
+    let closed = &AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            while !closed.load(Ordering::Acquire) {
+                // A sample that cannot be read is told by `wheelarm watch`.
+                if let Ok(Some(sample)) = samples.next(Duration::from_millis(50)) {
+                    send(Heard::Sample(Box::new(sample)));
+                }
+            }
+        });
+        let mut answered = Instant::now();
+        let mut robot = None;
+        let lost = loop {
+            if ended.load(Ordering::Acquire) {
+                break None;
+            }
+            if link.is_gone() {
+                break Some("the server has gone".to_owned());
+            }
+            let asked = Instant::now();
+            match pulse(link) {
+                Some(status) => {
+                    answered = Instant::now();
+                    let round_trip = asked.elapsed().as_secs_f64();
+                    let named = status.scenario.as_ref().map(|s| s.robot.clone());
+                    send(Heard::Status(Box::new(status), round_trip));
+                    if robot != named
+                        && let Some(told) = describe(link)
+                    {
+                        robot = named;
+                        send(Heard::Robot(Box::new(told)));
+                    }
+                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                }
+                None if answered.elapsed() > GIVE_UP => {
+                    break Some(format!(
+                        "no answer for {:.0} s",
+                        answered.elapsed().as_secs_f64()
+                    ));
+                }
+                None => {
+                    send(Heard::Silent);
+                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                }
+            }
+        };
+        closed.store(true, Ordering::Release);
+        Ok(lost)
+    })
+}
+
+/// Asks for the robot's description.
+fn describe(link: &Link) -> Option<v1::RobotDescription> {
+    let scene = link.ask_within(&v1::SceneRequest {}, PULSE_PATIENCE);
+    scene.ok()?.robot
+}
+
+/// Asks for the status, with less patience than a query of a command has.
+fn pulse(link: &Link) -> Option<v1::Status> {
+    link.ask_within(&v1::StatusRequest {}, PULSE_PATIENCE).ok()
+}
