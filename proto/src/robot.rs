@@ -275,7 +275,7 @@ mod tests {
             max_force: 50.0,
             ..v1::GripperDescription::default()
         };
-        let ask = |target, max_force| {
+        let request = |target, max_force| {
             let target = Some(target);
             gripper.check(&v1::GripperCommand { target, max_force })
         };

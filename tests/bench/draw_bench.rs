@@ -2,8 +2,6 @@
 //!
 //! `draw_bench [ASSETS] [SEEDS]`
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Instant;

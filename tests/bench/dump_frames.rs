@@ -4,11 +4,6 @@
 //! each of the two robot cameras, colour (u8 x 3), depth (f32 little-endian,
 //! metres) and ids (u16), 1280x720; 10 pictures per second of a made-up drive.
 
-#![expect(
-    clippy::disallowed_methods,
-    reason = "nothing here reaches a simulation"
-)]
-
 mod motion;
 
 use std::fs::File;

@@ -4,11 +4,6 @@
 //! `cargo run --release -p wheelarm-tests --example grasp_bench -- [SECONDS] [NEWTON]`,
 //! 60 s and 60 N unless told otherwise.
 
-#![expect(
-    clippy::disallowed_methods,
-    reason = "nothing here reaches a simulation"
-)]
-
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};

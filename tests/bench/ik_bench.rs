@@ -3,8 +3,6 @@
 //!
 //! `cargo run --release -p wheelarm-tests --example ik_bench`
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::f64::consts::PI;
 use std::path::Path;
 use std::time::Instant;

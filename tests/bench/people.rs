@@ -5,8 +5,6 @@
 //! `people --sheet FILE.png [--camera NAME=WIDTHxHEIGHT]`: the people of `--person`,
 //! each as one camera sees them, side by side.
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};

@@ -5,11 +5,6 @@
 //!
 //! `plush_bench [--assets DIR] [--out DIR] [--grip N] [--knuckle RAD]`
 
-#![expect(
-    clippy::disallowed_methods,
-    reason = "nothing here reaches a simulation"
-)]
-
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};

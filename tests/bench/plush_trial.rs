@@ -4,8 +4,6 @@
 //! `plush_trial SUBSTEPS PGS GRIP_N CLOSE_MM ATTACH`, each pad closing by
 //! CLOSE_MM at most with GRIP_N newtons; ATTACH 1 attaches what lies at a pad.
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::path::Path;
 use std::time::Instant;
 

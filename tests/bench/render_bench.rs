@@ -20,8 +20,6 @@
 //! With `--deflate [f32|u16|none]`, which says how depth is kept, the adapter compresses
 //! the pictures as well, after the run without; their size stands beside.
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 mod motion;
 
 use std::path::PathBuf;

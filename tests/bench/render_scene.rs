@@ -5,8 +5,6 @@
 //! `render_scene [--assets DIR] [--out DIR] [--width W] [--height H]
 //! [--quality fast|draft|standard|high] [--adapter NAME] [--task NAME] [--seed N]`
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};

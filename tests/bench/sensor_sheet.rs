@@ -5,8 +5,6 @@
 //! `sensor_sheet [--assets DIR] [--out FILE] [--task NAME] [--seed N]
 //! [--strength S] [--width W] [--height H]`
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::path::PathBuf;
 use std::time::Instant;
 

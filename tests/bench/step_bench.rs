@@ -3,8 +3,6 @@
 //!
 //! `step_bench [ASSETS]`
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 mod course;
 
 use std::path::PathBuf;

@@ -4,8 +4,6 @@
 //!
 //! `task_bench [ASSETS] [SECONDS]`
 
-#![expect(clippy::disallowed_methods, reason = "it measures wall time")]
-
 use std::path::PathBuf;
 use std::time::Instant;
 

@@ -27,7 +27,7 @@ fn main() -> anyhow::Result<()> {
         .collect();
     let count = kept.len().to_string();
     let mut recorder = Recorder::start(&server, "soak", folder.path(), &["--episodes", &count]);
-    while link.ask(&v1::StatusRequest {})?.recorders.is_empty() {
+    while link.request(&v1::StatusRequest {})?.recorders.is_empty() {
         std::thread::sleep(Duration::from_millis(50));
     }
     let begun = Instant::now();
@@ -37,9 +37,9 @@ fn main() -> anyhow::Result<()> {
             require_recorders: 1,
             ..Default::default()
         };
-        let _: v1::EpisodeStarted = link.ask(&request)?;
+        let _: v1::EpisodeStarted = link.request(&request)?;
         loop {
-            let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+            let status: v1::Status = link.request(&v1::StatusRequest {})?;
             if status.episode.is_none() {
                 bail!("episode e{i} ended before it began: {:?}", status.recorders);
             }
@@ -53,9 +53,9 @@ fn main() -> anyhow::Result<()> {
             discard: is_discarded(i),
             ..Default::default()
         };
-        let _: v1::EpisodeStopped = link.ask(&request)?;
+        let _: v1::EpisodeStopped = link.request(&request)?;
         if i % 7 == 6 {
-            let _: v1::ResetReply = link.ask(&v1::ResetRequest::default())?;
+            let _: v1::ResetReply = link.request(&v1::ResetRequest::default())?;
         }
     }
     let (status, text) = recorder.end();

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 /// Answers until it is dropped.
 pub struct IdleCommander {
@@ -25,7 +25,7 @@ impl IdleCommander {
     /// # Panics
     /// When control is held by somebody else.
     #[must_use]
-    pub fn start(link: &Link) -> Self {
+    pub fn start(link: &Client) -> Self {
         let streams = link.streams(&[TopicId::Clock]).expect("the clock");
         let mut commander = link.commander(Self::NAME, false).expect("control");
         let ended = Arc::new(AtomicBool::new(false));
@@ -39,7 +39,7 @@ impl IdleCommander {
                         Some(Sample::Clock(clock)) => clock.header,
                         // Time is paused, perhaps since before it came.
                         _ => link
-                            .ask(&v1::StatusRequest {})
+                            .request(&v1::StatusRequest {})
                             .ok()
                             .filter(|status| status.episode.is_some())
                             .and_then(|status| status.header),

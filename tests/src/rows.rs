@@ -11,7 +11,7 @@ use wheelarm_policy::{ActionKind, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{PHYSICS_HZ, TICKS_PER_CONTROL, TopicId, v1};
-use wheelarm_sdk::{Link, Turn};
+use wheelarm_sdk::{Client, Turn};
 
 use crate::exported::Exported;
 use crate::{PATIENCE, Server};
@@ -166,10 +166,10 @@ impl Rows {
         self.play_at(&server.link())
     }
 
-    fn play_at(&self, link: &Link) -> anyhow::Result<Played> {
+    fn play_at(&self, link: &Client) -> anyhow::Result<Played> {
         let topics = [TopicId::Evaluation, TopicId::Pose];
         let mut turns = link.turns("rows", false, &topics)?;
-        let started = link.ask(&v1::EpisodeStartRequest {
+        let started = link.request(&v1::EpisodeStartRequest {
             label: "rows".to_owned(),
             ..Default::default()
         })?;

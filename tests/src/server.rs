@@ -7,7 +7,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use wheelarm_sdk::{Connect, Link};
+use wheelarm_sdk::{Client, Connect};
 
 use crate::{program, root};
 
@@ -146,8 +146,8 @@ impl Server {
     /// # Panics
     /// When it does not answer.
     #[must_use]
-    pub fn link(&self) -> Link {
-        Link::open(&self.connect()).expect("a link to the server")
+    pub fn link(&self) -> Client {
+        Client::open(&self.connect()).expect("a link to the server")
     }
 
     /// Whether the process still runs.

@@ -3,11 +3,6 @@
 //!
 //! `cargo run --release -p wheelarm-tests --example robot_meshes -- assets/robots/wheelarm/meshes`
 
-#![expect(
-    clippy::disallowed_methods,
-    reason = "nothing here reaches a simulation"
-)]
-
 mod arm;
 mod chair;
 mod gripper;

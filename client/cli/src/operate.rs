@@ -10,7 +10,7 @@ use wheelarm_expert::forced::ForcedError;
 use wheelarm_expert::operator::Outcome;
 use wheelarm_expert::run::{self as operate, OperateOptions, Report};
 use wheelarm_proto::program::EXIT_NOT_DONE;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use crate::control::evaluation_lines;
 use wheelarm_options::choice;
@@ -112,7 +112,7 @@ fn say(line: std::fmt::Arguments<'_>) {
 ///
 /// # Errors
 /// When the operator cannot work, or the report cannot be written.
-pub fn run(link: &Link, args: &OperateArgs) -> anyhow::Result<ExitCode> {
+pub fn run(link: &Client, args: &OperateArgs) -> anyhow::Result<ExitCode> {
     let mut phase = String::new();
     let report = operate::run(link, &args.into(), &mut |progress| {
         if progress.phase != phase {

@@ -8,7 +8,7 @@ use clap::Args;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::signals::Signals;
 use wheelarm_recorder::{self as record, Output, RecordOptions, Told};
-use wheelarm_sdk::{Connect, Link, Silence};
+use wheelarm_sdk::{Client, Connect, Silence};
 
 use wheelarm_options::choice::{self, named};
 
@@ -76,7 +76,7 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         let all = record::run_many(&session, endpoint, &options, interrupted, print_told);
         runtime.block_on(all)?
     } else {
-        let link = Link::open_as(connect, Silence::Still)?;
+        let link = Client::open_as(connect, Silence::Still)?;
         waits(&format!("the server {:?}", connect.sim));
         runtime.block_on(record::run(&link, options, interrupted, print))?
     };

@@ -17,7 +17,7 @@ use super::observation::{self, Collector};
 use super::operator::{Operator, Outcome, Trouble};
 use super::profile::OperatorProfile;
 use super::scene::SceneModel;
-use wheelarm_sdk::{Link, LinkError, Turn, Turns};
+use wheelarm_sdk::{Client, ClientError, Turn, Turns};
 
 /// What the operator is asked to do.
 #[derive(Clone, Debug)]
@@ -66,7 +66,7 @@ impl Default for OperateOptions {
 pub enum DriverError {
     /// The connection.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    Client(#[from] ClientError),
     /// A message is not as the contract says.
     #[error("a message of the server is wrong: {0}")]
     Message(#[from] Invalid),
@@ -140,7 +140,7 @@ fn broke(words: &str) -> Outcome {
 /// An episode that a driver started. It ends when this is dropped: in lock-step, time would
 /// wait for the driver for good.
 pub struct OwnEpisode<'a> {
-    link: &'a Link,
+    link: &'a Client,
     started: v1::EpisodeStarted,
     is_open: bool,
 }
@@ -148,7 +148,7 @@ pub struct OwnEpisode<'a> {
 impl<'a> OwnEpisode<'a> {
     /// The episode `started`, where it is `ours`; otherwise nothing is ended.
     #[must_use]
-    pub fn new(link: &'a Link, started: &v1::EpisodeStarted, is_ours: bool) -> Self {
+    pub fn new(link: &'a Client, started: &v1::EpisodeStarted, is_ours: bool) -> Self {
         Self {
             link,
             started: started.clone(),
@@ -170,8 +170,8 @@ impl<'a> OwnEpisode<'a> {
     /// Ends it, unless it was left.
     ///
     /// # Errors
-    /// As [`Link::stop_episode_of`].
-    pub fn end(&mut self) -> Result<Option<v1::EpisodeStopped>, LinkError> {
+    /// As [`Client::stop_episode_of`].
+    pub fn end(&mut self) -> Result<Option<v1::EpisodeStopped>, ClientError> {
         match std::mem::take(&mut self.is_open) {
             true => self.link.stop_episode_of(&self.started, false).map(Some),
             false => Ok(None),
@@ -192,13 +192,13 @@ impl Drop for OwnEpisode<'_> {
 /// # Errors
 /// [`DriverError`]; a task that was tried and failed is a [`Report`].
 pub fn run(
-    link: &Link,
+    link: &Client,
     options: &OperateOptions,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Report, DriverError> {
     let turns = link.turns(&options.commander, options.take, &observation::STREAMS)?;
     let (scenario, running) = set_up(link, options.task.as_deref())?;
-    let reply = link.ask(&v1::SceneRequest {})?;
+    let reply = link.request(&v1::SceneRequest {})?;
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?;
     let roles = Roles::find(&reply.robot.unwrap_or_default())?;
@@ -243,10 +243,10 @@ pub fn run(
 /// Resets the scenario to `task` if that is not in force; returns what is in
 /// force, and the episode that runs, if one does.
 fn set_up(
-    link: &Link,
+    link: &Client,
     task: Option<&str>,
 ) -> Result<(v1::Scenario, Option<v1::EpisodeStarted>), DriverError> {
-    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+    let status: v1::Status = link.request(&v1::StatusRequest {})?;
     let scenario = status.scenario.unwrap_or_default();
     if let (Some(task), None) = (task, &status.episode)
         && task != scenario.task()
@@ -432,10 +432,10 @@ impl Work<'_> {
 }
 
 fn start(
-    link: &Link,
+    link: &Client,
     options: &OperateOptions,
     scenario: &v1::Scenario,
-) -> Result<v1::EpisodeStarted, LinkError> {
+) -> Result<v1::EpisodeStarted, ClientError> {
     let mut request = v1::EpisodeStartRequest {
         instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
         require_recorders: options.require_recorders,
@@ -445,7 +445,7 @@ fn start(
     match &options.label {
         Some(label) => {
             request.label.clone_from(label);
-            link.ask(&request)
+            link.request(&request)
         }
         None => {
             request.label = format!("{}-seed{}", scenario.task(), scenario.seed());
@@ -456,19 +456,19 @@ fn start(
 
 /// Asks the server's kinematics.
 pub struct RemoteReach<'a> {
-    link: &'a Link,
-    error: Option<LinkError>,
+    link: &'a Client,
+    error: Option<ClientError>,
 }
 
 impl<'a> RemoteReach<'a> {
     /// Of the server at the other end of `link`.
     #[must_use]
-    pub fn new(link: &'a Link) -> Self {
+    pub fn new(link: &'a Client) -> Self {
         Self { link, error: None }
     }
 
     /// Why a question was not answered, since the last call.
-    pub fn take_error(&mut self) -> Option<LinkError> {
+    pub fn take_error(&mut self) -> Option<ClientError> {
         self.error.take()
     }
 }
@@ -482,7 +482,7 @@ impl ArmReachability for RemoteReach<'_> {
             next_poses: poses.collect(),
             max_joint_change: Some(max_joint_change),
         };
-        match self.link.ask(&request) {
+        match self.link.request(&request) {
             Ok(reply) => reply.reachable,
             Err(error) => {
                 self.error.get_or_insert(error);

@@ -41,23 +41,23 @@ pub fn serve(
     let keys = PolicyKeys::new(name)?;
     let session = open_session(connect, Silence::Still)?;
     let failed = |problem: zenoh::Error| anyhow::anyhow!("the transport: {problem}");
-    let (ask, asked) = std::sync::mpsc::sync_channel::<Query>(WAITING);
+    let (sender, queries_received) = std::sync::mpsc::sync_channel::<Query>(WAITING);
     // One queue: an answer never stands behind a question that came later.
     let all = [keys.describe(), keys.reset(), keys.infer()];
     let mut open = Vec::new();
     for key in all {
-        let ask = ask.clone();
+        let sender = sender.clone();
         let queries = session.declare_queryable(key).callback(move |query| {
             // Whoever asks more than waits here is not answered.
-            let _ = ask.try_send(query);
+            let _ = sender.try_send(query);
         });
         open.push(queries.wait().map_err(failed)?);
     }
-    drop(ask);
+    drop(sender);
     let token = session.liveliness().declare_token(keys.alive());
     let _token = token.wait().map_err(failed)?;
     ready();
-    for query in asked {
+    for query in queries_received {
         let key = query.key_expr().as_str().to_owned();
         match answer(policy, &keys, &key, &query) {
             Ok((bytes, message)) => {

@@ -39,7 +39,7 @@ impl Drop for Served {
     }
 }
 
-fn ask<R: Message + Default>(
+fn request<R: Message + Default>(
     session: &Session,
     key: String,
     message: &str,
@@ -144,7 +144,7 @@ fn three_thousand_answers_take_no_more_memory_than_a_thousand() {
 #[test]
 fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     let (_folder, session, _served, keys) = served("tested");
-    let spec: v1::PolicySpec = ask(
+    let spec: v1::PolicySpec = request(
         &session,
         keys.describe(),
         "wheelarm.v1.PolicyDescribeRequest",
@@ -153,7 +153,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     .expect("a spec");
     assert_eq!((spec.name.as_str(), spec.stochastic), ("flow", true));
     let reset = v1::PolicyResetRequest::default().encode_to_vec();
-    let reset: Result<v1::PolicyResetReply, _> = ask(
+    let reset: Result<v1::PolicyResetReply, _> = request(
         &session,
         keys.reset(),
         "wheelarm.v1.PolicyResetRequest",

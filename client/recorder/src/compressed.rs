@@ -61,7 +61,7 @@ impl Compressed {
     pub fn due(&mut self, now: Instant) -> Vec<(u64, u64)> {
         let mut due: Vec<(u64, u64)> = Vec::new();
         for (&number, question) in &mut self.unusable {
-            if !question.ask(now) {
+            if !question.request(now) {
                 continue;
             }
             match due.last_mut() {

@@ -97,7 +97,7 @@ impl Gaps {
             };
             for (first, last) in missing.into_iter().flat_map(usable) {
                 let question = asked.entry(last).or_default();
-                if !question.ask(now) {
+                if !question.request(now) {
                     continue;
                 }
                 let is_heard = heard.is_some();

@@ -11,7 +11,7 @@ use wheelarm_proto::keys::Keys;
 use zenoh::Session;
 use zenoh::sample::SampleKind;
 
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use super::network::run;
 use super::{ExitSummary, Output, RecordOptions};
@@ -62,7 +62,7 @@ pub async fn run_many(
                 // A server that goes is its recorder's business: it closes the
                 // episode and takes the next one when the server comes back.
                 if sample.kind() == SampleKind::Put && joined.insert(sim.clone()) {
-                    let link = Link::over(session.clone(), endpoint, &sim)?;
+                    let link = Client::over(session.clone(), endpoint, &sim)?;
                     tell(&Told::Recording(&sim));
                     let (ended, episodes) = (ended.clone(), episodes.clone());
                     recorders.spawn(one(link, sim, options.clone(), ended, episodes, tell.clone()));
@@ -93,7 +93,7 @@ pub async fn run_many(
 
 /// Records one server into a folder of its name.
 async fn one(
-    link: Link,
+    link: Client,
     sim: String,
     options: RecordOptions,
     mut ended: watch::Receiver<bool>,

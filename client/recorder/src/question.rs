@@ -36,7 +36,7 @@ enum Stage {
 
 impl Question {
     /// Whether to ask at `now`.
-    pub fn ask(&mut self, now: Instant) -> bool {
+    pub fn request(&mut self, now: Instant) -> bool {
         let due = match self.stage {
             Stage::New => true,
             // Its answer will not be told any more.
@@ -90,17 +90,17 @@ mod tests {
         let start = Instant::now();
         let at = |seconds: u32| start + seconds * PAUSE;
         let mut question = Question::default();
-        assert!(question.ask(start));
-        assert!(!question.ask(at(20)), "the answer may be under way");
+        assert!(question.request(start));
+        assert!(!question.request(at(20)), "the answer may be under way");
         question.begin_again();
-        assert!(question.ask(at(20)), "the connection was lost");
+        assert!(question.request(at(20)), "the connection was lost");
         assert_eq!(question.tries(), 1);
         let (mut asked, mut seconds) = (1, 20);
         while !question.is_given_up() {
             question.answered(at(seconds));
             // One that comes twice counts once.
             question.answered(at(seconds + 9));
-            while !question.is_given_up() && !question.ask(at(seconds)) {
+            while !question.is_given_up() && !question.request(at(seconds)) {
                 seconds += 1;
                 assert!(seconds < 60, "{question:?}");
             }
@@ -109,9 +109,9 @@ mod tests {
         // Pauses of 1, 2, 4, 4 and 4 s, and the step that shows the last is over.
         assert_eq!((asked, seconds), (TRIES, 36));
         question.begin_again();
-        assert!(!question.ask(at(1000)));
+        assert!(!question.request(at(1000)));
         let mut forgotten = Question::default();
-        assert!(forgotten.ask(start));
-        assert!(forgotten.ask(start + 2 * LOCK_STEP_PATIENCE));
+        assert!(forgotten.request(start));
+        assert!(forgotten.request(start + 2 * LOCK_STEP_PATIENCE));
     }
 }

@@ -105,7 +105,7 @@ impl Driver {
         let hashes = session.link.streams(&[TopicId::StateHash])?;
         let mut notes = Vec::new();
         let begun = Instant::now();
-        let mut client = Client {
+        let mut client = EpisodeClient {
             session,
             log: log.as_mut(),
             notes: &mut notes,
@@ -127,13 +127,13 @@ impl Driver {
 }
 
 /// The expert or a policy as a client of one episode.
-struct Client<'a> {
+struct EpisodeClient<'a> {
     session: &'a Session<'a>,
     log: Option<&'a mut Log>,
     notes: &'a mut Vec<String>,
 }
 
-impl Client<'_> {
+impl EpisodeClient<'_> {
     fn expert(&mut self, expert: &Expert, shown: Demonstrations) -> Result<Finished, DriverError> {
         let options = OperateOptions {
             label: Some(self.session.label.to_owned()),

@@ -2,7 +2,7 @@
 
 use wheelarm_expert::run::Progress;
 use wheelarm_proto::v1;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 /// Watches an episode while it runs. Every method has an empty default.
 ///
@@ -13,7 +13,7 @@ pub trait Observer: Send + Sync {
     ///
     /// # Errors
     /// An error ends the episode.
-    fn attach(&self, _link: &Link) -> anyhow::Result<()> {
+    fn attach(&self, _link: &Client) -> anyhow::Result<()> {
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use anyhow::Context;
 use wheelarm_expert::operator::Outcome;
 use wheelarm_expert::run::{Progress, Report};
 use wheelarm_proto::v1;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use crate::finished::Finished;
 use crate::session::Session;
@@ -30,7 +30,7 @@ pub struct Playback {
 pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<Finished> {
     let begun = Instant::now();
     let link = session.link;
-    link.ask(&v1::ResetRequest {
+    link.request(&v1::ResetRequest {
         scenario: Some(v1::Scenario {
             pacing: v1::Pacing::LockStep.into(),
             // The server was started with the quality.
@@ -40,14 +40,14 @@ pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<F
         playback: true,
         ..v1::ResetRequest::default()
     })?;
-    if let Some(loaded) = link.ask(&v1::SceneRequest {})?.robot {
+    if let Some(loaded) = link.request(&v1::SceneRequest {})?.robot {
         (script.check_robot)(&loaded);
     }
     let (first, others) = script.states.split_first().context("no recorded state")?;
-    link.ask(first).with_context(|| {
+    link.request(first).with_context(|| {
         "the recorded states do not fit the assets; replay with those of the recording: --assets"
     })?;
-    let started = link.ask(&v1::EpisodeStartRequest {
+    let started = link.request(&v1::EpisodeStartRequest {
         label: session.label.to_owned(),
         instruction: Some(script.instruction.clone()),
         require_recorders: session.recorders,
@@ -70,9 +70,9 @@ pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<F
     })
 }
 
-fn show(session: &Session<'_>, link: &Link, states: &[v1::ShowRequest]) -> anyhow::Result<()> {
+fn show(session: &Session<'_>, link: &Client, states: &[v1::ShowRequest]) -> anyhow::Result<()> {
     for state in states {
-        link.ask(state)
+        link.request(state)
             .with_context(|| format!("showing the state of tick {}", state.tick))?;
         session.progress(&Progress {
             time: wheelarm_proto::stamp_nanos(state.tick) as f64 * 1e-9,

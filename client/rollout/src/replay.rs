@@ -10,7 +10,7 @@ use wheelarm_expert::operator::Outcome;
 use wheelarm_expert::run::{Progress, Report};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::{Link, Turn, Turns};
+use wheelarm_sdk::{Client, Turn, Turns};
 
 use crate::comparison::Comparison;
 use crate::finished::Finished;
@@ -53,7 +53,7 @@ pub(crate) fn replay(session: &Session<'_>, script: &Replay) -> anyhow::Result<F
     session.heartbeat.set_scenario(&script.scenario);
     // Subscribed before the episode begins, so that its first state arrives.
     let mut turns = link.turns(REPLAY, false, &[TopicId::StateHash])?;
-    let started = link.ask(&v1::EpisodeStartRequest {
+    let started = link.request(&v1::EpisodeStartRequest {
         label: session.label.to_owned(),
         instruction: Some(script.instruction.clone()),
         require_recorders: session.recorders,
@@ -61,7 +61,7 @@ pub(crate) fn replay(session: &Session<'_>, script: &Replay) -> anyhow::Result<F
         replay: true,
         ..v1::EpisodeStartRequest::default()
     })?;
-    let loaded = link.ask(&v1::SnapshotRequest {})?.assets;
+    let loaded = link.request(&v1::SnapshotRequest {})?.assets;
     let fed =
         (script.check_assets)(&loaded).and_then(|()| feed(session, &mut turns, script, &started));
     // The file of a replay that failed is discarded.
@@ -83,13 +83,13 @@ pub(crate) fn replay(session: &Session<'_>, script: &Replay) -> anyhow::Result<F
 }
 
 /// Restores the state at the start of the episode.
-fn reset(link: &Link, script: &Replay) -> anyhow::Result<()> {
+fn reset(link: &Client, script: &Replay) -> anyhow::Result<()> {
     let mut scenario = script.scenario.clone();
     // Whatever paced the recording, its commands are applied tick by tick.
     scenario.pacing = v1::Pacing::LockStep.into();
     // The server was started with the quality.
     scenario.quality = v1::RenderQuality::Unspecified.into();
-    let reply = link.ask(&v1::ResetRequest {
+    let reply = link.request(&v1::ResetRequest {
         scenario: Some(scenario),
         snapshot: script.snapshot.clone(),
         ..v1::ResetRequest::default()

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use wheelarm_expert::run::Progress;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use crate::heartbeat::Heartbeat;
 use crate::observer::Observer;
@@ -12,7 +12,7 @@ use crate::observer::Observer;
 /// One episode as its driver sees it.
 pub struct Session<'a> {
     /// Connection to the server, which is paused and has no running episode.
-    pub link: &'a Link,
+    pub link: &'a Client,
     /// Label of the episode.
     pub label: &'a str,
     /// Recorders that the episode waits for.

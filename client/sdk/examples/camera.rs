@@ -5,7 +5,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Connect, Link};
+use wheelarm_sdk::{Client, Connect};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -14,9 +14,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             "give ENDPOINT SIM CAMERA FILE, for example tcp/127.0.0.1:7447 sim gen3 a.ppm".into(),
         );
     };
-    let link = Link::open(&Connect::to(endpoint, sim))?;
+    let link = Client::open(&Connect::to(endpoint, sim))?;
     // Ids stand for what the scene query lists.
-    let scene = link.ask(&v1::SceneRequest {})?;
+    let scene = link.request(&v1::SceneRequest {})?;
     let pictures = link.camera(camera, 1)?;
     for _ in 0..5 {
         let frame = pictures

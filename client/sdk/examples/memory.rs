@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{StreamId, TopicId, v1};
-use wheelarm_sdk::{Connect, Frame, Link};
+use wheelarm_sdk::{Client, Connect, Frame};
 
 /// One episode in memory.
 #[derive(Default)]
@@ -34,11 +34,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [endpoint, sim, camera] = words.as_slice() else {
         return Err("give ENDPOINT SIM CAMERA, for example tcp/127.0.0.1:7447 sim gen3".into());
     };
-    let link = Link::open(&Connect::to(endpoint, sim))?;
+    let link = Client::open(&Connect::to(endpoint, sim))?;
     // Subscribed before the episode begins, so that its first sample is there.
     let streams = link.streams(&[&TopicId::STATES[..], &[TopicId::Event]].concat())?;
     let pictures = link.camera(camera, 64)?;
-    let started = link.ask(&v1::EpisodeStartRequest {
+    let started = link.request(&v1::EpisodeStartRequest {
         label: "memory".to_owned(),
         ..Default::default()
     })?;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::{Connect, Link, Turn, Turns};
+use wheelarm_sdk::{Client, Connect, Turn, Turns};
 
 /// Drives gently forward and closes the gripper, from where its knuckle is, rad.
 fn policy(knuckle: f64) -> v1::Command {
@@ -51,9 +51,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [endpoint, sim] = words.as_slice() else {
         return Err("give ENDPOINT SIM, for example tcp/127.0.0.1:7447 sim".into());
     };
-    let link = Link::open(&Connect::to(endpoint, sim))?;
+    let link = Client::open(&Connect::to(endpoint, sim))?;
     let mut turns = link.turns("policy", false, &[TopicId::Applied])?;
-    let started = link.ask(&v1::EpisodeStartRequest {
+    let started = link.request(&v1::EpisodeStartRequest {
         label: "policy".to_owned(),
         ..Default::default()
     })?;

@@ -9,7 +9,7 @@ use zenoh::handlers::{IntoHandler, RingChannel, RingChannelHandler};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 
-use super::{Frame, Link, LinkError, transport};
+use super::{Client, ClientError, Frame, transport};
 
 /// A subscribed camera.
 pub struct Camera {
@@ -17,21 +17,21 @@ pub struct Camera {
     _subscriber: Subscriber<()>,
 }
 
-impl Link {
+impl Client {
     /// Subscribes to a camera. Up to `kept` pictures wait to be taken; when
     /// another comes the oldest is let go, which the sequence numbers of the
     /// headers tell. With 1 the newest is taken.
     ///
     /// # Errors
-    /// [`LinkError::NoCamera`] with those in use when it is none of them, else as
-    /// [`Link::ask`] and [`Link::subscribe`].
-    pub fn camera(&self, name: &str, kept: usize) -> Result<Camera, LinkError> {
-        let status = self.ask(&v1::StatusRequest {})?;
+    /// [`ClientError::NoCamera`] with those in use when it is none of them, else as
+    /// [`Client::request`] and [`Client::subscribe`].
+    pub fn camera(&self, name: &str, kept: usize) -> Result<Camera, ClientError> {
+        let status = self.request(&v1::StatusRequest {})?;
         let cameras = status.scenario.unwrap_or_default().cameras;
         let on = cameras.iter().filter(|one| one.rate_hz != Some(0.0));
         let names: Vec<&str> = on.map(|one| one.name.as_str()).collect();
         if !names.contains(&name) {
-            return Err(LinkError::NoCamera {
+            return Err(ClientError::NoCamera {
                 camera: name.to_owned(),
                 found: match names.is_empty() {
                     true => "none".to_owned(),
@@ -50,35 +50,35 @@ impl Link {
 }
 
 /// A subscribed sensor on a camera.
-pub struct SensorPictures {
+pub struct SensorImages {
     pictures: RingChannelHandler<Sample>,
     _subscriber: Subscriber<()>,
 }
 
-impl Link {
+impl Client {
     /// Subscribes to a sensor on a camera, by the name that `sensors` tells. Up to
     /// `kept` pictures wait to be taken; then the oldest is let go.
     ///
     /// # Errors
-    /// As [`Link::subscribe`].
-    pub fn sensor(&self, name: &str, kept: usize) -> Result<SensorPictures, LinkError> {
+    /// As [`Client::subscribe`].
+    pub fn sensor(&self, name: &str, kept: usize) -> Result<SensorImages, ClientError> {
         let (ring, pictures) = RingChannel::new(kept.max(1)).into_handler();
         let key = self.keys().sensor(name);
         let subscriber = self.subscribe(&key, move |sample| ring.call(sample))?;
-        Ok(SensorPictures {
+        Ok(SensorImages {
             pictures,
             _subscriber: subscriber,
         })
     }
 }
 
-impl SensorPictures {
+impl SensorImages {
     /// The next picture, or `None` when none came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`] when it cannot be read, [`LinkError::Transport`] when
+    /// [`ClientError::Garbled`] when it cannot be read, [`ClientError::Transport`] when
     /// the session is closed.
-    pub fn next(&self, patience: Duration) -> Result<Option<v1::SensorFrame>, LinkError> {
+    pub fn next(&self, patience: Duration) -> Result<Option<v1::SensorFrame>, ClientError> {
         let sample = self
             .pictures
             .recv_deadline(Instant::now() + patience)
@@ -87,7 +87,7 @@ impl SensorPictures {
             .map(|sample| {
                 // Planes share these bytes.
                 let bytes = Bytes::from(sample.payload().to_bytes().into_owned());
-                v1::SensorFrame::decode(bytes).map_err(|cause| LinkError::Garbled {
+                v1::SensorFrame::decode(bytes).map_err(|cause| ClientError::Garbled {
                     what: "a sensor's picture".to_owned(),
                     cause,
                 })
@@ -100,9 +100,9 @@ impl Camera {
     /// The next picture, or `None` when none came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`] and [`LinkError::Frame`] when it cannot be read,
-    /// [`LinkError::Transport`] when the session is closed.
-    pub fn next(&self, patience: Duration) -> Result<Option<Frame>, LinkError> {
+    /// [`ClientError::Garbled`] and [`ClientError::Frame`] when it cannot be read,
+    /// [`ClientError::Transport`] when the session is closed.
+    pub fn next(&self, patience: Duration) -> Result<Option<Frame>, ClientError> {
         let deadline = Instant::now() + patience;
         let sample = self
             .pictures
@@ -113,7 +113,7 @@ impl Camera {
         };
         // Planes share these bytes.
         let bytes = Bytes::from(sample.payload().to_bytes().into_owned());
-        let message = v1::CameraFrame::decode(bytes).map_err(|cause| LinkError::Garbled {
+        let message = v1::CameraFrame::decode(bytes).map_err(|cause| ClientError::Garbled {
             what: "a picture".to_owned(),
             cause,
         })?;

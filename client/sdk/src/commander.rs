@@ -12,7 +12,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 
-use super::{Link, LinkError, transport};
+use super::{Client, ClientError, transport};
 
 /// Longest time until the server has seen this process's token.
 const SEEN: Duration = Duration::from_secs(5);
@@ -21,7 +21,7 @@ const SEEN: Duration = Duration::from_secs(5);
 /// commands carry the seal of its lease. Control is given back when it is
 /// dropped, and ends by itself with this process.
 pub struct Commander {
-    link: Link,
+    link: Client,
     publisher: Publisher<'static>,
     _token: LivelinessToken,
     name: String,
@@ -31,14 +31,14 @@ pub struct Commander {
     secret: Mutex<String>,
 }
 
-impl Link {
+impl Client {
     /// Asks for control under the name `name`; with `take` it is taken over
     /// from whoever holds it.
     ///
     /// # Errors
-    /// [`LinkError::Refused`] in words that say who holds control and how to
+    /// [`ClientError::Refused`] in words that say who holds control and how to
     /// take it over.
-    pub fn commander(&self, name: &str, take: bool) -> Result<Commander, LinkError> {
+    pub fn commander(&self, name: &str, take: bool) -> Result<Commander, ClientError> {
         let run_id = keys::run_id();
         let publisher = self
             .session
@@ -64,7 +64,7 @@ impl Link {
             sequence: 0,
             secret: Mutex::default(),
         };
-        commander.ask(take)?;
+        commander.acquire(take)?;
         Ok(commander)
     }
 }
@@ -74,12 +74,12 @@ impl Commander {
     /// `take`, to somebody else. Does nothing while it is held.
     ///
     /// # Errors
-    /// As [`Link::commander`].
-    pub fn ask(&self, take: bool) -> Result<v1::LeaseReply, LinkError> {
-        let request = self.request(take, false);
+    /// As [`Client::commander`].
+    pub fn acquire(&self, take: bool) -> Result<v1::LeaseReply, ClientError> {
+        let request = self.lease_request(take, false);
         let deadline = Instant::now() + SEEN;
         loop {
-            let reply: v1::LeaseReply = self.link.ask(&request)?;
+            let reply: v1::LeaseReply = self.link.request(&request)?;
             if reply.holder == self.name {
                 if !reply.secret.is_empty() {
                     self.link.keep_secret(&reply.secret);
@@ -89,7 +89,7 @@ impl Commander {
                 return Ok(reply);
             }
             if Instant::now() > deadline {
-                return Err(LinkError::Refused {
+                return Err(ClientError::Refused {
                     query: Query::Lease.name(),
                     code: v1::FailureCode::NoControl,
                     message: format!(
@@ -105,12 +105,12 @@ impl Commander {
     /// Sends `command` as the answer to the control tick of `clock`.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
+    /// [`ClientError::Transport`].
     pub fn answer(
         &mut self,
         clock: &v1::Header,
         mut command: v1::Command,
-    ) -> Result<(), LinkError> {
+    ) -> Result<(), ClientError> {
         command.header = Some(v1::Header {
             run_id: self.run_id.clone(),
             sequence: self.sequence,
@@ -153,7 +153,7 @@ impl Commander {
         secret.clone()
     }
 
-    fn request(&self, take: bool, release: bool) -> v1::LeaseRequest {
+    fn lease_request(&self, take: bool, release: bool) -> v1::LeaseRequest {
         v1::LeaseRequest {
             header: Some(v1::Header {
                 run_id: self.run_id.clone(),
@@ -174,8 +174,8 @@ impl Drop for Commander {
             self.link.keep_secret("");
         }
         // Without an answer control ends with the token, a little later.
-        let request = self.request(false, true);
-        let released = self.link.ask_within(&request, Duration::from_secs(1));
+        let request = self.lease_request(false, true);
+        let released = self.link.request_within(&request, Duration::from_secs(1));
         if let Err(problem) = released {
             tracing::debug!("control was not given back: {problem}");
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use wheelarm_proto::v1;
 
-use super::{Link, LinkError};
+use super::{Client, ClientError};
 
 /// Time between two questions whether an episode runs.
 const LOOK: Duration = Duration::from_millis(50);
@@ -13,24 +13,24 @@ const LOOK: Duration = Duration::from_millis(50);
 /// continues behind the labels that are taken, so that several recorders agree soon.
 const LABELS: usize = 8;
 
-impl Link {
+impl Client {
     /// Starts an episode and waits until it runs, which it does when
     /// `require_recorders` recorders have opened their files.
     ///
     /// # Errors
-    /// [`LinkError::NotBegun`] when a recorder cannot record it or none is ready in time.
+    /// [`ClientError::NotBegun`] when a recorder cannot record it or none is ready in time.
     pub fn start_episode(
         &self,
         request: &v1::EpisodeStartRequest,
-    ) -> Result<v1::EpisodeStarted, LinkError> {
-        let started = self.ask(request)?;
+    ) -> Result<v1::EpisodeStarted, ClientError> {
+        let started = self.request(request)?;
         loop {
-            let status = self.ask(&v1::StatusRequest {})?;
+            let status = self.request(&v1::StatusRequest {})?;
             match stage(&started, request.require_recorders, &status) {
                 Stage::Runs => return Ok(started),
                 Stage::Waits => std::thread::sleep(LOOK),
                 Stage::Failed { why, free_label } => {
-                    return Err(LinkError::NotBegun {
+                    return Err(ClientError::NotBegun {
                         label: request.label.clone(),
                         why,
                         free_label,
@@ -44,18 +44,18 @@ impl Link {
         }
     }
 
-    /// As [`Link::start_episode`] for a label that nobody chose: where a recorder has a
+    /// As [`Client::start_episode`] for a label that nobody chose: where a recorder has a
     /// file of that label, the episode takes the next label that is free there.
     ///
     /// # Errors
-    /// As [`Link::start_episode`].
+    /// As [`Client::start_episode`].
     pub fn start_episode_numbered(
         &self,
         mut request: v1::EpisodeStartRequest,
-    ) -> Result<v1::EpisodeStarted, LinkError> {
+    ) -> Result<v1::EpisodeStarted, ClientError> {
         for _ in 1..LABELS {
             match self.start_episode(&request) {
-                Err(LinkError::NotBegun {
+                Err(ClientError::NotBegun {
                     free_label: Some(label),
                     ..
                 }) => request.label = label,
@@ -66,13 +66,13 @@ impl Link {
     }
 
     /// Tells an episode that has been ended since from one that never began.
-    fn check_begun(&self, started: &v1::EpisodeStarted) -> Result<(), LinkError> {
+    fn check_begun(&self, started: &v1::EpisodeStarted) -> Result<(), ClientError> {
         let ours = id(started.header.as_ref());
-        let state = self.ask(&v1::EpisodeRequest::default())?;
+        let state = self.request(&v1::EpisodeRequest::default())?;
         let mut ended = state.ended.iter();
         let end = ended.find(|end| id(end.header.as_ref()) == ours);
         if end.is_some_and(|end| end.cause() == v1::EndCause::Recorders) {
-            return Err(LinkError::NotBegun {
+            return Err(ClientError::NotBegun {
                 label: started.label.clone(),
                 why: "its recorders were not ready in time; `wheelarm status` shows which are \
                       connected, `wheelarm record` starts another"

@@ -11,7 +11,7 @@ use super::frame::BadFrame;
 
 /// What can go wrong between a client and a server.
 #[derive(Debug, thiserror::Error)]
-pub enum LinkError {
+pub enum ClientError {
     /// The endpoint is none.
     #[error(transparent)]
     Endpoint(#[from] BadEndpoint),
@@ -162,16 +162,16 @@ pub enum LinkError {
     },
 }
 
-pub(super) fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> LinkError {
-    move |cause| LinkError::Transport {
+pub(super) fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> ClientError {
+    move |cause| ClientError::Transport {
         operation,
         cause: words(&cause),
     }
 }
 
 /// Nothing can come any more.
-pub(super) fn closed(operation: &'static str) -> LinkError {
-    LinkError::Transport {
+pub(super) fn closed(operation: &'static str) -> ClientError {
+    ClientError::Transport {
         operation,
         cause: "the connection is closed".to_owned(),
     }

@@ -3,26 +3,26 @@
 
 use wheelarm_proto::v1;
 
-use super::{Link, LinkError};
+use super::{Client, ClientError};
 
-impl Link {
+impl Client {
     /// Sets up a new scenario: the one in force with what `scenario` names
     /// replaced. Places are drawn anew, also where the seed is the same. With
     /// `force` also while somebody else is in control.
     ///
     /// # Errors
-    /// [`LinkError`].
+    /// [`ClientError`].
     pub fn reset(
         &self,
         mut scenario: v1::Scenario,
         force: bool,
-    ) -> Result<v1::Scenario, LinkError> {
+    ) -> Result<v1::Scenario, ClientError> {
         // Everything that is not said stays as it is; the same seed says "draw".
         if scenario.seed.is_none() {
-            let status = self.ask(&v1::StatusRequest {})?;
+            let status = self.request(&v1::StatusRequest {})?;
             scenario.seed = status.scenario.map(|scenario| scenario.seed());
         }
-        let reply = self.ask(&v1::ResetRequest {
+        let reply = self.request(&v1::ResetRequest {
             scenario: Some(scenario),
             force,
             secret: self.secret(),
@@ -34,8 +34,8 @@ impl Link {
     /// Ends whichever episode runs; with `discard` recorders throw it away.
     ///
     /// # Errors
-    /// [`LinkError`].
-    pub fn stop_episode(&self, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
+    /// [`ClientError`].
+    pub fn stop_episode(&self, discard: bool) -> Result<v1::EpisodeStopped, ClientError> {
         self.stop(None, discard)
     }
 
@@ -43,17 +43,17 @@ impl Link {
     /// after it; with `discard` recorders throw it away.
     ///
     /// # Errors
-    /// [`LinkError`], with the code `NoEpisode` where it is over.
+    /// [`ClientError`], with the code `NoEpisode` where it is over.
     pub fn stop_episode_of(
         &self,
         started: &v1::EpisodeStarted,
         discard: bool,
-    ) -> Result<v1::EpisodeStopped, LinkError> {
+    ) -> Result<v1::EpisodeStopped, ClientError> {
         self.stop(started.header.as_ref().map(|h| h.episode), discard)
     }
 
-    fn stop(&self, episode: Option<u64>, discard: bool) -> Result<v1::EpisodeStopped, LinkError> {
-        self.ask(&v1::EpisodeStopRequest {
+    fn stop(&self, episode: Option<u64>, discard: bool) -> Result<v1::EpisodeStopped, ClientError> {
+        self.request(&v1::EpisodeStopRequest {
             discard,
             episode,
             force: false,
@@ -64,9 +64,10 @@ impl Link {
     /// Ends the server; with `force` also while somebody else is in control.
     ///
     /// # Errors
-    /// [`LinkError`].
-    pub fn shutdown(&self, force: bool) -> Result<(), LinkError> {
+    /// [`ClientError`].
+    pub fn shutdown(&self, force: bool) -> Result<(), ClientError> {
         let secret = self.secret();
-        self.ask(&v1::ShutdownRequest { force, secret }).map(|_| ())
+        self.request(&v1::ShutdownRequest { force, secret })
+            .map(|_| ())
     }
 }

@@ -1,8 +1,8 @@
 //! The client SDK: one Zenoh session, typed queries and topics, control and commands,
 //! decoded images and previews.
 //!
-//! [`Link::open`] connects, [`Link::ask`] sends a query, [`Link::samples`] and
-//! [`Link::streams`] subscribe to topics, [`Link::camera`] to images, and [`Link::turns`]
+//! [`Client::open`] connects, [`Client::request`] sends a query, [`Client::samples`] and
+//! [`Client::streams`] subscribe to topics, [`Client::camera`] to images, and [`Client::turns`]
 //! answers control ticks, in lock-step too.
 //!
 //! Samples and replies of every session except the server's are dropped ([`Server`]): the
@@ -11,7 +11,6 @@
 
 #![warn(missing_docs)]
 
-mod asking;
 mod camera;
 mod commander;
 mod episode;
@@ -19,6 +18,7 @@ mod error;
 mod frame;
 mod holder;
 mod preview;
+mod queries;
 mod samples;
 mod server;
 mod streams;
@@ -38,9 +38,9 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 use zenoh::{Config, Session, Wait};
 
-pub use camera::{Camera, SensorPictures};
+pub use camera::{Camera, SensorImages};
 pub use commander::Commander;
-pub use error::{LinkError, words as words_of_transport};
+pub use error::{ClientError, words as transport_words};
 pub use frame::{BadFrame, Frame};
 pub use preview::Preview;
 pub use samples::Samples;
@@ -123,21 +123,21 @@ pub enum Silence {
 /// Connects to an endpoint, behind which there may be any servers.
 ///
 /// # Errors
-/// [`LinkError::Endpoint`] when it is none, [`LinkError::NoServer`] when nobody
-/// listens, [`LinkError::NoKeys`] when it takes keys and none are given.
-pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkError> {
+/// [`ClientError::Endpoint`] when it is none, [`ClientError::NoServer`] when nobody
+/// listens, [`ClientError::NoKeys`] when it takes keys and none are given.
+pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, ClientError> {
     check_endpoint(&args.endpoint)?;
     let identity = match (args.is_guarded(), &args.identity) {
         (false, _) => None,
         (true, Some(identity)) => Some(identity.clone()),
         (true, None) => Some(
             Identity::from_environment()?
-                .ok_or_else(|| LinkError::NoKeys(args.endpoint.clone()))?,
+                .ok_or_else(|| ClientError::NoKeys(args.endpoint.clone()))?,
         ),
     };
     zenoh::open(config(args, identity.as_ref(), silence))
         .wait()
-        .map_err(|cause| LinkError::NoServer {
+        .map_err(|cause| ClientError::NoServer {
             endpoint: args.endpoint.clone(),
             seconds: args.wait_secs(),
             cause: words(&cause),
@@ -146,7 +146,7 @@ pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, LinkErr
 
 /// An open connection to one server.
 #[derive(Clone)]
-pub struct Link {
+pub struct Client {
     session: Session,
     keys: Keys,
     endpoint: String,
@@ -156,33 +156,33 @@ pub struct Link {
     secret: Arc<Mutex<String>>,
 }
 
-impl Link {
+impl Client {
     /// Connects and makes sure that the named server is alive.
     ///
     /// # Errors
-    /// [`LinkError::Endpoint`] when the endpoint is none,
-    /// [`LinkError::NoServer`] when nobody listens until the wait is over,
-    /// [`LinkError::OtherName`] when the server has another name,
-    /// [`LinkError::NoRights`] when it shows nothing to the user of these keys,
-    /// [`LinkError::Several`] when it cannot be told from a stranger,
-    /// [`LinkError::Version`] when it speaks another version of the contract.
-    pub fn open(args: &Connect) -> Result<Self, LinkError> {
+    /// [`ClientError::Endpoint`] when the endpoint is none,
+    /// [`ClientError::NoServer`] when nobody listens until the wait is over,
+    /// [`ClientError::OtherName`] when the server has another name,
+    /// [`ClientError::NoRights`] when it shows nothing to the user of these keys,
+    /// [`ClientError::Several`] when it cannot be told from a stranger,
+    /// [`ClientError::Version`] when it speaks another version of the contract.
+    pub fn open(args: &Connect) -> Result<Self, ClientError> {
         Self::open_as(args, Silence::Gone)
     }
 
-    /// As [`Link::open`], saying what silence means.
+    /// As [`Client::open`], saying what silence means.
     ///
     /// # Errors
-    /// As [`Link::open`].
-    pub fn open_as(args: &Connect, silence: Silence) -> Result<Self, LinkError> {
+    /// As [`Client::open`].
+    pub fn open_as(args: &Connect, silence: Silence) -> Result<Self, ClientError> {
         // A bad name is told before anything else.
         Keys::new(&args.sim)?;
         let deadline = Instant::now() + Duration::from_secs_f64(args.wait_secs());
         let session = open_session(args, silence)?;
         let link = Self::over(session, &args.endpoint, &args.sim)?;
         link.wait_alive(deadline).map_err(|error| match error {
-            LinkError::OtherName { found, .. } if args.is_guarded() && found == NONE => {
-                LinkError::NoRights {
+            ClientError::OtherName { found, .. } if args.is_guarded() && found == NONE => {
+                ClientError::NoRights {
                     endpoint: args.endpoint.clone(),
                     sim: args.sim.clone(),
                 }
@@ -197,8 +197,8 @@ impl Link {
     /// what is published is handed over where it lies.
     ///
     /// # Errors
-    /// As [`Link::open`].
-    pub fn within(session: Session, sim: &str) -> Result<Self, LinkError> {
+    /// As [`Client::open`].
+    pub fn within(session: Session, sim: &str) -> Result<Self, ClientError> {
         let link = Self::over(session, "this process", sim)?;
         link.wait_alive(Instant::now() + MEETING)?;
         Ok(link)
@@ -214,8 +214,8 @@ impl Link {
     /// alive is not asked.
     ///
     /// # Errors
-    /// [`LinkError::Name`], [`LinkError::Transport`].
-    pub fn over(session: Session, endpoint: &str, sim: &str) -> Result<Self, LinkError> {
+    /// [`ClientError::Name`], [`ClientError::Transport`].
+    pub fn over(session: Session, endpoint: &str, sim: &str) -> Result<Self, ClientError> {
         let keys = Keys::new(sim)?;
         let (server, tokens) = Server::watch(&session, &keys)?;
         Ok(Self {
@@ -230,11 +230,11 @@ impl Link {
 
     /// Makes sure that both sides speak the same version of the contract. A
     /// server that is silent now is told apart when it answers.
-    fn meet(&self) -> Result<(), LinkError> {
-        match self.ask_within(&v1::StatusRequest {}, MEETING) {
+    fn meet(&self) -> Result<(), ClientError> {
+        match self.request_within(&v1::StatusRequest {}, MEETING) {
             Err(
-                other @ (LinkError::Version(_)
-                | LinkError::Refused {
+                other @ (ClientError::Version(_)
+                | ClientError::Refused {
                     code: FailureCode::Version,
                     ..
                 }),
@@ -244,7 +244,7 @@ impl Link {
     }
 
     /// Waits until the liveliness token of the named server is seen.
-    fn wait_alive(&self, deadline: Instant) -> Result<(), LinkError> {
+    fn wait_alive(&self, deadline: Instant) -> Result<(), ClientError> {
         loop {
             self.server.look(&self.session);
             if self.server.is_there() {
@@ -253,7 +253,7 @@ impl Link {
             if Instant::now() >= deadline {
                 let tokens = self.server.tokens();
                 if tokens.len() > 1 {
-                    return Err(LinkError::Several {
+                    return Err(ClientError::Several {
                         endpoint: self.endpoint.clone(),
                         sim: self.keys.sim().to_owned(),
                         count: tokens.len(),
@@ -261,7 +261,7 @@ impl Link {
                     });
                 }
                 let found = self.alive_sims()?;
-                return Err(LinkError::OtherName {
+                return Err(ClientError::OtherName {
                     endpoint: self.endpoint.clone(),
                     sim: self.keys.sim().to_owned(),
                     found: if found.is_empty() {
@@ -276,7 +276,7 @@ impl Link {
     }
 
     /// Names of the servers that are alive on this network.
-    fn alive_sims(&self) -> Result<Vec<String>, LinkError> {
+    fn alive_sims(&self) -> Result<Vec<String>, ClientError> {
         let replies = self
             .session
             .liveliness()
@@ -337,8 +337,8 @@ impl Link {
     /// Whether somebody on this network holds a liveliness token.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn is_declared(&self, token: &str) -> Result<bool, LinkError> {
+    /// [`ClientError::Transport`].
+    pub fn is_declared(&self, token: &str) -> Result<bool, ClientError> {
         let replies = self
             .session
             .liveliness()
@@ -353,12 +353,12 @@ impl Link {
     /// anybody else.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
+    /// [`ClientError::Transport`].
     pub fn subscribe(
         &self,
         key: &str,
         taken: impl Fn(Sample) + Send + Sync + 'static,
-    ) -> Result<Subscriber<()>, LinkError> {
+    ) -> Result<Subscriber<()>, ClientError> {
         let server = self.server.clone();
         self.session
             .declare_subscriber(key)
@@ -375,17 +375,17 @@ impl Link {
     /// until they are taken.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn streams(&self, topics: &[TopicId]) -> Result<Streams, LinkError> {
+    /// [`ClientError::Transport`].
+    pub fn streams(&self, topics: &[TopicId]) -> Result<Streams, ClientError> {
         self.streams_within(topics, None)
     }
 
-    /// As [`Link::streams`] with at most `bound` waiting: the oldest are dropped and
+    /// As [`Client::streams`] with at most `bound` waiting: the oldest are dropped and
     /// counted.
     ///
     /// # Errors
-    /// As [`Link::streams`].
-    pub fn newest_streams(&self, topics: &[TopicId], bound: Bound) -> Result<Streams, LinkError> {
+    /// As [`Client::streams`].
+    pub fn newest_streams(&self, topics: &[TopicId], bound: Bound) -> Result<Streams, ClientError> {
         self.streams_within(topics, Some(bound))
     }
 
@@ -393,7 +393,7 @@ impl Link {
         &self,
         topics: &[TopicId],
         bound: Option<Bound>,
-    ) -> Result<Streams, LinkError> {
+    ) -> Result<Streams, ClientError> {
         let queue = Arc::default();
         let mut subscribers = Vec::new();
         for topic in topics {
@@ -412,8 +412,8 @@ impl Link {
     /// Closes the connection.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn close(self) -> Result<(), LinkError> {
+    /// [`ClientError::Transport`].
+    pub fn close(self) -> Result<(), ClientError> {
         self.session
             .close()
             .wait()
@@ -427,8 +427,8 @@ const NONE: &str = "none";
 /// Longest wait for the answer that tells the server's version.
 const MEETING: Duration = Duration::from_secs(2);
 
-fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, LinkError> {
-    M::decode(payload.to_bytes().as_ref()).map_err(|cause| LinkError::Garbled {
+fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, ClientError> {
+    M::decode(payload.to_bytes().as_ref()).map_err(|cause| ClientError::Garbled {
         what: format!("`{what}`"),
         cause,
     })

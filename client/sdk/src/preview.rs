@@ -9,7 +9,7 @@ use zenoh::handlers::{RingChannel, RingChannelHandler};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
 
-use super::{Link, LinkError, Server, decode, transport};
+use super::{Client, ClientError, Server, decode, transport};
 
 /// A subscribed preview; the server encodes it while this lives.
 pub struct Preview {
@@ -17,12 +17,12 @@ pub struct Preview {
     server: Server,
 }
 
-impl Link {
+impl Client {
     /// Subscribes to a camera's preview.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn preview(&self, camera: &str, level: PreviewLevel) -> Result<Preview, LinkError> {
+    /// [`ClientError::Transport`].
+    pub fn preview(&self, camera: &str, level: PreviewLevel) -> Result<Preview, ClientError> {
         let subscriber = self
             .session
             .declare_subscriber(self.keys.preview(camera, level))
@@ -40,8 +40,8 @@ impl Preview {
     /// The newest picture, or `None` when none came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`], [`LinkError::Transport`] when the session is closed.
-    pub fn next(&self, patience: Duration) -> Result<Option<v1::PreviewFrame>, LinkError> {
+    /// [`ClientError::Garbled`], [`ClientError::Transport`] when the session is closed.
+    pub fn next(&self, patience: Duration) -> Result<Option<v1::PreviewFrame>, ClientError> {
         let deadline = Instant::now() + patience;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -61,7 +61,7 @@ impl Preview {
     ///
     /// # Errors
     /// As [`Preview::next`].
-    pub async fn next_async(&self) -> Result<v1::PreviewFrame, LinkError> {
+    pub async fn next_async(&self) -> Result<v1::PreviewFrame, ClientError> {
         loop {
             let sample = self
                 .subscriber

@@ -10,7 +10,7 @@ use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Subscriber;
 
 use super::error::closed;
-use super::{Link, LinkError};
+use super::{Client, ClientError};
 
 /// A subscribed topic: every message of it, in the order of arrival.
 pub struct Samples<M> {
@@ -19,13 +19,13 @@ pub struct Samples<M> {
     _message: PhantomData<M>,
 }
 
-impl Link {
+impl Client {
     /// Subscribes to the topic of a message: `link.samples::<v1::Imu>()`. They
     /// wait in memory until they are taken.
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn samples<M: Topic>(&self) -> Result<Samples<M>, LinkError> {
+    /// [`ClientError::Transport`].
+    pub fn samples<M: Topic>(&self) -> Result<Samples<M>, ClientError> {
         let (sender, receiver) = std::sync::mpsc::channel();
         let subscriber = self.subscribe(&self.keys().topic(M::TOPIC), move |sample| {
             // A closed queue means that nobody reads any more.
@@ -43,12 +43,12 @@ impl<M: Topic> Samples<M> {
     /// The next message, or `None` when nothing came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`], [`LinkError::Transport`] when the session is closed.
-    pub fn next(&self, patience: Duration) -> Result<Option<M>, LinkError> {
+    /// [`ClientError::Garbled`], [`ClientError::Transport`] when the session is closed.
+    pub fn next(&self, patience: Duration) -> Result<Option<M>, ClientError> {
         match self.receiver.recv_timeout(patience) {
             Ok(payload) => match M::decode(Bytes::from(payload.to_bytes().into_owned())) {
                 Ok(message) => Ok(Some(message)),
-                Err(cause) => Err(LinkError::Garbled {
+                Err(cause) => Err(ClientError::Garbled {
                     what: format!("`{}`", M::NAME),
                     cause,
                 }),

@@ -12,7 +12,7 @@ use zenoh::query::Reply;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::session::ZenohId;
 
-use super::{LinkError, transport};
+use super::{ClientError, transport};
 
 /// The server of a link, as its tokens tell it.
 #[derive(Clone, Debug, Default)]
@@ -57,7 +57,7 @@ impl Server {
     pub(super) fn watch(
         session: &Session,
         keys: &Keys,
-    ) -> Result<(Self, Subscriber<()>), LinkError> {
+    ) -> Result<(Self, Subscriber<()>), ClientError> {
         let server = Self::default();
         let known = Arc::clone(&server.known);
         let subscriber = session

@@ -9,7 +9,7 @@ use wheelarm_proto::TopicId;
 use wheelarm_proto::topic::Sample;
 use zenoh::bytes::ZBytes;
 
-use super::LinkError;
+use super::ClientError;
 use super::error::closed;
 
 /// Most samples and bytes that wait, where the reader wants the newest more than all.
@@ -96,8 +96,8 @@ impl Streams {
     /// The next sample, or `None` when nothing came for `patience`.
     ///
     /// # Errors
-    /// [`LinkError::Garbled`], [`LinkError::Transport`] when the session is closed.
-    pub fn next(&self, patience: Duration) -> Result<Option<Sample>, LinkError> {
+    /// [`ClientError::Garbled`], [`ClientError::Transport`] when the session is closed.
+    pub fn next(&self, patience: Duration) -> Result<Option<Sample>, ClientError> {
         let deadline = Instant::now() + patience;
         let mut waiting = self.queue.waiting.lock();
         loop {
@@ -106,7 +106,7 @@ impl Streams {
                 drop(waiting);
                 return match Sample::decode(topic, &payload.to_bytes()) {
                     Ok(sample) => Ok(Some(sample)),
-                    Err(cause) => Err(LinkError::Garbled {
+                    Err(cause) => Err(ClientError::Garbled {
                         what: format!("`{topic}`"),
                         cause,
                     }),

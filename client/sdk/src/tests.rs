@@ -39,8 +39,8 @@ fn listen(endpoint: &str) -> Session {
 
 #[test]
 fn an_endpoint_that_takes_keys_is_not_dialled_without() {
-    let error = Link::open(&args("tls/127.0.0.1:1", "sim")).err().unwrap();
-    assert!(matches!(error, LinkError::NoKeys(_)), "{error}");
+    let error = Client::open(&args("tls/127.0.0.1:1", "sim")).err().unwrap();
+    assert!(matches!(error, ClientError::NoKeys(_)), "{error}");
     assert!(error.to_string().contains("--keys DIR"), "{error}");
 }
 
@@ -48,7 +48,7 @@ fn an_endpoint_that_takes_keys_is_not_dialled_without() {
 fn without_a_server_the_error_names_the_cure() {
     let mut args = args(&free_endpoint(), "sim");
     args.timeout_secs = 0.3;
-    let error = Link::open(&args).err().unwrap().to_string();
+    let error = Client::open(&args).err().unwrap().to_string();
     assert!(error.contains("wheelarm-server"), "{error}");
     assert!(error.contains(&args.endpoint), "{error}");
 }
@@ -75,18 +75,18 @@ fn a_query_without_an_answer_says_how_it_ended() {
         })
         .wait()
         .unwrap();
-    let link = Link::open(&args(&endpoint, "a")).unwrap();
+    let link = Client::open(&args(&endpoint, "a")).unwrap();
     let short = Duration::from_millis(300);
-    let kept = link.ask_within(&v1::SceneRequest {}, short);
+    let kept = link.request_within(&v1::SceneRequest {}, short);
     let kept = kept.unwrap_err();
-    assert!(matches!(kept, LinkError::Silent { .. }), "{kept}");
+    assert!(matches!(kept, ClientError::Silent { .. }), "{kept}");
     assert!(kept.to_string().contains("within 0.3 s"), "{kept}");
-    let ended = link.ask(&v1::StatusRequest {}).unwrap_err();
-    assert!(matches!(ended, LinkError::Unanswered { .. }), "{ended}");
+    let ended = link.request(&v1::StatusRequest {}).unwrap_err();
+    assert!(matches!(ended, ClientError::Unanswered { .. }), "{ended}");
     assert!(ended.to_string().contains("ask again"), "{ended}");
     drop(token);
-    let gone = link.ask(&v1::StatusRequest {}).unwrap_err();
-    assert!(matches!(gone, LinkError::Gone { .. }), "{gone}");
+    let gone = link.request(&v1::StatusRequest {}).unwrap_err();
+    assert!(matches!(gone, ClientError::Gone { .. }), "{gone}");
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn a_question_waits_a_moment_for_a_server_whose_connection_broke() {
         (queries.wait().unwrap(), token.wait().unwrap())
     };
     let before = serve();
-    let link = Link::open(&args(&endpoint, "a")).unwrap();
+    let link = Client::open(&args(&endpoint, "a")).unwrap();
     drop(before);
     let since = Instant::now();
     while link.server().is_there() {
@@ -125,7 +125,7 @@ fn a_question_waits_a_moment_for_a_server_whose_connection_broke() {
             std::thread::sleep(Duration::from_millis(50));
             serve()
         });
-        let status = link.ask(&v1::StatusRequest {});
+        let status = link.request(&v1::StatusRequest {});
         assert!(status.is_ok(), "{status:?}");
         drop(again.join().unwrap());
     });
@@ -210,13 +210,20 @@ fn replies_failures_names_and_order_get_through() {
         .wait()
         .unwrap();
 
-    let other = Link::open(&args(&endpoint, "b")).err().unwrap().to_string();
+    let other = Client::open(&args(&endpoint, "b"))
+        .err()
+        .unwrap()
+        .to_string();
     assert!(other.contains("found: a"), "{other}");
 
-    let link = Link::open(&args(&endpoint, "a")).unwrap();
-    let status: v1::Status = link.ask(&v1::StatusRequest {}).unwrap();
+    let link = Client::open(&args(&endpoint, "a")).unwrap();
+    let status: v1::Status = link.request(&v1::StatusRequest {}).unwrap();
     assert_eq!(status.version, "7");
-    let refused = link.ask(&v1::PauseRequest {}).err().unwrap().to_string();
+    let refused = link
+        .request(&v1::PauseRequest {})
+        .err()
+        .unwrap()
+        .to_string();
     assert!(refused.contains("no episode runs"), "{refused}");
 
     // A stranger that answers at once and says that it is the one to ask.
@@ -237,7 +244,7 @@ fn replies_failures_names_and_order_get_through() {
         .wait()
         .unwrap();
     for _ in 0..20 {
-        let status: v1::Status = link.ask(&v1::StatusRequest {}).unwrap();
+        let status: v1::Status = link.request(&v1::StatusRequest {}).unwrap();
         assert_eq!(status.version, "7");
     }
 
@@ -302,8 +309,8 @@ fn a_server_of_another_version_is_refused_at_connection_with_the_cure() {
             timeout_secs: 10.0,
             identity: None,
         };
-        let error = Link::open(&args).err().unwrap();
-        assert!(matches!(error, LinkError::Version(_)), "{error}");
+        let error = Client::open(&args).err().unwrap();
+        assert!(matches!(error, ClientError::Version(_)), "{error}");
         let words = error.to_string();
         assert!(
             words.contains(version) && words.contains("one build"),

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
 
-use super::{Commander, Link, LinkError, Streams};
+use super::{Client, ClientError, Commander, Streams};
 
 /// Silence after which the server is asked whether time waits for us: a clock
 /// may have been published before this commander listened, or be lost.
@@ -35,7 +35,7 @@ pub enum Turn {
 
 /// A commander that takes its turns.
 pub struct Turns {
-    link: Link,
+    link: Client,
     commander: Commander,
     streams: Streams,
     /// The tick to be answered.
@@ -71,13 +71,13 @@ impl Covered {
     }
 }
 
-impl Link {
-    /// Takes control as `name`, as [`Link::commander`] does, and subscribes to
+impl Client {
+    /// Takes control as `name`, as [`Client::commander`] does, and subscribes to
     /// `topics` beside what a commander is told.
     ///
     /// # Errors
-    /// As [`Link::commander`].
-    pub fn turns(&self, name: &str, take: bool, topics: &[TopicId]) -> Result<Turns, LinkError> {
+    /// As [`Client::commander`].
+    pub fn turns(&self, name: &str, take: bool, topics: &[TopicId]) -> Result<Turns, ClientError> {
         let mut wanted = vec![TopicId::Clock, TopicId::Refusal, TopicId::EpisodeStop];
         wanted.extend(
             topics
@@ -103,12 +103,12 @@ impl Turns {
     /// `taken` in its order; a tick's clock comes after its other samples.
     ///
     /// # Errors
-    /// [`LinkError`].
+    /// [`ClientError`].
     pub fn next(
         &mut self,
         patience: Duration,
         taken: &mut dyn FnMut(Sample),
-    ) -> Result<Turn, LinkError> {
+    ) -> Result<Turn, ClientError> {
         let (mut heard, mut waiting) = (Instant::now(), None);
         loop {
             let left = patience.saturating_sub(heard.elapsed());
@@ -144,7 +144,7 @@ impl Turns {
                         self.asked = clock.header.clone().unwrap_or_default();
                         return Ok(Turn::Answer(clock));
                     }
-                    let status = self.link.ask(&v1::StatusRequest {})?;
+                    let status = self.link.request(&v1::StatusRequest {})?;
                     let header = status.header.clone().unwrap_or_default();
                     let waits = status.episode.is_some() && !status.paused;
                     if waits && self.covered.is_due(&header) {
@@ -166,8 +166,8 @@ impl Turns {
     /// Answers the newest [`Turn::Answer`].
     ///
     /// # Errors
-    /// [`LinkError::Transport`].
-    pub fn answer(&mut self, command: v1::Command) -> Result<(), LinkError> {
+    /// [`ClientError::Transport`].
+    pub fn answer(&mut self, command: v1::Command) -> Result<(), ClientError> {
         let ticks = u64::from(command.over_ticks.max(1)) * TICKS_PER_CONTROL;
         self.commander.answer(&self.asked, command)?;
         self.covered.answered(&self.asked, ticks);

@@ -7,11 +7,6 @@
 //! - `step.xml`: robot, furniture and objects to be simulated; `targets.f64`:
 //!   the controls of each tick of 1/240 s that our own control gave.
 
-#![expect(
-    clippy::disallowed_methods,
-    reason = "nothing here reaches a simulation"
-)]
-
 #[path = "../course/mod.rs"]
 mod course;
 #[path = "../motion/mod.rs"]

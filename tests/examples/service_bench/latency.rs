@@ -7,7 +7,7 @@ use anyhow::Context;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{CONTROL_HZ, TopicId, v1};
-use wheelarm_sdk::{Commander, Link, Streams};
+use wheelarm_sdk::{Client, Commander, Streams};
 use wheelarm_tests::{IdleCommander, Server};
 use zenoh::Wait;
 
@@ -99,7 +99,7 @@ fn in_time(sent: Instant) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
+fn applied(link: &Client) -> anyhow::Result<Vec<f64>> {
     let streams = link.streams(&[TopicId::Applied])?;
     let mut commander = link.commander("bench", false)?;
     let mut times = Vec::new();
@@ -123,10 +123,10 @@ fn applied(link: &Link) -> anyhow::Result<Vec<f64>> {
 }
 
 /// The gripper opens and closes.
-fn moved(link: &Link) -> anyhow::Result<Vec<f64>> {
+fn moved(link: &Client) -> anyhow::Result<Vec<f64>> {
     let streams = link.streams(&[TopicId::JointState])?;
     let mut commander = link.commander("bench", false)?;
-    let robot = link.ask(&v1::SceneRequest {})?.robot;
+    let robot = link.request(&v1::SceneRequest {})?.robot;
     let joint = Roles::find(&robot.context("the robot")?)?.knuckle;
     let mut times = Vec::new();
     for i in 0..MOVES {
@@ -173,14 +173,14 @@ fn settle(streams: &Streams, joint: usize) -> anyhow::Result<f64> {
 
 /// Every tick waits for its command; the commander keeps the pace of the clock,
 /// so that the cameras stream at 30 Hz here too.
-fn lock_step(link: &Link) -> anyhow::Result<Vec<f64>> {
+fn lock_step(link: &Client) -> anyhow::Result<Vec<f64>> {
     let streams = link.streams(&[TopicId::Clock, TopicId::Applied])?;
     let mut commander = link.commander(IdleCommander::NAME, false)?;
     let request = v1::EpisodeStartRequest {
         label: "latency".into(),
         ..Default::default()
     };
-    let started: v1::EpisodeStarted = link.ask(&request)?;
+    let started: v1::EpisodeStarted = link.request(&request)?;
     let mut header = started.header.context("a header")?;
     let mut times = Vec::new();
     let mut due = Instant::now();

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_tests::{IdleCommander, Recorder, Server, wait_until};
 use zenoh::Wait;
 
@@ -62,8 +62,8 @@ fn processor(server: &Server) -> anyhow::Result<f64> {
     Ok(ticks / 100.0)
 }
 
-fn tick(link: &Link) -> anyhow::Result<u64> {
-    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+fn tick(link: &Client) -> anyhow::Result<u64> {
+    let status: v1::Status = link.request(&v1::StatusRequest {})?;
     Ok(status.header.unwrap_or_default().tick)
 }
 
@@ -141,7 +141,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
         })
         .collect();
     wait_until("the recorders are there", || {
-        let status = link.ask(&v1::StatusRequest {});
+        let status = link.request(&v1::StatusRequest {});
         status.is_ok_and(|s| s.recorders.len() == count)
     });
     let idle = IdleCommander::start(&server.link());
@@ -150,7 +150,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
         require_recorders: u32::try_from(count)?,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.ask(&request)?;
+    let _: v1::EpisodeStarted = link.request(&request)?;
     let from = tick(&link)?;
     wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
     let (from, begun, cpu) = (tick(&link)?, Instant::now(), processor(&server)?);
@@ -161,7 +161,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
     let wall = begun.elapsed().as_secs_f64() / simulated;
     let cpu = (processor(&server)? - cpu) / simulated;
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.ask(&request)?;
+    let _: v1::EpisodeStopped = link.request(&request)?;
     drop(idle);
     for recorder in recorders {
         let text = recorder.finish();
@@ -219,7 +219,7 @@ fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
         require_recorders: 1,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.ask(&request)?;
+    let _: v1::EpisodeStarted = link.request(&request)?;
     let from = tick(&link)?;
     wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
     let (from, begun) = (tick(&link)?, Instant::now());
@@ -228,7 +228,7 @@ fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
     });
     let simulated = (tick(&link)? - from) as f64 / 240.0;
     let rate = simulated / begun.elapsed().as_secs_f64();
-    let _: v1::EpisodeStopped = link.ask(&v1::EpisodeStopRequest::default())?;
+    let _: v1::EpisodeStopped = link.request(&v1::EpisodeStopRequest::default())?;
     drop(idle);
     let text = recorder.finish();
     if !text.contains("complete") {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use wheelarm_access::Role;
 use wheelarm_proto::{Query, v1};
-use wheelarm_sdk::{Connect, Link, LinkError};
+use wheelarm_sdk::{Client, ClientError, Connect};
 use wheelarm_tests::{PATIENCE, Router, Server, printed, wait_until};
 
 use super::lab::{Keys, SIM, gets_through, status, until_moving};
@@ -13,7 +13,7 @@ use super::lab::{Keys, SIM, gets_through, status, until_moving};
 const AT_ONCE: f64 = 0.5;
 
 /// The chair stands, as `link` sees it.
-fn rests(link: &Link) {
+fn rests(link: &Client) {
     let poses = link.samples::<v1::Odometry>().expect("odometry");
     wait_until("the chair rests", || {
         let odometry = poses.next(PATIENCE).expect("odometry").expect("in time");
@@ -42,7 +42,7 @@ fn a_removed_or_lowered_user_loses_connection_and_control_while_servers_run() {
     };
     let open = |endpoint: &str, user: &str| {
         let connect = connect(endpoint, user, PATIENCE.as_secs_f64());
-        Link::open(&connect).unwrap_or_else(|e| panic!("{user}: {e}"))
+        Client::open(&connect).unwrap_or_else(|e| panic!("{user}: {e}"))
     };
     let veit = open(&server.endpoint, "veit");
     let holder = || status(&veit).holder;
@@ -76,12 +76,12 @@ fn a_removed_or_lowered_user_loses_connection_and_control_while_servers_run() {
     rests(&veit);
     // Keys that she kept open nothing.
     let identity = wheelarm_proto::bundle::Identity::find(&kept, None).expect("files");
-    let error = Link::open(&Connect {
+    let error = Client::open(&Connect {
         identity: Some(identity),
         ..bundle
     });
     let error = error.err().expect("an error");
-    assert!(matches!(error, LinkError::NoRights { .. }), "{error}");
+    assert!(matches!(error, ClientError::NoRights { .. }), "{error}");
     // Nobody else noticed.
     let clock = veit.samples::<v1::Clock>().expect("the clock");
     assert!(

@@ -10,7 +10,7 @@ use parking_lot::Mutex;
 use wheelarm_access::{Folder, Role, User};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Message, schema, v1};
-use wheelarm_sdk::{Commander, Connect, Link};
+use wheelarm_sdk::{Client, Commander, Connect};
 use wheelarm_tests::{PATIENCE, Server, program, wait_until};
 use zenoh::pubsub::Subscriber;
 use zenoh::{Session, Wait};
@@ -104,8 +104,8 @@ impl Lab {
         }
     }
 
-    pub fn link(&self, user: &str) -> Link {
-        Link::open(&self.connect(user)).unwrap_or_else(|e| panic!("{user}: {e}"))
+    pub fn link(&self, user: &str) -> Client {
+        Client::open(&self.connect(user)).unwrap_or_else(|e| panic!("{user}: {e}"))
     }
 
     pub fn client(&self, args: &[&str]) -> Output {
@@ -130,10 +130,10 @@ pub fn shared() -> Arc<Mutex<Lab>> {
     })
 }
 
-pub fn status(link: &Link) -> v1::Status {
+pub fn status(link: &Client) -> v1::Status {
     let mut told = None;
     wait_until("a status", || {
-        told = link.ask(&v1::StatusRequest {}).ok();
+        told = link.request(&v1::StatusRequest {}).ok();
         told.is_some()
     });
     told.expect("a status")
@@ -142,7 +142,7 @@ pub fn status(link: &Link) -> v1::Status {
 /// Whether a request that no server understands is refused by one, which says that
 /// it got there.
 /// One answer may be late on a busy machine; see [`gets_through`].
-pub fn reaches(link: &Link, key: &str) -> bool {
+pub fn reaches(link: &Client, key: &str) -> bool {
     let replies = link
         .session()
         .get(key)
@@ -157,7 +157,7 @@ pub fn reaches(link: &Link, key: &str) -> bool {
 /// there is asked again until it does: a question may be lost or late while connections
 /// are young or the machine is busy. What is to be held back must be held back at once
 /// and is asked a single time.
-pub fn gets_through(link: &Link, key: &str, wanted: bool) -> bool {
+pub fn gets_through(link: &Client, key: &str, wanted: bool) -> bool {
     let since = Instant::now();
     loop {
         if reaches(link, key) {
@@ -198,7 +198,7 @@ pub struct Ear {
 }
 
 impl Ear {
-    pub fn new(link: &Link, keys: &[String]) -> Self {
+    pub fn new(link: &Client, keys: &[String]) -> Self {
         let heard: Arc<Mutex<Vec<Heard>>> = Arc::default();
         let subscribe = |key: &String| {
             let heard = Arc::clone(&heard);
@@ -245,7 +245,7 @@ impl Ear {
 }
 
 /// Drives until somebody who watches sees the chair move.
-pub fn until_moving(commander: &mut Commander, link: &Link, watcher: &Link) {
+pub fn until_moving(commander: &mut Commander, link: &Client, watcher: &Client) {
     let clock = link.samples::<v1::Clock>().expect("the clock");
     let poses = watcher.samples::<v1::Odometry>().expect("odometry");
     let mut driven = false;
@@ -282,7 +282,7 @@ static MARKS: AtomicU64 = AtomicU64::new(FIRST_MARK);
 
 /// Sends commands under the own key of `name` until the gate tells that it refused
 /// one of them: what was sent on this session before has been through by then.
-pub fn until_heard(link: &Link, name: &str, ear: &Ear) {
+pub fn until_heard(link: &Client, name: &str, ear: &Ear) {
     let key = link.keys().command(name);
     let first = MARKS.load(Ordering::Relaxed);
     wait_until("the gate refuses a command", || {

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use wheelarm_access::{Folder, Role};
 use wheelarm_proto::bundle::Identity;
 use wheelarm_proto::{Query, TopicId, v1};
-use wheelarm_sdk::{Connect, Link, LinkError, Silence, open_session};
+use wheelarm_sdk::{Client, ClientError, Connect, Silence, open_session};
 use wheelarm_tests::{PATIENCE, Router, Server, printed, program, wait_until};
 use zenoh::Session;
 
@@ -44,18 +44,21 @@ fn who_has_no_keys_or_wrong_ones_gets_nowhere() {
         // This one does not believe the server.
         ("another authority", other.of("ada")),
     ] {
-        let told = Link::open(&lab.connect_with(Some(identity), REFUSED)).err();
+        let told = Client::open(&lab.connect_with(Some(identity), REFUSED)).err();
         let told = told.unwrap_or_else(|| panic!("{who} got in"));
-        assert!(matches!(told, LinkError::NoServer { .. }), "{who}: {told}");
+        assert!(
+            matches!(told, ClientError::NoServer { .. }),
+            "{who}: {told}"
+        );
     }
     lab.keys.folder.issue("bert", 30).expect("keys");
-    let told = Link::open(&lab.connect_with(None, REFUSED))
+    let told = Client::open(&lab.connect_with(None, REFUSED))
         .err()
         .expect("an error");
-    assert!(matches!(told, LinkError::NoKeys(_)), "{told}");
+    assert!(matches!(told, ClientError::NoKeys(_)), "{told}");
     // A certificate of ours, of somebody who is no user any more.
     let ghost = lab.connect_with(Some(lab.keys.of("ghost")), REFUSED);
-    let told = Link::open(&ghost).err().expect("an error").to_string();
+    let told = Client::open(&ghost).err().expect("an error").to_string();
     assert!(
         told.contains("shows no server") && told.contains("users list"),
         "{told}"
@@ -65,8 +68,8 @@ fn who_has_no_keys_or_wrong_ones_gets_nowhere() {
         endpoint: lab.server.endpoint.replace("tls/", "tcp/"),
         ..lab.connect_with(None, REFUSED)
     };
-    let told = Link::open(&bare).err().expect("an error");
-    assert!(matches!(told, LinkError::NoServer { .. }), "{told}");
+    let told = Client::open(&bare).err().expect("an error");
+    assert!(matches!(told, ClientError::NoServer { .. }), "{told}");
     // Nobody of them did any harm.
     assert_eq!(status(&lab.link("veit")).access(), v1::Access::Keys);
 }
@@ -213,7 +216,7 @@ fn a_router_with_the_same_users_goes_by_the_same_rules() {
             timeout_secs: PATIENCE.as_secs_f64(),
             identity: Some(keys.of(user)),
         };
-        Link::open(&connect).unwrap_or_else(|e| panic!("{user}: {e}"))
+        Client::open(&connect).unwrap_or_else(|e| panic!("{user}: {e}"))
     };
     let (veit, anna) = (through("veit"), through("anna"));
     let clock = veit.samples::<v1::Clock>().expect("the clock");
@@ -283,7 +286,7 @@ fn a_server_is_not_open_to_other_hosts_by_mistake() {
     let args = ["--no-cameras", "--insecure"];
     let server = Server::start_at("tcp/0.0.0.0:0", SIM, &args).expect("a server");
     let near = server.endpoint.replace("0.0.0.0", "127.0.0.1");
-    let link = Link::open(&server.connect_through(&near)).expect("a link");
+    let link = Client::open(&server.connect_through(&near)).expect("a link");
     assert_eq!(status(&link).access(), v1::Access::Insecure);
     let told = Command::new(program("wheelarm").expect("the clients"))
         .args(["--connect", &near, "--sim", SIM, "status"])
@@ -403,7 +406,7 @@ fn the_same_keys_serve_several_programs_at_once() {
         .collect();
     let links = sessions
         .into_iter()
-        .map(|s| Link::over(s, &connect.endpoint, SIM));
+        .map(|s| Client::over(s, &connect.endpoint, SIM));
     for link in links {
         let link = link.expect("a link");
         wait_until("the server is seen", || {

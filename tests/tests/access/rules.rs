@@ -6,7 +6,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 use wheelarm_access::Role;
 use wheelarm_proto::{Message, Query, TopicId, v1};
-use wheelarm_sdk::LinkError;
+use wheelarm_sdk::ClientError;
 use wheelarm_tests::{PATIENCE, wait_until};
 use zenoh::Wait;
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig};
@@ -126,14 +126,14 @@ fn an_operator_drives_under_its_own_name_and_no_other() {
         release: true,
         ..v1::LeaseRequest::default()
     };
-    let told = bert.ask_within(&asked, Duration::from_secs_f64(REFUSED));
+    let told = bert.request_within(&asked, Duration::from_secs_f64(REFUSED));
     assert!(told.is_err(), "{told:?}");
-    let told = bert.ask_within(
+    let told = bert.request_within(
         &v1::ShutdownRequest::default(),
         Duration::from_secs_f64(REFUSED),
     );
     assert!(
-        matches!(told, Err(LinkError::Unanswered { .. })),
+        matches!(told, Err(ClientError::Unanswered { .. })),
         "{told:?}"
     );
     // A viewer takes no control, under any name.
@@ -265,7 +265,7 @@ fn what_was_published_before_is_had_by_everybody_who_may_listen() {
         .wait()
         .expect("a subscriber");
     sees.recv_timeout(PATIENCE).expect("a picture");
-    let _: v1::Ack = ada.ask(&v1::PauseRequest {}).expect("a pause");
+    let _: v1::Ack = ada.request(&v1::PauseRequest {}).expect("a pause");
     pictures.undeclare().wait().expect("no more pictures");
     for user in ["veit", "anna", "rex"] {
         let link = lab.link(user);
@@ -310,5 +310,5 @@ fn what_was_published_before_is_had_by_everybody_who_may_listen() {
             assert!(!has_pictures(), "{user}: kept pictures");
         }
     }
-    let _: v1::Ack = ada.ask(&v1::ResumeRequest {}).expect("time");
+    let _: v1::Ack = ada.request(&v1::ResumeRequest {}).expect("time");
 }

@@ -97,7 +97,7 @@ impl Gateway {
         self.cookies[usize::from(!operator)].clone()
     }
 
-    fn ask(&self, question: &str) -> (u16, String) {
+    fn request(&self, question: &str) -> (u16, String) {
         let mut stream = self.connect();
         stream.write_all(question.as_bytes()).expect("a question");
         let mut answer = Vec::new();
@@ -117,7 +117,7 @@ impl Gateway {
 
     /// Status and text of the answer to a GET.
     pub fn get(&self, path: &str, host: &str, cookie: &str) -> (u16, String) {
-        self.ask(&format!(
+        self.request(&format!(
             "GET {path} HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\nConnection: close\r\n\r\n"
         ))
     }
@@ -131,7 +131,7 @@ impl Gateway {
         body: &str,
     ) -> (u16, String) {
         let more: String = more.iter().map(|(k, v)| format!("{k}: {v}\r\n")).collect();
-        self.ask(&format!(
+        self.request(&format!(
             "POST {path} HTTP/1.1\r\nHost: {}\r\nCookie: {cookie}\r\n{more}Content-Type: \
              application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
             self.address,

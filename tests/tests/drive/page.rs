@@ -166,7 +166,7 @@ impl Page {
     }
 
     /// Asks, and waits for the answer.
-    pub fn ask(&mut self, what: &str, more: Value) -> Value {
+    pub fn request(&mut self, what: &str, more: Value) -> Value {
         let id = {
             let mut known = self.known.lock();
             known.asked += 1;
@@ -305,7 +305,7 @@ impl Page {
                 let u = (f64::from(cell % 8) + 0.5) / 8.0;
                 let v = (f64::from(cell / 8) + 0.5) / 6.0;
                 let asked = json!({"camera": camera, "tick": tick, "u": u, "v": v});
-                let answer = self.ask("pick", asked);
+                let answer = self.request("pick", asked);
                 assert_eq!(answer["ok"], true, "{answer}");
                 let found = &answer["candidates"][0];
                 if !found.is_null() {

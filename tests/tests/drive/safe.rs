@@ -93,7 +93,7 @@ impl Safe {
     }
 
     /// Status and text of the answer to a question, `GET /` or `POST /`.
-    pub fn ask(&self, what: &str, cookie: &str, body: &str) -> (u16, String) {
+    pub fn request(&self, what: &str, cookie: &str, body: &str) -> (u16, String) {
         let mut stream = self.connect();
         let question = format!(
             "{what} HTTP/1.1\r\nHost: {0}\r\nOrigin: https://{0}\r\nCookie: {cookie}\r\n\
@@ -112,20 +112,20 @@ impl Safe {
     /// The cookie of `anna`, signed in.
     pub fn sign_in(&self, password: &str) -> Option<String> {
         let body = json!({"user": "anna", "password": password}).to_string();
-        let (code, head) = self.ask("POST /login", "", &body);
+        let (code, head) = self.request("POST /login", "", &body);
         let cookie = head.lines().find_map(|l| l.strip_prefix("set-cookie: "));
         let value = cookie.and_then(|cookie| cookie.split(';').next());
         value.filter(|_| code == 200).map(str::to_owned)
     }
 
     /// The link to the server behind it.
-    pub fn link(&self) -> wheelarm_sdk::Link {
+    pub fn link(&self) -> wheelarm_sdk::Client {
         self.server.link()
     }
 
     /// A socket of the page `s1`, opened with a new ticket of the session.
     pub fn enter(&self, path: &str, cookie: &str) -> Secure {
-        let (code, answer) = self.ask("POST /ticket", cookie, "{\"count\":1}");
+        let (code, answer) = self.request("POST /ticket", cookie, "{\"count\":1}");
         assert_eq!(code, 200, "{answer}");
         let body = answer.split("\r\n\r\n").nth(1).expect("a body");
         let body: Value = serde_json::from_str(body).expect("JSON");

@@ -9,18 +9,18 @@ use serde_json::Value;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::{Link, LinkError};
+use wheelarm_sdk::{Client, ClientError};
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};
 
 use super::faults_server::processes;
 
 /// The scenario in force with the chair in the middle of a table.
-fn chair_in_the_table(link: &Link) -> v1::Scenario {
-    let scene: v1::SceneReply = link.ask(&v1::SceneRequest {}).expect("the scene");
+fn chair_in_the_table(link: &Client) -> v1::Scenario {
+    let scene: v1::SceneReply = link.request(&v1::SceneRequest {}).expect("the scene");
     let table = scene.bodies.iter().find(|b| b.name == "kitchen_table");
     let middle = table.and_then(|table| table.boxes.first()?.pose?.position);
     let middle = middle.expect("a table with a box");
-    let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("the status");
+    let status: v1::Status = link.request(&v1::StatusRequest {}).expect("the status");
     let mut scenario = status.scenario.expect("a scenario");
     scenario.start = Some(v1::Pose {
         position: Some(v1::Vector3 { z: 0.0, ..middle }),
@@ -32,22 +32,22 @@ fn chair_in_the_table(link: &Link) -> v1::Scenario {
     scenario
 }
 
-fn reset(link: &Link, scenario: v1::Scenario) -> Result<v1::ResetReply, LinkError> {
+fn reset(link: &Client, scenario: v1::Scenario) -> Result<v1::ResetReply, ClientError> {
     let request = v1::ResetRequest {
         scenario: Some(scenario),
         force: true,
         ..Default::default()
     };
-    link.ask(&request)
+    link.request(&request)
 }
 
-fn start(link: &Link, label: &str, recorders: u32) -> Result<v1::EpisodeStarted, LinkError> {
+fn start(link: &Client, label: &str, recorders: u32) -> Result<v1::EpisodeStarted, ClientError> {
     let request = v1::EpisodeStartRequest {
         label: label.to_owned(),
         require_recorders: recorders,
         ..Default::default()
     };
-    link.ask(&request)
+    link.request(&request)
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "2"]);
     let link = server.link();
-    let status = || link.ask(&v1::StatusRequest {}).expect("an answer");
+    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
     wait_until("the recorder is there", || !status().recorders.is_empty());
     let commander = IdleCommander::start(&link);
     let sound = status().scenario.expect("a scenario");
@@ -70,7 +70,7 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
         playback: true,
         ..Default::default()
     };
-    link.ask(&request).expect("it can be set up");
+    link.request(&request).expect("it can be set up");
     assert_eq!(status().broken, "");
     let ends = link.streams(&[TopicId::EpisodeStop]).expect("the ends");
     start(&link, "broken", 1).expect("an episode");
@@ -147,10 +147,10 @@ fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
     let link = server.link();
     let _commander = IdleCommander::start(&link);
     start(&link, "source", 0).expect("an episode");
-    let reply: v1::SnapshotReply = link.ask(&v1::SnapshotRequest {}).expect("a snapshot");
+    let reply: v1::SnapshotReply = link.request(&v1::SnapshotRequest {}).expect("a snapshot");
     let stop = server.client(&["episode", "stop"]).expect("a client");
     assert!(stop.status.success(), "{}", printed(&stop));
-    let before: v1::Status = link.ask(&v1::StatusRequest {}).expect("the status");
+    let before: v1::Status = link.request(&v1::StatusRequest {}).expect("the status");
     let put = |snapshot: Vec<u8>| {
         let request = v1::ResetRequest {
             scenario: before.scenario.clone(),
@@ -158,7 +158,7 @@ fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
             force: true,
             ..Default::default()
         };
-        link.ask(&request)
+        link.request(&request)
     };
     let good = reply.snapshot.to_vec();
     let mut changed = good.clone();
@@ -171,7 +171,7 @@ fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
     ] {
         let refused = put(bytes).expect_err("a damaged state");
         assert!(refused.to_string().contains(why), "{refused}");
-        let now: v1::Status = link.ask(&v1::StatusRequest {}).expect("the status");
+        let now: v1::Status = link.request(&v1::StatusRequest {}).expect("the status");
         let tick = |status: &v1::Status| status.header.as_ref().map(|h| h.tick);
         assert_eq!(tick(&now), tick(&before), "the world stays as it was");
     }

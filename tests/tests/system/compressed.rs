@@ -15,7 +15,7 @@ use wheelarm_proto::keys::Keys;
 use wheelarm_proto::settings::{Depth, Named, Pacing, Quality};
 use wheelarm_proto::v1;
 use wheelarm_recorder::RecordOptions;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_server::sensors::camera::{Graphics, Packing};
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::{CameraSetting, Scenario, Simulation};
@@ -66,7 +66,7 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
         },
     ));
     serves.recv_timeout(PATIENCE).expect("a service");
-    let link = Link::within(session, &name).expect("a link");
+    let link = Client::within(session, &name).expect("a link");
     let recorder = std::thread::spawn({
         let (link, runtime, out) = (link.clone(), runtime.handle().clone(), out.to_owned());
         move || {
@@ -90,13 +90,13 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
     };
     let mut started = None;
     wait_until("the episode began", || {
-        started = link.ask(&request).ok();
+        started = link.request(&request).ok();
         started.is_some()
     });
     let started = started.expect("an episode");
     let first = started.header.as_ref().map_or(0, |header| header.tick);
     wait_until("the episode is over", || {
-        let status = link.ask(&v1::StatusRequest {}).expect("a status");
+        let status = link.request(&v1::StatusRequest {}).expect("a status");
         status.header.is_some_and(|now| now.tick >= first + TICKS)
     });
     link.stop_episode_of(&started, false).expect("an end");

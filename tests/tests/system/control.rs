@@ -8,8 +8,8 @@ use wheelarm_proto::v1;
 use wheelarm_tests::{IdleCommander, PATIENCE, Server, printed, program, root, wait_until};
 use zenoh::Wait;
 
-fn holder(link: &wheelarm_sdk::Link) -> String {
-    let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+fn holder(link: &wheelarm_sdk::Client) -> String {
+    let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
     status.holder
 }
 
@@ -27,7 +27,7 @@ fn a_second_operator_is_told_who_is_in_control_and_takes_it_only_explicitly() {
 
     let ben = second.commander("ben", true).expect("control, taken");
     assert_eq!(holder(&first), "ben");
-    let told = anna.ask(false).expect_err("a refusal").to_string();
+    let told = anna.acquire(false).expect_err("a refusal").to_string();
     assert!(told.contains("ben"), "{told}");
     // Who has lost control has nothing to give back.
     drop(anna);
@@ -59,12 +59,12 @@ fn a_second_operator_is_told_who_is_in_control_and_takes_it_only_explicitly() {
         ..v1::LeaseRequest::default()
     };
     wait_until("dora is in control", || {
-        first.ask(&asked).is_ok_and(|held| held.holder == name)
+        first.request(&asked).is_ok_and(|held| held.holder == name)
     });
     drop(before);
     let again = token();
     let tick = || {
-        let status: v1::Status = second.ask(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = second.request(&v1::StatusRequest {}).expect("a status");
         status.header.expect("a header").tick
     };
     let until = tick() + 240;
@@ -80,7 +80,7 @@ fn lock_step_waits_for_whoever_is_in_control() {
     let server = Server::start("whose", &args).expect("a server");
     let link = server.link();
     let start = |label: &str, commander: &str| {
-        link.ask(&v1::EpisodeStartRequest {
+        link.request(&v1::EpisodeStartRequest {
             label: label.into(),
             commander: commander.into(),
             ..Default::default()
@@ -88,7 +88,7 @@ fn lock_step_waits_for_whoever_is_in_control() {
     };
     let told = start("a", "idle").expect_err("a refusal").to_string();
     assert!(told.contains("no commander holds control"), "{told}");
-    let status = || link.ask(&v1::StatusRequest {}).expect("a status");
+    let status = || link.request(&v1::StatusRequest {}).expect("a status");
     let tick = || status().header.expect("a header").tick;
     {
         let _idle = IdleCommander::start(&server.link());

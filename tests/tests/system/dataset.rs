@@ -487,7 +487,7 @@ fn an_episode_by_hand_in_real_time_is_aligned() {
     let mut recorder = Recorder::start(&server, "hand", folder.path(), &["--episodes", "1"]);
     let link = server.link();
     wait_until("the recorder is there", || {
-        let status = link.ask(&v1::StatusRequest {}).expect("a status");
+        let status = link.request(&v1::StatusRequest {}).expect("a status");
         !status.recorders.is_empty()
     });
     let mut hand = link.commander("hand", false).expect("control");
@@ -497,7 +497,7 @@ fn an_episode_by_hand_in_real_time_is_aligned() {
         require_recorders: 1,
         ..Default::default()
     };
-    link.ask(&request).expect("an episode");
+    link.request(&request).expect("an episode");
     // Whoever sends faster than the control rate has several in a tick.
     let mut ticks = 0;
     while ticks < 60 {

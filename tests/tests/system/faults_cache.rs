@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{StreamId, TopicId, v1};
-use wheelarm_sdk::{Commander, Link, Streams};
+use wheelarm_sdk::{Client, Commander, Streams};
 use wheelarm_tests::{PATIENCE, Proxy, Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::Priority;
@@ -71,7 +71,7 @@ fn who_asks_over_a_slow_link_for_what_is_kept_holds_up_nobody() {
         label: "slow".into(),
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.ask(&request).expect("an episode");
+    let _: v1::EpisodeStarted = link.request(&request).expect("an episode");
     drive(&streams, &mut commander, PICTURES, 0.0);
 
     let answers = Arc::new(AtomicU64::new(0));
@@ -79,7 +79,7 @@ fn who_asks_over_a_slow_link_for_what_is_kept_holds_up_nobody() {
     for _ in 0..ASKERS {
         let proxy = Proxy::start(&server.endpoint, Duration::ZERO, BITS_PER_SECOND);
         let proxy = proxy.expect("a proxy");
-        let far = Link::open(&server.connect_through(&proxy.endpoint())).expect("a link");
+        let far = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
         // Streams come in the line of the priority that the questions ask for.
         let hears = far.streams(&[TopicId::Clock]).expect("the clock");
         let keys = far.keys();

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::v1;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_tests::{Recorder, Server, printed, wait_until};
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=160x90@30", "--quality", "fast"];
@@ -42,11 +42,11 @@ impl Drop for SmallDisk {
     }
 }
 
-fn status(link: &Link) -> v1::Status {
-    link.ask(&v1::StatusRequest {}).expect("a status")
+fn status(link: &Client) -> v1::Status {
+    link.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn start(link: &Link, label: &str, recorders: u32) {
+fn start(link: &Client, label: &str, recorders: u32) {
     wait_until("the recorders are there", || {
         status(link).recorders.len() >= recorders as usize
     });
@@ -55,16 +55,16 @@ fn start(link: &Link, label: &str, recorders: u32) {
         require_recorders: recorders,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.ask(&request).expect("an episode");
+    let _: v1::EpisodeStarted = link.request(&request).expect("an episode");
 }
 
-fn stop(link: &Link) {
+fn stop(link: &Client) {
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.ask(&request).expect("its end");
+    let _: v1::EpisodeStopped = link.request(&request).expect("its end");
 }
 
 /// What the recorder `name` says of its failure, when it has failed.
-fn failure(link: &Link, name: &str) -> Option<String> {
+fn failure(link: &Client, name: &str) -> Option<String> {
     let recorders = status(link).recorders;
     let failed = recorders
         .into_iter()
@@ -181,8 +181,8 @@ fn labels_and_instructions_are_refused_or_stored_exactly() {
     let long: String = long.chars().take(10_000).collect();
     let tricky =
         "tab\tquote\" back\\slash\nnew line \u{202e}right to left\u{202c} é e\u{301}".to_owned();
-    let ask = |label: &str, instruction: &str| {
-        link.ask(&v1::EpisodeStartRequest {
+    let request = |label: &str, instruction: &str| {
+        link.request(&v1::EpisodeStartRequest {
             label: label.into(),
             instruction: Some(instruction.into()),
             require_recorders: 1,
@@ -199,13 +199,13 @@ fn labels_and_instructions_are_refused_or_stored_exactly() {
         "x\0y",
         &"l".repeat(101),
     ] {
-        let told = ask(bad, "").expect_err("a refusal").to_string();
+        let told = request(bad, "").expect_err("a refusal").to_string();
         assert!(told.contains("label"), "{bad:?}: {told}");
     }
-    let told = ask("nul", "a\0b").expect_err("a refusal").to_string();
+    let told = request("nul", "a\0b").expect_err("a refusal").to_string();
     assert!(told.contains("instruction"), "{told}");
     for (label, instruction) in [("long", &long), ("tricky", &tricky)] {
-        ask(label, instruction).expect("an episode");
+        request(label, instruction).expect("an episode");
         wait_until("the episode runs", || status(&link).waiting_for.is_empty());
         stop(&link);
     }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
-use wheelarm_sdk::{Connect, Link};
+use wheelarm_sdk::{Client, Connect};
 use wheelarm_tests::{Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
@@ -119,7 +119,11 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
     assert!(speed > 0.2, "the operator's chair reached {speed} m/s");
     assert!(answers < 200, "{answers} answers amplify the flood");
     // Every single one is counted.
-    let refused = || link.ask(&v1::StatusRequest {}).expect("a status").refused;
+    let refused = || {
+        link.request(&v1::StatusRequest {})
+            .expect("a status")
+            .refused
+    };
     wait_until("all are refused", || refused() >= sent);
     let late = refused() - sent;
     assert!(late < 200, "{late} of the operator's own were refused");
@@ -138,7 +142,7 @@ fn connections_that_never_say_a_word_keep_nobody_out() {
         timeout_secs: 4.0,
         ..server.connect()
     };
-    let link = Link::open(&patient).expect("a link beside the silent ones");
-    let _: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+    let link = Client::open(&patient).expect("a link beside the silent ones");
+    let _: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
     drop(silent);
 }

@@ -8,7 +8,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::{Commander, Link, Streams};
+use wheelarm_sdk::{Client, Commander, Streams};
 use wheelarm_teleop_web::ladder::Ladder;
 use wheelarm_tests::{IdleCommander, Line, PATIENCE, Proxy, Recorder, Server, wait_until};
 use zenoh::sample::SampleKind;
@@ -34,7 +34,7 @@ struct Observer {
 }
 
 impl Observer {
-    fn new(link: &Link) -> Self {
+    fn new(link: &Client) -> Self {
         let wanted = [TopicId::Odometry, TopicId::JointState, TopicId::Applied];
         Self {
             streams: link.streams(&wanted).expect("the streams"),
@@ -117,7 +117,7 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
     let commands = zenoh::Wait::wait(commands).expect("the commands");
     let mut seen = Observer::new(&near);
     let proxy = Proxy::start(&server.endpoint, DELAY, BITS_PER_SECOND).expect("a proxy");
-    let far = Link::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
+    let far = Client::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
     let clock = far.streams(&[TopicId::Clock]).expect("the clock");
     let mut commander = far.commander("far", false).expect("control");
     let preview = far.preview("gen3", PreviewLevel::Low).expect("a preview");
@@ -154,7 +154,7 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
         seconds < REST_SECS,
         "at rest {seconds:.2} s after the last command"
     );
-    let status = || near.ask(&v1::StatusRequest {}).expect("a status");
+    let status = || near.request(&v1::StatusRequest {}).expect("a status");
     wait_until("control is free", || status().holder.is_empty());
     let held = seen.now;
     seen.until("a second passes", |o| o.now > held + 1.0);
@@ -162,7 +162,7 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
 
     // It reconnects by itself; control is asked for again and driving goes on.
     proxy.set(Line::Open);
-    wait_until("control is back", || commander.ask(false).is_ok());
+    wait_until("control is back", || commander.acquire(false).is_ok());
     drive(&mut commander, &clock, 2.0);
     seen.until("the chair drives again", |o| o.speed > 0.15);
     assert!(preview.next(PATIENCE).expect("no error").is_some());
@@ -182,7 +182,7 @@ fn a_far_operator_drives_in_order_and_a_broken_link_stops_the_chair() {
 fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
     let server = Server::start("cuts", &["--no-cameras"]).expect("a server");
     let near = server.link();
-    let status = || near.ask(&v1::StatusRequest {}).expect("a status");
+    let status = || near.request(&v1::StatusRequest {}).expect("a status");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 1e9).expect("a proxy");
     let folder = tempfile::tempdir().expect("a folder");
     let through = proxy.endpoint();
@@ -194,7 +194,7 @@ fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
         require_recorders: 1,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = near.ask(&request).expect("a start");
+    let _: v1::EpisodeStarted = near.request(&request).expect("a start");
     wait_until("the episode runs", || status().waiting_for.is_empty());
     // Short ones, which the server's cache makes good, and one that is longer
     // than anything remembers.
@@ -208,7 +208,7 @@ fn a_recording_goes_on_after_cuts_and_tells_what_is_missing() {
     }
     wait_until("the recorder is back", || !status().recorders.is_empty());
     let request = v1::EpisodeStopRequest::default();
-    let stopped: v1::EpisodeStopped = near.ask(&request).expect("an end");
+    let stopped: v1::EpisodeStopped = near.request(&request).expect("an end");
     let (ended, text) = recorder.end();
     println!("{text}");
     assert_eq!(ended.code(), Some(3), "{text}");
@@ -238,7 +238,7 @@ fn in_lock_step_a_recorder_on_a_slow_line_gets_every_picture() {
     let rest = ["--quality", "fast", "--pacing", "lock-step"];
     let server = Server::start("crawl", &[&cameras[..], &rest].concat()).expect("a server");
     let near = server.link();
-    let status = || near.ask(&v1::StatusRequest {}).expect("a status");
+    let status = || near.request(&v1::StatusRequest {}).expect("a status");
     let tick = || status().header.unwrap_or_default().tick;
     // A picture takes a second, and 4 s as it is: longer than the transport waits for room
     // where it may not wait for ever.
@@ -266,7 +266,7 @@ fn in_lock_step_a_recorder_on_a_slow_line_gets_every_picture() {
         require_recorders: 1,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = near.ask(&request).expect("a start");
+    let _: v1::EpisodeStarted = near.request(&request).expect("a start");
     let begun = tick();
     wait_until("pictures come", || tick() >= begun + 4 * TICKS_PER_PICTURE);
     // What is under way is lost, and nothing follows it: time waits.
@@ -280,7 +280,7 @@ fn in_lock_step_a_recorder_on_a_slow_line_gets_every_picture() {
     // The cut alone: what is asked for again ends no connection.
     assert_eq!(losses.load(Ordering::Relaxed), 1);
     let request = v1::EpisodeStopRequest::default();
-    let stopped: v1::EpisodeStopped = near.ask(&request).expect("an end");
+    let stopped: v1::EpisodeStopped = near.request(&request).expect("an end");
     drop(idle);
     let pictures = stopped.manifest.iter().find(|c| c.stream == "camera/gen3");
     let pictures = pictures.expect("its count").count;
@@ -296,12 +296,12 @@ fn a_viewer_on_a_narrow_link_steps_down_and_holds_nobody_up() {
     let server = Server::start("narrow", &args).expect("a server");
     let near = server.link();
     let tick = || {
-        let status: v1::Status = near.ask(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = near.request(&v1::StatusRequest {}).expect("a status");
         status.header.unwrap_or_default().tick
     };
     // Below what the medium level of this camera needs, about 2 Mbit/s.
     let proxy = Proxy::start(&server.endpoint, DELAY, 6e5).expect("a proxy");
-    let far = Link::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
+    let far = Client::open(&server.connect_through(&proxy.endpoint())).expect("a far link");
     let begun = std::time::Instant::now();
     let now = || begun.elapsed().as_secs_f64();
     let mut ladder = Ladder::new(now());

@@ -8,43 +8,43 @@ use std::time::Duration;
 use wheelarm_dataset::log;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::{CREDIT_TICKS, TICKS_PER_CONTROL, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, wait_until};
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
 
-fn status(link: &Link) -> v1::Status {
-    link.ask(&v1::StatusRequest {}).expect("a status")
+fn status(link: &Client) -> v1::Status {
+    link.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn tick(link: &Link) -> u64 {
+fn tick(link: &Client) -> u64 {
     status(link).header.unwrap_or_default().tick
 }
 
-fn wait_for_recorders(link: &Link, count: usize) {
+fn wait_for_recorders(link: &Client, count: usize) {
     wait_until("the recorders are there", || {
         status(link).recorders.len() >= count
     });
 }
 
-fn start(link: &Link, label: &str, recorders: u32) {
+fn start(link: &Client, label: &str, recorders: u32) {
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         require_recorders: recorders,
         ..Default::default()
     };
-    let started: v1::EpisodeStarted = link.ask(&request).expect("an episode");
+    let started: v1::EpisodeStarted = link.request(&request).expect("an episode");
     assert_eq!(started.label, label);
     wait_until("the episode runs", || status(link).waiting_for.is_empty());
 }
 
-fn stop(link: &Link) {
+fn stop(link: &Client) {
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.ask(&request).expect("its end");
+    let _: v1::EpisodeStopped = link.request(&request).expect("its end");
 }
 
 /// Simulated time goes on for `seconds`.
-fn pass(link: &Link, seconds: f64) {
+fn pass(link: &Client, seconds: f64) {
     let until = tick(link) + (seconds * 240.0) as u64;
     wait_until("simulated time passes", || tick(link) >= until);
 }
@@ -280,7 +280,7 @@ fn a_recorder_killed_at_any_system_call_keeps_what_it_acknowledged() {
         let name = format!("traced{round}");
         let mut doomed =
             Recorder::start_under(&wrapper, &server, &name, &out, &["--episodes", "1"]);
-        let there = |link: &Link| status(link).recorders.iter().any(|r| r.recorder == name);
+        let there = |link: &Client| status(link).recorders.iter().any(|r| r.recorder == name);
         wait_until("the recorder came or died", || {
             there(&link) || !doomed.alive()
         });
@@ -443,13 +443,13 @@ fn lock_step_waits_for_a_stopped_recorder_without_cameras_too() {
     assert!(whole, "{text}");
 }
 
-fn start_lock_step(link: &Link, label: &str) {
+fn start_lock_step(link: &Client, label: &str) {
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         commander: IdleCommander::NAME.into(),
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.ask(&request).expect("an episode");
+    let _: v1::EpisodeStarted = link.request(&request).expect("an episode");
 }
 
 /// The same states, commands and pictures, bit for bit.

@@ -29,7 +29,7 @@ fn a_killed_server_leaves_a_partial_file_and_its_successor_is_recorded() {
     let mut recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "2"]);
     let link = server.link();
     let recorders = |state: v1::RecorderState| {
-        let status = link.ask_within(&v1::StatusRequest {}, Duration::from_secs(2));
+        let status = link.request_within(&v1::StatusRequest {}, Duration::from_secs(2));
         status.is_ok_and(|s| s.recorders.iter().any(|r| r.state() == state))
     };
     wait_until("the recorder is there", || {
@@ -46,7 +46,7 @@ fn a_killed_server_leaves_a_partial_file_and_its_successor_is_recorded() {
     wait_until("the episode is closed as partial", || cut.is_file());
     // Both clients come back by themselves, with the links they have.
     wait_until("the operator is in control again", || {
-        commander.ask(false).is_ok()
+        commander.acquire(false).is_ok()
     });
     wait_until("the recorder is back", || {
         recorders(v1::RecorderState::Finished) || recorders(v1::RecorderState::Idle)

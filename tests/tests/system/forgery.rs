@@ -8,7 +8,7 @@ use std::path::Path;
 use wheelarm_dataset::read::{Episode, Values};
 use wheelarm_proto::Query;
 use wheelarm_proto::{Message, TopicId, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_tests::{PATIENCE, Recorder, Router, Server, wait_until};
 use zenoh::Wait;
 use zenoh::sample::SourceInfo;
@@ -17,11 +17,11 @@ use zenoh::session::EntityGlobalId;
 /// No real gyroscope of the chair says so, rad/s.
 const FORGED: f64 = 1234.5;
 
-fn status(link: &Link) -> v1::Status {
-    link.ask(&v1::StatusRequest {}).expect("a status")
+fn status(link: &Client) -> v1::Status {
+    link.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn start(link: &Link, label: &str) -> v1::EpisodeStarted {
+fn start(link: &Client, label: &str) -> v1::EpisodeStarted {
     wait_until("the recorder is there", || {
         !status(link).recorders.is_empty()
     });
@@ -30,18 +30,18 @@ fn start(link: &Link, label: &str) -> v1::EpisodeStarted {
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link.ask(&request).expect("an episode");
+    let started = link.request(&request).expect("an episode");
     wait_until("the episode runs", || status(link).waiting_for.is_empty());
     started
 }
 
-fn stop(link: &Link) -> v1::EpisodeStopped {
+fn stop(link: &Client) -> v1::EpisodeStopped {
     let request = v1::EpisodeStopRequest::default();
-    link.ask(&request).expect("its end")
+    link.request(&request).expect("its end")
 }
 
 /// Simulated time goes on for `seconds`.
-fn pass(link: &Link, seconds: f64) {
+fn pass(link: &Client, seconds: f64) {
     let tick = || status(link).header.unwrap_or_default().tick;
     let until = tick() + (seconds * 240.0) as u64;
     wait_until("simulated time passes", || tick() >= until);
@@ -50,7 +50,7 @@ fn pass(link: &Link, seconds: f64) {
 /// A server behind a router, a client and a stranger who is connected there.
 struct Scene {
     server: Server,
-    link: Link,
+    link: Client,
     stranger: Stranger,
     router: Router,
     folder: tempfile::TempDir,
@@ -61,7 +61,7 @@ impl Scene {
         let router = Router::start();
         let args = ["--no-cameras", "--connect", &router.endpoint];
         let server = Server::start(sim, &args).expect("a server");
-        let link = || Link::open(&server.connect_through(&router.endpoint)).expect("a link");
+        let link = || Client::open(&server.connect_through(&router.endpoint)).expect("a link");
         Self {
             link: link(),
             stranger: Stranger { link: link() },
@@ -79,7 +79,7 @@ impl Scene {
 
 /// Somebody who reached the server's port.
 struct Stranger {
-    link: Link,
+    link: Client,
 }
 
 impl Stranger {

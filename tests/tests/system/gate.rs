@@ -27,7 +27,7 @@ fn session(server: &Server) -> Session {
         .expect("a session with the server")
 }
 
-fn ask<R: Message + Default>(
+fn query_reply<R: Message + Default>(
     session: &Session,
     keys: &Keys,
     query: Query,
@@ -73,7 +73,7 @@ fn take_control(session: &Session, keys: &Keys) -> zenoh::liveliness::Liveliness
     };
     for _ in 0..200 {
         let reply: v1::LeaseReply =
-            ask(session, keys, Query::Lease, request.encode_to_vec()).expect("control");
+            query_reply(session, keys, Query::Lease, request.encode_to_vec()).expect("control");
         if reply.holder == "tester" {
             return token;
         }
@@ -111,7 +111,8 @@ fn hostile_messages_are_refused_counted_and_survived() {
         .expect("a subscriber");
     let _control = take_control(&session, &keys);
     let send = |bytes: Vec<u8>| put(&session, &keys.command("tester"), bytes);
-    let status = || ask::<v1::Status>(&session, &keys, Query::Status, vec![]).expect("a status");
+    let status =
+        || query_reply::<v1::Status>(&session, &keys, Query::Status, vec![]).expect("a status");
     let newest = || status().header.expect("a header").tick;
     // Far enough from the start that tick 0 is old.
     while newest() < 60 {
@@ -203,18 +204,18 @@ fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
     let server = Server::start("versions", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("versions").expect("a name");
-    let ask = |key: String, payload: Vec<u8>, encoding: &str| {
+    let request = |key: String, payload: Vec<u8>, encoding: &str| {
         let get = session.get(key).payload(payload).encoding(encoding);
         let replies = get.timeout(WAIT).wait().expect("a query");
         let reply = replies.recv().expect("an answer");
         let error = reply.result().expect_err("a refusal");
         v1::Failure::decode(&*error.payload().to_bytes()).expect("a Failure")
     };
-    let old = ask(keys.query(Query::Status), Vec::new(), "zenoh/bytes");
+    let old = request(keys.query(Query::Status), Vec::new(), "zenoh/bytes");
     assert_eq!(old.code(), v1::FailureCode::Version, "{}", old.message);
     assert!(old.message.contains("one build"), "{}", old.message);
     let newer = "application/protobuf;wheelarm.v1.StatusRequest@99";
-    let newer = ask(keys.query(Query::Status), Vec::new(), newer);
+    let newer = request(keys.query(Query::Status), Vec::new(), newer);
     assert!(newer.message.contains("version 99"), "{}", newer.message);
     let request = v1::LeaseRequest {
         commander: "anna".into(),
@@ -222,7 +223,7 @@ fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
     };
     let key = keys.query(Query::Lease).replace('*', "ben");
     let own = schema::encoding("wheelarm.v1.LeaseRequest");
-    let foreign = ask(key, request.encode_to_vec(), &own);
+    let foreign = request(key, request.encode_to_vec(), &own);
     assert_eq!(
         foreign.code(),
         v1::FailureCode::Foreign,
@@ -243,7 +244,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
         Query::EpisodeStop,
         Query::Reach,
     ] {
-        let answer: Result<v1::Ack, String> = ask(&session, &keys, query, rubbish.clone());
+        let answer: Result<v1::Ack, String> = query_reply(&session, &keys, query, rubbish.clone());
         assert!(answer.expect_err("a failure").contains("cannot decode"));
     }
     let reset = |scenario: v1::Scenario| {
@@ -252,7 +253,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
             ..Default::default()
         };
         let answer: Result<v1::ResetReply, String> =
-            ask(&session, &keys, Query::Reset, request.encode_to_vec());
+            query_reply(&session, &keys, Query::Reset, request.encode_to_vec());
         answer
     };
     let unknown = reset(v1::Scenario {
@@ -274,7 +275,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
         ..Default::default()
     };
     let answer: Result<v1::ResetReply, String> =
-        ask(&session, &keys, Query::Reset, damaged.encode_to_vec());
+        query_reply(&session, &keys, Query::Reset, damaged.encode_to_vec());
     assert!(answer.expect_err("a failure").contains("stored state"));
     assert!(server.alive());
     let start = v1::EpisodeStartRequest {
@@ -282,7 +283,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
         ..Default::default()
     };
     let answer: Result<v1::EpisodeStarted, String> =
-        ask(&session, &keys, Query::EpisodeStart, start.encode_to_vec());
+        query_reply(&session, &keys, Query::EpisodeStart, start.encode_to_vec());
     assert!(answer.expect_err("a failure").contains("label"));
 }
 

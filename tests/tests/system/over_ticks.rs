@@ -56,7 +56,7 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link.ask(&request).expect("an episode");
+    let started = link.request(&request).expect("an episode");
     let episode = started.header.expect("a header").episode;
     let (mut sent, mut next, mut start) = (0, 0, None);
     let (mut applied, mut joints): (Vec<v1::Applied>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -86,7 +86,7 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
         }
     }
     let _: v1::EpisodeStopped = link
-        .ask(&v1::EpisodeStopRequest::default())
+        .request(&v1::EpisodeStopRequest::default())
         .expect("its end");
     println!("{}", recorder.finish());
     assert_eq!(applied.len() as u64, ANSWERS * u64::from(OVER));

@@ -74,7 +74,7 @@ fn seen(name: &str, sensors: &[&str]) {
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
     let link = server.link();
-    let status = || link.ask(&v1::StatusRequest {}).expect("an answer");
+    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
     wait_until("the recorder is there", || !status().recorders.is_empty());
     let camera = |name: &str| v1::PolicyCamera {
         name: name.to_owned(),

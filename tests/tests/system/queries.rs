@@ -10,7 +10,7 @@ use wheelarm_proto::Query;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
-use wheelarm_sdk::{Link, Streams};
+use wheelarm_sdk::{Client, Streams};
 use wheelarm_tests::{Line, PATIENCE, Proxy, Server, program, root, wait_until};
 use zenoh::Wait;
 use zenoh::sample::{SampleKind, SourceInfo};
@@ -19,7 +19,7 @@ use zenoh::session::EntityGlobalId;
 /// Sends a query and returns at once; `told` hears what became of it: the
 /// answer, the refusal's words, or nothing when there was none.
 fn send(
-    link: &Link,
+    link: &Client,
     query: Query,
     payload: Vec<u8>,
     told: impl Fn(Result<Vec<u8>, String>) + Send + Sync + 'static,
@@ -43,7 +43,7 @@ fn send(
 }
 
 /// What a query was answered, in words where it was refused.
-fn ask(link: &Link, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
+fn request(link: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
     let (told, answer) = mpsc::channel();
     send(link, query, payload, move |reply| {
         let _ = told.send(reply);
@@ -51,12 +51,12 @@ fn ask(link: &Link, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
     answer.recv_timeout(PATIENCE).expect("an answer")
 }
 
-fn start(link: &Link, label: &str) -> v1::EpisodeStarted {
+fn start(link: &Client, label: &str) -> v1::EpisodeStarted {
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         ..Default::default()
     };
-    link.ask(&request).expect("an episode")
+    link.request(&request).expect("an episode")
 }
 
 #[test]
@@ -86,20 +86,20 @@ fn answers_that_nobody_reads_do_not_stop_time() {
 
 /// Time goes on at a server while a peer asks two hundred times by `ask` and
 /// does not read.
-fn unread(name: &str, ask: impl Fn(&Link, u32)) {
+fn unread(name: &str, request: impl Fn(&Client, u32)) {
     let server = Server::start(name, &["--no-cameras"]).expect("a server");
     let beside =
         Server::start(&format!("{name}-beside"), &["--no-cameras"]).expect("another server");
     let (link, other) = (server.link(), beside.link());
     start(&link, "unread");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 8e9).expect("a proxy");
-    let deaf = Link::open(&server.connect_through(&proxy.endpoint())).expect("a link");
+    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
     let mut time = [Ticks::new(&link), Ticks::new(&other)];
     for time in &mut time {
         wait_until("time passes", || time.newest() > 0);
     }
     proxy.set(Line::Deaf);
-    (0..200).for_each(|i| ask(&deaf, i));
+    (0..200).for_each(|i| request(&deaf, i));
     let begun = time.each_mut().map(Ticks::newest);
     // Eight seconds of a server that nobody attacks, on the same host: the peer is
     // given up after five, and others must go on hearing the clock.
@@ -117,7 +117,7 @@ fn who_does_not_read_its_answers_delays_nobody_else() {
     let (link, watcher) = (server.link(), server.link());
     start(&link, "deaf");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 8e9).expect("a proxy");
-    let deaf = Link::open(&server.connect_through(&proxy.endpoint())).expect("a link");
+    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
     let life = deaf.session().liveliness();
     let _token = life.declare_token("test/deaf").wait().expect("a token");
     let (told, ends) = mpsc::channel();
@@ -133,7 +133,7 @@ fn who_does_not_read_its_answers_delays_nobody_else() {
         .expect("a subscriber");
     let next = || ends.recv_timeout(PATIENCE).expect("word of the token");
     assert_eq!(next(), SampleKind::Put);
-    let status = || link.ask(&v1::StatusRequest {}).expect("an answer");
+    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
     let tick = |status: v1::Status| status.header.expect("a header").tick;
     proxy.set(Line::Deaf);
     for _ in 0..200 {
@@ -161,7 +161,7 @@ struct Ticks {
 }
 
 impl Ticks {
-    fn new(link: &Link) -> Self {
+    fn new(link: &Client) -> Self {
         Self {
             clocks: link.streams(&[TopicId::Clock]).expect("the clock"),
             newest: 0,
@@ -193,7 +193,7 @@ fn every_query_of_a_flood_is_answered_or_refused_while_time_goes_on() {
     drop(told);
     // Somebody else comes in between, told to ask again at most.
     wait_until("somebody else is answered", || {
-        link.ask(&v1::StatusRequest {}).is_ok()
+        link.request(&v1::StatusRequest {}).is_ok()
     });
     let (mut answered, mut refused) = (0, 0);
     // The channel ends with the last of the queries, answered or not.
@@ -229,7 +229,7 @@ fn the_list_of_tasks_is_read_once() {
     let server = Server::start_with(assets.path(), listen, "listed", &["--no-cameras"]);
     let server = server.expect("a server");
     let link = server.link();
-    let list = || link.ask(&v1::TasksRequest {}).expect("the tasks");
+    let list = || link.request(&v1::TasksRequest {}).expect("the tasks");
     let first = list().tasks;
     assert!(first.len() >= 13, "{} tasks", first.len());
     std::fs::remove_dir_all(assets.path().join("scenes")).expect("the scenes go");
@@ -246,7 +246,7 @@ fn requests_that_are_too_large_are_refused_by_their_length() {
         (Query::Reach, 1 << 20),
         (Query::Lease, 1 << 20),
     ] {
-        let told = ask(&link, query, vec![0x0a; bytes]).expect_err("a refusal");
+        let told = request(&link, query, vec![0x0a; bytes]).expect_err("a refusal");
         assert!(told.contains(&format!("{bytes} bytes, at most")), "{told}");
     }
     assert!(server.alive());
@@ -258,7 +258,7 @@ fn whoever_ends_its_own_episode_never_ends_another() {
     let link = server.link();
     let first = start(&link, "first");
     link.stop_episode_of(&first, false).expect("its end");
-    let over = |told: Result<v1::EpisodeStopped, wheelarm_sdk::LinkError>| {
+    let over = |told: Result<v1::EpisodeStopped, wheelarm_sdk::ClientError>| {
         let told = told.expect_err("it is over").to_string();
         assert!(told.contains("is over"), "{told}");
         told
@@ -272,15 +272,15 @@ fn whoever_ends_its_own_episode_never_ends_another() {
 }
 
 /// State of the simulation, byte by byte, while time is paused.
-fn state(link: &Link) -> Vec<u8> {
+fn state(link: &Client) -> Vec<u8> {
     start(link, "look");
-    let reply: v1::SnapshotReply = link.ask(&v1::SnapshotRequest {}).expect("a snapshot");
+    let reply: v1::SnapshotReply = link.request(&v1::SnapshotRequest {}).expect("a snapshot");
     let request = v1::EpisodeStopRequest {
         discard: true,
         secret: link.secret(),
         ..Default::default()
     };
-    let _: v1::EpisodeStopped = link.ask(&request).expect("its end");
+    let _: v1::EpisodeStopped = link.request(&request).expect("its end");
     reply.snapshot.to_vec()
 }
 
@@ -297,7 +297,7 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
     let link = server.link();
     let _still = link.commander("still", false).expect("control");
     let before = state(&link);
-    let status = || link.ask(&v1::StatusRequest {}).expect("a status");
+    let status = || link.request(&v1::StatusRequest {}).expect("a status");
     let scenario = status().scenario.expect("a scenario");
     let at = |x: f64, z: f64| v1::Pose {
         position: Some(v1::Vector3 { x, y: 0.0, z }),
@@ -362,7 +362,7 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
             secret: link.secret(),
             ..Default::default()
         };
-        let told = ask(&link, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
+        let told = request(&link, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
         assert!(told.contains(word), "{told:?} lacks {word:?}");
         assert!(told.len() < 600, "{} bytes of words", told.len());
     }
@@ -373,7 +373,7 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
 
 /// Which of two queries is answered first, the second sent right behind the
 /// first on the same connection.
-fn first_answer(link: &Link, first: (Query, Vec<u8>), second: Query) -> Vec<Query> {
+fn first_answer(link: &Client, first: (Query, Vec<u8>), second: Query) -> Vec<Query> {
     let (told, order) = mpsc::channel();
     for (query, payload) in [first, (second, Vec::new())] {
         let told = told.clone();
@@ -395,7 +395,7 @@ fn a_status_does_not_wait_for_a_reset_or_for_the_cameras() {
     let link = server.link();
     start(&link, "drawn");
     let tick = || {
-        let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
         status.header.expect("a header").tick
     };
     let begun = tick();
@@ -447,8 +447,8 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
         identity: None,
     };
     // It answers: all that is left is to say so.
-    let link = Link::open(&connect).expect("a link");
-    let _: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+    let link = Client::open(&connect).expect("a link");
+    let _: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
     let mask = heard(server.id());
     let (interrupt, terminate) = (1 << (2 - 1), 1 << (15 - 1));
     let hears = mask & interrupt != 0 && mask & terminate != 0;
@@ -470,19 +470,19 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
 fn reach_tells_a_code_beside_its_words() {
     let server = Server::start("reach-code", &["--no-cameras"]).expect("a server");
     let link = server.link();
-    let scene = link.ask(&v1::SceneRequest {}).expect("a scene");
+    let scene = link.request(&v1::SceneRequest {}).expect("a scene");
     let roles = Roles::find(&scene.robot.expect("a robot")).expect("roles");
     let poses = link.samples::<v1::PoseSet>().expect("poses");
     let told = poses.next(PATIENCE).expect("a link").expect("a sample");
     let pose = told.frames[roles.end_effector].pose;
-    let ask = |pose| {
+    let request = |pose| {
         let request = v1::ReachRequest {
             pose,
             ..Default::default()
         };
-        link.ask(&request).expect("an answer")
+        link.request(&request).expect("an answer")
     };
-    let here = ask(pose);
+    let here = request(pose);
     assert!(here.reachable && here.reason.is_empty(), "{here:?}");
     assert_eq!(here.problem(), v1::ReachProblem::Unspecified);
     let mut away = pose.expect("a pose");
@@ -490,7 +490,7 @@ fn reach_tells_a_code_beside_its_words() {
         x: 3.0,
         ..Default::default()
     });
-    let far = ask(Some(away));
+    let far = request(Some(away));
     assert!(!far.reachable && far.reason.contains("shoulder"), "{far:?}");
     assert_eq!(far.problem(), v1::ReachProblem::TooFar);
     assert_eq!(far.reached_count, 0);
@@ -501,7 +501,7 @@ fn reach_tells_a_code_beside_its_words() {
         at.z += 0.02;
     }
     let follow = |next_poses: Vec<v1::Pose>, max_joint_change| {
-        link.ask(&v1::ReachRequest {
+        link.request(&v1::ReachRequest {
             pose,
             next_poses,
             max_joint_change,

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use wheelarm_dataset::read::{Camera, Episode};
 use wheelarm_proto::v1;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wait_until};
 
 const SMALL: [&str; 4] = ["--camera", "gen3=160x96@10", "--pacing", "lock-step"];
@@ -35,8 +35,8 @@ fn wheelarm(folder: &Path, args: &[&str]) -> String {
     printed(&output)
 }
 
-fn ticks(link: &Link) -> u64 {
-    let status = link.ask(&v1::StatusRequest {}).expect("a status");
+fn ticks(link: &Client) -> u64 {
+    let status = link.request(&v1::StatusRequest {}).expect("a status");
     status.header.map_or(0, |header| header.tick)
 }
 
@@ -53,7 +53,7 @@ fn recorded(folder: &Path, label: &str, sensors: &[&str]) -> PathBuf {
         commander: IdleCommander::NAME.to_owned(),
         ..v1::EpisodeStartRequest::default()
     };
-    link.ask(&request).expect("an episode");
+    link.request(&request).expect("an episode");
     wait_until("two seconds have passed", || ticks(&link) >= 480);
     link.stop_episode(false).expect("its end");
     drop(commander);

@@ -6,15 +6,15 @@ use std::time::Duration;
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{Message, TopicId, v1};
-use wheelarm_sdk::{Link, LinkError};
+use wheelarm_sdk::{Client, ClientError};
 use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
 use zenoh::Wait;
 
-fn status(link: &Link) -> v1::Status {
-    link.ask(&v1::StatusRequest {}).expect("a status")
+fn status(link: &Client) -> v1::Status {
+    link.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn tick(link: &Link) -> u64 {
+fn tick(link: &Client) -> u64 {
     status(link).header.expect("a header").tick
 }
 
@@ -73,11 +73,11 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         release: true,
         ..Default::default()
     };
-    let told = hostile.ask(&request);
+    let told = hostile.request(&request);
     let told = told.expect_err("a refusal");
     let secret = matches!(
         told,
-        LinkError::Refused {
+        ClientError::Refused {
             code: v1::FailureCode::Secret,
             ..
         }
@@ -88,7 +88,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         take: true,
         ..request
     };
-    let reply: v1::LeaseReply = hostile.ask(&asks).expect("an answer");
+    let reply: v1::LeaseReply = hostile.request(&asks).expect("an answer");
     assert_eq!((reply.holder.as_str(), reply.secret.as_str()), ("anna", ""));
     // She drives on, and gives control back herself.
     let mut speed = 0.0_f64;
@@ -145,7 +145,7 @@ fn no_number_of_tokens_keeps_a_commander_out() {
         commander: "nobody".into(),
         ..Default::default()
     };
-    let reply: v1::LeaseReply = hostile.ask(&request).expect("an answer");
+    let reply: v1::LeaseReply = hostile.request(&request).expect("an answer");
     assert_eq!(reply.holder, "");
     drop(tokens);
 }
@@ -159,7 +159,7 @@ fn the_rule_for_silent_commanders_cannot_be_switched_off_in_real_time() {
         replay: true,
         ..Default::default()
     };
-    let told = link.ask(&request);
+    let told = link.request(&request);
     let told = told.expect_err("a refusal").to_string();
     assert!(told.contains("--pacing lock-step"), "{told}");
     assert!(status(&link).episode.is_none());
@@ -195,7 +195,7 @@ fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
     assert!(status(&link).episode.is_some());
     done(&["episode", "stop", "--discard", "--force"]);
     // Who is in control needs no force; nor does anybody when nobody is.
-    let seed = |link: &Link| status(link).scenario.map(|s| s.seed);
+    let seed = |link: &Client| status(link).scenario.map(|s| s.seed);
     let scenario = v1::Scenario {
         seed: Some(8),
         ..v1::Scenario::default()

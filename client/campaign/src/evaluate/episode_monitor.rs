@@ -10,7 +10,7 @@ use parking_lot::Mutex;
 use wheelarm_expert::run::Progress;
 use wheelarm_proto::v1;
 use wheelarm_rollout::Observer;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use super::progress::{Course, Follower, STREAMS};
 
@@ -42,8 +42,8 @@ impl EpisodeMonitor {
 }
 
 impl Observer for EpisodeMonitor {
-    fn attach(&self, link: &Link) -> anyhow::Result<()> {
-        let mut follower = Follower::new(&link.ask(&v1::SceneRequest {})?)?;
+    fn attach(&self, link: &Client) -> anyhow::Result<()> {
+        let mut follower = Follower::new(&link.request(&v1::SceneRequest {})?)?;
         let streams = link.streams(&STREAMS)?;
         let is_over = Arc::clone(&self.is_over);
         let watch = move || {

@@ -12,7 +12,7 @@ use wheelarm_dataset::sheet::grid::{Cell, grid};
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::all_cameras;
 use wheelarm_rollout::{Backend, Driver, Expert, Limits, Observer, Processes, Rollout};
-use wheelarm_sdk::{Camera, Frame, Link};
+use wheelarm_sdk::{Camera, Client, Frame};
 
 use super::args::EvaluateArgs;
 use super::entry::{Entry, Job};
@@ -146,8 +146,11 @@ struct LastImages {
 }
 
 impl Observer for LastImages {
-    fn attach(&self, link: &Link) -> anyhow::Result<()> {
-        let robot = link.ask(&v1::SceneRequest {})?.robot.unwrap_or_default();
+    fn attach(&self, link: &Client) -> anyhow::Result<()> {
+        let robot = link
+            .request(&v1::SceneRequest {})?
+            .robot
+            .unwrap_or_default();
         for name in cameras(&robot)? {
             let camera = link.camera(name, 1)?;
             self.cameras.lock().push((name.to_owned(), camera));

@@ -17,7 +17,7 @@ use wheelarm_expert::scene::SceneModel;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::{Server, ServerOptions};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use super::args::MultiplyArgs;
 
@@ -47,7 +47,7 @@ impl Sources {
             scene: String::new(),
             robot: String::new(),
         };
-        let mut server: Option<(Server, Link)> = None;
+        let mut server: Option<(Server, Client)> = None;
         let most = args.sources.map_or(usize::MAX, |most| most.get());
         for path in files(&args.dir)? {
             if sources.list.len() >= most {
@@ -152,7 +152,7 @@ fn open(path: &Path, task: &str) -> anyhow::Result<Found> {
 }
 
 /// A server that stands in a recorded scenario.
-fn start(args: &MultiplyArgs, scenario: &v1::Scenario) -> anyhow::Result<(Server, Link)> {
+fn start(args: &MultiplyArgs, scenario: &v1::Scenario) -> anyhow::Result<(Server, Client)> {
     let server = Server::start(&ServerOptions {
         scenario: v1::Scenario {
             scene: scenario.scene.clone(),
@@ -174,13 +174,13 @@ fn demonstration(
     recording: &Episode,
     name: &str,
     mut scenario: v1::Scenario,
-    link: &Link,
+    link: &Client,
 ) -> anyhow::Result<Demonstration> {
     scenario.cameras.clear();
     scenario.sensors.clear();
     scenario.pacing = v1::Pacing::LockStep.into();
     link.reset(scenario, false)?;
-    let reply = link.ask(&v1::SceneRequest {})?;
+    let reply = link.request(&v1::SceneRequest {})?;
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?.ok_or_else(|| anyhow!("its task has no goal"))?;
     let mut grasps = scene.grasps.iter();

@@ -226,7 +226,7 @@ mod tests {
             demonstrations: vec![demonstration(10.0, 0.1), demonstration(200.0, 0.2)],
             chosen: Mutex::default(),
         };
-        let ask = |tick, value| {
+        let request = |tick, value| {
             let observation = v1::PolicyObservation {
                 episode_key: "a".to_owned(),
                 tick,
@@ -235,10 +235,10 @@ mod tests {
             };
             policy.infer(observation).unwrap().values
         };
-        let first = ask(48, 180);
+        let first = request(48, 180);
         assert_eq!((first.len(), first[10]), (CHUNK * 12, 0.2));
         // What it sees later changes nothing.
-        let second = ask(48 + 240, 10);
+        let second = request(48 + 240, 10);
         assert_eq!((second[0], second[10]), (10.0, 0.2));
         assert_eq!((second[24], second[34]), (11.0, 0.0));
         assert!(policy.infer(v1::PolicyObservation::default()).is_err());

@@ -8,7 +8,7 @@ use clap::Args;
 use wheelarm_access::{Folder, Subjects, follow, router};
 use wheelarm_proto::endpoint;
 use wheelarm_proto::signals::Signals;
-use wheelarm_sdk::words_of_transport;
+use wheelarm_sdk::transport_words;
 use zenoh::Wait;
 
 use super::folder;
@@ -36,15 +36,14 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     let text = router(&folder, &args.listen, Subjects::Roles)?;
     let listen = args.listen.join(", ");
     let config = zenoh::Config::from_json5(&text)
-        .map_err(|e| anyhow!("the configuration of a router: {}", words_of_transport(&e)))?;
+        .map_err(|e| anyhow!("the configuration of a router: {}", transport_words(&e)))?;
     let runtime = tokio::runtime::Runtime::new()?;
     let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     // The file of a local socket is the user's own, whom the rules call admin.
     let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
     let opened = zenoh::open(config).wait();
     rustix::process::umask(before);
-    let session =
-        opened.map_err(|e| anyhow!("listening on {listen}: {}", words_of_transport(&e)))?;
+    let session = opened.map_err(|e| anyhow!("listening on {listen}: {}", transport_words(&e)))?;
     let mut out = std::io::stdout();
     writeln!(out, "ready {listen}")
         .and_then(|()| out.flush())
@@ -53,7 +52,7 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     session
         .close()
         .wait()
-        .map_err(|e| anyhow!("ending: {}", words_of_transport(&e)))
+        .map_err(|e| anyhow!("ending: {}", transport_words(&e)))
 }
 
 /// Whether the system is to choose the port.

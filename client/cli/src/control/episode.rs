@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use wheelarm_proto::v1;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use super::print::{episode_line, stopped_text};
 
@@ -53,11 +53,11 @@ pub struct EpisodeStopArgs {
 ///
 /// # Errors
 /// When the server refuses, or the episode is over before it began.
-pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<ExitCode> {
+pub fn episode(link: &Client, command: &EpisodeCommand) -> anyhow::Result<ExitCode> {
     match command {
         EpisodeCommand::Start(args) => start(link, args).map(|()| ExitCode::SUCCESS),
         EpisodeCommand::Stop(args) => {
-            let stopped = link.ask(&v1::EpisodeStopRequest {
+            let stopped = link.request(&v1::EpisodeStopRequest {
                 discard: args.discard,
                 episode: None,
                 force: args.force,
@@ -72,9 +72,9 @@ pub fn episode(link: &Link, command: &EpisodeCommand) -> anyhow::Result<ExitCode
     }
 }
 
-fn start(link: &Link, args: &EpisodeStartArgs) -> anyhow::Result<()> {
+fn start(link: &Client, args: &EpisodeStartArgs) -> anyhow::Result<()> {
     let instruction = &args.instruction;
-    let status = link.ask(&v1::StatusRequest {})?;
+    let status = link.request(&v1::StatusRequest {})?;
     if let Some(words) = waiting(args.require_recorders, &status) {
         eprintln!("{words}");
     }

@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use crossbeam_channel::{Receiver, TryRecvError};
 use wheelarm_proto::signals::on_signals;
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Link, Turn};
+use wheelarm_sdk::{Client, Turn};
 
 /// `wheelarm lease …`.
 #[derive(Subcommand, Clone, Debug)]
@@ -45,7 +45,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// When control is refused or lost.
-pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
+pub fn lease(link: &Client, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     let LeaseCommand::Hold(args) = command;
     let interrupted = listen()?;
     let mut turns = link.turns(&args.name, args.take, &[])?;
@@ -55,7 +55,7 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
         link.keys().sim()
     );
     let lines = lines();
-    let robot = link.ask(&v1::SceneRequest {})?.robot;
+    let robot = link.request(&v1::SceneRequest {})?.robot;
     let mut hand = Hand {
         limits: robot.and_then(|robot| robot.drive),
         ..Hand::default()
@@ -70,7 +70,7 @@ pub fn lease(link: &Link, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
         }
         if looked.elapsed() > LOOK {
             looked = Instant::now();
-            let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+            let status: v1::Status = link.request(&v1::StatusRequest {})?;
             if status.holder != args.name {
                 match status.holder.as_str() {
                     "" => bail!("control ended: the server gave it up"),

@@ -12,7 +12,7 @@ use clap::Args;
 use wheelarm_proto::settings::Starts;
 use wheelarm_proto::v1;
 
-use wheelarm_sdk::{Connect, Link, LinkError};
+use wheelarm_sdk::{Client, ClientError, Connect};
 
 use wheelarm_options::choice::named;
 
@@ -58,20 +58,20 @@ pub struct ShutdownArgs {
 /// Connects; where nothing listens on this host it says so at once.
 ///
 /// # Errors
-/// [`LinkError`].
-pub fn link(connect: &Connect) -> Result<Link, LinkError> {
+/// [`ClientError`].
+pub fn link(connect: &Connect) -> Result<Client, ClientError> {
     refuse_closed(&connect.endpoint)?;
-    Link::open(connect)
+    Client::open(connect)
 }
 
 /// Prints what the server does. Where nothing listens on this host it says so at
 /// once.
 ///
 /// # Errors
-/// [`LinkError`].
-pub fn status(connect: &Connect) -> Result<(), LinkError> {
+/// [`ClientError`].
+pub fn status(connect: &Connect) -> Result<(), ClientError> {
     let link = link(connect)?;
-    let status: v1::Status = link.ask(&v1::StatusRequest {})?;
+    let status: v1::Status = link.request(&v1::StatusRequest {})?;
     print!("{}", print::status_text(link.keys().sim(), &status));
     Ok(())
 }
@@ -79,8 +79,8 @@ pub fn status(connect: &Connect) -> Result<(), LinkError> {
 /// Sets up the scenario that `args` name.
 ///
 /// # Errors
-/// [`LinkError`].
-pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
+/// [`ClientError`].
+pub fn reset(link: &Client, args: &ResetArgs) -> Result<v1::Scenario, ClientError> {
     let scenario = v1::Scenario {
         scene: args.scene.clone().unwrap_or_default(),
         task: args.task.clone(),
@@ -95,11 +95,11 @@ pub fn reset(link: &Link, args: &ResetArgs) -> Result<v1::Scenario, LinkError> {
 /// Pauses simulation time, or lets it go on.
 ///
 /// # Errors
-/// [`LinkError`].
-pub fn pause(link: &Link, pause: bool) -> Result<(), LinkError> {
+/// [`ClientError`].
+pub fn pause(link: &Client, pause: bool) -> Result<(), ClientError> {
     let done = match pause {
-        true => link.ask(&v1::PauseRequest {}),
-        false => link.ask(&v1::ResumeRequest {}),
+        true => link.request(&v1::PauseRequest {}),
+        false => link.request(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
 }

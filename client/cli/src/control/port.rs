@@ -5,7 +5,7 @@
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
-use wheelarm_sdk::LinkError;
+use wheelarm_sdk::ClientError;
 
 /// Longest wait; the loopback interface answers within microseconds.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -14,8 +14,8 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Other endpoints are the transport's matter.
 ///
 /// # Errors
-/// [`LinkError::NoServer`] with the cure.
-pub fn refuse_closed(endpoint: &str) -> Result<(), LinkError> {
+/// [`ClientError::NoServer`] with the cure.
+pub fn refuse_closed(endpoint: &str) -> Result<(), ClientError> {
     let Some(addresses) = loopback(endpoint) else {
         return Ok(());
     };
@@ -28,7 +28,7 @@ pub fn refuse_closed(endpoint: &str) -> Result<(), LinkError> {
     }
     match cause {
         None => Ok(()),
-        Some(cause) => Err(LinkError::NoServer {
+        Some(cause) => Err(ClientError::NoServer {
             endpoint: endpoint.to_owned(),
             seconds: 0.0,
             cause,

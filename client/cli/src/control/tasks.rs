@@ -3,7 +3,7 @@
 
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::tasks_of_program;
-use wheelarm_sdk::{Connect, LinkError};
+use wheelarm_sdk::{ClientError, Connect};
 
 use super::{link, print};
 
@@ -13,10 +13,10 @@ use super::{link, print};
 /// # Errors
 /// When neither can be asked.
 pub fn tasks(connect: &Connect) -> anyhow::Result<()> {
-    let asked = link(connect).and_then(|link| link.ask(&v1::TasksRequest {}));
+    let asked = link(connect).and_then(|link| link.request(&v1::TasksRequest {}));
     let tasks = match asked {
         Ok(list) => list.tasks,
-        Err(LinkError::NoServer { endpoint, .. }) => {
+        Err(ClientError::NoServer { endpoint, .. }) => {
             let tasks = tasks_of_program(None)?;
             eprintln!("no server answers at {endpoint}: these are the tasks of `wheelarm-server`");
             tasks

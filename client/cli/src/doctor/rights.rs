@@ -9,7 +9,7 @@ use wheelarm_access::{About, Flow, Kind, Role, User, grants};
 use wheelarm_proto::keys;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, Query, TopicId, v1};
-use wheelarm_sdk::{Connect, Link, Silence, open_session};
+use wheelarm_sdk::{Client, Connect, Silence, open_session};
 use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::{Session, Wait};
 
@@ -34,7 +34,7 @@ enum Tried {
 }
 
 /// Tries every right of the role, and what is over or missing of the keys.
-pub fn look(connect: &Connect, link: &Link, status: &v1::Status, tell: &mut dyn FnMut(Finding)) {
+pub fn look(connect: &Connect, link: &Client, status: &v1::Status, tell: &mut dyn FnMut(Finding)) {
     let Some(identity) = &connect.identity else {
         return;
     };
@@ -114,7 +114,7 @@ pub fn look(connect: &Connect, link: &Link, status: &v1::Status, tell: &mut dyn 
 }
 
 struct Tries<'a> {
-    link: &'a Link,
+    link: &'a Client,
     user: &'a User,
     right: Vec<String>,
     missing: Vec<String>,
@@ -166,7 +166,7 @@ fn has(user: &User, sim: &str, kind: Kind, key: &str) -> bool {
 }
 
 /// Whether the server refuses a request that it cannot understand.
-fn reaches(link: &Link, rest: &str) -> Tried {
+fn reaches(link: &Client, rest: &str) -> Tried {
     let key = format!("{}/{}/{rest}", keys::PREFIX, link.keys().sim());
     let asked = link
         .session()
@@ -188,7 +188,7 @@ fn reaches(link: &Link, rest: &str) -> Tried {
 }
 
 /// Whether something is published to us under a key.
-fn comes(link: &Link, rest: &str, moving: bool) -> Tried {
+fn comes(link: &Client, rest: &str, moving: bool) -> Tried {
     let key = format!("{}/{}/{rest}", keys::PREFIX, link.keys().sim());
     let (seen, sees) = std::sync::mpsc::channel();
     let subscribed = link.subscribe(&key, move |_| {
@@ -204,7 +204,7 @@ fn comes(link: &Link, rest: &str, moving: bool) -> Tried {
 }
 
 /// Whether the gate tells that it refused a command of no version.
-fn commands(link: &Link, name: &str) -> Tried {
+fn commands(link: &Client, name: &str) -> Tried {
     let (seen, sees) = std::sync::mpsc::channel();
     let refusals = link.keys().topic(TopicId::Refusal);
     let wanted = name.to_owned();
@@ -235,7 +235,7 @@ fn commands(link: &Link, name: &str) -> Tried {
 }
 
 /// Whether a sign of life of one session reaches another of the same user.
-fn lives(link: &Link, other: &Session, key: &str) -> Tried {
+fn lives(link: &Client, other: &Session, key: &str) -> Tried {
     let Ok(_token) = link.session().liveliness().declare_token(key).wait() else {
         return Tried::Unknown;
     };

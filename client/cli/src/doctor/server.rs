@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use wheelarm_proto::v1;
 
 use super::finding::{Finding, Level};
-use wheelarm_sdk::{Connect, Link};
+use wheelarm_sdk::{Client, Connect};
 
 /// Longest wait for a port to answer.
 const PORT: Duration = Duration::from_secs(2);
@@ -25,7 +25,7 @@ pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
     if !reachable {
         return;
     }
-    let link = match Link::open(connect) {
+    let link = match Client::open(connect) {
         Ok(link) => link,
         Err(error) => {
             tell(Finding::fail(
@@ -48,7 +48,7 @@ pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
     let mut last = None;
     for _ in 0..QUESTIONS {
         let asked = Instant::now();
-        match link.ask(&v1::StatusRequest {}) {
+        match link.request(&v1::StatusRequest {}) {
             Ok(status) => {
                 let trip = asked.elapsed().as_secs_f64();
                 // The quickest question tells the clocks' difference best.
@@ -123,7 +123,7 @@ fn port(endpoint: &str, wanted: bool) -> Finding {
     Finding::fail(what, found, cure)
 }
 
-fn version(link: &Link, status: &v1::Status) -> Finding {
+fn version(link: &Client, status: &v1::Status) -> Finding {
     let ours = env!("CARGO_PKG_VERSION");
     let found = format!(
         "{:?} answers, version {}, draws with {}",

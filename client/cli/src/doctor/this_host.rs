@@ -127,7 +127,7 @@ fn disk(out: &Path) -> Finding {
 }
 
 /// Output of a program that ends by itself; its messages when it fails.
-fn ask(program: &Path, argument: &str) -> Result<String, String> {
+fn request(program: &Path, argument: &str) -> Result<String, String> {
     let mut child = Command::new(program)
         .arg(argument)
         .stdin(Stdio::null())
@@ -164,7 +164,7 @@ fn programs() -> Vec<Finding> {
     };
     let mut findings = Vec::new();
     let ours = version();
-    findings.push(match ask(&server, "--version") {
+    findings.push(match request(&server, "--version") {
         Ok(text) if text.ends_with(&format!(" {ours}")) => {
             Finding::ok("wheelarm-server", format!("version {ours}"))
         }
@@ -179,7 +179,7 @@ fn programs() -> Vec<Finding> {
             "build it again: cargo build --release --workspace",
         ),
     });
-    findings.push(match ask(&server, "--list-adapters") {
+    findings.push(match request(&server, "--list-adapters") {
         Ok(adapters) => adapter(&adapters),
         Err(error) => Finding::warn(
             "graphics driver",
@@ -187,7 +187,7 @@ fn programs() -> Vec<Finding> {
             "apt-get install mesa-vulkan-drivers libvulkan1 (draws on the CPU), or the GPU maker's Vulkan driver; without one: wheelarm-server --no-cameras",
         ),
     });
-    findings.push(match ask(&server, "--list-tasks") {
+    findings.push(match request(&server, "--list-tasks") {
         Ok(tasks) => Finding::ok("assets", format!("{} tasks", tasks.lines().count())),
         Err(error) => Finding::warn(
             "assets",

@@ -15,7 +15,7 @@ use wheelarm_proto::{Message, TopicId, v1};
 
 pub use meter::{Figures, Meter};
 pub use report::{Recorder, Report};
-use wheelarm_sdk::{Link, LinkError};
+use wheelarm_sdk::{Client, ClientError};
 
 /// Options of `wheelarm watch`.
 #[derive(Args, Clone, Debug)]
@@ -67,7 +67,7 @@ struct Came {
 ///
 /// # Errors
 /// When no server answers any more until the end, or the output is closed.
-pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
+pub fn run(link: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let (sender, receiver) = crossbeam_channel::unbounded::<Came>();
     let mut places = vec![link.keys().streams()];
     if args.cameras {
@@ -118,11 +118,11 @@ pub fn run(link: &Link, args: &WatchArgs) -> anyhow::Result<ExitCode> {
         next += interval;
         let now = began.elapsed().as_secs_f64();
         let asked = Instant::now();
-        let status = match link.ask(&v1::StatusRequest {}) {
+        let status = match link.request(&v1::StatusRequest {}) {
             Ok(status) => status,
             // A server that is restarted is found again, and its answer tells
             // whether it speaks the same version.
-            Err(error @ (LinkError::Gone { .. } | LinkError::Silent { .. }))
+            Err(error @ (ClientError::Gone { .. } | ClientError::Silent { .. }))
                 if !args.once && length.is_none_or(|length| now < length) =>
             {
                 if !lost {

@@ -62,7 +62,7 @@ impl Program {
     ///
     /// # Errors
     /// When there is none or it does not answer, with the cure.
-    pub fn ask(&self, question: &[&str]) -> anyhow::Result<String> {
+    pub fn request(&self, question: &[&str]) -> anyhow::Result<String> {
         let (name, cure) = (self.name(), &self.cure);
         let output = Command::new(&self.path)
             .arg("-hide_banner")
@@ -87,9 +87,9 @@ impl Program {
     /// Whether it lists an encoder.
     ///
     /// # Errors
-    /// As [`Program::ask`].
+    /// As [`Program::request`].
     pub fn encoders(&self) -> anyhow::Result<Encoders> {
-        Ok(Encoders(self.ask(&["-encoders"])?))
+        Ok(Encoders(self.request(&["-encoders"])?))
     }
 
     /// Runs it to its end.
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn a_program_that_is_not_there_is_answered_with_the_cure() {
         let nowhere = Program::at("/nowhere/ffmpeg".into(), "take --pictures png");
-        let told = nowhere.ask(&["-encoders"]).unwrap_err().to_string();
+        let told = nowhere.request(&["-encoders"]).unwrap_err().to_string();
         for words in [
             "/nowhere/ffmpeg",
             "apt-get install",

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use wheelarm_proto::{StreamId, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 
 use super::super::Missing;
@@ -19,17 +19,17 @@ const SNAPSHOT_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Does `work`, which waits for the server, on a thread for waiting.
 pub(super) fn aside<T: Send + 'static>(
-    link: &Link,
-    work: impl FnOnce(&Link) -> T + Send + 'static,
+    link: &Client,
+    work: impl FnOnce(&Client) -> T + Send + 'static,
 ) -> tokio::task::JoinHandle<T> {
     let link = link.clone();
     tokio::task::spawn_blocking(move || work(&link))
 }
 
-pub(super) fn ask_snapshot(link: &Link, entrance: &Entrance<Raw>) {
+pub(super) fn ask_snapshot(link: &Client, entrance: &Entrance<Raw>) {
     let entrance = entrance.clone();
     aside(link, move |link| {
-        let reply = link.ask_within(&v1::SnapshotRequest {}, SNAPSHOT_TIMEOUT);
+        let reply = link.request_within(&v1::SnapshotRequest {}, SNAPSHOT_TIMEOUT);
         entrance.control(Raw::Ready(Input::Snapshot(
             reply.map_err(|e| e.to_string()),
         )));
@@ -52,7 +52,7 @@ impl Drop for Unanswered {
 /// Asks the cache of a stream's publisher for what did not come, and waits no longer than
 /// `patience`. The transport numbers the samples of a stream as their headers do.
 pub(super) async fn ask_samples(
-    link: &Link,
+    link: &Client,
     entrance: &Entrance<Raw>,
     missing: Missing,
     patience: Duration,
@@ -94,10 +94,10 @@ pub(super) async fn ask_samples(
 }
 
 /// Asks what runs and what has ended.
-pub(super) fn ask_state(link: &Link, entrance: &Entrance<Raw>) {
+pub(super) fn ask_state(link: &Client, entrance: &Entrance<Raw>) {
     let entrance = entrance.clone();
     aside(link, move |link| {
-        let reply = link.ask_within(&v1::EpisodeRequest::default(), STATE_TIMEOUT);
+        let reply = link.request_within(&v1::EpisodeRequest::default(), STATE_TIMEOUT);
         entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
     });
 }

@@ -15,7 +15,7 @@ use super::{
 
 impl Recorder {
     /// Something may have begun or ended: asks the server.
-    pub(super) fn ask(&mut self) {
+    pub(super) fn request(&mut self) {
         self.asking = match self.asking {
             Asking::Yes | Asking::Again => Asking::Again,
             Asking::No | Asking::At(_) => {
@@ -166,7 +166,7 @@ impl Recorder {
         {
             self.give_up_opening();
         } else {
-            self.ask();
+            self.request();
         }
     }
 

@@ -10,7 +10,7 @@ use anyhow::anyhow;
 use parking_lot::Mutex;
 use wheelarm_expert::run::DriverError;
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Link, LinkError};
+use wheelarm_sdk::{Client, ClientError};
 
 use super::Backend;
 use super::watch::{Watch, is_reusable};
@@ -179,7 +179,7 @@ impl Processes {
             if let Some(scenario) = reset {
                 match link.reset(scenario, false) {
                     Ok(scenario) => heartbeat.set_scenario(&scenario),
-                    Err(LinkError::Refused { message, .. }) => {
+                    Err(ClientError::Refused { message, .. }) => {
                         return Err(heartbeat.failure(FailureCause::Scenario, message).into());
                     }
                     Err(problem) => return Err(problem.into()),
@@ -204,7 +204,7 @@ impl Processes {
 /// A server and its clients.
 struct Programs {
     server: Server,
-    link: Link,
+    link: Client,
     recorder: Option<Recorder>,
     lifetime: Lifetime,
 }
@@ -355,17 +355,17 @@ impl Drop for Run<'_> {
 
 /// Whether a server that lives did not answer a request in time.
 fn is_unanswered(problem: &anyhow::Error) -> bool {
-    let of_link = |problem: &LinkError| {
+    let of_link = |problem: &ClientError| {
         matches!(
             problem,
-            LinkError::Gone { .. }
-                | LinkError::Silent { .. }
-                | LinkError::Unanswered { .. }
-                | LinkError::Transport { .. }
+            ClientError::Gone { .. }
+                | ClientError::Silent { .. }
+                | ClientError::Unanswered { .. }
+                | ClientError::Transport { .. }
         )
     };
     match problem.downcast_ref::<DriverError>() {
-        Some(DriverError::Link(problem)) => of_link(problem),
+        Some(DriverError::Client(problem)) => of_link(problem),
         Some(DriverError::Silent(..)) => true,
         Some(_) => false,
         None => problem.downcast_ref().is_some_and(of_link),
@@ -377,7 +377,7 @@ fn is_unanswered(problem: &anyhow::Error) -> bool {
 struct Status(Arc<AtomicBool>);
 
 impl Status {
-    fn start(link: &Link, heartbeat: &Heartbeat, rollout: &Rollout, is_kept: bool) -> Self {
+    fn start(link: &Client, heartbeat: &Heartbeat, rollout: &Rollout, is_kept: bool) -> Self {
         let wanted = Arc::new(AtomicBool::new(true));
         let (link, heartbeat) = (link.clone(), heartbeat.clone());
         let observer: Arc<dyn Observer> = Arc::clone(&rollout.observer);
@@ -386,7 +386,7 @@ impl Status {
         std::thread::spawn(move || {
             while is_wanted.load(Ordering::Acquire) {
                 let sent = Instant::now();
-                if let Ok(mut status) = link.ask_within(&v1::StatusRequest {}, answer)
+                if let Ok(mut status) = link.request_within(&v1::StatusRequest {}, answer)
                     && is_wanted.load(Ordering::Acquire)
                 {
                     if is_kept {

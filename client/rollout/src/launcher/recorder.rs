@@ -8,7 +8,7 @@ use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::settings::{Depth, Named};
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Connect, Link};
+use wheelarm_sdk::{Client, Connect};
 
 use super::process::{Input, Launch, Process, Program};
 use crate::limits;
@@ -111,10 +111,10 @@ impl Recorder {
     ///
     /// # Errors
     /// When the recording failed, the recorder ended or takes too long.
-    pub fn finished(&mut self, link: &Link, episode: u64) -> anyhow::Result<v1::RecorderStatus> {
+    pub fn finished(&mut self, link: &Client, episode: u64) -> anyhow::Result<v1::RecorderStatus> {
         let deadline = Instant::now() + limits::FINISH;
         loop {
-            let status = link.ask(&v1::StatusRequest {})?;
+            let status = link.request(&v1::StatusRequest {})?;
             let ours = status.recorders.into_iter().find(|recorder| {
                 let header = recorder.header.as_ref();
                 recorder.recorder == self.name && header.is_some_and(|h| h.episode == episode)

@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, anyhow};
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready};
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Connect, Link};
+use wheelarm_sdk::{Client, Connect};
 
 use super::process::{Input, Launch, Process, Program};
 use super::socket::socket_folder;
@@ -160,8 +160,8 @@ impl Server {
     ///
     /// # Errors
     /// With the server's last messages.
-    pub fn link(&self) -> anyhow::Result<Link> {
-        Link::open(&self.connect)
+    pub fn link(&self) -> anyhow::Result<Client> {
+        Client::open(&self.connect)
             .with_context(|| format!("the server said:\n{}", self.process.tail()))
     }
 
@@ -169,7 +169,7 @@ impl Server {
     ///
     /// # Errors
     /// When it cannot be asked.
-    pub fn stop(mut self, link: Link) -> anyhow::Result<()> {
+    pub fn stop(mut self, link: Client) -> anyhow::Result<()> {
         link.shutdown(true)?;
         // A client that goes first leaves no half-open connection behind.
         link.close()?;

@@ -153,13 +153,13 @@ fn one_by_one(
     host: &mut Host,
     observations: Vec<v1::PolicyObservation>,
 ) -> Vec<Result<v1::PolicyChunk, PolicyError>> {
-    let ask = |observation| {
+    let request = |observation| {
         let request = v1::InferRequest {
             observations: vec![observation],
         };
         host.infer(&request)?.pop().ok_or_else(over)
     };
-    observations.into_iter().map(ask).collect()
+    observations.into_iter().map(request).collect()
 }
 
 fn without_problem(chunk: v1::PolicyChunk) -> Result<v1::PolicyChunk, PolicyError> {

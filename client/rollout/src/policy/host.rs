@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::launcher::process::{Input, Launch, Process, Program};
 use tempfile::TempDir;
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Connect, LinkError, Silence, open_session};
+use wheelarm_sdk::{ClientError, Connect, Silence, open_session};
 use zenoh::Session;
 
 use super::interface::{PolicyError, checked};
@@ -176,9 +176,9 @@ impl Host {
 }
 
 /// Why nobody is found behind an endpoint, with the cure.
-fn unfound(problem: &LinkError) -> String {
+fn unfound(problem: &ClientError) -> String {
     match problem {
-        LinkError::NoServer {
+        ClientError::NoServer {
             endpoint,
             seconds,
             cause,
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn a_policy_that_is_nowhere_is_told_with_its_own_cure() {
-        let nobody = LinkError::NoServer {
+        let nobody = ClientError::NoServer {
             endpoint: "tcp/127.0.0.1:9".to_owned(),
             seconds: 5.0,
             cause: "refused".to_owned(),

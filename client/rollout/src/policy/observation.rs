@@ -9,7 +9,7 @@ use wheelarm_policy::{Observed, state};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
-use wheelarm_sdk::{Camera, Frame, Link, LinkError, SensorPictures};
+use wheelarm_sdk::{Camera, Client, ClientError, Frame, SensorImages};
 
 /// Streams that make up a row of state, and how the task stands.
 pub(crate) const STREAMS: [TopicId; 6] = [
@@ -35,7 +35,7 @@ struct View {
 /// A sensor on a camera.
 struct Sensor {
     name: String,
-    pictures: SensorPictures,
+    pictures: SensorImages,
     newest: Option<v1::SensorFrame>,
 }
 
@@ -61,18 +61,18 @@ impl Collector {
     /// Subscribes to the cameras that a policy wants.
     ///
     /// # Errors
-    /// [`LinkError::NoCamera`] and what else a subscription says.
-    pub fn open(link: &Link, spec: &v1::PolicySpec, roles: Roles) -> Result<Self, LinkError> {
+    /// [`ClientError::NoCamera`] and what else a subscription says.
+    pub fn open(link: &Client, spec: &v1::PolicySpec, roles: Roles) -> Result<Self, ClientError> {
         let sensors = match spec.cameras.is_empty() {
             true => Vec::new(),
-            false => link.ask(&v1::SensorsRequest {})?.sensors,
+            false => link.request(&v1::SensorsRequest {})?.sensors,
         };
         let view = |wanted: &v1::PolicyCamera| {
             let sensor = |is_depth: bool| {
                 let mut on = sensors.iter().filter(|sensor| sensor.camera == wanted.name);
                 let found = on.find(|sensor| sensor.depth == is_depth);
                 let open = |given: &v1::SensorGiven| {
-                    Ok::<_, LinkError>(Sensor {
+                    Ok::<_, ClientError>(Sensor {
                         name: given.sensor.clone(),
                         pictures: link.sensor(&given.sensor, KEPT)?,
                         newest: None,
@@ -99,7 +99,7 @@ impl Collector {
                 .cameras
                 .iter()
                 .map(view)
-                .collect::<Result<_, LinkError>>()?,
+                .collect::<Result<_, ClientError>>()?,
             joints: v1::JointState::default(),
             poses: v1::PoseSet::default(),
             odometry: v1::Odometry::default(),
@@ -131,7 +131,7 @@ impl Collector {
     /// [`DriverError::Scene`] when a sample or a picture is not there.
     pub fn see(
         &mut self,
-        link: &Link,
+        link: &Client,
         now: &v1::Header,
         patience: Duration,
     ) -> Result<Option<bool>, DriverError> {
@@ -139,7 +139,7 @@ impl Collector {
         let deadline = Instant::now() + patience;
         let has_sensors = |view: &View| view.color.is_some() || view.depth.is_some();
         let given = match self.views.iter().any(has_sensors) {
-            true => link.ask(&v1::SensorsRequest {})?.sensors,
+            true => link.request(&v1::SensorsRequest {})?.sensors,
             false => Vec::new(),
         };
         let mut pictures = Vec::with_capacity(self.views.len());

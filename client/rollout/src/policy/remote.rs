@@ -116,7 +116,7 @@ impl Remote {
     /// [`PolicyError`].
     pub fn describe(&self) -> Result<v1::PolicySpec, PolicyError> {
         let names = ("describe", "wheelarm.v1.PolicyDescribeRequest");
-        self.ask(self.keys.describe(), names, &v1::PolicyDescribeRequest {})
+        self.request(self.keys.describe(), names, &v1::PolicyDescribeRequest {})
     }
 
     /// An episode begins.
@@ -125,7 +125,7 @@ impl Remote {
     /// [`PolicyError`].
     pub fn reset(&self, request: &v1::PolicyResetRequest) -> Result<(), PolicyError> {
         let names = ("reset", "wheelarm.v1.PolicyResetRequest");
-        let _: v1::PolicyResetReply = self.ask(self.keys.reset(), names, request)?;
+        let _: v1::PolicyResetReply = self.request(self.keys.reset(), names, request)?;
         Ok(())
     }
 
@@ -136,7 +136,7 @@ impl Remote {
     /// own.
     pub fn infer(&self, request: &v1::InferRequest) -> Result<Vec<v1::PolicyChunk>, PolicyError> {
         let names = ("infer", "wheelarm.v1.InferRequest");
-        let reply: v1::InferReply = self.ask(self.keys.infer(), names, request)?;
+        let reply: v1::InferReply = self.request(self.keys.infer(), names, request)?;
         let wrong = |problem| PolicyError::Garbled {
             query: "infer",
             problem,
@@ -160,7 +160,7 @@ impl Remote {
         Ok(reply.chunks)
     }
 
-    fn ask<R: Message + Default>(
+    fn request<R: Message + Default>(
         &self,
         key: String,
         (query, message): (&'static str, &str),

@@ -8,7 +8,7 @@ use wheelarm_expert::run::{DriverError, OwnEpisode, Report};
 use wheelarm_policy::{Pilot, PilotOptions, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
-use wheelarm_sdk::{Link, Turn, Turns};
+use wheelarm_sdk::{Client, Turn, Turns};
 
 use super::interface::{Policy, PolicyError, checked};
 use super::observation::{Collector, STREAMS};
@@ -68,14 +68,14 @@ impl Default for PolicyOptions {
 /// [`DriverError`] when server or scenario are at fault; an error of the policy ends the
 /// episode and is part of [`Finished`].
 pub fn run(
-    link: &Link,
+    link: &Client,
     policy: &dyn Policy,
     options: &PolicyOptions,
     told: &mut dyn FnMut(f64),
 ) -> Result<Finished, DriverError> {
     let spec = policy.spec();
-    let scene = link.ask(&v1::SceneRequest {})?;
-    let status = link.ask(&v1::StatusRequest {})?;
+    let scene = link.request(&v1::SceneRequest {})?;
+    let status = link.request(&v1::StatusRequest {})?;
     let scenario = status.scenario.unwrap_or_default();
     let cap = force_cap(&scene);
     let robot = scene.robot.unwrap_or_default();
@@ -89,7 +89,7 @@ pub fn run(
     player.max_force = cap;
     let turns = link.turns(&options.commander, false, &STREAMS)?;
     let collector = Collector::open(link, spec, Roles::find(&robot)?)?;
-    let started = link.ask(&v1::EpisodeStartRequest {
+    let started = link.request(&v1::EpisodeStartRequest {
         label: options.label.clone(),
         instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
         require_recorders: options.require_recorders,
@@ -184,7 +184,7 @@ enum Over {
 }
 
 struct Work<'a> {
-    link: &'a Link,
+    link: &'a Client,
     /// Ended before control is given back with the turns.
     own: OwnEpisode<'a>,
     policy: &'a dyn Policy,
@@ -298,7 +298,7 @@ impl Work<'_> {
             self.turns.answer(hold())?;
             return Ok(true);
         };
-        let command = match self.ask(now, is_first) {
+        let command = match self.request(now, is_first) {
             Ok(command) => command,
             Err(problem) => {
                 self.error = Some(problem);
@@ -311,7 +311,11 @@ impl Work<'_> {
     }
 
     /// The policy's command until the next picture.
-    fn ask(&mut self, now: &v1::Header, first: bool) -> Result<Option<v1::Command>, PolicyError> {
+    fn request(
+        &mut self,
+        now: &v1::Header,
+        first: bool,
+    ) -> Result<Option<v1::Command>, PolicyError> {
         if self.pilot.asks() {
             let begun = Instant::now();
             let chunk = self.policy.infer(v1::PolicyObservation {

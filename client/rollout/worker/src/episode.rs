@@ -13,7 +13,7 @@ use wheelarm_recorder::{ExitSummary, RecordOptions};
 use wheelarm_rollout::launcher::Panicked;
 use wheelarm_rollout::protocol::{EpisodeRequest, Event};
 use wheelarm_rollout::{FailureCause, Finished, Heartbeat, Record, Session, limits};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_server::service::startup;
 use wheelarm_server::sim::Simulation;
 
@@ -133,13 +133,13 @@ fn attempt(
 }
 
 /// Reports the simulation's status until the returned sender is dropped.
-fn report_status(link: &Link, output: &EpisodeOutput) -> std::io::Result<SyncSender<()>> {
+fn report_status(link: &Client, output: &EpisodeOutput) -> std::io::Result<SyncSender<()>> {
     let (end, ended) = mpsc::sync_channel::<()>(1);
     let (link, output) = (link.clone(), output.clone());
     let thread = std::thread::Builder::new().name("status".to_owned());
     thread.spawn(move || {
         while ended.recv_timeout(STATUS) == Err(RecvTimeoutError::Timeout) {
-            if let Ok(status) = link.ask_within(&v1::StatusRequest {}, ANSWER) {
+            if let Ok(status) = link.request_within(&v1::StatusRequest {}, ANSWER) {
                 output.write(Event::Status(Box::new(status)));
             }
         }
@@ -151,7 +151,7 @@ fn report_status(link: &Link, output: &EpisodeOutput) -> std::io::Result<SyncSen
 type Outcome = Result<anyhow::Result<Finished>, Panicked>;
 
 /// Starts the expert on a thread of its own.
-fn begin(link: &Link, request: &EpisodeRequest) -> anyhow::Result<Receiver<Outcome>> {
+fn begin(link: &Client, request: &EpisodeRequest) -> anyhow::Result<Receiver<Outcome>> {
     let (link, request) = (link.clone(), request.clone());
     let (done, outcome) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("operator".to_owned());
@@ -179,7 +179,7 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn start(room: &Room, link: &Link, record: &Record, stop: &Stop) -> anyhow::Result<Self> {
+    fn start(room: &Room, link: &Client, record: &Record, stop: &Stop) -> anyhow::Result<Self> {
         let options = RecordOptions {
             out: record.out.clone(),
             scratch: record.scratch.clone(),

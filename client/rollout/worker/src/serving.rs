@@ -12,7 +12,7 @@ use wheelarm_proto::settings::Depth;
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::Panicked;
 use wheelarm_rollout::limits;
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 use wheelarm_server::service::{self, Options};
 use wheelarm_server::sim::Simulation;
 
@@ -20,7 +20,7 @@ use super::room::{Room, Stop};
 
 /// A running service; it ends when dropped.
 pub struct Serving {
-    link: Link,
+    link: Client,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<Result<(), String>>>,
 }
@@ -84,7 +84,7 @@ impl Serving {
             }
         }
         Ok(Self {
-            link: Link::within(room.session.clone(), name)?,
+            link: Client::within(room.session.clone(), name)?,
             end: Some(end),
             thread: Some(thread),
         })
@@ -92,7 +92,7 @@ impl Serving {
 
     /// A link to it.
     #[must_use]
-    pub fn link(&self) -> &Link {
+    pub fn link(&self) -> &Client {
         &self.link
     }
 

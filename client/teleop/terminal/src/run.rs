@@ -12,7 +12,7 @@ use crate::model::{Effect, Errand, Model, Settings};
 use crate::terminal::{Screen, Typed, read_keys};
 use crate::view::{self, Theme};
 use wheelarm_proto::signals::Signals;
-use wheelarm_sdk::{Commander, Connect, Link};
+use wheelarm_sdk::{Client, Commander, Connect};
 use wheelarm_teleop_web::errand::{self, Brought};
 use wheelarm_teleop_web::preview::{self, PreviewArgs};
 use wheelarm_teleop_web::send::Commands;
@@ -57,7 +57,7 @@ pub enum Ended {
 struct Operation {
     model: Model,
     events: Sender<Event>,
-    link: Option<Link>,
+    link: Option<Client>,
     commands: Option<Commands>,
     began: Instant,
     ended: Option<Ended>,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use wheelarm_proto::{check, v1};
 
 use super::send::Commands;
-use wheelarm_sdk::{Commander, Link, LinkError};
+use wheelarm_sdk::{Client, ClientError, Commander};
 
 /// A query that takes time; its result comes back as [`Done`].
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +89,7 @@ pub enum Brought {
 /// Runs an errand and hands over what it brought. `former` is a channel that
 /// is given back before.
 pub fn run(
-    link: Link,
+    link: Client,
     name: String,
     errand: Errand,
     former: Option<Commands>,
@@ -128,11 +128,11 @@ pub fn run(
                 Done::Paused(result.map(|()| pause).map_err(|e| words(&e)))
             }
             Errand::Tasks => {
-                let list = link.ask(&v1::TasksRequest {});
+                let list = link.request(&v1::TasksRequest {});
                 Done::Tasks(list.map(|l| l.tasks).map_err(|e| words(&e)))
             }
             Errand::Scene => {
-                let scene = link.ask(&v1::SceneRequest {});
+                let scene = link.request(&v1::SceneRequest {});
                 Done::Scene(scene.map(Box::new).map_err(|e| words(&e)))
             }
         };
@@ -141,16 +141,16 @@ pub fn run(
 }
 
 /// The server's own words where it refused; else the whole error.
-fn words(error: &LinkError) -> String {
+fn words(error: &ClientError) -> String {
     match error {
-        LinkError::Refused { message, .. } => message.clone(),
+        ClientError::Refused { message, .. } => message.clone(),
         error => error.to_string(),
     }
 }
 
 /// Starts an episode of a person: it has no time limit, and it begins only when its
 /// recorders have opened their files.
-fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
+fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
     wait_for_recorders(link, args.recorders)?;
     let request = v1::EpisodeStartRequest {
         label: args.label.clone(),
@@ -170,13 +170,13 @@ fn start(link: &Link, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted
 
 /// The server waits half a minute for recorders that are not connected, which a person
 /// would take for a fault.
-fn wait_for_recorders(link: &Link, wanted: u32) -> Result<(), String> {
+fn wait_for_recorders(link: &Client, wanted: u32) -> Result<(), String> {
     if wanted == 0 {
         return Ok(());
     }
     let since = Instant::now();
     loop {
-        let status = link.ask(&v1::StatusRequest {}).map_err(|e| words(&e))?;
+        let status = link.request(&v1::StatusRequest {}).map_err(|e| words(&e))?;
         let all = status.recorders.iter();
         let answering = all.filter(|recorder| recorder.silent_seconds.is_none());
         let names: BTreeSet<_> = answering.map(|recorder| &recorder.recorder).collect();
@@ -194,23 +194,23 @@ fn wait_for_recorders(link: &Link, wanted: u32) -> Result<(), String> {
     }
 }
 
-fn stop(link: &Link, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
+fn stop(link: &Client, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
     link.stop_episode(discard)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
 /// Sets up again; the instruction of the scenario is kept.
-fn reset(link: &Link, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
+fn reset(link: &Client, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
     link.reset(scenario, false)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
-fn pause_time(link: &Link, pause: bool) -> Result<(), LinkError> {
+fn pause_time(link: &Client, pause: bool) -> Result<(), ClientError> {
     let done = match pause {
-        true => link.ask(&v1::PauseRequest {}),
-        false => link.ask(&v1::ResumeRequest {}),
+        true => link.request(&v1::PauseRequest {}),
+        false => link.request(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
 }

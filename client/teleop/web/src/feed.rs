@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use tokio::sync::watch as latest;
 use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 /// One picture as the server made it.
 #[derive(Clone, Debug)]
@@ -84,7 +84,7 @@ impl Drop for Feed {
 
 /// All feeds.
 pub struct Feeds {
-    link: latest::Receiver<Option<Link>>,
+    link: latest::Receiver<Option<Client>>,
     open: Mutex<BTreeMap<(String, PreviewLevel), Weak<Feed>>>,
     pulse: latest::Sender<u64>,
 }
@@ -92,7 +92,7 @@ pub struct Feeds {
 impl Feeds {
     /// Feeds that subscribe through whatever link there is.
     #[must_use]
-    pub fn new(link: latest::Receiver<Option<Link>>) -> Self {
+    pub fn new(link: latest::Receiver<Option<Client>>) -> Self {
         Self {
             link,
             open: Mutex::default(),
@@ -130,7 +130,7 @@ impl Feeds {
 }
 
 /// Keeps the subscription to the present link.
-async fn keep(feed: Weak<Feed>, mut link: latest::Receiver<Option<Link>>) {
+async fn keep(feed: Weak<Feed>, mut link: latest::Receiver<Option<Client>>) {
     loop {
         let present = link.borrow_and_update().clone();
         let held = match (present, feed.upgrade()) {

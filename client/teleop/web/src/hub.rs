@@ -12,7 +12,7 @@ use crossbeam_channel::{Receiver, Select, Sender, bounded, unbounded};
 use tokio::sync::{mpsc, oneshot, watch as latest};
 use wheelarm_proto::TopicId;
 use wheelarm_proto::v1;
-use wheelarm_sdk::{Commander, Connect, Link, LinkError};
+use wheelarm_sdk::{Client, ClientError, Commander, Connect};
 
 use crate::audit::Audit;
 use crate::errand::{self, Brought, Done, Errand};
@@ -171,7 +171,7 @@ impl Came {
 pub struct Hub {
     lanes: Lanes,
     /// The connection to the server, while there is one.
-    pub link: latest::Receiver<Option<Link>>,
+    pub link: latest::Receiver<Option<Client>>,
     /// Names of the cameras, by their index.
     pub cameras: latest::Receiver<Vec<String>>,
     /// The page in control.
@@ -229,8 +229,8 @@ impl Hub {
 struct Work {
     model: Model,
     lanes: Lanes,
-    link: Option<Link>,
-    link_told: latest::Sender<Option<Link>>,
+    link: Option<Client>,
+    link_told: latest::Sender<Option<Client>>,
     cameras: latest::Sender<Vec<String>>,
     driving: latest::Sender<Option<String>>,
     commands: Option<Commands>,
@@ -469,8 +469,8 @@ impl Work {
         let link = self.link.clone();
         std::thread::spawn(move || {
             let reply = match link {
-                Some(link) => link.ask(&picked.request).map_err(|e| match e {
-                    LinkError::Refused { message, .. } => message,
+                Some(link) => link.request(&picked.request).map_err(|e| match e {
+                    ClientError::Refused { message, .. } => message,
                     e => e.to_string(),
                 }),
                 None => Err("there is no connection to the simulation".to_owned()),

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crossbeam_channel::{Sender, bounded};
 use parking_lot::Mutex;
 use wheelarm_proto::{Message, TopicId, v1};
-use wheelarm_sdk::{Commander, Link};
+use wheelarm_sdk::{Client, Commander};
 
 /// Commands that may wait for the link; more are not sent at all.
 const WAITING: usize = 32;
@@ -30,7 +30,7 @@ impl Commands {
     /// Sends by `commander`; `echoed` is told the seconds from sending a
     /// command until the server published it as taken.
     pub fn new(
-        link: &Link,
+        link: &Client,
         mut commander: Commander,
         name: String,
         echoed: impl Fn(f64) + Send + Sync + 'static,

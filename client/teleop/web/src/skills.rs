@@ -17,7 +17,7 @@ use wheelarm_planning::obb::Obb;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
-use wheelarm_sdk::Link;
+use wheelarm_sdk::Client;
 
 use crate::model::GoalAsked;
 
@@ -61,7 +61,7 @@ pub struct Skills {
 impl Skills {
     /// Begins on a thread; `tell` is told what it does.
     #[must_use]
-    pub fn start(link: Link, asked: GoalAsked, tell: impl Fn(Said) + Send + 'static) -> Self {
+    pub fn start(link: Client, asked: GoalAsked, tell: impl Fn(Said) + Send + 'static) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
         let ours = Arc::clone(&ended);
         std::thread::spawn(move || {
@@ -80,7 +80,7 @@ impl Drop for Skills {
 }
 
 fn work(
-    link: &Link,
+    link: &Client,
     asked: &GoalAsked,
     ended: &AtomicBool,
     tell: &(impl Fn(Said) + Send),
@@ -88,7 +88,9 @@ fn work(
     let mut topics = observation::STREAMS.to_vec();
     topics.push(TopicId::Clock);
     let streams = link.streams(&topics).map_err(|e| e.to_string())?;
-    let reply = link.ask(&v1::SceneRequest {}).map_err(|e| e.to_string())?;
+    let reply = link
+        .request(&v1::SceneRequest {})
+        .map_err(|e| e.to_string())?;
     let scene = SceneModel::read(&reply).map_err(|e| e.to_string())?;
     let roles = Roles::find(&reply.robot.clone().unwrap_or_default()).map_err(|e| e.to_string())?;
     let mut collector = Collector::new(roles);

@@ -172,7 +172,7 @@ impl Ffmpeg {
         let colour = chosen(&encoders, format)
             .with_context(|| format!("{} cannot do it: {}", program.name(), program.cure()))?;
         if depth {
-            let told = program.ask(&["-h", "encoder=libx265"])?;
+            let told = program.request(&["-h", "encoder=libx265"])?;
             ensure!(
                 told.contains(Codec::Depth.pixel()),
                 "{} has no libx265 that codes {}, which depth needs: {}",

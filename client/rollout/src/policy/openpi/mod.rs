@@ -76,7 +76,7 @@ impl OpenPi {
     }
 
     /// Sends a message and hears the answer.
-    fn ask(&self, query: &'static str, message: &Value) -> Result<Message, PolicyError> {
+    fn request(&self, query: &'static str, message: &Value) -> Result<Message, PolicyError> {
         let _one = self.one_by_one.as_ref().map(Mutex::lock);
         let mut bytes = Vec::new();
         rmpv::encode::write_value(&mut bytes, message)
@@ -111,7 +111,7 @@ impl Policy for OpenPi {
         if self.map.protocol == Protocol::Openpi {
             return Ok(());
         }
-        match self.ask("reset", &self.map.reset(&request))? {
+        match self.request("reset", &self.map.reset(&request))? {
             // RoboArena's servers confirm in words; a traceback is none.
             Message::Text(words) if words.contains("Traceback") => Err(said(&words)),
             Message::Text(_) | Message::Binary(_) => Ok(()),
@@ -124,7 +124,7 @@ impl Policy for OpenPi {
 
     fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
         let message = self.map.message(&observation)?;
-        let answer = match self.ask("infer", &message)? {
+        let answer = match self.request("infer", &message)? {
             Message::Binary(bytes) => bytes,
             Message::Text(words) => return Err(said(&words)),
             other => {

@@ -178,16 +178,16 @@ fn what_a_server_does_wrong_is_told_and_the_next_question_is_asked_anew() {
     ];
     let (address, _told) = server(answers);
     let policy = OpenPi::connect(&address, map(), PATIENCE, false).unwrap();
-    let ask = || policy.infer(observation()).map(|chunk| chunk.rows);
+    let request = || policy.infer(observation()).map(|chunk| chunk.rows);
     assert_eq!(
-        ask(),
+        request(),
         Err(PolicyError::Said("ValueError: it is dark here".to_owned()))
     );
-    assert_eq!(ask(), Ok(4));
+    assert_eq!(request(), Ok(4));
     // The connection breaks under the question, which is asked once more.
-    assert_eq!(ask(), Ok(4));
-    assert!(ask().unwrap_err().to_string().contains("no msgpack"));
-    let keys = ask().unwrap_err().to_string();
+    assert_eq!(request(), Ok(4));
+    assert!(request().unwrap_err().to_string().contains("no msgpack"));
+    let keys = request().unwrap_err().to_string();
     assert!(keys.contains("no \"actions\", but \"state\""), "{keys}");
 }
 

@@ -70,7 +70,7 @@ fn open() -> Model {
     model
 }
 
-fn ask(model: &mut Model, page: &str, text: &str, time: f64) -> Vec<Effect> {
+fn request(model: &mut Model, page: &str, text: &str, time: f64) -> Vec<Effect> {
     let asked: Asked = protocol::read(&format!(r#"{{"t":"ask","id":7,{text}}}"#)).unwrap();
     model.asked(page, &asked, time)
 }
@@ -78,7 +78,7 @@ fn ask(model: &mut Model, page: &str, text: &str, time: f64) -> Vec<Effect> {
 /// As [`open`], with anna in control.
 fn driving() -> Model {
     let mut model = open();
-    let effects = ask(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
+    let effects = request(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
     let lease = Effect::Errand(Errand::Lease { take: false }, "anna".to_owned());
     assert!(effects.contains(&lease), "{effects:?}");
     let effects = model.done(Done::Lease(Ok(())), 0.1);
@@ -179,7 +179,7 @@ fn only_the_page_in_control_drives_and_any_operator_stops() {
 fn control_is_asked_for_taken_and_given() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
-    let effects = ask(&mut model, "b", r#""ask":"lease.ask""#, 0.3);
+    let effects = request(&mut model, "b", r#""ask":"lease.ask""#, 0.3);
     assert_eq!(answers(&effects)["ok"], false);
     assert_eq!(notes(&effects, "a"), ["ben asks for control"]);
     assert_eq!(model.asked, ["ben"]);
@@ -188,7 +188,7 @@ fn control_is_asked_for_taken_and_given() {
         "asking moves nobody"
     );
     // Taking stops what moves and tells who had it.
-    let effects = ask(&mut model, "b", r#""ask":"lease.take""#, 0.4);
+    let effects = request(&mut model, "b", r#""ask":"lease.take""#, 0.4);
     assert!(stops(&effects), "{effects:?}");
     assert!(notes(&effects, "a").contains(&"ben took control"));
     let lease = Effect::Errand(Errand::Lease { take: true }, "ben".to_owned());
@@ -199,12 +199,12 @@ fn control_is_asked_for_taken_and_given() {
     assert!(model.asked.is_empty());
     assert!(!drives(&model.intent("a", &intent(4, 3, 1.0), 0.5)));
     assert!(drives(&model.intent("b", &intent(5, 9, 1.0), 0.5)));
-    let effects = ask(&mut model, "b", r#""ask":"lease.give","to":"anna""#, 0.6);
+    let effects = request(&mut model, "b", r#""ask":"lease.give","to":"anna""#, 0.6);
     assert!(stops(&effects) && effects.contains(&Effect::Release));
     assert!(notes(&effects, "a").iter().any(|n| n.contains("offered")));
     assert!(!drives(&model.intent("b", &intent(6, 10, 1.0), 0.6)));
     // A viewer never gets it.
-    let effects = ask(&mut model, "c", r#""ask":"lease.take""#, 0.7);
+    let effects = request(&mut model, "c", r#""ask":"lease.take""#, 0.7);
     assert_eq!(answers(&effects)["ok"], false);
     assert!(effects.iter().all(|e| matches!(e, Effect::Say(..))));
 }
@@ -299,7 +299,7 @@ fn a_page_that_is_loaded_anew_is_given_control_at_once() {
         Socket::Control(0),
         1.5,
     );
-    let effects = ask(&mut model, "a2", r#""ask":"lease.ask""#, 1.6);
+    let effects = request(&mut model, "a2", r#""ask":"lease.ask""#, 1.6);
     assert_eq!(answers(&effects)["mine"], true);
     assert!(drives(&model.intent("a2", &intent(1, 1, 1.0), 1.7)));
 }
@@ -410,9 +410,9 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
     let start = r#""ask":"episode.start","label":"","instruction":"""#;
-    assert_eq!(answers(&ask(&mut model, "b", start, 0.3))["ok"], false);
-    assert_eq!(answers(&ask(&mut model, "c", start, 0.3))["ok"], false);
-    let effects = ask(&mut model, "a", start, 0.3);
+    assert_eq!(answers(&request(&mut model, "b", start, 0.3))["ok"], false);
+    assert_eq!(answers(&request(&mut model, "c", start, 0.3))["ok"], false);
+    let effects = request(&mut model, "a", start, 0.3);
     assert!(stops(&effects));
     let begun = effects.iter().find_map(|effect| match effect {
         Effect::Errand(Errand::Start(start), name) => Some((start.clone(), name.clone())),
@@ -426,7 +426,7 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     // A person who starts an episode wants it recorded, under whichever label is free.
     assert!(begun.numbered && begun.recorders == 1, "{begun:?}");
     // One errand at a time.
-    assert!(answers(&ask(&mut model, "a", start, 0.3))["error"].is_string());
+    assert!(answers(&request(&mut model, "a", start, 0.3))["error"].is_string());
     let started = v1::EpisodeStarted {
         header: Some(header(2500)),
         label: "x".to_owned(),
@@ -435,11 +435,11 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     let effects = model.done(Done::Started(Ok(Box::new(started))), 0.5);
     assert_eq!(answers(&effects)["number"], 3);
     assert_eq!(
-        answers(&ask(&mut model, "a", start, 0.6))["ok"],
+        answers(&request(&mut model, "a", start, 0.6))["ok"],
         false,
         "one runs"
     );
-    let effects = ask(&mut model, "a", r#""ask":"episode.redo""#, 0.6);
+    let effects = request(&mut model, "a", r#""ask":"episode.redo""#, 0.6);
     assert!(
         effects
             .iter()
@@ -462,7 +462,7 @@ fn a_goal_is_picked_begun_marked_and_ended_by_hand() {
         0.2,
     );
     let pick = r#""ask":"pick","camera":0,"tick":2390,"u":0.5,"v":0.5"#;
-    let effects = ask(&mut model, "a", pick, 0.2);
+    let effects = request(&mut model, "a", pick, 0.2);
     assert!(
         matches!(&effects[..], [Effect::Pick(p)] if p.request.camera == "eye"),
         "{effects:?}"
@@ -486,8 +486,8 @@ fn a_goal_is_picked_begun_marked_and_ended_by_hand() {
     let key = candidate["candidate"].as_str().unwrap().to_owned();
     let begin = format!(r#""ask":"goal.start","candidate":"{key}","action":"take""#);
     let wrong = begin.replace("take", "put");
-    assert_eq!(answers(&ask(&mut model, "a", &wrong, 0.3))["ok"], false);
-    let effects = ask(&mut model, "a", &begin, 0.3);
+    assert_eq!(answers(&request(&mut model, "a", &wrong, 0.3))["ok"], false);
+    let effects = request(&mut model, "a", &begin, 0.3);
     assert_eq!(answers(&effects)["goal"], 1);
     assert!(effects.iter().any(|e| matches!(e, Effect::Goal(_))));
     let command = v1::Command {
@@ -535,7 +535,7 @@ fn a_goal_ends_with_the_page_that_looks_on() {
             },
         );
         let begin = r#""ask":"goal.start","candidate":"c1","action":"take""#;
-        ask(&mut model, "a", begin, 0.3);
+        request(&mut model, "a", begin, 0.3);
         assert!(model.goal.is_some());
         assert!(model.tick(0.9).is_empty());
         let effects = match why {
@@ -574,7 +574,7 @@ fn the_end_of_a_session_stops_the_chair_and_gives_control_back() {
 #[test]
 fn control_that_comes_after_the_end_of_the_session_goes_back_at_once() {
     let mut model = open();
-    ask(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
+    request(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
     model.signed_out("a", "signed out", 0.05);
     let effects = model.done(Done::Lease(Ok(())), 0.1);
     assert!(effects.contains(&Effect::Release), "{effects:?}");
@@ -586,7 +586,7 @@ fn a_page_has_the_role_of_its_newest_session() {
     let mut model = open();
     let lowered = visitor("anna", Role::Viewer);
     model.joined("a", &lowered, Socket::State, 0.1);
-    let effects = ask(&mut model, "a", r#""ask":"lease.ask""#, 0.2);
+    let effects = request(&mut model, "a", r#""ask":"lease.ask""#, 0.2);
     assert_eq!(answers(&effects)["ok"], false);
 }
 
@@ -616,11 +616,11 @@ fn asking_for_the_tasks_hides_no_silence_and_a_viewer_may_not() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
     assert_eq!(
-        answers(&ask(&mut model, "c", r#""ask":"tasks""#, 0.2))["ok"],
+        answers(&request(&mut model, "c", r#""ask":"tasks""#, 0.2))["ok"],
         false
     );
     assert!(
-        ask(&mut model, "a", r#""ask":"tasks""#, 0.2)
+        request(&mut model, "a", r#""ask":"tasks""#, 0.2)
             .iter()
             .any(|effect| matches!(effect, Effect::Errand(Errand::Tasks, _)))
     );

@@ -11,7 +11,7 @@ use crossbeam_channel::Sender;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-use wheelarm_sdk::{Bound, Connect, Link, LinkError};
+use wheelarm_sdk::{Bound, Client, ClientError, Connect};
 
 /// Time between two questions for the status.
 const PULSE: Duration = Duration::from_millis(400);
@@ -34,7 +34,7 @@ const WAITING: Bound = Bound {
 /// What a line tells.
 pub enum Heard {
     /// Connected; the link may be used until [`Heard::Lost`].
-    Connected(Box<Link>),
+    Connected(Box<Client>),
     /// A sample.
     Sample(Box<Sample>),
     /// The robot that is simulated: told after the connection, and again when
@@ -101,7 +101,7 @@ fn keep_open(
         ..connect.clone()
     };
     while !ended.load(Ordering::Acquire) {
-        let reason = match Link::open(&attempt) {
+        let reason = match Client::open(&attempt) {
             Ok(link) => match stay(&link, streams, ended, send) {
                 Ok(Some(reason)) => {
                     close(link);
@@ -121,17 +121,17 @@ fn keep_open(
 }
 
 /// Closing waits for the peer, which may be gone: nobody waits for that.
-fn close(link: Link) {
+fn close(link: Client) {
     std::thread::spawn(move || link.close());
 }
 
 /// Serves one connection; why it is lost, or `None` when the owner ended it.
 fn stay(
-    link: &Link,
+    link: &Client,
     streams: &[TopicId],
     ended: &AtomicBool,
     send: &(dyn Fn(Heard) + Sync),
-) -> Result<Option<String>, LinkError> {
+) -> Result<Option<String>, ClientError> {
     let samples = link.newest_streams(streams, WAITING)?;
     send(Heard::Connected(Box::new(link.clone())));
     let closed = &AtomicBool::new(false);
@@ -186,12 +186,13 @@ fn stay(
 }
 
 /// Asks for the robot's description.
-fn describe(link: &Link) -> Option<v1::RobotDescription> {
-    let scene = link.ask_within(&v1::SceneRequest {}, PULSE_PATIENCE);
+fn describe(link: &Client) -> Option<v1::RobotDescription> {
+    let scene = link.request_within(&v1::SceneRequest {}, PULSE_PATIENCE);
     scene.ok()?.robot
 }
 
 /// Asks for the status, with less patience than a query of a command has.
-fn pulse(link: &Link) -> Option<v1::Status> {
-    link.ask_within(&v1::StatusRequest {}, PULSE_PATIENCE).ok()
+fn pulse(link: &Client) -> Option<v1::Status> {
+    link.request_within(&v1::StatusRequest {}, PULSE_PATIENCE)
+        .ok()
 }

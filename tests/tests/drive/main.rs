@@ -1,11 +1,8 @@
 //! Driving through the gateway, against a real server: a WebSocket client in the
 //! place of the page. Order and ticks are looked at, and no times.
 
-#[path = "drive/gateway.rs"]
 mod gateway;
-#[path = "drive/page.rs"]
 mod page;
-#[path = "drive/safe.rs"]
 mod safe;
 
 use std::time::Duration;
@@ -71,7 +68,7 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     let refusals = link.samples::<v1::Refusal>().expect("refusals");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
-    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
     // Held, and let go.
     gets_going(&mut page, Held::back());
     page.release();
@@ -115,7 +112,7 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     drop(page);
     let mut again = Page::open(&gateway, "a1", true);
     again.goes_on_from(epoch);
-    assert_eq!(again.ask("lease.ask", json!({}))["mine"], true);
+    assert_eq!(again.request("lease.ask", json!({}))["mine"], true);
     rests(&again);
     let at = chair(&again);
     again.hold(Held::forward());
@@ -132,7 +129,7 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     drop(again);
     let watching = Page::open(&gateway, "w1", false);
     rests(&watching);
-    let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+    let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
     let mut told = 0;
     wait_until("every refusal is told", || {
         while let Some(refusal) = refusals.next(Duration::ZERO).expect("a refusal") {
@@ -168,12 +165,12 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
     let mut anna = Page::open(&gateway, "a1", true);
     let mut ben = Page::open(&gateway, "b1", true);
     let carl = Page::open(&gateway, "c1", false);
-    assert_eq!(anna.ask("lease.ask", json!({}))["mine"], true);
-    let refused = ben.ask("lease.ask", json!({}));
+    assert_eq!(anna.request("lease.ask", json!({}))["mine"], true);
+    let refused = ben.request("lease.ask", json!({}));
     assert_eq!(refused["ok"], false, "{refused}");
     wait_until("anna is told", || anna.was_noted("asks for control"));
     gets_going(&mut anna, Held::back());
-    assert_eq!(ben.ask("lease.take", json!({}))["mine"], true);
+    assert_eq!(ben.request("lease.take", json!({}))["mine"], true);
     wait_until("anna is told", || anna.was_noted("took control"));
     rests(&carl);
     let at = chair(&carl);
@@ -185,7 +182,7 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
     anna.stop();
     wait_until("ben is told", || ben.was_noted("stopped everything"));
     rests(&carl);
-    assert_eq!(ben.ask("lease.give", json!({}))["ok"], true);
+    assert_eq!(ben.request("lease.give", json!({}))["ok"], true);
     wait_until("nobody is in control", || {
         let situation = carl.situation();
         situation["lease"]["holder"] == "" && situation["lease"]["mine"] == false
@@ -199,7 +196,7 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
     let server = server("hostile");
     let gateway = Gateway::open(&server);
     let mut anna = Page::open(&gateway, "a1", true);
-    assert_eq!(anna.ask("lease.ask", json!({}))["mine"], true);
+    assert_eq!(anna.request("lease.ask", json!({}))["mine"], true);
     let at = chair(&anna);
     let own = gateway.address.clone();
     let cookie = gateway.cookie(true);
@@ -308,13 +305,13 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
         wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &["--episodes", "1"]);
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
-    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
     wait_until("the recorder is there", || {
         !page.situation()["recorders"]
             .as_array()
             .is_none_or(Vec::is_empty)
     });
-    let started = page.ask("episode.start", json!({"label": "driven", "recorders": 1}));
+    let started = page.request("episode.start", json!({"label": "driven", "recorders": 1}));
     assert_eq!(started["ok"], true, "{started}");
     wait_until("it runs", || {
         page.situation()["episode"]["label"] == "driven"
@@ -327,7 +324,7 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
     pass(&page, 240);
     // The recording spans two hashes.
     pass(&page, 240);
-    let finished = page.ask("episode.finish", json!({}));
+    let finished = page.request("episode.finish", json!({}));
     assert_eq!(finished["ok"], true, "{finished}");
     let _ = recorder.finish();
     let file = folder.path().join("driven.h5");
@@ -356,17 +353,17 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
     let server = server("kept");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
-    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
     // Without a recorder nothing starts, loudly.
-    let refused = page.ask("episode.start", json!({}));
+    let refused = page.request("episode.start", json!({}));
     assert_eq!(refused["ok"], false, "{refused}");
     let told = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
     wait_until("the alarm", || told(&page, "nothing can be recorded"));
-    let practice = page.ask("episode.start", json!({"recorders": 0}));
+    let practice = page.request("episode.start", json!({"recorders": 0}));
     assert_eq!(practice["practice"], true, "{practice}");
     let label = practice["label"].as_str().expect("a label").to_owned();
     wait_until("it clears the alarm", || !told(&page, "recorded"));
-    page.ask("episode.finish", json!({}));
+    page.request("episode.finish", json!({}));
 
     // Another session has used the folder: the label is the next free one.
     let file = |number: u64| {
@@ -377,32 +374,35 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
     let mut recorder = wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &[]);
     let there = |page: &Page| !page.situation()["recorders"].to_string().eq("[]");
     wait_until("the recorder is there", || there(&page));
-    let practice = page.ask("episode.start", json!({"recorders": 0}));
+    let practice = page.request("episode.start", json!({"recorders": 0}));
     assert_eq!(practice["label"], label.as_str(), "{practice}");
     pass(&page, 48);
-    page.ask("episode.finish", json!({}));
-    let taken = page.ask("episode.start", json!({"label": label}));
+    page.request("episode.finish", json!({}));
+    let taken = page.request("episode.start", json!({"label": label}));
     assert!(
         taken["error"].to_string().contains("next free label is"),
         "{taken}"
     );
-    let started = page.ask("episode.start", json!({}));
+    let started = page.request("episode.start", json!({}));
     assert_eq!(started["ok"], true, "{started}");
     assert_eq!(
         file(2).file_stem().and_then(|s| s.to_str()),
         started["label"].as_str()
     );
-    let status: v1::Status = server.link().ask(&v1::StatusRequest {}).expect("a status");
+    let status: v1::Status = server
+        .link()
+        .request(&v1::StatusRequest {})
+        .expect("a status");
     let limit = status.episode.and_then(|e| e.scenario?.time_limit_seconds);
     assert_eq!(limit, Some(wheelarm_proto::check::MAX_TIME_LIMIT));
     pass(&page, 48);
-    let finished = page.ask("episode.finish", json!({}));
+    let finished = page.request("episode.finish", json!({}));
     assert!(!finished["text"].to_string().contains("kept"), "{finished}");
     wait_until("the recorder confirms", || page.was_noted("kept in"));
     assert!(file(2).is_file());
 
     // A recorder that goes in an episode is an alarm at once.
-    assert_eq!(page.ask("episode.start", json!({}))["ok"], true);
+    assert_eq!(page.request("episode.start", json!({}))["ok"], true);
     recorder.kill();
     wait_until("the alarm", || told(&page, "NOTHING IS RECORDED"));
     assert_eq!(
@@ -427,11 +427,11 @@ fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
     .expect("a server");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
-    assert_eq!(page.ask("lease.ask", json!({}))["mine"], true);
+    assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
     let chosen = page
         .points_at_anything()
         .expect("something that can be taken");
-    let begun = page.ask(
+    let begun = page.request(
         "goal.start",
         json!({"candidate": chosen["candidate"], "action": "near"}),
     );
@@ -473,13 +473,13 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     let safe = Safe::open(server("keys"), &keys);
     // Plain HTTP gets nothing but the end of the connection.
     assert_eq!(safe.plain(), None);
-    let (code, text) = safe.ask("GET /session", "", "");
+    let (code, text) = safe.request("GET /session", "", "");
     assert_eq!(code, 401, "{text}");
-    let (code, _) = safe.ask("GET /?token=0", "", "");
+    let (code, _) = safe.request("GET /?token=0", "", "");
     assert_eq!(code, 401, "there are no links that let in");
     let login = |user: &str, password: &str| {
         let body = json!({"user": user, "password": password}).to_string();
-        safe.ask("POST /login", "", &body)
+        safe.request("POST /login", "", &body)
     };
     let (code, head) = login("anna", "right and long");
     assert_eq!(code, 200, "{head}");
@@ -490,14 +490,14 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
         assert!(cookie.contains(word), "{cookie}");
     }
     let cookie = cookie.split(';').next().expect("a value");
-    assert_eq!(safe.ask("GET /session", cookie, "").0, 200);
+    assert_eq!(safe.request("GET /session", cookie, "").0, 200);
     // A cookie that somebody else chose is never the one of a session.
     let name = cookie.split('=').next().expect("a name");
     let chosen = format!("{name}={}", "0".repeat(32));
     let body = json!({"user": "anna", "password": "right and long"}).to_string();
-    let (code, head) = safe.ask("POST /login", &chosen, &body);
+    let (code, head) = safe.request("POST /login", &chosen, &body);
     assert!(code == 200 && !head.contains(&chosen), "{head}");
-    assert_eq!(safe.ask("GET /session", &chosen, "").0, 401);
+    assert_eq!(safe.request("GET /session", &chosen, "").0, 401);
     drop(safe.enter("/ws/control", cookie));
     for _ in 0..5 {
         assert_eq!(login("anna", "wrong").0, 401);
@@ -505,15 +505,15 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     // Now not even the right one; others may still try.
     assert_eq!(login("anna", "right and long").0, 429);
     assert_eq!(login("nobody", "wrong").0, 401);
-    assert_eq!(safe.ask("POST /logout", cookie, "{}").0, 204);
-    assert_eq!(safe.ask("GET /session", cookie, "").0, 401);
+    assert_eq!(safe.request("POST /logout", cookie, "{}").0, 204);
+    assert_eq!(safe.request("GET /session", cookie, "").0, 401);
 }
 
 /// Takes control for the page `s1`, which ends `how` says.
 fn loses_control(safe: &Safe, cookie: &str, how: impl FnOnce()) {
     let link = safe.link();
     let holder = || {
-        let status: v1::Status = link.ask(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
         status.holder
     };
     let lane = safe.enter("/ws/control", cookie);
@@ -530,7 +530,7 @@ fn loses_control(safe: &Safe, cookie: &str, how: impl FnOnce()) {
     assert_eq!(safe::close_code(lane), Some(4401));
     assert_eq!(safe::close_code(state), Some(4401));
     wait_until("control is back", || holder().is_empty());
-    assert_eq!(safe.ask("GET /session", cookie, "").0, 401);
+    assert_eq!(safe.request("GET /session", cookie, "").0, 401);
 }
 
 #[test]
@@ -548,7 +548,7 @@ fn the_end_of_a_session_closes_its_sockets_and_takes_control_back() {
     let (first, second) = ("right and long", "another one");
     let cookie = safe.sign_in(first).expect("anna");
     loses_control(&safe, &cookie, || {
-        assert_eq!(safe.ask("POST /logout", &cookie, "{}").0, 204);
+        assert_eq!(safe.request("POST /logout", &cookie, "{}").0, 204);
     });
     let cookie = safe.sign_in(first).expect("anna");
     loses_control(&safe, &cookie, || {
@@ -564,7 +564,7 @@ fn the_end_of_a_session_closes_its_sockets_and_takes_control_back() {
     });
     // A session of the lowered role, and whatever cookie came before it.
     let cookie = safe.sign_in(second).expect("anna");
-    let (code, text) = safe.ask("GET /session", &cookie, "");
+    let (code, text) = safe.request("GET /session", &cookie, "");
     assert!(code == 200 && text.contains("viewer"), "{text}");
     let socket = safe.enter("/ws/state", &cookie);
     change(&|users| drop(users.remove("anna").expect("anna")));

@@ -10,7 +10,7 @@ use wheelarm_dataset::writer::WriterOptions;
 use wheelarm_proto::keys::check_name;
 use wheelarm_proto::schema;
 use wheelarm_proto::{Message, TopicId, v1};
-use wheelarm_sdk::{Link, LinkError, session_of};
+use wheelarm_sdk::{Client, ClientError, session_of};
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::{Sample, SampleKind};
@@ -46,7 +46,7 @@ const BATCH_TIME: Duration = Duration::from_millis(5);
 /// # Errors
 /// When the folder cannot be made, the name is taken, or the session fails.
 pub async fn run(
-    link: &Link,
+    link: &Client,
     options: RecordOptions,
     shutdown: impl Future<Output = ()>,
     mut tell: impl FnMut(&Output),
@@ -118,7 +118,7 @@ pub async fn run(
 
 /// What a recorder does on the network, and what it has to remember for that.
 struct Desk<'a> {
-    link: &'a Link,
+    link: &'a Client,
     entrance: Entrance<Raw>,
     /// Keeps the subscriber to the cameras alive.
     cameras: Subscription,
@@ -196,7 +196,7 @@ impl Desk<'_> {
 }
 
 /// Checks the options, makes the folder, and sees that the name is free.
-async fn check(link: &Link, options: &RecordOptions) -> anyhow::Result<()> {
+async fn check(link: &Client, options: &RecordOptions) -> anyhow::Result<()> {
     check_name(&options.name)?;
     if options.out.to_str().is_none() {
         bail!(
@@ -221,13 +221,13 @@ async fn check(link: &Link, options: &RecordOptions) -> anyhow::Result<()> {
         recorder: options.name.clone(),
         session: link.session().zid().to_string(),
     };
-    match aside(link, move |link| link.ask(&claim)).await? {
-        Err(LinkError::Refused { message, .. }) => bail!(message),
+    match aside(link, move |link| link.request(&claim)).await? {
+        Err(ClientError::Refused { message, .. }) => bail!(message),
         other => other.map(|_| ()).context("claiming the recorder's name"),
     }
 }
 
-async fn status_publisher(link: &Link, name: &str) -> anyhow::Result<Publisher<'static>> {
+async fn status_publisher(link: &Client, name: &str) -> anyhow::Result<Publisher<'static>> {
     link.session()
         .declare_publisher(link.keys().recorder(name))
         .encoding(schema::encoding(TopicId::Recorder.info().message))
@@ -324,7 +324,7 @@ type Subscription = Box<dyn std::any::Any + Send>;
 type Held = Vec<Subscription>;
 
 /// Puts the samples of the server's streams into the queue.
-fn to_queue(link: &Link, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
+fn to_queue(link: &Client, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
     let (to, server, keys) = (entrance.clone(), link.server().clone(), link.keys().clone());
     move |sample: Sample| {
         if !server.sent(&sample) {
@@ -340,7 +340,7 @@ fn to_queue(link: &Link, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + S
 }
 
 /// Listens to the states.
-async fn hear_states(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Subscription> {
+async fn hear_states(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<Subscription> {
     let samples = link
         .session()
         .declare_subscriber(link.keys().streams())
@@ -358,7 +358,7 @@ async fn hear_states(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Su
 /// transport would ask for what is still under way on a slow line, and for pictures of
 /// the time before the episode.
 async fn hear_pictures(
-    link: &Link,
+    link: &Client,
     entrance: &Entrance<Raw>,
     key: String,
 ) -> anyhow::Result<Subscription> {
@@ -373,7 +373,7 @@ async fn hear_pictures(
 
 /// Listens to the cameras, compressed or as they are.
 async fn hear_cameras(
-    link: &Link,
+    link: &Client,
     entrance: &Entrance<Raw>,
     compressed: bool,
 ) -> anyhow::Result<Subscription> {
@@ -384,7 +384,7 @@ async fn hear_cameras(
     hear_pictures(link, entrance, link.keys().topic(topic)).await
 }
 
-async fn subscribe(link: &Link, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
+async fn subscribe(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
     let (session, keys) = (link.session(), link.keys());
     let from = || link.server().clone();
     let mut held: Held = Vec::new();
@@ -463,7 +463,7 @@ impl Connection {
         }
     }
 
-    async fn look(&mut self, link: &Link) -> Seen {
+    async fn look(&mut self, link: &Client) -> Seen {
         let info = link.session().info();
         let there = link.is_within()
             || info.routers_zid().await.next().is_some()

@@ -165,7 +165,7 @@ impl Recorder {
     /// Takes one input.
     pub fn handle(&mut self, input: Input, now: Instant) -> Vec<Output> {
         match input {
-            Input::Hint => self.ask(),
+            Input::Hint => self.request(),
             Input::State(reply) => self.told(reply, now),
             Input::Snapshot(reply) => self.snapshot(reply, now),
             Input::Sample { stream, payload } => self.sample(stream, payload),
@@ -193,7 +193,7 @@ impl Recorder {
     pub fn tick(&mut self, now: Instant) -> Vec<Output> {
         if matches!(self.asking, Asking::At(time) if now >= time) {
             self.asking = Asking::No;
-            self.ask();
+            self.request();
         }
         if let Stage::Recording(recording) = &self.stage
             && let Some(since) = recording.away

@@ -8,7 +8,7 @@ use zenoh::qos::Priority;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::sample::SourceInfo;
 
-use super::{Link, LinkError, decode, transport};
+use super::{Client, ClientError, decode, transport};
 
 /// How long a server's token may be away before a question is asked all the same.
 const TOKEN_COMES_BACK: Duration = Duration::from_millis(500);
@@ -26,28 +26,28 @@ fn patience(query: Query) -> Duration {
     })
 }
 
-impl Link {
+impl Client {
     /// Asks a query, which its request names, and waits for the reply. A server whose
     /// token is away is waited for, up to half a second of the patience; what only looks
     /// is asked twice where nobody was reached.
     ///
     /// # Errors
-    /// [`LinkError::Refused`] with the server's words. Without an answer
-    /// [`LinkError::Silent`] when the time is over, before that
-    /// [`LinkError::Gone`] or [`LinkError::Unanswered`].
-    pub fn ask<R: Rpc>(&self, request: &R) -> Result<R::Reply, LinkError> {
-        self.ask_within(request, patience(R::QUERY))
+    /// [`ClientError::Refused`] with the server's words. Without an answer
+    /// [`ClientError::Silent`] when the time is over, before that
+    /// [`ClientError::Gone`] or [`ClientError::Unanswered`].
+    pub fn request<R: Rpc>(&self, request: &R) -> Result<R::Reply, ClientError> {
+        self.request_within(request, patience(R::QUERY))
     }
 
-    /// As [`Link::ask`] with a wait of its own.
+    /// As [`Client::request`] with a wait of its own.
     ///
     /// # Errors
-    /// As [`Link::ask`].
-    pub fn ask_within<R: Rpc>(
+    /// As [`Client::request`].
+    pub fn request_within<R: Rpc>(
         &self,
         request: &R,
         patience: Duration,
-    ) -> Result<R::Reply, LinkError> {
+    ) -> Result<R::Reply, ClientError> {
         let key = self.keys.request(request)?;
         self.query_bytes(R::QUERY, key, request.encode_to_vec(), patience)
     }
@@ -58,7 +58,7 @@ impl Link {
         key: String,
         request: Vec<u8>,
         patience: Duration,
-    ) -> Result<R, LinkError> {
+    ) -> Result<R, ClientError> {
         let asked = Instant::now();
         let away = (patience / 2).min(TOKEN_COMES_BACK);
         // What changes something may have reached the server all the same.
@@ -72,7 +72,7 @@ impl Link {
                 });
             }
             let error = self.unanswered(query, asked.elapsed(), patience);
-            if !std::mem::take(&mut again) || matches!(error, LinkError::Silent { .. }) {
+            if !std::mem::take(&mut again) || matches!(error, ClientError::Silent { .. }) {
                 return Err(error);
             }
             self.find_server(away);
@@ -89,7 +89,7 @@ impl Link {
         key: &str,
         request: &[u8],
         patience: Duration,
-    ) -> Result<Option<Reply>, LinkError> {
+    ) -> Result<Option<Reply>, ClientError> {
         let replies = self
             .session
             .get(key)
@@ -114,8 +114,8 @@ impl Link {
         &self,
         query: Query,
         reply: &Reply,
-        silent: impl Fn() -> LinkError,
-    ) -> Result<R, LinkError> {
+        silent: impl Fn() -> ClientError,
+    ) -> Result<R, ClientError> {
         match reply.result() {
             Ok(sample) => {
                 schema::check(&sample.encoding().to_string())?;
@@ -123,7 +123,7 @@ impl Link {
             }
             Err(error) => match decode::<v1::Failure>(error.payload(), query.name()) {
                 // In the first version's failures the words are the same field.
-                Ok(failure) if !failure.message.is_empty() => Err(LinkError::Refused {
+                Ok(failure) if !failure.message.is_empty() => Err(ClientError::Refused {
                     query: query.name(),
                     code: failure.code(),
                     message: failure.message,
@@ -157,11 +157,11 @@ impl Link {
     }
 
     /// Why a query ended without an answer.
-    fn unanswered(&self, query: Query, after: Duration, patience: Duration) -> LinkError {
+    fn unanswered(&self, query: Query, after: Duration, patience: Duration) -> ClientError {
         let (sim, query) = (self.keys.sim().to_owned(), query.name());
         if after >= patience.mul_f64(0.9) {
             let seconds = patience.as_secs_f64();
-            return LinkError::Silent {
+            return ClientError::Silent {
                 sim,
                 query,
                 seconds,
@@ -175,13 +175,13 @@ impl Link {
         }
         let seconds = after.as_secs_f64();
         if self.server.is_there() {
-            LinkError::Unanswered {
+            ClientError::Unanswered {
                 sim,
                 query,
                 seconds,
             }
         } else {
-            LinkError::Gone {
+            ClientError::Gone {
                 sim,
                 query,
                 seconds,
