@@ -16,7 +16,7 @@ use protox::prost_reflect::{
 /// The messages, by idea. The table of topics follows this order.
 const FILES: [&str; 16] = [
     "wheelarm/v1/common.proto",
-    "wheelarm/v1/look.proto",
+    "wheelarm/v1/appearance.proto",
     "wheelarm/v1/scenario.proto",
     "wheelarm/v1/scene.proto",
     "wheelarm/v1/robot.proto",
@@ -41,7 +41,7 @@ const SHARED_BYTES: [&str; 7] = [
     ".wheelarm.v1.CompressedCameraFrame",
     ".wheelarm.v1.SensorFrame",
     ".wheelarm.v1.PreviewFrame",
-    ".wheelarm.v1.PolicyPicture",
+    ".wheelarm.v1.PolicyImage",
     ".wheelarm.v1.SnapshotReply.snapshot",
     ".wheelarm.v1.ResetRequest.snapshot",
 ];
@@ -53,14 +53,14 @@ const WRITTEN: [&str; 15] = [
     ".wheelarm.v1.SensorSetting",
     ".wheelarm.v1.CameraPlace",
     ".wheelarm.v1.Intrinsics",
-    ".wheelarm.v1.Look",
+    ".wheelarm.v1.Appearance",
     ".wheelarm.v1.ObjectPlacement",
     ".wheelarm.v1.SlideResistance",
     ".wheelarm.v1.Pose",
     ".wheelarm.v1.Disturbances",
     ".wheelarm.v1.Language",
     ".wheelarm.v1.Person",
-    ".wheelarm.v1.PersonDrawn",
+    ".wheelarm.v1.SampledPerson",
     ".wheelarm.v1.Vector3",
     ".wheelarm.v1.Quaternion",
 ];
@@ -78,7 +78,7 @@ const CHOICES: [(&str, &str); 4] = [
     (".wheelarm.v1.Scenario.starts", "starts"),
 ];
 
-/// Strengths of a look: 0 to 3.
+/// Strengths of an appearance: 0 to 3.
 const STRENGTHS: [&str; 7] = [
     "light",
     "background",
@@ -111,9 +111,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (field, module) in CHOICES {
         config.field_attribute(field, format!("#[serde(with = \"crate::settings::text::{module}\", skip_serializing_if = \"crate::settings::text::is_unspecified\")]"));
     }
+    // Spelled `look` up to contract 2.
+    config.field_attribute(
+        ".wheelarm.v1.Scenario.appearance",
+        "#[serde(alias = \"look\")]",
+    );
+    config.field_attribute(".wheelarm.v1.Person.sampled", "#[serde(alias = \"drawn\")]");
     for axis in STRENGTHS {
-        let read = "#[serde(deserialize_with = \"crate::look::strength\")]";
-        config.field_attribute(format!(".wheelarm.v1.Look.{axis}"), read);
+        let read = "#[serde(deserialize_with = \"crate::appearance::strength\")]";
+        config.field_attribute(format!(".wheelarm.v1.Appearance.{axis}"), read);
     }
     config.compile_fds(plain.clone())?;
     for file in &mut plain.file {
@@ -167,7 +173,7 @@ fn rpcs(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
     let key_field = pool
         .get_extension_by_name("wheelarm.options.key_field")
         .ok_or("there is no option wheelarm.options.key_field")?;
-    let (mut variants, mut names, mut looks, mut impls, mut identities, mut messages) = (
+    let (mut variants, mut names, mut queries, mut impls, mut identities, mut messages) = (
         String::new(),
         String::new(),
         String::new(),
@@ -191,8 +197,8 @@ fn rpcs(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
         writeln!(names, "            Self::{name} => \"{query}\",")?;
         let options = method.options();
         let level = options.get_field_by_name("idempotency_level");
-        let look = level.and_then(|v| v.as_enum_number()) == Some(1);
-        writeln!(looks, "            Self::{name} => {look},")?;
+        let is_query = level.and_then(|v| v.as_enum_number()) == Some(1);
+        writeln!(queries, "            Self::{name} => {is_query},")?;
         let field = options.get_extension(&key_field);
         let field = field.as_str().unwrap_or_default();
         let identity = match field {
@@ -246,7 +252,7 @@ impl Query {{
     #[must_use]
     pub const fn only_looks(self) -> bool {{
         match self {{
-{looks}        }}
+{queries}        }}
     }}
 
     /// Whether a name of the request stands in the key.

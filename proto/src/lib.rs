@@ -7,6 +7,7 @@
 //! Conventions: right-handed frames, z up, x forward, y left; SI units and
 //! radians; quaternions x y z w; `house` is the world frame.
 
+pub mod appearance;
 pub mod bundle;
 pub mod check;
 pub mod digest;
@@ -19,7 +20,6 @@ pub mod keys;
 pub mod label;
 #[cfg(feature = "log")]
 pub mod log;
-pub mod look;
 pub mod output;
 pub mod person;
 pub mod preview;
@@ -67,7 +67,7 @@ pub const SCHEMA_VERSION: &str = "1";
 ///
 /// - 1: up to the first version that sent a number.
 /// - 2: identity in keys, codes beside texts, absence where it has a meaning.
-pub const CONTRACT_VERSION: u32 = 2;
+pub const CONTRACT_VERSION: u32 = 3;
 
 /// Version of the physics: programs of the same version compute the same bits from the
 /// same saved state and commands, and read each other's saved states.

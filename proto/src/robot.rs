@@ -279,14 +279,14 @@ mod tests {
             let target = Some(target);
             gripper.check(&v1::GripperCommand { target, max_force })
         };
-        assert_eq!(ask(Target::Opening(0.1), Some(50.0)), Ok(()));
+        assert_eq!(request(Target::Opening(0.1), Some(50.0)), Ok(()));
         for (target, force, word) in [
             (Target::Opening(0.101), None, "opening"),
             (Target::Knuckle(-0.1), None, "knuckle"),
             (Target::Knuckle(0.71), None, "knuckle"),
             (Target::Opening(0.0), Some(51.0), "force"),
         ] {
-            let message = ask(target, force).unwrap_err().to_string();
+            let message = request(target, force).unwrap_err().to_string();
             assert!(message.contains(word), "{message}");
         }
     }

@@ -287,6 +287,13 @@ impl Named for Depth {
 }
 
 impl v1::CameraSetting {
+    /// As text, the form that [`Self::from_text`] reads; lens and place are left out.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let rate = self.rate_hz.unwrap_or(10.0);
+        format!("{}={}x{}@{rate}", self.name, self.width, self.height)
+    }
+
     /// Parses `NAME=WIDTHxHEIGHT@HZ`, for example `gen3=1280x720@10`; the name `*`
     /// stands for every robot camera that is not named.
     ///

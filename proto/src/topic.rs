@@ -67,7 +67,7 @@ pub enum Record {
     /// Its messages become rows of `/events`.
     Events,
     /// Its messages become images below `/streams/camera` or `/streams/sensor`.
-    Pictures,
+    Images,
 }
 
 /// One row of the table of topics.

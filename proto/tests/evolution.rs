@@ -26,7 +26,7 @@ const ROOM: [(&str, std::ops::RangeInclusive<i32>, &[&str]); 4] = [
         "Scenario",
         20..=29,
         &[
-            "look",
+            "appearance",
             "person",
             "sensors",
             "disturbances",

@@ -11,9 +11,9 @@
     allow(clippy::disallowed_methods, reason = "tests compute freely")
 )]
 
+pub mod appearance;
 pub mod environment;
 pub mod geometry;
-pub mod look;
 pub mod people;
 pub mod robot;
 pub mod scene;

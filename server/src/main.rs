@@ -9,9 +9,9 @@ use anyhow::{Context, bail};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, Parser};
 use wheelarm_access::Folder;
+use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::endpoint::check_endpoint;
 use wheelarm_proto::keys::{self, Keys};
-use wheelarm_proto::look::LookText;
 use wheelarm_proto::output::end_with_output;
 use wheelarm_proto::program::{EXIT_SCENARIO, Ready, error_chain, tasks_to_json, version};
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Pacing, Quality, Starts};
@@ -110,15 +110,15 @@ struct Args {
     #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
     adapter: Option<String>,
     /// Rate of the state streams, Hz; divides 60 [default: 60].
-    #[arg(long)]
-    state_rate: Option<f64>,
+    #[arg(long, alias = "state-rate")]
+    state_rate_hz: Option<f64>,
     /// Rate of the shapes of deformables, Hz; divides 60. A shape has 50 kB [default:
     /// 10].
-    #[arg(long)]
-    deformable_rate: Option<f64>,
+    #[arg(long, alias = "deformable-rate")]
+    deformable_rate_hz: Option<f64>,
     /// Rate of the IMU, Hz; divides 240 [default: 240].
-    #[arg(long)]
-    imu_rate: Option<f64>,
+    #[arg(long, alias = "imu-rate")]
+    imu_rate_hz: Option<f64>,
     /// Adds the noise of the robot description to the IMU.
     #[arg(long)]
     imu_noise: bool,
@@ -129,8 +129,8 @@ struct Args {
     /// Visual randomization: SEED for the usual look of a seed, SEED:AXIS=STRENGTH,…
     /// for these axes only: light, background, materials, exposure, decoration, camera,
     /// lens, each 1 to 3 [default: as in the assets].
-    #[arg(long, value_name = "SEED[:AXIS=N,…]", value_parser = LookText::read)]
-    look: Option<LookText>,
+    #[arg(long, alias = "look", value_name = "SEED[:AXIS=N,…]", value_parser = AppearanceText::read)]
+    appearance: Option<AppearanceText>,
     /// Person in the chair: any (sampled by the seed), none, or BODY[/POSTURE], a
     /// folder in assets/people; then ,mouth_open ,motion=0..1 ,unguarded (no limits on
     /// speed and force near the person) [default: none].
@@ -299,9 +299,9 @@ impl Args {
             request.set_starts(starts.code());
         }
         request.robot = self.robot.clone().unwrap_or(request.robot);
-        request.state_rate_hz = self.state_rate.or(request.state_rate_hz);
-        request.deformable_rate_hz = self.deformable_rate.or(request.deformable_rate_hz);
-        request.imu_rate_hz = self.imu_rate.or(request.imu_rate_hz);
+        request.state_rate_hz = self.state_rate_hz.or(request.state_rate_hz);
+        request.deformable_rate_hz = self.deformable_rate_hz.or(request.deformable_rate_hz);
+        request.imu_rate_hz = self.imu_rate_hz.or(request.imu_rate_hz);
         if let Some(pacing) = self.pacing {
             request.set_pacing(pacing.code());
         }
@@ -309,8 +309,8 @@ impl Args {
             request.set_quality(quality.code());
         }
         request.calibration_seed = self.calibration_seed.or(request.calibration_seed);
-        if let Some(look) = &self.look {
-            request.look = Some(look.for_episode(request.seed()));
+        if let Some(appearance) = &self.appearance {
+            request.appearance = Some(appearance.for_episode(request.seed()));
         }
         if let Some(person) = &self.person {
             request.person = Some(person.clone());

@@ -21,12 +21,14 @@ from pathlib import Path
 PLAN = """
 name = "bench"
 depth = "{depth}"
-[[camera]]
+[[scenario.cameras]]
 name = "gen3"
-size = [{width}, {height}]
-[[camera]]
+width = {width}
+height = {height}
+[[scenario.cameras]]
 name = "wheelchair"
-size = [{width}, {height}]
+width = {width}
+height = {height}
 [[task]]
 name = "pick_mustard"
 episodes = {episodes}

@@ -33,12 +33,14 @@ name = "bench"
 purpose = "train"
 first_seed = 10000
 depth = "{depth}"
-[[camera]]
+[[scenario.cameras]]
 name = "gen3"
-size = [{width}, {height}]
-[[camera]]
+width = {width}
+height = {height}
+[[scenario.cameras]]
 name = "wheelchair"
-size = [{width}, {height}]
+width = {width}
+height = {height}
 [[task]]
 name = "pick_mustard"
 episodes = {episodes}

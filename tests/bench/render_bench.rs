@@ -4,7 +4,7 @@
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
 //! [--quality fast|draft|standard|high] [--adapter NAME] [--packing adapter|processor]`
 //!
-//! With `--look SEED` the same under a look of that seed, one pair by turns with
+//! With `--appearance SEED` the same under an appearance of that seed, one pair by turns with
 //! none: as ratios of the rate without.
 //!
 //! `--packing` says who packs the pictures; else it is as the server has it. With
@@ -12,7 +12,7 @@
 //! single pixels where surfaces lie in one another.
 //!
 //! With `--compare-quality QUALITY` also that quality, one pair by turns: as ratios of the
-//! rate and of the processor time, under the look of `--look` where that is given.
+//! rate and of the processor time, under the appearance of `--appearance` where that is given.
 //!
 //! With `--parts` the adapter's time for each part of a pair stands beside; with
 //! `--renderers N` N threads draw on one device at the same time.
@@ -28,7 +28,7 @@ use std::time::Instant;
 use anyhow::{Result, bail};
 use clap::Parser;
 use wheelarm_proto::settings::{Depth, Named};
-use wheelarm_server::look::{Look, SampledLook};
+use wheelarm_server::appearance::{Appearance, SampledAppearance};
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::scene::Scene;
 use wheelarm_server::sensors::camera::{
@@ -59,9 +59,9 @@ struct Options {
     /// Part of an adapter's name.
     #[arg(long)]
     adapter: Option<String>,
-    /// Seed of a look to compare with none.
+    /// Seed of an appearance to compare with none.
     #[arg(long)]
-    look: Option<u64>,
+    appearance: Option<u64>,
     /// Strength of its axes, 1 to 3.
     #[arg(long, default_value_t = 2)]
     strength: u8,
@@ -135,7 +135,7 @@ fn main() -> Result<()> {
     if options.renderers > 1 {
         return many(&options, quality, &robot, &scene);
     }
-    if let Some(seed) = options.look {
+    if let Some(seed) = options.appearance {
         return compare(&options, quality, &robot, &scene, seed);
     }
     let started = Instant::now();
@@ -307,12 +307,13 @@ fn ahead(
     Ok(())
 }
 
-/// The scene under the look of the options, if they name one.
+/// The scene under the appearance of the options, if they name one.
 fn render_scene(options: &Options, robot: &RobotModel, scene: &Scene) -> Result<RenderScene> {
-    Ok(match options.look {
+    Ok(match options.appearance {
         Some(seed) => {
-            let look = SampledLook::new(look(options, seed), scene, &options.assets)?;
-            RenderScene::with_look(robot, scene, &options.assets, Some(&look))?
+            let appearance =
+                SampledAppearance::new(appearance(options, seed), scene, &options.assets)?;
+            RenderScene::with_appearance(robot, scene, &options.assets, Some(&appearance))?
         }
         None => RenderScene::new(robot, scene, &options.assets)?,
     })
@@ -419,17 +420,17 @@ fn compare_packing(
     Ok(())
 }
 
-/// The look that is drawn.
-fn look(options: &Options, seed: u64) -> Look {
+/// The appearance that is drawn.
+fn appearance(options: &Options, seed: u64) -> Appearance {
     let s = options.strength;
-    Look {
+    Appearance {
         seed,
         light: s,
         background: s,
         materials: s,
         exposure: s,
         decoration: s,
-        ..Look::default()
+        ..Appearance::default()
     }
 }
 
@@ -440,7 +441,7 @@ fn middle(times: &[f64]) -> [f64; 2] {
     [sorted[0], sorted[sorted.len() / 2]]
 }
 
-/// Pairs without a look, with one, and with one whose glass and metal are drawn
+/// Pairs without an appearance, with one, and with one whose glass and metal are drawn
 /// as without, by turns.
 fn compare(
     options: &Options,
@@ -449,9 +450,9 @@ fn compare(
     scene: &Scene,
     seed: u64,
 ) -> Result<()> {
-    let look = SampledLook::new(look(options, seed), scene, &options.assets)?;
+    let appearance = SampledAppearance::new(appearance(options, seed), scene, &options.assets)?;
     let plain = RenderScene::new(robot, scene, &options.assets)?;
-    let seen = RenderScene::with_look(robot, scene, &options.assets, Some(&look))?;
+    let seen = RenderScene::with_appearance(robot, scene, &options.assets, Some(&appearance))?;
     let mut dull = seen.clone();
     for item in &mut dull.items {
         item.material.transmission = 0.0;

@@ -112,7 +112,12 @@ pub fn meshes() -> Vec<Named> {
     out
 }
 
-fn sides(out: &mut Vec<Named>, [left, right]: [&'static str; 2], look: &'static str, solid: Solid) {
-    out.push((right, look, solid.mirrored()));
-    out.push((left, look, solid));
+fn sides(
+    out: &mut Vec<Named>,
+    [left, right]: [&'static str; 2],
+    appearance: &'static str,
+    solid: Solid,
+) {
+    out.push((right, appearance, solid.mirrored()));
+    out.push((left, appearance, solid));
 }

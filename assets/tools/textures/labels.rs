@@ -138,7 +138,7 @@ fn word(text: &str, u: f32, v: f32, place: Place, weight: f32) -> f32 {
     if x < -0.05 || x > width + 0.05 || y < -0.05 || y > height + 0.05 {
         return 0.0;
     }
-    // Ink ends here; letters further away need no look at their strokes.
+    // Ink ends here; letters further away need no appearance at their strokes.
     let reach = weight + 0.002;
     let mut nearest = f64::INFINITY;
     for (i, c) in text.chars().enumerate() {

@@ -4,8 +4,8 @@
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
-use wheelarm_proto::look::LookText;
-use wheelarm_proto::settings::{LanguageSplit, Named, Starts};
+use wheelarm_proto::appearance::AppearanceText;
+use wheelarm_proto::settings::{LanguageSplit, Named};
 use wheelarm_proto::v1;
 
 use crate::sentences::Language;
@@ -111,27 +111,26 @@ impl<'de> Deserialize<'de> for AxisAt {
 impl Variation {
     /// Sets one axis; what the variation says of the others stays.
     pub fn set(&mut self, AxisAt(axis, strength): AxisAt) {
-        let mut looks = |axes: &[&str]| {
-            let look = self.look.unwrap_or_else(LookText::own);
-            self.look = Some(
-                axes.iter()
-                    .fold(look, |look, axis| look.with_axis(axis, strength)),
-            );
+        let mut appearances = |axes: &[&str]| {
+            let appearance = self.appearance.unwrap_or_else(AppearanceText::own);
+            self.appearance = Some(axes.iter().fold(appearance, |appearance, axis| {
+                appearance.with_axis(axis, strength)
+            }));
         };
         match axis {
-            Axis::Camera => looks(&["camera", "lens"]),
-            Axis::Light => looks(&["light", "exposure"]),
-            Axis::Background => looks(&["background", "materials", "decoration"]),
+            Axis::Camera => appearances(&["camera", "lens"]),
+            Axis::Light => appearances(&["light", "exposure"]),
+            Axis::Background => appearances(&["background", "materials", "decoration"]),
             Axis::Noise => self.sense(&["imu", "encoders", "odometry"], strength),
             Axis::Depth => self.sense(&["kinova_vision@gen3", "chair_stereo@wheelchair"], strength),
             Axis::Delay => self.sense(&["command"], strength),
-            Axis::Layout => self.bear_share = Some(f64::from(strength) / 3.0),
+            Axis::Layout => self.scenario.variant_share = Some(f64::from(strength) / 3.0),
             Axis::Robot => {
                 if strength != 2 {
-                    self.robots = SPECIMENS;
+                    self.specimens = SPECIMENS;
                 }
                 if strength >= 2 {
-                    self.starts = Starts::Anywhere;
+                    self.scenario.set_starts(v1::Starts::Anywhere);
                 }
             }
             Axis::Language => {
@@ -152,9 +151,10 @@ impl Variation {
     fn sense(&mut self, models: &[&str], strength: u32) {
         for place in models {
             let (model, camera) = place.split_once('@').unwrap_or((place, ""));
-            self.sensors
+            self.scenario
+                .sensors
                 .retain(|known| (known.model.as_str(), known.camera.as_str()) != (model, camera));
-            self.sensors.push(v1::SensorSetting {
+            self.scenario.sensors.push(v1::SensorSetting {
                 model: model.to_owned(),
                 camera: camera.to_owned(),
                 seed: None,
@@ -170,11 +170,7 @@ mod tests {
 
     #[test]
     fn every_axis_changes_the_scenario_by_itself_and_in_three_strengths() {
-        let of = |variation: &Variation| {
-            let mut scenario = v1::Scenario::default();
-            variation.apply(500, &mut scenario);
-            format!("{scenario:?}")
-        };
+        let of = |variation: &Variation| format!("{:?}", variation.for_episode(500));
         let mut seen = vec![of(&Variation::default())];
         for axis in Axis::ALL {
             for strength in 1..=3 {

@@ -12,6 +12,7 @@ mod episode_seed;
 pub mod evaluate;
 pub mod multiply;
 pub mod policy_options;
+mod renamed_keys;
 pub mod replay;
 mod sentences;
 mod text_file;

@@ -26,7 +26,7 @@ pub struct Language {
     pub sentences: u32,
 }
 
-/// `[language]` of a plan or a split.
+/// `[variation.language]` of a plan or a split.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LanguageFile {

@@ -1,48 +1,272 @@
-//! What differs between episodes beside what their task draws, as a plan or a
-//! split says it. Everything follows from the scenario's seed, so that what is
-//! apart by seed is apart in all of it.
+//! Scenarios of a campaign: what all episodes share (`[scenario]` of a plan or split, in the
+//! spelling of the contract) and what is sampled for each (`[variation]`).
+//!
+//! Every sampled value follows from the seed of the episode, so sets that are apart by seed
+//! are apart in everything.
 
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use serde::Deserialize;
+use toml::Spanned;
 use wheelarm_expert::forced::ForcedError;
-use wheelarm_proto::look::LookText;
+use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{Named, Starts, Style};
+use wheelarm_proto::settings::{MAX_SENSOR_STRENGTH, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 
 use crate::disturb::Disturb;
 use crate::episode_seed::EpisodeSeed;
-use crate::sentences::Language;
+use crate::sentences::{Language, LanguageFile};
 
-/// What differs between episodes beside what their task draws.
+/// Scenarios of the episodes of one campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Variation {
-    /// Where the robot starts.
-    pub starts: Starts,
-    /// How often a rigid task stands beside the teddy bear, 0 to 1; as the areas
-    /// say when absent.
-    pub bear_share: Option<f64>,
-    /// Specimens of the robot, each with cameras of its own; 0 for the one of the
-    /// description.
-    pub robots: u32,
-    /// Sentences by the grammar; `None` says nothing of language.
+    /// Fields that all episodes share; [`rejected_field`] lists those that are set here or
+    /// by the campaign.
+    pub scenario: v1::Scenario,
+    /// Robot specimens, each with cameras of its own; 0 for the one of the description.
+    pub specimens: u32,
+    /// Generated sentences; `None`: one of the task's own.
     pub language: Option<Language>,
-    /// How the episodes look.
-    pub look: Option<LookText>,
-    /// Sensor models beside the truth.
-    pub sensors: Vec<v1::SensorSetting>,
-    /// What hinders the robot, and what the operator does wrong on purpose.
+    /// Visual randomization.
+    pub appearance: Option<AppearanceText>,
+    /// Disturbances of the robot, and intended errors of the operator.
     pub disturb: Option<Disturb>,
-    /// Who sits in the chair.
-    pub person: Option<v1::Person>,
-    /// How the operator moves.
-    pub style: Style,
-    /// Time limits follow from the way and the style; as the tasks say otherwise.
+    /// Time limits are computed from path and style instead of taken from the tasks.
     pub time_limits: bool,
     /// Share of episodes whose start has the target in view, 0 to 1.
     pub start_in_view: f64,
     /// Share of episodes in which the operator looks around before it drives, 0 to 1.
     pub look_around: f64,
+}
+
+/// `[variation]` of a plan or a split.
+#[derive(Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VariationFile {
+    /// The operator's tempo, grasps and step sequence vary with the seed.
+    pub operator: bool,
+    specimens: u32,
+    appearance: Option<AppearanceText>,
+    start_in_view: Spanned<f64>,
+    look_around: Spanned<f64>,
+    time_limits: bool,
+    language: Option<LanguageFile>,
+    disturbances: Option<Disturb>,
+}
+
+impl Default for VariationFile {
+    fn default() -> Self {
+        Self {
+            operator: true,
+            specimens: 0,
+            appearance: None,
+            start_in_view: Spanned::new(0..0, 0.0),
+            look_around: Spanned::new(0..0, 0.0),
+            time_limits: false,
+            language: None,
+            disturbances: None,
+        }
+    }
+}
+
+/// A mistake in `[scenario]` or `[variation]`: its place in the text, bytes, and the fix.
+pub type Mistake = (Range<usize>, String);
+
+impl VariationFile {
+    /// The variation of a file, checked, with its `[scenario]`.
+    ///
+    /// # Errors
+    /// [`Mistake`].
+    pub fn checked(self, scenario: Spanned<v1::Scenario>) -> Result<Variation, Mistake> {
+        let at = scenario.span();
+        let scenario = scenario.into_inner();
+        if let Some((field, instead)) = rejected_field(&scenario) {
+            return Err((
+                at,
+                format!("scenario.{field} differs between episodes; {instead}"),
+            ));
+        }
+        check_values(&scenario).map_err(|what| (at, what))?;
+        for (key, share) in [
+            ("start_in_view", &self.start_in_view),
+            ("look_around", &self.look_around),
+        ] {
+            if !(0.0..=1.0).contains(share.get_ref()) {
+                let what = format!("{key} is {}; it is a share, 0 to 1", share.get_ref());
+                return Err((share.span(), what));
+            }
+        }
+        Ok(Variation {
+            scenario,
+            specimens: self.specimens,
+            language: self.language.map(LanguageFile::checked).transpose()?,
+            appearance: self.appearance,
+            disturb: self.disturbances,
+            time_limits: self.time_limits,
+            start_in_view: self.start_in_view.into_inner(),
+            look_around: self.look_around.into_inner(),
+        })
+    }
+}
+
+/// The first field of `[scenario]` that a campaign sets for each episode, with the key to
+/// use instead.
+///
+/// Names every field of the message: a new field does not compile until its place is decided.
+#[must_use]
+pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static str)> {
+    let v1::Scenario {
+        // Set for each episode.
+        task,
+        seed,
+        pacing,
+        calibration_seed,
+        language,
+        appearance,
+        disturbances,
+        start_in_view,
+        look_around,
+        rejected_starts,
+        // Shared by all episodes.
+        scene: _,
+        robot: _,
+        cameras: _,
+        state_rate_hz: _,
+        imu_rate_hz: _,
+        deformable_rate_hz: _,
+        quality: _,
+        imu_noise: _,
+        objects: _,
+        start: _,
+        instruction: _,
+        target: _,
+        slides: _,
+        style: _,
+        person: _,
+        starts: _,
+        arm_positions: _,
+        knuckle: _,
+        variant: _,
+        variant_share: _,
+        sensors: _,
+        time_limit_seconds: _,
+    } = scenario;
+    [
+        ("task", task.is_some(), "list tasks in [[task]]"),
+        (
+            "seed",
+            seed.is_some(),
+            "use first_seed, or seeds of a split",
+        ),
+        ("pacing", *pacing != 0, "campaigns run in lock-step"),
+        (
+            "calibration_seed",
+            calibration_seed.is_some(),
+            "use specimens of [variation]",
+        ),
+        ("language", language.is_some(), "use [variation.language]"),
+        (
+            "appearance",
+            appearance.is_some(),
+            "use appearance of [variation], for example \"*:light=2\"",
+        ),
+        (
+            "disturbances",
+            disturbances.is_some(),
+            "use [variation.disturbances]",
+        ),
+        (
+            "start_in_view",
+            start_in_view.is_some(),
+            "use start_in_view of [variation], a share",
+        ),
+        (
+            "look_around",
+            look_around.is_some(),
+            "use look_around of [variation], a share",
+        ),
+        (
+            "rejected_starts",
+            *rejected_starts > 0,
+            "the server counts them",
+        ),
+    ]
+    .into_iter()
+    .find_map(|(field, is_set, instead)| is_set.then_some((field, instead)))
+}
+
+/// Image sides that a server accepts, pixels.
+const SIDES: std::ops::RangeInclusive<u32> = 16..=4096;
+
+/// Checks values that a server would reject in every episode.
+fn check_values(scenario: &v1::Scenario) -> Result<(), String> {
+    let mut names = BTreeSet::new();
+    for camera in &scenario.cameras {
+        let name = &camera.name;
+        if wheelarm_proto::keys::check_name(name).is_err() {
+            return Err(format!(
+                "camera name {name:?} must be 1 to 64 letters, digits, `-` or `_`"
+            ));
+        }
+        if !SIDES.contains(&camera.width) || !SIDES.contains(&camera.height) {
+            return Err(format!(
+                "camera {name:?} is {}x{}; each side must be {} to {} pixels",
+                camera.width,
+                camera.height,
+                SIDES.start(),
+                SIDES.end()
+            ));
+        }
+        divides(
+            &format!("rate_hz of camera {name:?}"),
+            camera.rate_hz,
+            240.0,
+        )?;
+        if !names.insert(name) {
+            return Err(format!("camera {name:?} is listed twice; remove one"));
+        }
+    }
+    divides("state_rate_hz", scenario.state_rate_hz, 60.0)?;
+    divides("deformable_rate_hz", scenario.deformable_rate_hz, 60.0)?;
+    divides("imu_rate_hz", scenario.imu_rate_hz, 240.0)?;
+    if let Some(share) = scenario.variant_share.filter(|s| !(0.0..=1.0).contains(s)) {
+        return Err(format!("variant_share is {share}; it is a share, 0 to 1"));
+    }
+    if let Some(style) = &scenario.style {
+        Style::from_name(style).map_err(|unknown| unknown.to_string())?;
+    }
+    let mut places = BTreeSet::new();
+    for sensor in &scenario.sensors {
+        let strength = sensor.strength.unwrap_or(1.0);
+        if !(0.0..=MAX_SENSOR_STRENGTH).contains(&strength) {
+            return Err(format!(
+                "the strength of the sensor {:?} is {strength}; allowed is 0 to {MAX_SENSOR_STRENGTH}",
+                sensor.model
+            ));
+        }
+        if !places.insert((&sensor.model, &sensor.camera)) {
+            return Err(format!(
+                "the sensor {:?} is listed twice; remove one",
+                sensor.text()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that a rate, Hz, divides `base`.
+fn divides(key: &str, rate: Option<f64>, base: f64) -> Result<(), String> {
+    let Some(rate) = rate else { return Ok(()) };
+    let steps = base / rate;
+    let divides = rate > 0.0 && steps >= 1.0 && (steps - steps.round()).abs() < 1e-9;
+    divides.then_some(()).ok_or_else(|| {
+        format!(
+            "{key} is {rate} Hz, which does not divide {base}; use for example {}",
+            base / 6.0
+        )
+    })
 }
 
 /// Multipliers that spread the numbers of episodes over 0 to 1, one for each share (both
@@ -56,133 +280,154 @@ fn belongs(seed: EpisodeSeed, share: f64, spread: f64) -> bool {
 }
 
 impl Variation {
-    /// Sets what it says of an episode in `scenario`.
-    pub fn apply(&self, seed: impl Into<EpisodeSeed>, scenario: &mut v1::Scenario) {
+    /// The scenario of an episode, without task, seed and pacing.
+    #[must_use]
+    pub fn for_episode(&self, seed: impl Into<EpisodeSeed>) -> v1::Scenario {
         let seed = seed.into();
-        scenario.starts = self.starts.code().into();
-        scenario.variant_share = self.bear_share;
+        let mut scenario = self.scenario.clone();
         scenario.calibration_seed = self.specimen(seed);
-        let scenario_language = self.language.as_ref();
-        scenario.language = scenario_language.map(|said| said.message(seed.sentence));
+        scenario.language = self.language.as_ref().map(|l| l.message(seed.sentence));
         scenario.disturbances = self.disturb.map(|disturb| disturb.disturbances(seed));
-        if self.style != Style::default() {
-            scenario.style = Some(self.style.name().to_owned());
-        }
         let [view, around] = SPREAD;
         let in_share = |share: f64, spread| (share > 0.0).then(|| belongs(seed, share, spread));
         scenario.start_in_view = in_share(self.start_in_view, view);
         scenario.look_around = in_share(self.look_around, around);
-        scenario.time_limit_seconds = self.time_limits.then_some(0.0);
-        scenario.look = self.look.map(|look| look.for_episode(seed.own()));
-        scenario.person.clone_from(&self.person);
+        if self.time_limits {
+            scenario.time_limit_seconds = Some(0.0);
+        }
+        scenario.appearance = self.appearance.map(|a| a.for_episode(seed.own()));
         if let Some(person) = scenario.person.as_mut().filter(|_| seed.sentence > 0) {
             person.seed.get_or_insert(seed.own());
         }
-        scenario.sensors.clone_from(&self.sensors);
         for sensor in scenario.sensors.iter_mut().filter(|_| seed.sentence > 0) {
             sensor.seed.get_or_insert(seed.own());
         }
+        scenario
     }
 
-    /// The error that the operator makes on purpose in an episode.
+    /// The intended error of the operator in an episode.
     #[must_use]
     pub fn forced(&self, seed: impl Into<EpisodeSeed>) -> Option<ForcedError> {
         let seed = seed.into();
         self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
-    /// Which specimen of the robot an episode has. Those of another purpose are others.
+    /// The robot specimen of an episode. Those of another purpose are others.
     fn specimen(&self, seed: EpisodeSeed) -> Option<u64> {
         let kinds = Purpose::ALL.iter();
         let kind = kinds.take_while(|p| **p != Purpose::of_seed(seed.scene));
         let kind = kind.count() as u64;
-        let among = u64::from(self.robots);
+        let among = u64::from(self.specimens);
         let which = seed.scene.wrapping_add(u64::from(seed.sentence));
         (among > 0).then(|| (kind + 1) * 1_000_000 + which % among)
     }
 
-    /// As one line with sentence number `sentence`, empty where nothing is said: what
-    /// was begun before this could be said goes on.
+    /// The settings as one line with sentence number `sentence`, for logs and their resume.
+    /// Empty for the defaults. The words are those of logs up to contract 2, which go on.
     #[must_use]
     pub fn words(&self, sentence: u32) -> String {
+        let mut shared = self.scenario.clone();
+        let starts = Starts::from_proto(shared.starts()).unwrap_or_default();
+        shared.set_starts(v1::Starts::Unspecified);
+        let style = shared
+            .style
+            .take()
+            .filter(|style| style != Style::default().name());
+        let (variant_share, person) = (shared.variant_share.take(), shared.person.take());
+        let sensors: Vec<String> = shared.sensors.drain(..).map(|s| s.text()).collect();
+        // Written by [`Variation::images_and_rates`].
+        clear_images_and_rates(&mut shared);
         let mut words = String::new();
-        if self.starts != Starts::default() {
-            words.push_str(&format!(" starts={}", self.starts.name()));
+        let mut add = |word: String| {
+            words.push(' ');
+            words.push_str(&word);
+        };
+        if starts != Starts::default() {
+            add(format!("starts={}", starts.name()));
         }
-        if let Some(share) = self.bear_share {
-            words.push_str(&format!(" bear_share={share}"));
+        if let Some(share) = variant_share {
+            add(format!("bear_share={share}"));
         }
-        if self.robots > 0 {
-            words.push_str(&format!(" robots={}", self.robots));
+        if self.specimens > 0 {
+            add(format!("robots={}", self.specimens));
         }
-        if let Some(said) = &self.language {
-            words.push_str(&said.words(sentence));
+        if let Some(language) = &self.language {
+            add(language.words(sentence).trim_start().to_owned());
         }
         if let Some(disturb) = &self.disturb {
-            words.push_str(&disturb.words());
+            add(disturb.words().trim_start().to_owned());
         }
-        if self.style != Style::default() {
-            words.push_str(&format!(" style={}", self.style.name()));
+        if let Some(style) = style {
+            add(format!("style={style}"));
         }
         if self.time_limits {
-            words.push_str(" time_limits");
+            add("time_limits".to_owned());
         }
         for (name, share) in [
             ("start_in_view", self.start_in_view),
             ("look_around", self.look_around),
         ] {
             if share > 0.0 {
-                words.push_str(&format!(" {name}={share}"));
+                add(format!("{name}={share}"));
             }
         }
-        if let Some(look) = &self.look {
-            words.push_str(&format!(" look={look}"));
+        if let Some(appearance) = &self.appearance {
+            add(format!("look={appearance}"));
         }
-        if let Some(person) = &self.person {
-            words.push_str(&format!(" person={}", person.text()));
+        if let Some(person) = &person {
+            add(format!("person={}", person.text()));
         }
-        if !self.sensors.is_empty() {
-            let sensors: Vec<String> = self.sensors.iter().map(|sensor| sensor.text()).collect();
-            words.push_str(&format!(" sensors={}", sensors.join(",")));
+        if !sensors.is_empty() {
+            add(format!("sensors={}", sensors.join(",")));
+        }
+        if shared != v1::Scenario::default() {
+            add(format!(
+                "scenario={}",
+                wheelarm_dataset::scenario_text::scenario_json(&shared)
+            ));
         }
         words
     }
-}
 
-/// Reads who sits in the chair, as `--person` does.
-///
-/// # Errors
-/// The text and its form.
-pub fn read_person<'de, D: Deserializer<'de>>(from: D) -> Result<Option<v1::Person>, D::Error> {
-    let text = String::deserialize(from)?;
-    let read = v1::Person::from_text(&text).map_err(D::Error::custom)?;
-    Ok(Some(read))
-}
-
-/// Reads sensor models of a plan or a split, a list of `MODEL[@CAMERA][=STRENGTH]`.
-///
-/// # Errors
-/// The text and its form.
-pub fn read_sensors<'de, D: Deserializer<'de>>(
-    from: D,
-) -> Result<Vec<v1::SensorSetting>, D::Error> {
-    let texts = Vec::<String>::deserialize(from)?;
-    let read = texts.iter().map(|text| v1::SensorSetting::from_text(text));
-    let read: Vec<_> = read.collect::<Result<_, _>>().map_err(D::Error::custom)?;
-    let place = |sensor: &v1::SensorSetting| (sensor.model.clone(), sensor.camera.clone());
-    for (i, sensor) in read.iter().enumerate() {
-        if read[..i]
-            .iter()
-            .any(|before| place(before) == place(sensor))
-        {
-            let words = format!(
-                "the sensor {:?} stands there twice; leave one out",
-                texts[i]
-            );
-            return Err(D::Error::custom(words));
-        }
+    /// Scene, robot, cameras, rates and quality as one line, for logs and their resume.
+    #[must_use]
+    pub fn images_and_rates(&self) -> [String; 7] {
+        let s = &self.scenario;
+        let quality = Quality::from_proto(s.quality()).unwrap_or_default();
+        [
+            s.scene.clone(),
+            s.robot.clone(),
+            camera_words(s).join(","),
+            s.state_rate_hz.unwrap_or(STATE_HZ).to_string(),
+            s.imu_rate_hz.unwrap_or(IMU_HZ).to_string(),
+            s.imu_noise().to_string(),
+            quality.name().to_owned(),
+        ]
     }
-    Ok(read)
+}
+
+/// Rate of the state streams at start-up, Hz.
+pub const STATE_HZ: f64 = 60.0;
+/// Rate of the IMU at start-up, Hz.
+pub const IMU_HZ: f64 = 240.0;
+
+/// The cameras of a scenario, `NAME=WIDTHxHEIGHT@HZ` each.
+#[must_use]
+pub fn camera_words(scenario: &v1::Scenario) -> Vec<String> {
+    scenario
+        .cameras
+        .iter()
+        .map(v1::CameraSetting::text)
+        .collect()
+}
+
+fn clear_images_and_rates(scenario: &mut v1::Scenario) {
+    scenario.scene.clear();
+    scenario.robot.clear();
+    scenario.cameras.clear();
+    (scenario.state_rate_hz, scenario.imu_rate_hz) = (None, None);
+    scenario.imu_noise = None;
+    scenario.set_quality(v1::RenderQuality::Unspecified);
 }
 
 #[cfg(test)]
@@ -193,12 +438,12 @@ mod tests {
     #[test]
     fn specimens_repeat_among_seeds_of_one_purpose_and_never_across() {
         let variation = Variation {
-            robots: 7,
+            specimens: 7,
             ..Variation::default()
         };
         let of = |seeds: std::ops::Range<u64>| {
-            let drawn = seeds.filter_map(|seed| variation.specimen(seed.into()));
-            drawn.collect::<std::collections::BTreeSet<u64>>()
+            let sampled = seeds.filter_map(|seed| variation.specimen(seed.into()));
+            sampled.collect::<std::collections::BTreeSet<u64>>()
         };
         let (train, claim) = (of(10_000..10_100), of(500..600));
         assert_eq!((train.len(), claim.len()), (7, 7));
@@ -207,22 +452,27 @@ mod tests {
     }
 
     #[test]
-    fn a_scenario_takes_over_what_is_said() {
+    fn an_episode_has_the_shared_fields_and_its_sampled_ones() {
         let variation = Variation {
-            starts: Starts::Anywhere,
-            bear_share: Some(0.5),
-            robots: 3,
+            scenario: v1::Scenario {
+                starts: v1::Starts::Anywhere.into(),
+                variant_share: Some(0.5),
+                sensors: vec![v1::SensorSetting::from_text("imu=2").unwrap()],
+                ..v1::Scenario::default()
+            },
+            specimens: 3,
             language: Some(Language::new(7, LanguageSplit::Train)),
-            look: LookText::read("*:light=3").ok(),
-            sensors: vec![v1::SensorSetting::from_text("imu=2").unwrap()],
+            appearance: AppearanceText::read("*:light=3").ok(),
             ..Variation::default()
         };
-        let mut scenario = v1::Scenario::default();
-        variation.apply(10_001, &mut scenario);
+        let scenario = variation.for_episode(10_001);
         assert_eq!(scenario.starts(), v1::Starts::Anywhere);
         assert_eq!(scenario.variant_share, Some(0.5));
-        let look = scenario.look.unwrap();
-        assert_eq!((look.seed, look.light, look.lens), (10_001, 3, 0));
+        let appearance = scenario.appearance.unwrap();
+        assert_eq!(
+            (appearance.seed, appearance.light, appearance.lens),
+            (10_001, 3, 0)
+        );
         assert_eq!(scenario.calibration_seed, variation.specimen(10_001.into()));
         assert_eq!(scenario.language.as_ref().map(|l| l.seed), Some(7));
         assert_eq!(
@@ -241,8 +491,7 @@ mod tests {
         };
         let mut counts = [0, 0, 0];
         for seed in 70_000..70_200 {
-            let mut scenario = v1::Scenario::default();
-            variation.apply(seed, &mut scenario);
+            let scenario = variation.for_episode(seed);
             let found = [scenario.start_in_view(), scenario.look_around()];
             counts[0] += u32::from(found[0]);
             counts[1] += u32::from(found[1]);
@@ -252,34 +501,31 @@ mod tests {
         assert!((38..=42).contains(&counts[1]), "{counts:?}");
         assert!((6..=18).contains(&counts[2]), "{counts:?}");
         assert_eq!(variation.words(0), " start_in_view=0.3 look_around=0.2");
-        let mut scenario = v1::Scenario::default();
-        Variation::default().apply(1, &mut scenario);
+        let scenario = Variation::default().for_episode(1);
         assert_eq!((scenario.start_in_view, scenario.look_around), (None, None));
     }
 
     #[test]
     fn episodes_with_one_scene_differ_in_all_but_the_scene() {
         let variation = Variation {
-            robots: 5,
+            specimens: 5,
             language: Some(Language::new(7, LanguageSplit::Train)),
-            look: LookText::read("*").ok(),
+            appearance: AppearanceText::read("*").ok(),
             disturb: Some(Disturb::all(1, 0.5)),
             ..Variation::default()
         };
         let of = |sentence| {
-            let mut scenario = v1::Scenario::default();
             let seed = EpisodeSeed {
                 scene: 10_001,
                 sentence,
             };
-            variation.apply(seed, &mut scenario);
-            (scenario, seed.own())
+            (variation.for_episode(seed), seed.own())
         };
         let [(first, own), (second, other)] = [of(0), of(1)];
         assert_eq!(own, 10_001);
         assert_ne!(own, other);
         assert_eq!(second.language.map(|l| l.seed), Some(8));
-        assert_ne!(first.look, second.look);
+        assert_ne!(first.appearance, second.appearance);
         assert_ne!(first.calibration_seed, second.calibration_seed);
         assert_ne!(first.disturbances, second.disturbances);
         let scenes = 10_000..10_400;
@@ -293,5 +539,38 @@ mod tests {
             errors.collect::<Vec<_>>()
         });
         assert_ne!(first, second);
+    }
+
+    fn mistake(text: &str) -> String {
+        let scenario = toml::from_str(text).unwrap();
+        let checked = VariationFile::default().checked(Spanned::new(0..0, scenario));
+        checked.map(|_| ()).unwrap_err().1
+    }
+
+    #[test]
+    fn values_that_every_episode_would_be_refused_for_are_refused_at_once() {
+        for (text, words) in [
+            ("seed = 3", "use first_seed"),
+            ("look_around = true", "a share"),
+            ("appearance = { seed = 1 }", "appearance of [variation]"),
+            ("style = \"slow\"", "quick, human"),
+            ("variant_share = 2.0", "0 to 1"),
+            ("imu_rate_hz = 7.0", "does not divide 240"),
+            ("sensors = [{ model = \"imu\", strength = 4.0 }]", "0 to 3"),
+            (
+                "sensors = [{ model = \"imu\" }, { model = \"imu\" }]",
+                "listed twice",
+            ),
+        ] {
+            let problem = mistake(text);
+            assert!(problem.contains(words), "{text}: {problem}");
+        }
+    }
+
+    #[test]
+    fn a_shared_field_without_a_word_of_its_own_is_part_of_the_settings() {
+        let mut variation = Variation::default();
+        variation.scenario.variant = Some("bear".to_owned());
+        assert_eq!(variation.words(0), " scenario={\"variant\":\"bear\"}");
     }
 }

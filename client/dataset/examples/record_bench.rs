@@ -44,7 +44,7 @@ fn main() -> anyhow::Result<()> {
     let distinct = pairs.len() as u64;
     let raw: usize = pairs[0]
         .iter()
-        .map(|f| f.rgb.len() + f.depth.len() + f.ids.len())
+        .map(|f| f.color.len() + f.depth.len() + f.segmentation.len())
         .sum();
 
     let baseline = raw_disk(&dir, &pairs, frames)?;
@@ -152,9 +152,9 @@ fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
         2 * frame
     );
     let picture = |camera: &str, from: usize| v1::CameraFrame {
-        rgb: bytes.slice(from..from + 3 * PIXELS),
+        color: bytes.slice(from..from + 3 * PIXELS),
         depth: bytes.slice(from + 3 * PIXELS..from + 7 * PIXELS),
-        ids: bytes.slice(from + 7 * PIXELS..from + frame),
+        segmentation: bytes.slice(from + 7 * PIXELS..from + frame),
         ..synthetic::smooth::picture(
             camera,
             synthetic::header(0, 0),
@@ -175,9 +175,9 @@ fn raw_disk(dir: &Path, pairs: &[[v1::CameraFrame; 2]], frames: u64) -> anyhow::
     let clock = Instant::now();
     for i in 0..frames {
         for frame in &pairs[i as usize % pairs.len()] {
-            file.write_all(&frame.rgb)?;
+            file.write_all(&frame.color)?;
             file.write_all(&frame.depth)?;
-            file.write_all(&frame.ids)?;
+            file.write_all(&frame.segmentation)?;
         }
     }
     file.sync_all()?;

@@ -10,7 +10,7 @@ pub const PHYSICS: &str = "physics";
 pub fn end_cause(cause: v1::EndCause) -> &'static str {
     match cause {
         v1::EndCause::Unspecified => "",
-        v1::EndCause::Asked => "asked",
+        v1::EndCause::Requested => "asked",
         v1::EndCause::Physics => PHYSICS,
         v1::EndCause::Recorders => "recorders",
         v1::EndCause::Shutdown => "shutdown",

@@ -9,7 +9,7 @@ pub const VISIBLE_PIXELS: usize = 16;
 /// Bytes of one id of a picture.
 #[must_use]
 pub fn bytes(frame: &v1::CameraFrame) -> usize {
-    match frame.ids_format() {
+    match frame.segmentation_format() {
         v1::PixelFormat::IdU16 => 2,
         _ => 1,
     }

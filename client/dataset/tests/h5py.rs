@@ -60,8 +60,8 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
                 let view = ([i as f64 * 0.1, 0.0, 1.4], 0.2, 0.3);
                 let frame = synthetic::smooth::picture(camera, header, (96, 54), view);
                 if camera == "gen3" {
-                    sums[0] += frame.rgb.iter().map(|&b| u64::from(b)).sum::<u64>();
-                    let ids = wheelarm_dataset::ids::read(&frame.ids, 2);
+                    sums[0] += frame.color.iter().map(|&b| u64::from(b)).sum::<u64>();
+                    let ids = wheelarm_dataset::ids::read(&frame.segmentation, 2);
                     sums[1] += ids.iter().map(|&id| u64::from(id)).sum::<u64>();
                 }
                 let stream = StreamId::camera(camera).to_string();

@@ -328,11 +328,11 @@ fn observation(
         .filter(|camera| episode.cameras.contains_key(&camera.name));
     let pictures = pictures.map(|camera| {
         let size = &episode.cameras[&camera.name];
-        v1::PolicyPicture {
+        v1::PolicyImage {
             camera: camera.name.clone(),
             width: size.width as u32,
             height: size.height as u32,
-            rgb: episode.picture(&camera.name, row).to_vec().into(),
+            color: episode.picture(&camera.name, row).to_vec().into(),
             ..Default::default()
         }
     });
@@ -343,9 +343,9 @@ fn observation(
         first: row == 0,
         tick: row as u64,
         instruction: episode.about.instruction.clone(),
-        moments: vec![v1::PolicyMoment {
+        steps: vec![v1::PolicyStep {
             state_values: state.collect(),
-            pictures: pictures.collect(),
+            images: pictures.collect(),
         }],
     }
 }

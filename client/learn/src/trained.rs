@@ -77,8 +77,8 @@ impl Trained {
     }
 
     /// What is wrong with an observation, or its newest moment.
-    fn moment<'a>(&self, seen: &'a v1::PolicyObservation) -> anyhow::Result<&'a v1::PolicyMoment> {
-        let moment = seen.moments.last().context("there is no moment in it")?;
+    fn moment<'a>(&self, seen: &'a v1::PolicyObservation) -> anyhow::Result<&'a v1::PolicyStep> {
+        let moment = seen.steps.last().context("there is no moment in it")?;
         let expected = self.card.state.names.len();
         ensure!(
             moment.state_values.len() == expected,
@@ -93,12 +93,12 @@ impl Trained {
             anyhow::bail!("{name} is {value}");
         }
         ensure!(
-            moment.pictures.len() == self.card.cameras.len(),
+            moment.images.len() == self.card.cameras.len(),
             "it has {} pictures, expected {}",
-            moment.pictures.len(),
+            moment.images.len(),
             self.card.cameras.len()
         );
-        for (picture, camera) in moment.pictures.iter().zip(&self.card.cameras) {
+        for (picture, camera) in moment.images.iter().zip(&self.card.cameras) {
             ensure!(
                 picture.camera == camera.name,
                 "a picture of {:?} where one of {:?} belongs",
@@ -117,10 +117,10 @@ impl Trained {
             );
             let bytes = camera.width * camera.height * 3;
             ensure!(
-                picture.rgb.len() == bytes,
+                picture.color.len() == bytes,
                 "the picture of {} has {} bytes, expected {bytes}",
                 camera.name,
-                picture.rgb.len()
+                picture.color.len()
             );
         }
         Ok(moment)
@@ -147,12 +147,12 @@ impl Trained {
     /// starts from the noise of seed and tick.
     fn rows(
         &self,
-        seen: &[(&v1::PolicyObservation, &v1::PolicyMoment)],
+        seen: &[(&v1::PolicyObservation, &v1::PolicyStep)],
         noise: &dyn Fn(u64, u64) -> Vec<f32>,
     ) -> Vec<Vec<f32>> {
         let (shape, batch) = (&self.card.network, seen.len());
-        let pictures = seen.iter().flat_map(|(_, moment)| &moment.pictures);
-        let pictures: Vec<&[u8]> = pictures.map(|p| p.rgb.as_ref()).collect();
+        let pictures = seen.iter().flat_map(|(_, moment)| &moment.images);
+        let pictures: Vec<&[u8]> = pictures.map(|p| p.color.as_ref()).collect();
         let states = seen.iter().flat_map(|(_, moment)| self.state(moment));
         let states = TensorData::new(states.collect::<Vec<_>>(), [batch, shape.state]);
         let sentences = seen.iter().map(|(s, _)| s.instruction.as_str());
@@ -192,7 +192,7 @@ impl Trained {
     }
 
     /// The state as the network was trained with.
-    fn state(&self, moment: &v1::PolicyMoment) -> Vec<f32> {
+    fn state(&self, moment: &v1::PolicyStep) -> Vec<f32> {
         let state = &self.card.state;
         let numbers = moment.state_values.iter().zip(&state.mean);
         let numbers = numbers.zip(&state.std).zip(&self.hidden);

@@ -44,16 +44,16 @@ fn answers(name: &str) -> Answers {
     let pictures = ["left", "right"]
         .iter()
         .zip(each)
-        .map(|(camera, rgb)| v1::PolicyPicture {
+        .map(|(camera, rgb)| v1::PolicyImage {
             camera: (*camera).to_owned(),
             width: *width as u32,
             height: *height as u32,
             rgb: rgb.to_vec().into(),
             ..Default::default()
         });
-    let moment = v1::PolicyMoment {
+    let moment = v1::PolicyStep {
         state_values: numbers("state").into_iter().map(f64::from).collect(),
-        pictures: pictures.collect(),
+        images: pictures.collect(),
     };
     Answers {
         seen: v1::PolicyObservation {
@@ -61,7 +61,7 @@ fn answers(name: &str) -> Answers {
             seed: 3,
             tick: 240,
             instruction: sentence,
-            moments: vec![moment],
+            steps: vec![moment],
             ..Default::default()
         },
         noise: numbers("noise"),
@@ -78,7 +78,7 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
 }
 
 /// Makes a moment one that does not fit.
-type Spoil = fn(&mut v1::PolicyMoment);
+type Spoil = fn(&mut v1::PolicyStep);
 
 const CASES: [&str; 7] = [
     "act",
@@ -101,7 +101,7 @@ fn answers_are_those_of_pytorch() {
         assert!(error < 1e-4, "{name}: {error}");
         // A sentence and a picture are looked at, so that equality says something.
         let mut other = told.seen.clone();
-        other.moments[0].pictures[1].rgb = vec![90; 41 * 50 * 3].into();
+        other.steps[0].images[1].color = vec![90; 41 * 50 * 3].into();
         assert!(apart(&policy.answer(&other, &told.noise).expect("rows"), &rows) > 1e-3);
         if !policy.card().vocabulary.is_empty() {
             let mut other = told.seen.clone();
@@ -124,22 +124,22 @@ fn a_batch_is_answered_in_order_and_what_does_not_fit_in_words() {
         let spoilt: [(&str, Spoil); 5] = [
             ("state has 4", |m| m.state_values.truncate(4)),
             ("beta is NaN", |m| m.state_values[1] = f64::NAN),
-            ("1 pictures", |m| m.pictures.truncate(1)),
+            ("1 pictures", |m| m.images.truncate(1)),
             ("41x50", |m| {
-                (m.pictures[0].width, m.pictures[0].height) = (41, 50)
+                (m.images[0].width, m.images[0].height) = (41, 50)
             }),
-            ("5 bytes", |m| m.pictures[1].rgb = vec![0; 5].into()),
+            ("5 bytes", |m| m.images[1].color = vec![0; 5].into()),
         ];
         for (words, spoil) in spoilt {
             let mut seen = key(&told.seen, words);
-            spoil(&mut seen.moments[0]);
+            spoil(&mut seen.steps[0]);
             all.push(seen);
         }
         let mut late = key(&told.seen, "late");
-        late.moments[0].state_values[0] += 1.0;
+        late.steps[0].state_values[0] += 1.0;
         all.push(late);
         let mut empty = key(&told.seen, "no moment");
-        empty.moments.clear();
+        empty.steps.clear();
         all.push(empty);
         let reply = policy.infer(&v1::InferRequest { observations: all });
         assert_eq!(reply.chunks.len(), 8);

@@ -63,7 +63,7 @@ fn request<R: Message + Default>(
 }
 
 fn observation(key: &str) -> v1::PolicyObservation {
-    let picture = |camera: &str| v1::PolicyPicture {
+    let picture = |camera: &str| v1::PolicyImage {
         camera: camera.to_owned(),
         width: 50,
         height: 41,
@@ -76,9 +76,9 @@ fn observation(key: &str) -> v1::PolicyObservation {
         first: true,
         tick: 48,
         instruction: "get me the mug".to_owned(),
-        moments: vec![v1::PolicyMoment {
+        steps: vec![v1::PolicyStep {
             state_values: vec![0.1, -0.2, 0.3, 0.4, 0.5],
-            pictures: vec![picture("left"), picture("right")],
+            images: vec![picture("left"), picture("right")],
         }],
     }
 }
@@ -170,7 +170,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     let again = infer(vec![observation("one")]).expect("an answer");
     assert_eq!(one, again, "the noise follows from seed and tick");
     let mut bad = observation("bad");
-    bad.moments[0].state_values.clear();
+    bad.steps[0].state_values.clear();
     let all = infer(vec![bad, observation("two")]).expect("an answer");
     assert_eq!(all.chunks[0].episode_key, "bad");
     assert!(

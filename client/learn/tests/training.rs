@@ -150,9 +150,9 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
     for row in 0..ROWS - 4 {
         let seen = v1::PolicyObservation {
             instruction: "follow the bar".to_owned(),
-            moments: vec![v1::PolicyMoment {
+            steps: vec![v1::PolicyStep {
                 state_values: vec![0.3; 3],
-                pictures: vec![v1::PolicyPicture {
+                images: vec![v1::PolicyImage {
                     camera: "eye".to_owned(),
                     width: SIDES[1] as u32,
                     height: SIDES[0] as u32,

@@ -135,7 +135,7 @@ impl Compressed {
 /// Reads a message; without words where nobody compressed the picture.
 fn read(payload: Bytes) -> Result<Picture, Option<String>> {
     let frame = v1::CompressedCameraFrame::decode(payload).map_err(|e| Some(e.to_string()))?;
-    if frame.rgb.is_empty() && frame.depth.is_empty() && frame.ids.is_empty() {
+    if frame.color.is_empty() && frame.depth.is_empty() && frame.segmentation.is_empty() {
         return Err(None);
     }
     let exact = Digest::try_from(&frame.digest[..])

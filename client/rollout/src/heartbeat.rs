@@ -69,7 +69,7 @@ impl Heartbeat {
     }
 
     /// Adds the time since the last look to both clocks.
-    pub fn look(&self) {
+    pub fn appearance(&self) {
         let mut state = self.state.lock();
         let passed = state.looked.elapsed().min(self.longest);
         state.looked = Instant::now();
@@ -208,7 +208,7 @@ mod tests {
         let mut state = heartbeat.state.lock();
         state.looked = state.looked.checked_sub(passed).expect("an earlier time");
         drop(state);
-        heartbeat.look();
+        heartbeat.appearance();
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub struct Playback {
     /// Instruction of the recording.
     pub instruction: String,
     /// The recorded states, one at least.
-    pub states: Vec<v1::ShowRequest>,
+    pub states: Vec<v1::PlaybackRequest>,
     /// Receives the robot that the server loaded.
     pub check_robot: Arc<dyn Fn(&v1::RobotDescription) + Send + Sync>,
 }
@@ -70,7 +70,11 @@ pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<F
     })
 }
 
-fn show(session: &Session<'_>, link: &Client, states: &[v1::ShowRequest]) -> anyhow::Result<()> {
+fn show(
+    session: &Session<'_>,
+    link: &Client,
+    states: &[v1::PlaybackRequest],
+) -> anyhow::Result<()> {
     for state in states {
         link.request(state)
             .with_context(|| format!("showing the state of tick {}", state.tick))?;

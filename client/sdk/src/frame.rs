@@ -71,9 +71,9 @@ impl Frame {
         let format =
             |plane, number| PixelFormat::try_from(number).map_err(|_| unknown(plane, number));
         let plane = |plane, bytes: &Bytes, wide| length(plane, bytes, wide, &intrinsics);
-        match format("rgb", message.rgb_format)? {
-            PixelFormat::Rgb8 | PixelFormat::Unspecified => plane("rgb", &message.rgb, 3)?,
-            _ => return Err(unknown("rgb", message.rgb_format)),
+        match format("rgb", message.color_format)? {
+            PixelFormat::Rgb8 | PixelFormat::Unspecified => plane("rgb", &message.color, 3)?,
+            _ => return Err(unknown("rgb", message.color_format)),
         }
         let depth = match format("depth", message.depth_format)? {
             PixelFormat::DepthMetresF32 | PixelFormat::Unspecified => {
@@ -92,24 +92,29 @@ impl Frame {
             }
             _ => return Err(unknown("depth", message.depth_format)),
         };
-        let ids = match format("ids", message.ids_format)? {
+        let ids = match format("ids", message.segmentation_format)? {
             PixelFormat::IdU16 => {
-                plane("ids", &message.ids, 2)?;
-                let pixels = message.ids.chunks_exact(2);
+                plane("ids", &message.segmentation, 2)?;
+                let pixels = message.segmentation.chunks_exact(2);
                 pixels.map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
             }
             PixelFormat::IdU8 | PixelFormat::Unspecified => {
-                plane("ids", &message.ids, 1)?;
-                message.ids.iter().copied().map(u16::from).collect()
+                plane("ids", &message.segmentation, 1)?;
+                message
+                    .segmentation
+                    .iter()
+                    .copied()
+                    .map(u16::from)
+                    .collect()
             }
-            _ => return Err(unknown("ids", message.ids_format)),
+            _ => return Err(unknown("ids", message.segmentation_format)),
         };
         Ok(Self {
             header: message.header.ok_or(BadFrame::Missing("header"))?,
             camera: message.camera,
             intrinsics,
             pose: message.pose.ok_or(BadFrame::Missing("pose"))?,
-            rgb: message.rgb,
+            rgb: message.color,
             depth,
             ids,
         })
@@ -208,12 +213,12 @@ mod tests {
                 cy: 0.5,
             }),
             pose: Some(v1::Pose::default()),
-            rgb: Bytes::from_static(&[1, 2, 3, 4, 5, 6]),
+            color: Bytes::from_static(&[1, 2, 3, 4, 5, 6]),
             depth: depth.iter().flat_map(|d| d.to_le_bytes()).collect(),
-            ids: Bytes::from_static(&[0, 1, 7, 0]),
-            rgb_format: PixelFormat::Rgb8.into(),
+            segmentation: Bytes::from_static(&[0, 1, 7, 0]),
+            color_format: PixelFormat::Rgb8.into(),
             depth_format: PixelFormat::DepthMetresF32.into(),
-            ids_format: PixelFormat::IdU16.into(),
+            segmentation_format: PixelFormat::IdU16.into(),
         }
     }
 
@@ -229,8 +234,8 @@ mod tests {
         let coarse = v1::CameraFrame {
             depth: Bytes::from_static(&[0xd0, 0x07, 0, 0]),
             depth_format: PixelFormat::DepthMillimetresU16.into(),
-            ids: Bytes::from_static(&[3, 9]),
-            ids_format: PixelFormat::IdU8.into(),
+            segmentation: Bytes::from_static(&[3, 9]),
+            segmentation_format: PixelFormat::IdU8.into(),
             ..message()
         };
         let coarse = Frame::read(coarse).unwrap();
@@ -247,7 +252,7 @@ mod tests {
         let words = Frame::read(short).unwrap_err().to_string();
         assert!(words.contains("7 bytes, expected 8 for 2x1"), "{words}");
         let other = v1::CameraFrame {
-            ids_format: 99,
+            segmentation_format: 99,
             ..message()
         };
         let refused = Frame::read(other).unwrap_err();

@@ -265,9 +265,9 @@ mod tests {
         let pixels = 4096 * 4096;
         let image = v1::CameraFrame {
             camera: "a".repeat(64),
-            rgb: vec![0; 3 * pixels].into(),
+            color: vec![0; 3 * pixels].into(),
             depth: vec![0; 4 * pixels].into(),
-            ids: vec![0; 2 * pixels].into(),
+            segmentation: vec![0; 2 * pixels].into(),
             intrinsics: Some(v1::Intrinsics::default()),
             pose: Some(v1::Pose::default()),
             header: Some(v1::Header::default()),

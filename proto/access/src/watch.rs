@@ -94,8 +94,8 @@ impl Watch {
     ///
     /// # Errors
     /// As [`Folder::users`].
-    pub fn look(&self) -> Result<Arc<Users>, AccessError> {
-        self.shared.look()
+    pub fn reread(&self) -> Result<Arc<Users>, AccessError> {
+        self.shared.reread()
     }
 }
 
@@ -123,7 +123,7 @@ pub fn follow(
     let admit = Arc::new(admit);
     let again = Arc::clone(&admit);
     let watch = Watch::start(folder, move |users| again(users), problem)?;
-    let users = watch.look()?;
+    let users = watch.reread()?;
     admit(&users);
     // The thread ends with the process.
     std::mem::forget(watch);
@@ -146,7 +146,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn look(&self) -> Result<Arc<Users>, AccessError> {
+    fn reread(&self) -> Result<Arc<Users>, AccessError> {
         let _turn = self.looking.lock().unwrap_or_else(PoisonError::into_inner);
         let mut text = Users::text(&self.path)?;
         let before = {
@@ -180,7 +180,7 @@ impl Shared {
 
     fn follow(&self, problem: &dyn Fn(&str)) {
         loop {
-            let found = self.look().err().map(|error| error.to_string());
+            let found = self.reread().err().map(|error| error.to_string());
             let mut state = self.state();
             if state.ended {
                 return;
@@ -290,7 +290,7 @@ mod tests {
         });
         assert!(
             lab.watch
-                .look()
+                .reread()
                 .unwrap()
                 .get("anna")
                 .unwrap()
@@ -304,7 +304,7 @@ mod tests {
         std::fs::write(lab.folder.users_file(), "[[user]").unwrap();
         let problem = lab.problems.recv_timeout(PATIENCE).unwrap();
         assert!(problem.contains("users.toml"), "{problem}");
-        assert!(lab.watch.look().is_err());
+        assert!(lab.watch.reread().is_err());
         assert!(lab.watch.users().get("anna").is_some());
         assert!(lab.changes.try_recv().is_err());
     }

@@ -60,14 +60,14 @@ fn add(out: &mut Vec<Run>, bytes: Range<usize>, noise: bool) {
 /// would find it.
 fn is_noise(piece: &[u8]) -> bool {
     let from = piece.len().saturating_sub(LOOK) / 2;
-    let look = &piece[from..piece.len().min(from + LOOK)];
+    let appearance = &piece[from..piece.len().min(from + LOOK)];
     let mut last = [[0; WORD]; 1 << 12];
     let mut repeats = 0;
-    for word in look.array_windows::<WORD>() {
+    for word in appearance.array_windows::<WORD>() {
         let hash = u32::from_le_bytes(*word).wrapping_mul(0x9e37_79b1) >> 20;
         let last = &mut last[hash as usize];
         repeats += usize::from(last == word);
         *last = *word;
     }
-    REPEATS * repeats < look.len()
+    REPEATS * repeats < appearance.len()
 }

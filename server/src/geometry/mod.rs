@@ -120,9 +120,9 @@ pub struct Material {
     pub emission: f32,
     /// Procedural texture that multiplies the colour.
     pub texture: Option<Texture>,
-    /// Materials of one family may replace each other in a look.
+    /// Materials of one family may replace each other in an appearance.
     pub family: Option<Family>,
-    /// Share of transmitted light, with a look.
+    /// Share of transmitted light, with an appearance.
     pub transmission: f32,
 }
 

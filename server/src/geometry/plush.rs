@@ -160,20 +160,28 @@ impl Plush {
     /// Moves the vertices between two materials along the skin to where both lobes are
     /// equally close, for smooth seams.
     fn sew(&self, skin: &mut Skin, pitch: f64) {
-        let looks: Vec<usize> = self.lobes.iter().map(|lobe| self.look(lobe)).collect();
+        let appearances: Vec<usize> = self
+            .lobes
+            .iter()
+            .map(|lobe| self.appearance(lobe))
+            .collect();
         let mut meeting = vec![[usize::MAX; 2]; skin.positions.len()];
         for (triangle, lobe) in skin.triangles.iter().zip(&skin.lobes) {
             for corner in triangle {
                 let [first, second] = &mut meeting[*corner as usize];
                 if *first == usize::MAX {
-                    *first = looks[*lobe];
-                } else if *first != looks[*lobe] {
-                    *second = looks[*lobe];
+                    *first = appearances[*lobe];
+                } else if *first != appearances[*lobe] {
+                    *second = appearances[*lobe];
                 }
             }
         }
-        let distance = |look: usize, p: &Point3<f64>| {
-            let own = self.lobes.iter().zip(&looks).filter(|(_, l)| **l == look);
+        let distance = |appearance: usize, p: &Point3<f64>| {
+            let own = self
+                .lobes
+                .iter()
+                .zip(&appearances)
+                .filter(|(_, l)| **l == appearance);
             own.map(|(lobe, _)| lobe.distance(p))
                 .fold(f64::INFINITY, f64::min)
         };
@@ -193,7 +201,7 @@ impl Plush {
     }
 
     /// The first lobe with the same material.
-    fn look(&self, lobe: &Lobe) -> usize {
+    fn appearance(&self, lobe: &Lobe) -> usize {
         let same = |other: &Lobe| other.material == lobe.material;
         self.lobes.iter().position(same).unwrap_or(0)
     }

@@ -141,7 +141,7 @@ impl PostureList {
 /// `looks.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct LooksFile {
+pub(super) struct AppearancesFile {
     #[serde(rename = "origin")]
     _origin: String,
     #[serde(rename = "license")]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
-use super::file::{LooksFile, PersonFile, PostureTable, PosturesFile};
+use super::file::{AppearancesFile, PersonFile, PostureTable, PosturesFile};
 use super::folder::{FOLDER, read};
 use super::mesh::{MeshFile, SkinnedMesh};
 use super::motion::HeadLimits;
@@ -40,7 +40,7 @@ impl Person {
                 "this body does not have this posture: name another",
             )
         })?;
-        let looks: LooksFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
+        let appearances: AppearancesFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
         let file = format!("{FOLDER}/{}/{}", drawn.body, person.mesh);
         let broken = |words: String| {
             Place::file(&file).wrong(
@@ -67,7 +67,7 @@ impl Person {
         let capsules = capsules(&person, &place, &skeleton, joint)?;
         let face_from = capsules.iter().find(|c| c.part == BodyPart::Face);
         let face_from = face_from.map_or(0.0, |c| (c.ends[0].x + c.ends[1].x) / 2.0);
-        let material = |name: &str| material(&looks, &drawn, name);
+        let material = |name: &str| material(&appearances, &drawn, name);
         let mesh = SkinnedMesh::new(raw, head, face_from, material).map_err(broken)?;
         let mouth = person.landmark.get("mouth").ok_or_else(|| {
             let expected = "a point between the lips";
@@ -197,11 +197,14 @@ fn capsules(
 }
 
 /// A material of the mesh with the sampled appearance.
-fn material(looks: &LooksFile, drawn: &SampledPerson, name: &str) -> Option<Material> {
-    let table = looks.material.get(name)?;
-    let skin = looks.skin.iter().find(|s| s.name == drawn.skin)?;
-    let hair = looks.hair.iter().find(|h| h.name == drawn.hair)?;
-    let clothes = looks.clothes.iter().find(|c| c.name == drawn.clothes)?;
+fn material(appearances: &AppearancesFile, drawn: &SampledPerson, name: &str) -> Option<Material> {
+    let table = appearances.material.get(name)?;
+    let skin = appearances.skin.iter().find(|s| s.name == drawn.skin)?;
+    let hair = appearances.hair.iter().find(|h| h.name == drawn.hair)?;
+    let clothes = appearances
+        .clothes
+        .iter()
+        .find(|c| c.name == drawn.clothes)?;
     let bare = clothes.sleeves == "skin";
     let color = match name {
         "skin" => &skin.color,
@@ -217,7 +220,7 @@ fn material(looks: &LooksFile, drawn: &SampledPerson, name: &str) -> Option<Mate
     };
     // Bare forearms have the skin's material.
     let table = match name == "sleeves" && bare {
-        true => looks.material.get("skin")?,
+        true => appearances.material.get("skin")?,
         false => table,
     };
     Some(Material {

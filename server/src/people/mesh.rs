@@ -168,7 +168,7 @@ impl SkinnedMesh {
         };
         let mut surfaces: Vec<Surface> = Vec::new();
         for (name, triangles) in &raw.primitives {
-            let look =
+            let appearance =
                 material(name).ok_or_else(|| format!("looks.toml has no material {name:?}"))?;
             for triangle in triangles {
                 let joint = main(triangle[0]);
@@ -188,12 +188,12 @@ impl SkinnedMesh {
                         ));
                     }
                 };
-                let same = |s: &&mut Surface| s.part == part && s.material == look;
+                let same = |s: &&mut Surface| s.part == part && s.material == appearance;
                 match surfaces.iter_mut().find(same) {
                     Some(surface) => surface.triangles.push(*triangle),
                     None => surfaces.push(Surface {
                         part,
-                        material: look.clone(),
+                        material: appearance.clone(),
                         triangles: vec![*triangle],
                     }),
                 }

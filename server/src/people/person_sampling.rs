@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::file::{LooksFile, PersonFile, PostureList};
+use super::file::{AppearancesFile, PersonFile, PostureList};
 use super::folder::{FOLDER, bodies, find_known, read};
 use super::random;
 use super::setting::{PersonSetting, SampledPerson};
@@ -23,7 +23,7 @@ impl PersonSetting {
     pub fn sample(&self, assets: &Path, scenario_seed: u64) -> Result<SampledPerson, SceneError> {
         let seed = self.seed.unwrap_or(scenario_seed);
         let all = bodies(assets)?;
-        let looks: LooksFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
+        let appearances: AppearancesFile = read(assets, &format!("{FOLDER}/looks.toml"))?;
         let postures: PostureList = read(assets, &format!("{FOLDER}/postures.toml"))?;
         let given = self.drawn.clone().unwrap_or_default();
         let pick = |what, given: &str, requested: &str, names: &[&str], row| {
@@ -37,9 +37,13 @@ impl PersonSetting {
         let names: Vec<&str> = all.iter().map(String::as_str).collect();
         let body = pick("person.body", &given.body, &self.body, &names, BODY)?;
         let person: PersonFile = read(assets, &format!("{FOLDER}/{body}/person.toml"))?;
-        let names: Vec<&str> = looks.skin.iter().map(|s| s.name.as_str()).collect();
+        let names: Vec<&str> = appearances.skin.iter().map(|s| s.name.as_str()).collect();
         let skin = pick("person.skin", &given.skin, &self.skin, &names, SKIN)?;
-        let names: Vec<&str> = looks.clothes.iter().map(|c| c.name.as_str()).collect();
+        let names: Vec<&str> = appearances
+            .clothes
+            .iter()
+            .map(|c| c.name.as_str())
+            .collect();
         let clothes = pick(
             "person.clothes",
             &given.clothes,
@@ -47,8 +51,11 @@ impl PersonSetting {
             &names,
             CLOTHES,
         )?;
-        let all = looks.hair.iter().map(|h| h.name.as_str());
-        let suits = looks.hair.iter().filter(|h| h.ages.contains(&person.age));
+        let all = appearances.hair.iter().map(|h| h.name.as_str());
+        let suits = appearances
+            .hair
+            .iter()
+            .filter(|h| h.ages.contains(&person.age));
         // A requested hair colour is used as it is; a sampled one fits the body.
         let open = given.hair.is_empty() && self.hair.is_empty();
         let names: Vec<&str> = match open {

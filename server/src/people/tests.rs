@@ -143,9 +143,9 @@ fn the_head_starts_straight_moves_smoothly_in_range_and_the_mouth_opens() {
 #[test]
 fn no_skin_is_lighter_than_measured() {
     let path = format!("{}/looks.toml", folder::FOLDER);
-    let looks: file::LooksFile = folder::read(&assets(), &path).unwrap();
-    assert!(looks.skin.len() >= 8);
-    for skin in &looks.skin {
+    let appearances: file::AppearancesFile = folder::read(&assets(), &path).unwrap();
+    assert!(appearances.skin.len() >= 8);
+    for skin in &appearances.skin {
         let channel = |k: usize| {
             let digits = &skin.color[1 + 2 * k..3 + 2 * k];
             let value = f32::from(u8::from_str_radix(digits, 16).unwrap()) / 255.0;

@@ -210,12 +210,12 @@ impl Compressor {
             camera: frame.camera,
             intrinsics: frame.intrinsics,
             pose: frame.pose,
-            rgb: plane(&frame.rgb, RGB, rgb),
+            color: plane(&frame.color, RGB, rgb),
             depth,
-            ids: plane(&frame.ids, IDS, ids),
-            rgb_format: frame.rgb_format,
+            segmentation: plane(&frame.segmentation, IDS, ids),
+            color_format: frame.color_format,
             depth_format,
-            ids_format: frame.ids_format,
+            segmentation_format: frame.segmentation_format,
             digest: digest.to_vec().into(),
         }
     }
@@ -255,9 +255,9 @@ mod tests {
         let metres = (0..100).flat_map(|i| (0.25 * i as f32).to_le_bytes());
         v1::CameraFrame {
             camera: "gen3".into(),
-            rgb: plane(1, 300),
+            color: plane(1, 300),
             depth: metres.collect::<Vec<_>>().into(),
-            ids: plane(3, 200),
+            segmentation: plane(3, 200),
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
             ..v1::CameraFrame::default()
         }
@@ -278,11 +278,11 @@ mod tests {
     fn planes_compressed_by_the_gpu_are_used_and_others_are_compressed_here() {
         let by_adapter = [Some(Bytes::from_static(b"by the adapter")), None, None];
         let message = compressed(Depth::Metres, by_adapter);
-        assert_eq!(&message.rgb[..], b"by the adapter");
+        assert_eq!(&message.color[..], b"by the adapter");
         let exact = frame();
         for (stream, exact, element) in [
             (&message.depth, &exact.depth, METRES),
-            (&message.ids, &exact.ids, IDS),
+            (&message.segmentation, &exact.segmentation, IDS),
         ] {
             let again = inflate(stream, element, exact.len());
             assert_eq!(again.ok().as_deref(), Some(&exact[..]));
@@ -305,6 +305,6 @@ mod tests {
             .collect();
         assert_eq!(again, expected);
         let none = compressed(Depth::Nothing, Deflated::default());
-        assert!(none.depth.is_empty() && !none.ids.is_empty());
+        assert!(none.depth.is_empty() && !none.segmentation.is_empty());
     }
 }

@@ -194,7 +194,7 @@ impl Leases {
                     return;
                 }
                 let before = appearances.load(Ordering::Acquire);
-                let look = {
+                let appearance = {
                     let (appearances, shared, life) =
                         (appearances.clone(), shared.clone(), life.clone());
                     move || {
@@ -205,7 +205,7 @@ impl Leases {
                     }
                 };
                 let thread = std::thread::Builder::new().name("lease".to_owned());
-                if thread.spawn(look).is_err() {
+                if thread.spawn(appearance).is_err() {
                     shared.commander_lost(&life);
                 }
             })

@@ -29,15 +29,15 @@ fn payload(message: impl Message) -> ZBytes {
 /// An encoded image. Its bytes are shared, not copied: they are megabytes.
 fn image_payload(mut frame: v1::CameraFrame) -> ZBytes {
     let images = [
-        (RGB, std::mem::take(&mut frame.rgb)),
+        (RGB, std::mem::take(&mut frame.color)),
         (DEPTH, std::mem::take(&mut frame.depth)),
-        (IDS, std::mem::take(&mut frame.ids)),
+        (IDS, std::mem::take(&mut frame.segmentation)),
     ];
     // In field order, as the whole message would be encoded.
     let formats = v1::CameraFrame {
-        rgb_format: std::mem::take(&mut frame.rgb_format),
+        color_format: std::mem::take(&mut frame.color_format),
         depth_format: std::mem::take(&mut frame.depth_format),
-        ids_format: std::mem::take(&mut frame.ids_format),
+        segmentation_format: std::mem::take(&mut frame.segmentation_format),
         ..v1::CameraFrame::default()
     };
     let mut payload = ZBytes::writer();
@@ -53,12 +53,12 @@ fn image_payload(mut frame: v1::CameraFrame) -> ZBytes {
 /// An encoded image of a sensor; its bytes are shared, not copied.
 fn sensor_payload(mut frame: v1::SensorFrame) -> ZBytes {
     let images = [
-        (RGB, std::mem::take(&mut frame.rgb)),
+        (RGB, std::mem::take(&mut frame.color)),
         (DEPTH, std::mem::take(&mut frame.depth)),
     ];
     // In field order, as the whole message would be encoded.
     let rest = v1::SensorFrame {
-        rgb_format: std::mem::take(&mut frame.rgb_format),
+        color_format: std::mem::take(&mut frame.color_format),
         depth_format: std::mem::take(&mut frame.depth_format),
         camera: std::mem::take(&mut frame.camera),
         exposure_nanos: std::mem::take(&mut frame.exposure_nanos),
@@ -100,7 +100,7 @@ impl Class {
     fn from_topic(topic: &TopicInfo) -> Self {
         match topic.record {
             Record::Columns | Record::Events => Self::State,
-            Record::Pictures => Self::Camera,
+            Record::Images => Self::Camera,
             Record::Unspecified => Self::Protocol,
         }
     }
@@ -492,12 +492,12 @@ mod tests {
                 ..Default::default()
             }),
             pose: Some(v1::Pose::default()),
-            rgb: image(600, 1),
+            color: image(600, 1),
             depth: image(800, 2),
-            ids: image(400, 3),
-            rgb_format: v1::PixelFormat::Rgb8.into(),
+            segmentation: image(400, 3),
+            color_format: v1::PixelFormat::Rgb8.into(),
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
-            ids_format: v1::PixelFormat::IdU16.into(),
+            segmentation_format: v1::PixelFormat::IdU16.into(),
         };
         let sensor = v1::SensorFrame {
             header: frame.header.clone(),

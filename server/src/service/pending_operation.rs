@@ -41,7 +41,7 @@ pub(super) enum PendingOperation {
     /// A recorded state is played back when cameras and recorders are ready.
     Show {
         query: Query,
-        request: Box<v1::ShowRequest>,
+        request: Box<v1::PlaybackRequest>,
     },
     /// An episode begins after earlier images are rendered.
     Start {

@@ -23,12 +23,12 @@ pub(super) fn to_proto(value: &PersonSetting) -> v1::Person {
         mouth_open: value.mouth_open,
         guard: value.guard,
         unguarded: !value.guard,
-        drawn: value.drawn.as_ref().map(drawn),
+        sampled: value.drawn.as_ref().map(drawn),
     }
 }
 
-fn drawn(of: &SampledPerson) -> v1::PersonDrawn {
-    v1::PersonDrawn {
+fn drawn(of: &SampledPerson) -> v1::SampledPerson {
+    v1::SampledPerson {
         body: of.body.clone(),
         posture: of.posture.clone(),
         skin: of.skin.clone(),
@@ -52,8 +52,8 @@ pub(super) fn from_proto(message: &v1::Person) -> Result<Option<PersonSetting>, 
             expected: "false while person.guard is true",
         });
     }
-    let none = v1::PersonDrawn::default();
-    let drawn = message.drawn.as_ref().unwrap_or(&none);
+    let none = v1::SampledPerson::default();
+    let drawn = message.sampled.as_ref().unwrap_or(&none);
     for (what, name) in [
         ("person.body", &message.body),
         ("person.posture", &message.posture),
@@ -83,8 +83,8 @@ pub(super) fn from_proto(message: &v1::Person) -> Result<Option<PersonSetting>, 
             .transpose()?,
         mouth_open: message.mouth_open,
         // Recordings without this field are of versions without the guard.
-        guard: message.guard || (!message.unguarded && message.drawn.is_none()),
-        drawn: message.drawn.as_ref().map(|drawn| SampledPerson {
+        guard: message.guard || (!message.unguarded && message.sampled.is_none()),
+        drawn: message.sampled.as_ref().map(|drawn| SampledPerson {
             body: drawn.body.clone(),
             posture: drawn.posture.clone(),
             skin: drawn.skin.clone(),
@@ -123,7 +123,7 @@ pub(super) fn seated(person: &Person) -> v1::SeatedPerson {
         }
     });
     v1::SeatedPerson {
-        drawn: Some(drawn(&person.drawn)),
+        sampled: Some(drawn(&person.drawn)),
         words: person.words.clone(),
         stature: person.stature,
         mass: person.mass,

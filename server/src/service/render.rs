@@ -25,7 +25,7 @@ use super::preview::Previews;
 use super::priority::step_back;
 use super::sensor_images::{DepthView, SensorImages};
 use super::wakeup::Wakeup;
-use crate::look::SampledLook;
+use crate::appearance::SampledAppearance;
 use crate::people::Person;
 use crate::robot::RobotModel;
 use crate::scene::Scene;
@@ -81,14 +81,18 @@ struct Setup {
 impl Setup {
     /// Renderer of the scenario's cameras, followed by the views of depth sensors.
     fn renderer(&self, views: &[DepthView]) -> Result<(Renderer, RenderScene), RenderError> {
-        let look = self.scenario.look.filter(|look| !look.is_plain());
-        let look = look.map(|look| SampledLook::new(look, &self.scene, &self.assets));
-        let look = look.transpose()?;
+        let appearance = self
+            .scenario
+            .appearance
+            .filter(|appearance| !appearance.is_plain());
+        let appearance = appearance
+            .map(|appearance| SampledAppearance::new(appearance, &self.scene, &self.assets));
+        let appearance = appearance.transpose()?;
         let scene = RenderScene::with_person(
             &self.model,
             &self.scene,
             &self.assets,
-            look.as_ref(),
+            appearance.as_ref(),
             self.person.as_ref(),
         )?;
         let mut cameras = self
@@ -539,11 +543,11 @@ fn message(name: &str, frame: Frame) -> v1::CameraFrame {
             cy: i.cy,
         }),
         pose: Some(convert::pose(&frame.world_from_optical)),
-        rgb: frame.rgb,
+        color: frame.rgb,
         depth: frame.depth,
-        ids: frame.ids,
-        rgb_format: v1::PixelFormat::Rgb8.into(),
+        segmentation: frame.ids,
+        color_format: v1::PixelFormat::Rgb8.into(),
         depth_format: v1::PixelFormat::DepthMetresF32.into(),
-        ids_format: v1::PixelFormat::IdU16.into(),
+        segmentation_format: v1::PixelFormat::IdU16.into(),
     }
 }

@@ -28,7 +28,7 @@ pub enum Lane {
     /// Changes state; executed one after the other, possibly for long.
     Act,
     /// Reads only, or shuts down.
-    Look,
+    Appearance,
 }
 
 impl Lane {
@@ -36,8 +36,8 @@ impl Lane {
     #[must_use]
     pub fn for_query(kind: Query) -> Self {
         match kind {
-            Query::Shutdown => Self::Look,
-            looks if looks.only_looks() => Self::Look,
+            Query::Shutdown => Self::Appearance,
+            appearances if appearances.only_looks() => Self::Appearance,
             _ => Self::Act,
         }
     }
@@ -50,7 +50,7 @@ pub struct RequestQueue<T>(Mutex<Lanes<T>>);
 #[derive(Debug)]
 struct Lanes<T> {
     acts: Waiting<T>,
-    looks: Waiting<T>,
+    appearances: Waiting<T>,
     /// The lane that was served last.
     last: Lane,
 }
@@ -90,8 +90,8 @@ impl<T> Default for RequestQueue<T> {
     fn default() -> Self {
         Self(Mutex::new(Lanes {
             acts: Waiting::new(),
-            looks: Waiting::new(),
-            last: Lane::Look,
+            appearances: Waiting::new(),
+            last: Lane::Appearance,
         }))
     }
 }
@@ -105,7 +105,7 @@ impl<T> RequestQueue<T> {
         let mut lanes = self.0.lock();
         match lane {
             Lane::Act => lanes.acts.put(bytes, request),
-            Lane::Look => lanes.looks.put(bytes, request),
+            Lane::Appearance => lanes.appearances.put(bytes, request),
         }
     }
 
@@ -113,14 +113,14 @@ impl<T> RequestQueue<T> {
     pub fn next(&self, acts: bool) -> Option<T> {
         let mut lanes = self.0.lock();
         let turn = match lanes.last {
-            Lane::Act => [Lane::Look, Lane::Act],
-            Lane::Look => [Lane::Act, Lane::Look],
+            Lane::Act => [Lane::Appearance, Lane::Act],
+            Lane::Appearance => [Lane::Act, Lane::Appearance],
         };
         turn.into_iter().find_map(|lane| {
             let next = match lane {
                 Lane::Act if acts => lanes.acts.next(),
                 Lane::Act => None,
-                Lane::Look => lanes.looks.next(),
+                Lane::Appearance => lanes.appearances.next(),
             };
             lanes.last = if next.is_some() { lane } else { lanes.last };
             next
@@ -130,7 +130,7 @@ impl<T> RequestQueue<T> {
     /// Whether [`RequestQueue::next`] would return a request.
     pub fn is_waiting(&self, acts: bool) -> bool {
         let lanes = self.0.lock();
-        !lanes.looks.queue.is_empty() || (acts && !lanes.acts.queue.is_empty())
+        !lanes.appearances.queue.is_empty() || (acts && !lanes.acts.queue.is_empty())
     }
 }
 
@@ -142,10 +142,10 @@ mod tests {
     fn lanes_are_bounded_served_in_order_and_in_turn() {
         let request_queue = RequestQueue::default();
         for number in 0..ROOM {
-            request_queue.put(Lane::Look, 10, number).unwrap();
+            request_queue.put(Lane::Appearance, 10, number).unwrap();
         }
         assert_eq!(
-            request_queue.put(Lane::Look, 10, 9999),
+            request_queue.put(Lane::Appearance, 10, 9999),
             Err(9999),
             "one too many"
         );
@@ -170,7 +170,7 @@ mod tests {
             request_queue.put(Lane::Act, large, number).unwrap();
         }
         assert_eq!(request_queue.put(Lane::Act, 1, 4), Err(4));
-        request_queue.put(Lane::Look, 1, 5).unwrap();
+        request_queue.put(Lane::Appearance, 1, 5).unwrap();
         assert_eq!(request_queue.next(true), Some(0));
         request_queue.put(Lane::Act, large, 6).unwrap();
     }

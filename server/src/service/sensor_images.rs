@@ -423,8 +423,8 @@ impl Sensor {
         };
         match &mut self.kind {
             Kind::Color(model) => {
-                message.rgb = model.image(&exact).into();
-                message.set_rgb_format(v1::PixelFormat::Rgb8);
+                message.color = model.image(&exact).into();
+                message.set_color_format(v1::PixelFormat::Rgb8);
             }
             Kind::Depth(model) => {
                 message.depth = model.image(&exact, surfaces).into();

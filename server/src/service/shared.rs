@@ -49,7 +49,7 @@ pub(super) struct Shared {
 fn most_bytes(kind: Query) -> usize {
     match kind {
         Query::Reset => 4 << 20,
-        Query::Show => 1 << 20,
+        Query::Playback => 1 << 20,
         Query::EpisodeStart => 128 << 10,
         Query::Reach => 32 << 10,
         _ => 4 << 10,

@@ -5,10 +5,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::scenario::{CameraPlace, HOUSE, Lens, Scenario, ScenarioError};
-use crate::look::camera_error;
+use crate::appearance::camera_error;
 use crate::robot::{CameraMount, RobotModel};
 
-/// Fills in the values sampled from `calibration_seed`, and the offsets of the look,
+/// Fills in the values sampled from `calibration_seed`, and the offsets of the appearance,
 /// for robot cameras without their own lens or mount. Each camera has its own random
 /// stream, independent of the other cameras.
 ///
@@ -33,7 +33,9 @@ pub(super) fn sample(scenario: &mut Scenario, model: &RobotModel) -> Result<(), 
             }
             None => (None, None),
         };
-        let error = scenario.look.map(|look| camera_error(&look, index));
+        let error = scenario
+            .appearance
+            .map(|appearance| camera_error(&appearance, index));
         if let Some(focal) = error.and_then(|error| error.focal) {
             let lens = lens.get_or_insert(described(mount));
             lens.focal = lens.focal.map(|f| f * focal);
@@ -129,7 +131,7 @@ fn nominal(model: &RobotModel, mount: &CameraMount) -> Option<CameraPlace> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::look::Look;
+    use crate::appearance::Appearance;
 
     fn drawn(seed: Option<u64>) -> Scenario {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
@@ -170,22 +172,22 @@ mod tests {
     fn a_look_moves_the_cameras_relative_to_their_calibration() {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").unwrap();
-        let cameras = |look: Look, calibration_seed| {
+        let cameras = |appearance: Appearance, calibration_seed| {
             let mut scenario = Scenario {
                 calibration_seed,
-                look: Some(look),
+                appearance: Some(appearance),
                 ..Scenario::default()
             };
             scenario.name_cameras(["gen3", "wheelchair"].into_iter());
             sample(&mut scenario, &model).unwrap();
             scenario.cameras
         };
-        let off = Look::default();
+        let off = Appearance::default();
         assert!(cameras(off, None).iter().all(|c| c.place.is_none()));
         let (mut farthest, mut widest) = (0.0f64, 0.0f64);
         for seed in 0..60 {
             for strength in 1..=3 {
-                let look = Look {
+                let appearance = Appearance {
                     seed,
                     camera: strength,
                     lens: strength,
@@ -193,7 +195,7 @@ mod tests {
                 };
                 let share = f64::from(strength) / 3.0;
                 let plain = drawn(Some(seed)).cameras;
-                for (moved, plain) in cameras(look, Some(seed)).iter().zip(plain) {
+                for (moved, plain) in cameras(appearance, Some(seed)).iter().zip(plain) {
                     let [moved_at, at] = [moved, &plain].map(|c| c.place.as_ref().unwrap().pose);
                     let error = at.inverse() * moved_at;
                     assert!(error.translation.vector.amax() <= 0.015 * share + 1e-12);
@@ -204,7 +206,10 @@ mod tests {
                     farthest = farthest.max(turn);
                     widest = widest.max((focal - 1.0).abs());
                 }
-                assert_eq!(cameras(look, Some(seed)), cameras(look, Some(seed)));
+                assert_eq!(
+                    cameras(appearance, Some(seed)),
+                    cameras(appearance, Some(seed))
+                );
             }
         }
         assert!(farthest > 7.0 && widest > 0.11, "{farthest} {widest}");

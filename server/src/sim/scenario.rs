@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 use wheelarm_proto::settings::Style;
 use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
 
-use crate::look::Look;
+use crate::appearance::Appearance;
 use crate::people::PersonSetting;
 use crate::robot::ARM_JOINTS;
 use crate::scene::{Placement, Resistance};
@@ -108,7 +108,7 @@ pub struct Scenario {
     /// `None`: from the description.
     pub calibration_seed: Option<u64>,
     /// Visual randomization; `None`: as in the files.
-    pub look: Option<Look>,
+    pub appearance: Option<Appearance>,
     /// Variant of the task's area, empty for the first; `None`: the one with the given
     /// objects, or sampled.
     pub variant: Option<String>,
@@ -176,7 +176,7 @@ impl Default for Scenario {
             language: None,
             target: String::new(),
             calibration_seed: None,
-            look: None,
+            appearance: None,
             variant: None,
             variant_share: None,
             sensors: Vec::new(),
@@ -282,6 +282,116 @@ impl Scenario {
             lens: None,
             place: None,
         }]
+    }
+
+    /// Clears every value that a new scene, task, robot or seed samples again.
+    ///
+    /// Names every field: a new one does not compile until its place is decided.
+    pub fn clear_sampled(&mut self) {
+        let Self {
+            objects,
+            slides,
+            start,
+            rejected_starts,
+            instruction,
+            language,
+            target,
+            variant,
+            arm,
+            knuckle,
+            person,
+            time_limit,
+            requested,
+            scene: _,
+            task: _,
+            seed: _,
+            robot: _,
+            cameras: _,
+            state_rate_hz: _,
+            deformable_rate_hz: _,
+            imu_rate_hz: _,
+            pacing: _,
+            quality: _,
+            imu_noise: _,
+            starts: _,
+            start_in_view: _,
+            look_around: _,
+            calibration_seed: _,
+            appearance: _,
+            variant_share: _,
+            sensors: _,
+            disturbances: _,
+            style: _,
+        } = self;
+        objects.clear();
+        slides.clear();
+        (*start, *rejected_starts) = (None, 0);
+        (*arm, *knuckle, *variant) = (None, None, None);
+        instruction.clear();
+        target.clear();
+        if let Some(language) = language {
+            language.template.clear();
+            language.question.clear();
+        }
+        person.clone_from(&requested.person);
+        if requested.open_limit {
+            *time_limit = Some(0.0);
+        }
+    }
+
+    /// Whether cameras and sensors of this scenario render the same scene as those of
+    /// `other`, so that they are kept over a reset. Poses are not compared.
+    ///
+    /// Names every field: a new one does not compile until its place is decided.
+    #[must_use]
+    pub fn has_images_of(&self, other: &Self) -> bool {
+        let Self {
+            scene,
+            task,
+            seed,
+            robot,
+            cameras,
+            quality,
+            appearance,
+            sensors,
+            person,
+            state_rate_hz: _,
+            deformable_rate_hz: _,
+            imu_rate_hz: _,
+            pacing: _,
+            imu_noise: _,
+            objects: _,
+            slides: _,
+            start: _,
+            rejected_starts: _,
+            starts: _,
+            start_in_view: _,
+            look_around: _,
+            arm: _,
+            knuckle: _,
+            instruction: _,
+            language: _,
+            target: _,
+            calibration_seed: _,
+            variant: _,
+            variant_share: _,
+            disturbances: _,
+            style: _,
+            time_limit: _,
+            requested: _,
+        } = self;
+        let sampled =
+            |person: &Option<PersonSetting>| person.as_ref().and_then(|p| p.drawn.clone());
+        *cameras == other.cameras
+            && *sensors == other.sensors
+            // Their noise is sampled from the seed.
+            && (sensors.is_empty() || *seed == other.seed)
+            && *scene == other.scene
+            && *robot == other.robot
+            && *task == other.task
+            && *quality == other.quality
+            && *appearance == other.appearance
+            && sampled(person) == sampled(&other.person)
     }
 
     /// Replaces [`ALL_CAMERAS`] by the robot's cameras.

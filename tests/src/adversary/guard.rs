@@ -227,7 +227,7 @@ impl GuardRun {
                 verdict.fault = Some(words.to_owned());
                 break;
             }
-            touched += u64::from(look(&sim, tick, &operator, &mut verdict));
+            touched += u64::from(appearance(&sim, tick, &operator, &mut verdict));
         }
         verdict.touched = touched as f64 / verdict.ticks.max(1) as f64;
         Ok(verdict)
@@ -259,7 +259,12 @@ fn in_hand(hand: &Isometry3<f64>, tool: f64) -> Isometry3<f64> {
 }
 
 /// Adds the forces of a tick; whether the person is touched.
-fn look(sim: &Simulation, tick: u64, operator: &Operator, verdict: &mut GuardVerdict) -> bool {
+fn appearance(
+    sim: &Simulation,
+    tick: u64,
+    operator: &Operator,
+    verdict: &mut GuardVerdict,
+) -> bool {
     let snapshot = sim.snapshot();
     let (Some(person), Some(state)) = (sim.person(), &snapshot.person) else {
         return false;

@@ -81,7 +81,7 @@ impl Judge {
     }
 
     /// Looks at the present tick; says whether enough was seen.
-    pub fn look(&mut self, sim: &Simulation) -> bool {
+    pub fn appearance(&mut self, sim: &Simulation) -> bool {
         let snapshot = sim.snapshot();
         let mut say = |what: String| self.broken.push(format!("tick {}: {what}", snapshot.tick));
         let model = sim.model();

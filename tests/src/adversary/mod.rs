@@ -128,7 +128,7 @@ impl Run {
         for tick in 0..ticks {
             let input = policy.input(tick, &sim);
             sim.step(&input);
-            if judge.look(&sim) {
+            if judge.appearance(&sim) {
                 break;
             }
         }

@@ -76,7 +76,7 @@ impl Recorded {
                 input = convert::control_input(&command, &map)?;
             }
             sim.step(&input);
-            if judge.look(&sim) {
+            if judge.appearance(&sim) {
                 break;
             }
         }

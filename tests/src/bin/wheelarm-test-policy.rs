@@ -40,7 +40,7 @@ impl Answers for Misbehaves {
 
 impl Misbehaves {
     fn chunk(&self, observation: &v1::PolicyObservation, together: usize) -> v1::PolicyChunk {
-        let state = &observation.moments[0].state_values;
+        let state = &observation.steps[0].state_values;
         let mut row: Vec<f32> = state[HAND].iter().map(|&v| v as f32).collect();
         row.extend([state[KNUCKLE] as f32, 0.0, 0.0]);
         let mut chunk = v1::PolicyChunk {

@@ -30,7 +30,7 @@ fn everybody_watches_and_asks_what_the_role_allows() {
             let who = match query {
                 Query::Status | Query::Scene | Query::Tasks => all,
                 Query::Snapshot | Query::Episode => "rex ada",
-                Query::Sensors | Query::Show | Query::Shutdown => "ada",
+                Query::Sensors | Query::Playback | Query::Shutdown => "ada",
                 _ => "anna bert ada",
             };
             let key = link.keys().query(query).replace('*', user);

@@ -13,10 +13,12 @@ use super::faults_server::processes;
 
 const PLAN: &str = r#"
 name = "tiny"
+[scenario]
 quality = "fast"
-[[camera]]
+[[scenario.cameras]]
 name = "gen3"
-size = [64, 48]
+width = 64
+height = 48
 [[task]]
 name = "pick_mustard"
 episodes = 2
@@ -247,7 +249,10 @@ fn ends_complete_however_it_is_ended(worker: &str) {
 #[test]
 fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() {
     let plan = PLAN.replace("episodes = 2", "episodes = 3");
-    let plan = plan.replace("[[task]]", "[language]\nseed = 40\nsentences = 2\n[[task]]");
+    let plan = plan.replace(
+        "[[task]]",
+        "[variation.language]\nseed = 40\nsentences = 2\n[[task]]",
+    );
     let (_folder, plan, out) = planned(&plan);
     let args = one_worker(&plan, &out);
     let staged = || std::fs::read_dir(out.join("staging")).map_or(0, Iterator::count);
@@ -419,7 +424,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[test]
 fn one_process_records_what_three_record_and_its_second_episode_is_as_fresh() {
-    let depth = PLAN.replace("quality = \"fast\"", "quality = \"fast\"\ndepth = \"u16\"");
+    let depth = PLAN.replace("[scenario]", "depth = \"u16\"\n[scenario]");
     let (folder, plan, _) = planned(&depth);
     let [process, socket] = ["process", "socket"].map(|worker| {
         let out = folder.path().join(worker);

@@ -80,7 +80,7 @@ fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
 
     let again = folder.path().join("again");
     let file = hindered.path().to_string_lossy();
-    let replay = ["replay", &file, "--looks", "1", "--out"];
+    let replay = ["replay", &file, "--appearances", "1", "--out"];
     let replay = wheelarm(&[&replay[..], &[&again.to_string_lossy()]].concat());
     let text = printed(&replay);
     assert!(replay.status.success(), "{text}");

@@ -204,18 +204,18 @@ fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
     let server = Server::start("versions", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("versions").expect("a name");
-    let request = |key: String, payload: Vec<u8>, encoding: &str| {
+    let send = |key: String, payload: Vec<u8>, encoding: &str| {
         let get = session.get(key).payload(payload).encoding(encoding);
         let replies = get.timeout(WAIT).wait().expect("a query");
         let reply = replies.recv().expect("an answer");
         let error = reply.result().expect_err("a refusal");
         v1::Failure::decode(&*error.payload().to_bytes()).expect("a Failure")
     };
-    let old = request(keys.query(Query::Status), Vec::new(), "zenoh/bytes");
+    let old = send(keys.query(Query::Status), Vec::new(), "zenoh/bytes");
     assert_eq!(old.code(), v1::FailureCode::Version, "{}", old.message);
     assert!(old.message.contains("one build"), "{}", old.message);
     let newer = "application/protobuf;wheelarm.v1.StatusRequest@99";
-    let newer = request(keys.query(Query::Status), Vec::new(), newer);
+    let newer = send(keys.query(Query::Status), Vec::new(), newer);
     assert!(newer.message.contains("version 99"), "{}", newer.message);
     let request = v1::LeaseRequest {
         commander: "anna".into(),
@@ -223,7 +223,7 @@ fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
     };
     let key = keys.query(Query::Lease).replace('*', "ben");
     let own = schema::encoding("wheelarm.v1.LeaseRequest");
-    let foreign = request(key, request.encode_to_vec(), &own);
+    let foreign = send(key, request.encode_to_vec(), &own);
     assert_eq!(
         foreign.code(),
         v1::FailureCode::Foreign,

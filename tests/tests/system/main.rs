@@ -2,6 +2,7 @@
 //! loopback, and the rules that the compiler cannot see.
 
 mod adversarial;
+mod appearances;
 mod broken;
 mod collect;
 mod collect_many;
@@ -20,7 +21,6 @@ mod forgery;
 mod gate;
 mod hashes;
 mod installed;
-mod looks;
 mod multiply;
 mod mutation;
 mod over_ticks;

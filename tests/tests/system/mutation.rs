@@ -211,9 +211,9 @@ fn log() -> Vec<u8> {
                 height: 2,
                 ..Default::default()
             }),
-            rgb: vec![9; 24].into(),
+            color: vec![9; 24].into(),
             depth: vec![0; 32].into(),
-            ids: vec![1; 8].into(),
+            segmentation: vec![1; 8].into(),
             ..Default::default()
         };
         let offered = writer.offer("camera/gen3", picture.encode_to_vec().into());

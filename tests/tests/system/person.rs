@@ -26,7 +26,7 @@ fn a_person_is_drawn_recorded_by_parts_and_replayed_bit_by_bit() {
     let (seated, printed_words) = recorded(&folder.path().join("seated"), &["--person", "any"]);
     let scenario = seated.scenario().expect("the scenario");
     let person = scenario.person.as_ref().expect("a person");
-    let drawn = person.drawn.as_ref().expect("who was drawn");
+    let drawn = person.sampled.as_ref().expect("who was drawn");
     let body = root().join("assets/people").join(&drawn.body);
     assert!(body.join("person.toml").is_file(), "{drawn:?}");
     assert!(!drawn.posture.is_empty() && !drawn.clothes.is_empty());

@@ -123,16 +123,16 @@ fn seen(name: &str, sensors: &[&str]) {
     assert!(all.states.len() >= 24, "{}", all.states.len());
     for (i, (observation, state)) in saw.iter().zip(&all.states).enumerate() {
         assert_eq!(observation.first, i == 0);
-        let [before, now] = observation.moments.as_slice() else {
-            panic!("{} moments", observation.moments.len());
+        let [before, now] = observation.steps.as_slice() else {
+            panic!("{} moments", observation.steps.len());
         };
         assert_eq!(&now.state_values, state, "row {i}");
         let earlier = &all.states[i.saturating_sub(1)];
         assert_eq!(&before.state_values, earlier, "row {i}");
-        for picture in &now.pictures {
+        for picture in &now.images {
             let (camera, at) = recording.seen(&picture.camera, all.rows[i]).expect("one");
             let rgb = camera.rgb(&recording.episode, at).expect("a picture");
-            assert!(picture.rgb == rgb, "{} of row {i}", picture.camera);
+            assert!(picture.color == rgb, "{} of row {i}", picture.camera);
             let has_depth = picture.camera == "gen3" && sensors.is_empty();
             let depth: Vec<u8> = match has_depth {
                 true => {

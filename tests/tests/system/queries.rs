@@ -43,7 +43,7 @@ fn send(
 }
 
 /// What a query was answered, in words where it was refused.
-fn request(link: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
+fn query_reply(link: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
     let (told, answer) = mpsc::channel();
     send(link, query, payload, move |reply| {
         let _ = told.send(reply);
@@ -246,7 +246,7 @@ fn requests_that_are_too_large_are_refused_by_their_length() {
         (Query::Reach, 1 << 20),
         (Query::Lease, 1 << 20),
     ] {
-        let told = request(&link, query, vec![0x0a; bytes]).expect_err("a refusal");
+        let told = query_reply(&link, query, vec![0x0a; bytes]).expect_err("a refusal");
         assert!(told.contains(&format!("{bytes} bytes, at most")), "{told}");
     }
     assert!(server.alive());
@@ -362,7 +362,8 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
             secret: link.secret(),
             ..Default::default()
         };
-        let told = request(&link, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
+        let told =
+            query_reply(&link, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
         assert!(told.contains(word), "{told:?} lacks {word:?}");
         assert!(told.len() < 600, "{} bytes of words", told.len());
     }

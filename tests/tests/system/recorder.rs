@@ -247,9 +247,9 @@ fn pictures_are_compressed_once_and_are_what_every_recorder_writes() {
         };
         assert_eq!((&small.digest[..], small.pose), (&digest[..], frame.pose));
         let planes = [
-            (&small.rgb, &frame.rgb, 1),
+            (&small.color, &frame.color, 1),
             (&small.depth, &frame.depth, 4),
-            (&small.ids, &frame.ids, 2),
+            (&small.segmentation, &frame.segmentation, 2),
         ];
         for (small, plane, element) in planes {
             let mut shuffled = vec![0; plane.len()];

@@ -242,26 +242,17 @@ impl Attempt<'_> {
     /// The requested scenario.
     fn scenario(&self) -> v1::Scenario {
         let plan = &self.setup.plan;
-        let mut scenario = v1::Scenario {
-            scene: plan.scene.clone(),
-            robot: plan.robot.clone(),
+        v1::Scenario {
             task: Some(self.episode.task.clone()),
             seed: Some(self.seed),
-            cameras: plan.cameras.iter().map(|camera| camera.setting()).collect(),
-            state_rate_hz: Some(plan.state_rate),
-            imu_rate_hz: Some(plan.imu_rate),
-            imu_noise: Some(plan.randomise.imu_noise),
             pacing: v1::Pacing::LockStep.into(),
-            quality: plan.quality.code().into(),
-            ..v1::Scenario::default()
-        };
-        plan.variation.apply(self.drawn(), &mut scenario);
-        scenario
+            ..plan.variation.for_episode(self.drawn())
+        }
     }
 
     /// Seed of the operator's profile; the scenario's when absent.
     fn profile_seed(&self) -> Option<u64> {
-        match self.setup.plan.randomise.operator {
+        match self.setup.plan.varied_operator {
             // The scenario's seed, for the first sentence of a scene.
             true => (self.episode.sentence > 0).then(|| self.drawn().own()),
             false => Some(0),

@@ -36,7 +36,7 @@ pub struct Host {
 impl Host {
     /// Looks at this host: affinity, cgroup limits, free memory.
     #[must_use]
-    pub fn look() -> Self {
+    pub fn appearance() -> Self {
         Self {
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             memory: memory(),
@@ -76,9 +76,10 @@ impl Host {
 #[must_use]
 pub fn worker_bytes(plan: &Plan) -> f64 {
     let pixels: f64 = plan
+        .scenario()
         .cameras
         .iter()
-        .map(|camera| f64::from(camera.size[0]) * f64::from(camera.size[1]))
+        .map(|camera| f64::from(camera.width) * f64::from(camera.height))
         .sum();
     WORKER_BYTES + BYTES_PER_PIXEL * pixels
 }
@@ -298,7 +299,7 @@ mod tests {
 
     #[test]
     fn workers_are_bounded_by_cores_and_by_memory() {
-        let text = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [1000, 1000]\n[[task]]\nname = \"a\"\nepisodes = 7\n";
+        let text = "name = \"x\"\n[[scenario.cameras]]\nname = \"gen3\"\nwidth = 1000\nheight = 1000\n[[task]]\nname = \"a\"\nepisodes = 7\n";
         let plan = Plan::parse("p.toml".as_ref(), text.to_owned()).unwrap();
         let workers = |cores, memory| Host { cores, memory }.workers(&plan, 0.0);
         assert_eq!(workers(1, Some(64 << 30)), 1);

@@ -15,6 +15,7 @@ use super::journal::Done;
 use super::loss;
 use super::manifest::Manifest;
 use super::plan::Plan;
+use crate::variation::camera_words;
 
 /// Widest bar of a histogram, characters.
 const BAR: usize = 40;
@@ -162,9 +163,9 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
         scenarios().map(|s| if s.look_around() { "yes" } else { "no" }.to_owned()),
     );
     text += &histogram("Hindered by", scenarios().map(hindrance));
-    let seated = |of: fn(&v1::PersonDrawn) -> &String| {
+    let seated = |of: fn(&v1::SampledPerson) -> &String| {
         scenarios().map(
-            move |s| match s.person.as_ref().and_then(|p| p.drawn.as_ref()) {
+            move |s| match s.person.as_ref().and_then(|p| p.sampled.as_ref()) {
                 Some(drawn) => of(drawn).clone(),
                 None => "nobody".to_owned(),
             },
@@ -261,14 +262,17 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         .iter()
         .map(|o| format!("{}, {}", o[0], o[1]))
         .collect();
-    let cameras: Vec<String> = plan.cameras.iter().map(|camera| camera.word()).collect();
+    let cameras: Vec<String> = camera_words(plan.scenario());
     let mut text = "## How it was made\n\n```sh\nwheelarm collect plan.toml\n```\n\n".to_owned();
     for (key, value) in [
         ("Program", env!("CARGO_PKG_VERSION").to_owned()),
         ("Contract", CONTRACT_VERSION.to_string()),
         ("Physics", PHYSICS_VERSION.to_string()),
         ("Server and graphics adapter", origins.join("; ")),
-        ("Scene, robot", format!("{}, {}", plan.scene, plan.robot)),
+        (
+            "Scene, robot",
+            format!("{}, {}", plan.scenario().scene, plan.scenario().robot),
+        ),
         ("Cameras", cameras.join(", ")),
         ("Differs between episodes", differs(plan)),
         (
@@ -308,7 +312,7 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
             "{kept} (a split of their own: cause, and tick from which each was lost, in \
              `manifest.json`). "
         )),
-        pictures = if plan.variation.sensors.is_empty() {
+        pictures = if plan.scenario().sensors.is_empty() {
             "Pictures are exact and without noise"
         } else {
             "Pictures of `camera/*` are exact and without noise; what the real sensors would \

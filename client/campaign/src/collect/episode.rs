@@ -38,18 +38,11 @@ impl Episode {
 /// The episodes of a plan, in its order.
 #[must_use]
 pub fn episodes(plan: &Plan) -> Vec<Episode> {
-    let cameras: Vec<String> = plan.cameras.iter().map(super::plan::Camera::word).collect();
+    let [scene, robot, cameras, state, imu, noise, quality] = plan.variation.images_and_rates();
     let same = format!(
-        "scene={} robot={} cameras={} state_rate={} imu_rate={} imu_noise={} depth={} quality={} operator={}",
-        plan.scene,
-        plan.robot,
-        cameras.join(","),
-        plan.state_rate,
-        plan.imu_rate,
-        plan.randomise.imu_noise,
+        "scene={scene} robot={robot} cameras={cameras} state_rate={state} imu_rate={imu} imu_noise={noise} depth={} quality={quality} operator={}",
         plan.depth.name(),
-        plan.quality.name(),
-        if plan.randomise.operator {
+        if plan.varied_operator {
             "varied"
         } else {
             "fixed"

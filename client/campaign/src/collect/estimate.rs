@@ -11,6 +11,7 @@ use serde::Deserialize;
 use super::capacity::{Host, PIPELINES, free_disk, is_memory, worker_bytes};
 use super::episode::Episode;
 use super::journal::Ledger;
+use crate::variation::camera_words;
 use wheelarm_proto::settings::{Depth, Named};
 
 use super::plan::Plan;
@@ -164,7 +165,7 @@ pub fn estimate(
     });
     Estimate {
         shares: shares.filter(|share| share.episodes > 0).collect(),
-        sample_rate: plan.sample_rate,
+        sample_rate: plan.sample_rate_hz,
         byte_rate: if measured {
             bytes / simulated
         } else {
@@ -294,8 +295,8 @@ impl Estimate {
     }
 
     fn resources(&self, plan: &Plan, out: &Path, (workers, kept): (usize, f64), text: &mut String) {
-        let host = Host::look();
-        let cameras: Vec<String> = plan.cameras.iter().map(super::plan::Camera::word).collect();
+        let host = Host::appearance();
+        let cameras: Vec<String> = camera_words(plan.scenario());
         let _ = writeln!(
             text,
             "cameras   {} ({} depth)",
@@ -390,7 +391,7 @@ mod tests {
     use super::*;
     use crate::collect::episode::episodes;
 
-    const PLAN: &str = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [100, 100]\n[[task]]\nname = \"a\"\nepisodes = 4\nseconds = 10\nreference_samples = 50\n[[task]]\nname = \"b\"\nepisodes = 2\n";
+    const PLAN: &str = "name = \"x\"\n[[scenario.cameras]]\nname = \"gen3\"\nwidth = 100\nheight = 100\n[[task]]\nname = \"a\"\nepisodes = 4\nseconds = 10\nreference_samples = 50\n[[task]]\nname = \"b\"\nepisodes = 2\n";
 
     #[test]
     fn disk_without_room_is_refused_with_both_sizes() {

@@ -132,7 +132,12 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
         let said = scenario.language.as_ref();
         said.map(|said| (said.seed, said.split))
     };
-    let look = |scenario: &v1::Scenario| scenario.look.as_ref().map(|look| look.seed);
+    let appearance = |scenario: &v1::Scenario| {
+        scenario
+            .appearance
+            .as_ref()
+            .map(|appearance| appearance.seed)
+    };
     let hindered = |scenario: &v1::Scenario| {
         let by = scenario
             .disturbances
@@ -142,7 +147,7 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
     let sensors = |scenario: &v1::Scenario| scenario.sensors.len();
     for (name, same) in [
         ("language", language(recorded) == language(asked)),
-        ("look", look(recorded) == look(asked)),
+        ("look", appearance(recorded) == appearance(asked)),
         ("disturbances", hindered(recorded) == hindered(asked)),
         ("sensors", sensors(recorded) == sensors(asked)),
         (

@@ -123,6 +123,9 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     }
     let path = args.plan.as_deref().context("no plan is named")?;
     let plan = Plan::read(path)?;
+    for warning in &plan.warnings {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
     let out = args.out.clone().or_else(|| plan.out.clone());
     let out = out.unwrap_or_else(|| Path::new("data").join(&plan.name));
     let mine: Vec<Episode> = episodes(&plan)
@@ -141,7 +144,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         &evaluated.transpose()?.unwrap_or_default(),
     );
     let left = mine.len() - ledger.done.len();
-    let host = Host::look();
+    let host = Host::appearance();
     // A recording takes about what its file does.
     let in_memory = args.scratch.as_deref().is_some_and(is_memory);
     let kept = if in_memory {

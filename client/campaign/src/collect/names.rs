@@ -14,8 +14,6 @@ const SURFACES: &str = "surfaces";
 
 /// A name in a plan.
 struct Named<'a> {
-    /// The plan's key.
-    key: &'a str,
     /// What it names, in words.
     what: &'a str,
     name: &'a str,
@@ -27,36 +25,30 @@ struct Named<'a> {
 /// those that it holds; of tasks only a server knows.
 #[must_use]
 pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
-    let named = |key, what, name, known| Named {
-        key,
-        what,
-        name,
-        known,
-    };
+    let named = |what, name, known| Named { what, name, known };
     let mut all = vec![
-        named("scene", "scene", &plan.scene, files(assets, "scenes")),
+        named("scene", &plan.scenario().scene, files(assets, "scenes")),
         named(
             "robot",
-            "robot",
-            &plan.robot,
+            &plan.scenario().robot,
             folders(assets, "robots", "robot.toml"),
         ),
     ];
-    let cameras = cameras(assets, &plan.robot);
-    for camera in &plan.cameras {
-        all.push(named("name", "camera", &camera.name, cameras.clone()));
+    let cameras = cameras(assets, &plan.scenario().robot);
+    for camera in &plan.scenario().cameras {
+        all.push(named("camera", &camera.name, cameras.clone()));
     }
-    let person = plan.variation.person.as_ref();
+    let person = plan.scenario().person.as_ref();
     if let Some(person) = person.filter(|person| person.body != NO_PERSON) {
         let bodies = folders(assets, "people", "person.toml");
-        all.push(named("person", "person", &person.body, bodies));
+        all.push(named("person", &person.body, bodies));
         let postures = tables(assets, "people/postures.toml");
-        all.push(named("person", "posture", &person.posture, postures));
+        all.push(named("posture", &person.posture, postures));
     }
-    for sensor in &plan.variation.sensors {
+    for sensor in &plan.scenario().sensors {
         let mut models = files(assets, "sensors");
         models.retain(|model| model != SURFACES);
-        all.push(named("sensors", "sensor model", &sensor.model, models));
+        all.push(named("sensor model", &sensor.model, models));
     }
     // What is empty is drawn, and what cannot be listed is left to the server.
     let is_unknown = |named: &&Named<'_>| {
@@ -64,7 +56,7 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
         !named.name.is_empty() && !known.is_empty() && !known.iter().any(|k| k == named.name)
     };
     all.iter().find(is_unknown).map(|unknown| {
-        let line = line(&plan.text, unknown.key, unknown.name);
+        let line = line(&plan.text, unknown.name);
         format!(
             "{}{}: the assets hold no {} {:?} (known: {}); correct the name",
             path.display(),
@@ -76,13 +68,11 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
     })
 }
 
-/// The line of a plan that gives `key` a value with `name` in it.
-fn line(text: &str, key: &str, name: &str) -> Option<usize> {
-    let gives = |line: &str| {
-        let value = line.trim_start().strip_prefix(key).map(str::trim_start);
-        value.is_some_and(|value| value.starts_with('=') && value.contains(name))
-    };
-    text.lines().position(gives).map(|before| before + 1)
+/// The first line of a plan that has `name` as a text.
+fn line(text: &str, name: &str) -> Option<usize> {
+    let quoted = format!("\"{name}\"");
+    let found = text.lines().position(|line| line.contains(&quoted));
+    found.map(|before| before + 1)
 }
 
 /// Names of what lies in a folder of the assets, sorted.
@@ -148,7 +138,7 @@ fn cameras(assets: &Path, robot: &str) -> Vec<String> {
 mod tests {
     use super::*;
 
-    const PLAN: &str = "name = \"x\"\nscene = \"home\"\nperson = \"man_p50/hands_in_lap\"\nsensors = [\"imu\", \"kinova_vision@gen3\"]\n[[camera]]\nname = \"gen3\"\nsize = [64, 48]\n[[camera]]\nname = \"room\"\nsize = [64, 48]\n[[task]]\nname = \"pick_mustard\"\nepisodes = 2\n";
+    const PLAN: &str = "name = \"x\"\nscenario.scene = \"home\"\nscenario.person = { body = \"man_p50\", posture = \"hands_in_lap\" }\nscenario.sensors = [{ model = \"imu\" }, { model = \"kinova_vision\", camera = \"gen3\" }]\nscenario.cameras = [\n{ name = \"gen3\", width = 64, height = 48 },\n{ name = \"room\", width = 64, height = 48 },\n]\n[[task]]\nname = \"pick_mustard\"\nepisodes = 2\n";
 
     #[test]
     fn a_name_that_the_assets_lack_is_told_with_its_line_and_those_that_there_are() {
@@ -159,8 +149,8 @@ mod tests {
             unknown(path, &plan, &assets)
         };
         assert_eq!(told("", ""), None);
-        assert_eq!(told("man_p50/hands_in_lap", "any"), None);
-        assert_eq!(told("man_p50/hands_in_lap", "none"), None);
+        assert_eq!(told("body = \"man_p50\", ", ""), None);
+        assert_eq!(told("man_p50", "none"), None);
         for (from, to, line, words) in [
             ("home", "nohome", 2, "no scene \"nohome\" (known: home)"),
             (

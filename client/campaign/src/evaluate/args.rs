@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use clap::Args;
-use wheelarm_proto::look::LookText;
+use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Quality, Starts, Style};
 use wheelarm_proto::v1;
 use wheelarm_rollout::launcher::all_cameras;
@@ -48,7 +48,7 @@ pub struct EvaluateArgs {
     pub episodes: Option<u64>,
     /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
     /// and all else that it draws. With --episodes the first of its seeds.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "look", "language", "language_split", "style"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "appearance", "language", "language_split", "style"])]
     pub split: Option<PathBuf>,
     /// One thing that is made harder than seeds or split say, AXIS=STRENGTH: camera,
     /// noise, light, background, layout, robot, language, depth or delay, 1 to 3. May be
@@ -116,10 +116,10 @@ pub struct EvaluateArgs {
     /// Which templates and names are said: `any`, `train` or `held_out`.
     #[arg(long, default_value = "any", value_parser = named::<LanguageSplit>(), requires = "language")]
     pub language_split: LanguageSplit,
-    /// How it looks: SEED[:AXIS=STRENGTH,…] as the server's --look, `*` in the
+    /// Visual randomization: SEED[:AXIS=STRENGTH,…] as the server's --appearance, `*` in the
     /// place of the seed for each episode's own. Give each its own folder.
-    #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
-    pub look: Option<LookText>,
+    #[arg(long, alias = "look", value_name = "APPEARANCE", value_parser = AppearanceText::read)]
+    pub appearance: Option<AppearanceText>,
     /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], then
     /// ,mouth_open ,motion=0..1 ,unguarded.
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text, conflicts_with = "split")]
@@ -174,8 +174,11 @@ impl EvaluateArgs {
                     split: None,
                     seeds: first..end,
                     variation: Variation {
-                        starts: self.starts,
-                        look: self.look,
+                        scenario: v1::Scenario {
+                            starts: self.starts.code().into(),
+                            ..v1::Scenario::default()
+                        },
+                        appearance: self.appearance,
                         ..Variation::default()
                     },
                 }
@@ -187,9 +190,12 @@ impl EvaluateArgs {
                 self.error_share,
             ));
         }
-        scope.variation.style = self.style;
+        let shared = &mut scope.variation.scenario;
+        if self.style != Style::default() {
+            shared.style = Some(self.style.name().to_owned());
+        }
         if self.person.is_some() {
-            scope.variation.person.clone_from(&self.person);
+            shared.person.clone_from(&self.person);
         }
         scope.variation.time_limits = self.time_limits || self.style == Style::Human;
         if let Some(seed) = self.language {
@@ -215,6 +221,7 @@ impl EvaluateArgs {
         }
         let sees = scope
             .variation
+            .scenario
             .sensors
             .iter()
             .find(|s| !s.camera.is_empty());
@@ -252,7 +259,8 @@ impl EvaluateArgs {
         job: Option<&Job>,
         cameras: Vec<v1::CameraSetting>,
     ) -> v1::Scenario {
-        let mut scenario = v1::Scenario {
+        let shared = job.map(|job| job.variation.for_episode(job.seed));
+        v1::Scenario {
             scene: self.scene.clone(),
             robot: self.robot.clone(),
             task: Some(job.map(|job| job.task.clone()).unwrap_or_default()),
@@ -260,11 +268,7 @@ impl EvaluateArgs {
             cameras,
             pacing: v1::Pacing::LockStep.into(),
             quality: Quality::Standard.code().into(),
-            ..v1::Scenario::default()
-        };
-        if let Some(job) = job {
-            job.variation.apply(job.seed, &mut scenario);
+            ..shared.unwrap_or_default()
         }
-        scenario
     }
 }

@@ -314,7 +314,7 @@ impl Follower {
             }
             // Published after what it is about.
             Sample::Evaluation(s) if self.is_of(s.header.as_ref()) => {
-                self.look(s.header.as_ref().map_or(0, |h| h.stamp_nanos));
+                self.appearance(s.header.as_ref().map_or(0, |h| h.stamp_nanos));
             }
             _ => {}
         }
@@ -370,7 +370,7 @@ impl Follower {
     }
 
     /// Notes what holds now.
-    fn look(&mut self, stamp: u64) {
+    fn appearance(&mut self, stamp: u64) {
         let seconds = stamp.saturating_sub(self.episode.1) as f64 * 1e-9;
         let (Some(chair), Some((target, height))) = (self.chair, self.target()) else {
             return;

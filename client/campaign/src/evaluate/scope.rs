@@ -8,16 +8,15 @@ use anyhow::{Context, bail};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
+use toml::Spanned;
 use wheelarm_proto::installed::file_or_asset;
-use wheelarm_proto::look::LookText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
 use crate::axis::AxisAt;
-use crate::disturb::Disturb;
-use crate::sentences::LanguageFile;
-use crate::variation::{Variation, read_person, read_sensors};
+use crate::renamed_keys;
+use crate::variation::{Variation, VariationFile};
 
 /// Which episodes an evaluation does.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,22 +46,18 @@ struct SplitFile {
     #[serde(deserialize_with = "named")]
     purpose: Purpose,
     seeds: Vec<u64>,
-    #[serde(default, deserialize_with = "named")]
-    starts: wheelarm_proto::settings::Starts,
-    bear_share: Option<f64>,
+    #[serde(default = "empty")]
+    scenario: Spanned<v1::Scenario>,
     #[serde(default)]
-    robots: u32,
-    look: Option<LookText>,
-    disturb: Option<Disturb>,
-    #[serde(default, deserialize_with = "read_person")]
-    person: Option<v1::Person>,
-    #[serde(default, deserialize_with = "read_sensors")]
-    sensors: Vec<v1::SensorSetting>,
-    language: Option<LanguageFile>,
+    variation: VariationFile,
     /// Applied in order, after all else.
     #[serde(default)]
     axes: Vec<AxisAt>,
     frozen: Option<String>,
+}
+
+fn empty() -> Spanned<v1::Scenario> {
+    Spanned::new(0..0, v1::Scenario::default())
 }
 
 fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
@@ -92,10 +87,23 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
         let line = before.map_or(0, |before| before.matches('\n').count()) + 1;
         anyhow::anyhow!("{}:{line}: {}", path.display(), what.trim())
     };
-    let file: SplitFile =
+    let mut table: toml::Table =
         toml::from_str(text).map_err(|problem| at(problem.span(), problem.message()))?;
-    let language = file.language.map(LanguageFile::checked).transpose();
-    let language = language.map_err(|(span, what)| at(Some(span), &what))?;
+    let warnings = renamed_keys::translate(&mut table).map_err(|what| at(None, &what))?;
+    for warning in &warnings {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
+    // The text itself while its keys are those of today, for the lines of errors.
+    let file: SplitFile = match warnings.is_empty() {
+        true => toml::from_str(text).map_err(|e| at(e.span(), e.message()))?,
+        false => toml::from_str(&toml::to_string(&table)?).map_err(|e| at(None, e.message()))?,
+    };
+    if !file.variation.operator {
+        bail!(
+            "{}: variation.operator = false is for plans; the operator of an evaluation varies",
+            path.display()
+        );
+    }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let &[first, end] = file.seeds.as_slice() else {
         bail!(
@@ -120,12 +128,6 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             file.purpose.seeds()
         );
     }
-    if let Some(share) = file.bear_share.filter(|s| !(0.0..=1.0).contains(s)) {
-        bail!(
-            "{}: bear_share is {share}; it is a share, 0 to 1",
-            path.display()
-        );
-    }
     let hash = hash(text)?;
     match &file.frozen {
         Some(frozen) if *frozen != hash => bail!(
@@ -138,17 +140,15 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             path.display()
         ),
     }
-    let mut variation = Variation {
-        starts: file.starts,
-        bear_share: file.bear_share,
-        robots: file.robots,
-        language,
-        look: file.look,
-        sensors: file.sensors,
-        disturb: file.disturb,
-        person: file.person,
-        ..Variation::default()
-    };
+    let scenario = file.scenario.get_ref();
+    if !scenario.scene.is_empty() || !scenario.robot.is_empty() || !scenario.cameras.is_empty() {
+        bail!(
+            "{}: [scenario] of a split has no scene, robot or cameras; use --scene, --robot and --camera",
+            path.display()
+        );
+    }
+    let variation = file.variation.checked(file.scenario);
+    let mut variation = variation.map_err(|(span, what)| at(Some(span), &what))?;
     let layout = file.axes.iter().any(|axis| axis.is_layout());
     file.axes.into_iter().for_each(|axis| variation.set(axis));
     Ok(Scope {
@@ -187,7 +187,6 @@ fn sorted(value: &toml::Value) -> serde_json::Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wheelarm_proto::settings::Starts;
 
     fn problem(text: &str) -> String {
         let problem = parse(Path::new("s.toml"), text).unwrap_err();
@@ -210,14 +209,14 @@ mod tests {
 
     #[test]
     fn a_split_is_held_against_the_hash_that_froze_it() {
-        let open = "purpose = \"develop\"\nseeds = [0, 5]\nstarts = \"anywhere\"\n";
+        let open = "purpose = \"develop\"\nseeds = [0, 5]\nscenario.starts = \"anywhere\"\n";
         let told = problem(open);
         let (_, hash) = told.split_once("frozen = \"").unwrap();
         let line = format!("frozen = \"{}\"\n", &hash[..16]);
         let scope = parse(Path::new("s.toml"), &format!("# why\n{line}{open}")).unwrap();
         assert_eq!(
-            (scope.seeds, scope.variation.starts),
-            (0..5, Starts::Anywhere)
+            (scope.seeds, scope.variation.scenario.starts()),
+            (0..5, v1::Starts::Anywhere)
         );
         let changed = format!("{line}{}", open.replace('5', "6"));
         assert!(
@@ -235,8 +234,8 @@ mod tests {
                 "s.toml:2: unknown field `seed`",
             ),
             (
-                "look = \"7:light=4\"",
-                "s.toml:1: look has \"light=4\", expected a strength",
+                "[variation]\nappearance = \"7:light=4\"",
+                "s.toml:2: appearance has \"light=4\", expected a strength",
             ),
             (
                 "purpose = \"test\"\nseeds = [0, 5]",
@@ -256,12 +255,12 @@ mod tests {
                 "seeds has 3 numbers",
             ),
             (
-                "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu=4\"]",
-                "s.toml:3: \"imu=4\": the strength is 4; allowed is 0 to 3",
+                "purpose = \"develop\"\nseeds = [0, 5]\n[[scenario.sensors]]\nmodel = \"imu\"\nstrength = 4.0",
+                "the strength of the sensor \"imu\" is 4; allowed is 0 to 3",
             ),
             (
                 "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu\", \"imu=2\"]",
-                "s.toml:3: the sensor \"imu=2\" stands there twice",
+                "the sensor \"imu=2\" is listed twice",
             ),
             (
                 "purpose = \"develop\"\nseeds = [0, 5]\naxes = [\"light=2\", \"night=1\"]",
@@ -269,14 +268,14 @@ mod tests {
             ),
             (
                 "purpose = \"develop\"\nseeds = [0, 5]\nsensors = [\"imu=much\"]",
-                "s.toml:3: \"imu=much\" is not MODEL",
+                "\"imu=much\" is not MODEL",
             ),
             (
-                "purpose = \"develop\"\nseeds = [0, 5]\n[language]\ntypos = 2.0",
+                "purpose = \"develop\"\nseeds = [0, 5]\n[variation.language]\ntypos = 2.0",
                 "s.toml:4: language.typos is 2",
             ),
             (
-                "purpose = \"develop\"\nseeds = [0, 5]\nbear_share = 2.0",
+                "purpose = \"develop\"\nseeds = [0, 5]\nscenario.variant_share = 2.0",
                 "0 to 1",
             ),
         ] {

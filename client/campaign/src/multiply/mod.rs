@@ -34,7 +34,7 @@ use sources::Sources;
 
 /// Tries for each episode that is asked for where nothing says the seeds.
 const TRIES: u64 = 4;
-/// Between two looks whether another episode is to be begun.
+/// Between two appearances whether another episode is to be begun.
 const WAIT: Duration = Duration::from_millis(50);
 
 /// How far it is.

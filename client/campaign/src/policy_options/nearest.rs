@@ -74,11 +74,11 @@ impl Nearest {
     }
 
     /// The demonstration whose first pictures are nearest.
-    fn nearest(&self, moment: &v1::PolicyMoment) -> Option<usize> {
+    fn nearest(&self, moment: &v1::PolicyStep) -> Option<usize> {
         let seen: Vec<f32> = moment
-            .pictures
+            .images
             .iter()
-            .flat_map(|p| cells(&p.rgb, p.width as usize, p.height as usize))
+            .flat_map(|p| cells(&p.color, p.width as usize, p.height as usize))
             .collect();
         let far = |demonstration: &Demonstration| {
             let pairs = demonstration.first.iter().zip(&seen);
@@ -101,7 +101,7 @@ impl Policy for Nearest {
 
     fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
         let none = || PolicyError::Said("the observation has no pictures".to_owned());
-        let moment = observation.moments.last().ok_or_else(none)?;
+        let moment = observation.steps.last().ok_or_else(none)?;
         let mut chosen = self.chosen.lock();
         let (which, since) = match chosen.get(&observation.episode_key) {
             Some(&known) => known,
@@ -191,14 +191,14 @@ fn cells(rgb: &[u8], width: usize, height: usize) -> Vec<f32> {
 mod tests {
     use super::*;
 
-    fn picture(value: u8) -> v1::PolicyMoment {
-        v1::PolicyMoment {
+    fn picture(value: u8) -> v1::PolicyStep {
+        v1::PolicyStep {
             state_values: Vec::new(),
-            pictures: vec![v1::PolicyPicture {
+            images: vec![v1::PolicyImage {
                 camera: "gen3".to_owned(),
                 width: 64,
                 height: 36,
-                rgb: vec![value; 64 * 36 * 3].into(),
+                color: vec![value; 64 * 36 * 3].into(),
                 ..Default::default()
             }],
         }
@@ -230,7 +230,7 @@ mod tests {
             let observation = v1::PolicyObservation {
                 episode_key: "a".to_owned(),
                 tick,
-                moments: vec![picture(value)],
+                steps: vec![picture(value)],
                 ..Default::default()
             };
             policy.infer(observation).unwrap().values

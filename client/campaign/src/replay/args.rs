@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use wheelarm_proto::look::LookText;
+use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
@@ -33,20 +33,26 @@ pub struct ReplayArgs {
         value_name = "NAME=WxH@HZ"
     )]
     pub camera: Vec<v1::CameraSetting>,
-    /// Records the run this many times, each time under another look: with the
-    /// seeds from --look-seed on, a file each.
-    #[arg(long, requires = "out", conflicts_with = "as_recorded", value_name = "K",
+    /// Records the run this many times, each time under another appearance: with the
+    /// seeds from --appearance-seed on, a file each.
+    #[arg(long, alias = "looks", requires = "out", conflicts_with = "as_recorded", value_name = "K",
         value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub looks: Option<u32>,
-    /// Seed of the first look.
-    #[arg(long, requires = "looks", default_value_t = 1, value_name = "SEED")]
-    pub look_seed: u64,
-    /// Axes of the looks as AXIS=STRENGTH,…, for example light=3,camera=1; the
+    pub appearances: Option<u32>,
+    /// Seed of the first appearance.
+    #[arg(
+        long,
+        alias = "look-seed",
+        requires = "appearances",
+        default_value_t = 1,
+        value_name = "SEED"
+    )]
+    pub appearance_seed: u64,
+    /// Axes of the appearances as AXIS=STRENGTH,…, for example light=3,camera=1; the
     /// usual ones when absent.
-    #[arg(long, requires = "looks", value_name = "AXIS=N,…", value_parser = axes)]
-    pub look_axes: Option<LookText>,
+    #[arg(long, alias = "look-axes", requires = "appearances", value_name = "AXIS=N,…", value_parser = axes)]
+    pub appearance_axes: Option<AppearanceText>,
     /// Runs that are done at a time; half as many as there are cores when absent.
-    #[arg(long, requires = "looks", value_name = "N",
+    #[arg(long, requires = "appearances", value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..=256))]
     pub jobs: Option<u32>,
     /// Draws the recorded states anew instead of computing them, also those of
@@ -57,7 +63,7 @@ pub struct ReplayArgs {
     /// Work per picture; the recording's when absent.
     #[arg(long, requires = "out", value_parser = named::<Quality>())]
     pub quality: Option<Quality>,
-    /// On what it is drawn; several for --looks.
+    /// On what it is drawn; several for --appearances.
     #[command(flatten)]
     pub graphics: AdapterArgs,
     /// Assets folder; the server looks for it when absent.
@@ -67,19 +73,19 @@ pub struct ReplayArgs {
 
 impl ReplayArgs {
     /// The looks that are asked for.
-    pub(super) fn asked_looks(&self) -> Vec<v1::Look> {
-        let usual = |seed| match &self.look_axes {
+    pub(super) fn requested_appearances(&self) -> Vec<v1::Appearance> {
+        let usual = |seed| match &self.appearance_axes {
             Some(axes) => axes.seeded(seed),
-            None => v1::Look::usual(seed),
+            None => v1::Appearance::usual(seed),
         };
-        let count = u64::from(self.looks.unwrap_or(0));
+        let count = u64::from(self.appearances.unwrap_or(0));
         (0..count)
-            .map(|i| usual(self.look_seed.wrapping_add(i)))
+            .map(|i| usual(self.appearance_seed.wrapping_add(i)))
             .collect()
     }
 }
 
-/// Reads the axes of a look without its seed.
-fn axes(text: &str) -> Result<LookText, String> {
-    LookText::read(&format!("0:{text}"))
+/// Reads the axes of an appearance without its seed.
+fn axes(text: &str) -> Result<AppearanceText, String> {
+    AppearanceText::read(&format!("0:{text}"))
 }

@@ -23,35 +23,39 @@ use super::script::{self, Script};
 pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCode> {
     let script = Script::read(episode)?;
     script.check_physics(&args.file)?;
-    let looks = args.asked_looks();
-    if looks.is_empty() {
+    let appearances = args.requested_appearances();
+    if appearances.is_empty() {
         let label = format!("{}-replay", script.label);
         let adapters = args.graphics.of_workers(1)?;
         let (lines, code) = once(args, &script, None, &label, adapters[0].as_deref())?;
         lines.iter().for_each(|line| println!("{line}"));
         return Ok(code);
     }
-    each(args, &script, &looks)
+    each(args, &script, &appearances)
 }
 
-/// Replays under each look, several at a time: the physics of each is its own, so
+/// Replays under each appearance, several at a time: the physics of each is its own, so
 /// each compares its hashes.
-fn each(args: &ReplayArgs, script: &Script, looks: &[v1::Look]) -> anyhow::Result<ExitCode> {
+fn each(
+    args: &ReplayArgs,
+    script: &Script,
+    appearances: &[v1::Appearance],
+) -> anyhow::Result<ExitCode> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get() / 2);
     let jobs = args.jobs.map_or(cores.max(1), |jobs| jobs as usize);
-    let jobs = jobs.min(looks.len());
+    let jobs = jobs.min(appearances.len());
     let adapters = args.graphics.of_workers(jobs)?;
     let next = AtomicUsize::new(0);
     let worst = Mutex::new(ExitCode::SUCCESS);
     let failed: anyhow::Result<()> = std::thread::scope(|scope| {
         let worker = |adapter: Option<&str>| -> anyhow::Result<()> {
-            while let Some(look) = looks.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let label = format!("{}-look{}", script.label, look.seed);
-                let done = once(args, script, Some(*look), &label, adapter);
-                let (lines, code) = done.with_context(|| format!("look {look}"))?;
+            while let Some(appearance) = appearances.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let label = format!("{}-look{}", script.label, appearance.seed);
+                let done = once(args, script, Some(*appearance), &label, adapter);
+                let (lines, code) = done.with_context(|| format!("look {appearance}"))?;
                 let mut worst = worst.lock().unwrap_or_else(PoisonError::into_inner);
                 for line in lines {
-                    println!("look {look}: {line}");
+                    println!("look {appearance}: {line}");
                 }
                 if code != ExitCode::SUCCESS && *worst != ExitCode::FAILURE {
                     *worst = code;
@@ -73,12 +77,12 @@ fn each(args: &ReplayArgs, script: &Script, looks: &[v1::Look]) -> anyhow::Resul
     Ok(code)
 }
 
-/// One replay, under the look of the recording or another one: the lines to print, and the
+/// One replay, under the appearance of the recording or another one: the lines to print, and the
 /// exit code.
 fn once(
     args: &ReplayArgs,
     script: &Script,
-    look: Option<v1::Look>,
+    appearance: Option<v1::Appearance>,
     label: &str,
     adapter: Option<&str>,
 ) -> anyhow::Result<(Vec<String>, ExitCode)> {
@@ -87,11 +91,11 @@ fn once(
         Some(_) => script::cameras(&scenario, args.width, args.height, &args.camera),
         None => Vec::new(),
     };
-    if let Some(look) = look {
-        let before = scenario.look.replace(look).unwrap_or_default();
-        let moves = |look: &v1::Look| look.camera > 0 || look.lens > 0;
-        if moves(&before) || moves(&look) {
-            // Sampled anew: the calibration, and the look on top of it.
+    if let Some(appearance) = appearance {
+        let before = scenario.appearance.replace(appearance).unwrap_or_default();
+        let moves = |appearance: &v1::Appearance| appearance.camera > 0 || appearance.lens > 0;
+        if moves(&before) || moves(&appearance) {
+            // Sampled anew: the calibration, and the appearance on top of it.
             for camera in &mut cameras {
                 (camera.lens, camera.place) = (None, None);
             }

@@ -33,7 +33,7 @@ pub(super) fn run(
             seed: Some(scenario.seed()),
             pacing: v1::Pacing::LockStep.into(),
             quality: quality.unwrap_or(scenario.quality),
-            look: scenario.look,
+            appearance: scenario.appearance,
             person: scenario.person.clone(),
             cameras,
             ..v1::Scenario::default()

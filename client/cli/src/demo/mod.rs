@@ -14,7 +14,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
-use wheelarm_proto::look::LookText;
+use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::settings::Quality;
 use wheelarm_proto::v1;
 
@@ -66,10 +66,10 @@ pub struct DemoArgs {
     /// Work per picture.
     #[arg(long, value_parser = named::<Quality>(), default_value = "standard")]
     pub quality: Quality,
-    /// How it looks: SEED[:AXIS=STRENGTH,…] as the server's --look, `*` in the
+    /// Visual randomization: SEED[:AXIS=STRENGTH,…] as the server's --appearance, `*` in the
     /// place of the seed for each episode's own.
-    #[arg(long, value_name = "LOOK", value_parser = LookText::read)]
-    pub look: Option<LookText>,
+    #[arg(long, alias = "look", value_name = "APPEARANCE", value_parser = AppearanceText::read)]
+    pub appearance: Option<AppearanceText>,
     /// Assets folder; the server looks for it when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
@@ -90,7 +90,9 @@ impl DemoArgs {
             cameras,
             pacing: v1::Pacing::LockStep.into(),
             quality: self.quality.code().into(),
-            look: self.look.map(|look| look.for_episode(seed)),
+            appearance: self
+                .appearance
+                .map(|appearance| appearance.for_episode(seed)),
             sensors: self.sensor.clone(),
             ..v1::Scenario::default()
         }

@@ -42,8 +42,8 @@ pub fn run(connect: &Connect, args: &DoctorArgs) -> anyhow::Result<ExitCode> {
         }
         all.push(finding);
     };
-    this_host::look(&args.out, &mut tell);
-    server::look(connect, args.server, &mut tell);
+    this_host::appearance(&args.out, &mut tell);
+    server::appearance(connect, args.server, &mut tell);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&all)?);
     }

@@ -34,7 +34,12 @@ enum Tried {
 }
 
 /// Tries every right of the role, and what is over or missing of the keys.
-pub fn look(connect: &Connect, link: &Client, status: &v1::Status, tell: &mut dyn FnMut(Finding)) {
+pub fn appearance(
+    connect: &Connect,
+    link: &Client,
+    status: &v1::Status,
+    tell: &mut dyn FnMut(Finding),
+) {
     let Some(identity) = &connect.identity else {
         return;
     };

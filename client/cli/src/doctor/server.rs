@@ -18,7 +18,7 @@ const FAR: f64 = 0.25;
 /// Clocks that differ by more are worth a word, s.
 const CLOCKS: f64 = 1.0;
 
-pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
+pub fn appearance(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
     let open = port(&connect.endpoint, wanted);
     let reachable = open.level == Level::Ok && open.found.contains("open");
     tell(open);
@@ -75,7 +75,7 @@ pub fn look(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
         tell(clocks(offset));
     }
     tell(load(&status));
-    super::rights::look(connect, &link, &status, tell);
+    super::rights::appearance(connect, &link, &status, tell);
 }
 
 /// Host and port of an endpoint that is reached over TCP.

@@ -18,7 +18,7 @@ const MINUTES: [u64; 2] = [2, 30];
 /// Longest time for another program to answer.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-pub fn look(out: &Path, tell: &mut dyn FnMut(Finding)) {
+pub fn appearance(out: &Path, tell: &mut dyn FnMut(Finding)) {
     tell(Finding::ok("wheelarm", format!("version {}", version())));
     tell(cores());
     #[cfg(feature = "hdf5")]

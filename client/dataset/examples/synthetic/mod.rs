@@ -479,12 +479,12 @@ pub fn frame(
                 w: 1.0,
             }),
         }),
-        rgb: rgb.into(),
+        color: rgb.into(),
         depth: depth.into(),
-        ids: ids.into(),
-        rgb_format: v1::PixelFormat::Rgb8.into(),
+        segmentation: ids.into(),
+        color_format: v1::PixelFormat::Rgb8.into(),
         depth_format: v1::PixelFormat::DepthMetresF32.into(),
-        ids_format: v1::PixelFormat::IdU16.into(),
+        segmentation_format: v1::PixelFormat::IdU16.into(),
     }
 }
 
@@ -527,7 +527,7 @@ pub fn stopped(tick: u64, counts: &[(String, u64, u64)]) -> v1::EpisodeStopped {
                 ..Default::default()
             })
             .collect(),
-        cause: v1::EndCause::Asked.into(),
+        cause: v1::EndCause::Requested.into(),
         anomalies: Vec::new(),
         anomaly_kinds: Vec::new(),
         unconfirmed_recorders: Vec::new(),

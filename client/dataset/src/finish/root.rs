@@ -170,8 +170,8 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
         .set("deformable_rate_hz", scenario.deformable_rate_hz())?
         .set("imu_rate_hz", scenario.imu_rate_hz())?
         .set("imu_noise", scenario.imu_noise())?;
-    if let Some(look) = &scenario.look {
-        Attributes::of(&group).text("look", &look.to_string())?;
+    if let Some(appearance) = &scenario.appearance {
+        Attributes::of(&group).text("look", &appearance.to_string())?;
     }
     hdf::bytes(&group, "episode_started", &started.encode_to_vec())?;
     if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {

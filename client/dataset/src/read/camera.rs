@@ -446,11 +446,11 @@ impl Camera {
                 }),
             }),
             depth: depth.collect::<Vec<u8>>().into(),
-            rgb: frame.rgb.into(),
-            ids: ids::write(&frame.ids, self.id_bytes).into(),
-            rgb_format: told(v1::PixelFormat::Rgb8),
+            color: frame.rgb.into(),
+            segmentation: ids::write(&frame.ids, self.id_bytes).into(),
+            color_format: told(v1::PixelFormat::Rgb8),
             depth_format: told(v1::PixelFormat::DepthMetresF32),
-            ids_format: told(v1::PixelFormat::IdU16),
+            segmentation_format: told(v1::PixelFormat::IdU16),
         };
         Ok(Some(message.encode_to_vec()))
     }
@@ -504,9 +504,9 @@ impl Camera {
                     w: qw,
                 }),
             }),
-            rgb: rgb.into(),
+            color: rgb.into(),
             depth: depth.into(),
-            rgb_format: rgb_format.into(),
+            color_format: rgb_format.into(),
             depth_format: depth_format.into(),
             camera: sensor.camera.clone(),
             exposure_nanos: one(&sensor.exposures),

@@ -15,7 +15,7 @@ const LOCKED: [&str; 2] = ["unable to lock file", "Resource temporarily unavaila
 /// What to say of a file that HDF5 has refused with `source`.
 pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     let path_of = || path.to_owned();
-    match look(path) {
+    match appearance(path) {
         Ok(Some(known)) => known,
         Ok(None)
             if LOCKED
@@ -96,7 +96,7 @@ fn cure(path: &Path) -> String {
 
 /// Looks at the path itself; `None` when nothing is wrong with its beginning
 /// and its length.
-fn look(path: &Path) -> std::io::Result<Option<ReadError>> {
+fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
     let unreadable = |reason: String| {
         Ok(Some(ReadError::Unreadable {
             path: path.to_owned(),

@@ -13,7 +13,7 @@ impl Episode {
     ///
     /// # Errors
     /// When a stream is absent or cannot be read.
-    pub fn states(&self) -> Result<Vec<v1::ShowRequest>, ReadError> {
+    pub fn states(&self) -> Result<Vec<v1::PlaybackRequest>, ReadError> {
         let (robot, roles) = self.roles()?;
         let joints = self.messages_of::<v1::JointState>()?;
         let mut poses = self.by_tick::<v1::PoseSet>()?;
@@ -39,7 +39,7 @@ impl Episode {
                     let knuckle = joints.positions.get(roles.knuckle);
                     joints.opening = knuckle.and_then(|&knuckle| robot.opening(knuckle));
                 }
-                v1::ShowRequest {
+                v1::PlaybackRequest {
                     tick,
                     joints: Some(joints),
                     poses: Some(poses.remove(&tick).unwrap_or_default()),

@@ -40,9 +40,9 @@ impl Encoder {
             camera: frame.camera.clone(),
             intrinsics: frame.intrinsics,
             pose: frame.pose,
-            rgb_format: frame.rgb_format,
+            color_format: frame.color_format,
             depth_format: frame.depth_format,
-            ids_format: frame.ids_format,
+            segmentation_format: frame.segmentation_format,
             ..Default::default()
         };
         let spare = self.spare.try_recv().unwrap_or_default();
@@ -51,7 +51,7 @@ impl Encoder {
             out.extend(meta.encode_to_vec());
         });
         part(&mut out, |out| {
-            self.deflate.append(&frame.rgb, 1, out);
+            self.deflate.append(&frame.color, 1, out);
         });
         part(&mut out, |out| match self.depth {
             Depth::Metres => {
@@ -64,7 +64,8 @@ impl Encoder {
             Depth::Nothing => {}
         });
         part(&mut out, |out| {
-            self.deflate.append(&frame.ids, ids::bytes(frame), out);
+            self.deflate
+                .append(&frame.segmentation, ids::bytes(frame), out);
         });
         finish_record(&mut out, header);
         self.last = out.len();
@@ -92,14 +93,14 @@ impl Encoder {
             camera: frame.camera,
             intrinsics: frame.intrinsics,
             pose: frame.pose,
-            rgb_format: frame.rgb_format,
+            color_format: frame.color_format,
             // Of the exact picture.
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
-            ids_format: frame.ids_format,
+            segmentation_format: frame.segmentation_format,
             ..Default::default()
         };
         let meta = meta.encode_to_vec();
-        let parts = [&meta[..], &frame.rgb, &depth, &frame.ids];
+        let parts = [&meta[..], &frame.color, &depth, &frame.segmentation];
         let spare = self.spare.try_recv().unwrap_or_default();
         let length: usize = parts.iter().map(|part| part.len() + 4).sum();
         let mut out = begin_record_in(spare, length);
@@ -126,7 +127,7 @@ impl Encoder {
     /// not give is empty.
     pub fn sensor(&mut self, header: &RecordHeader, mut frame: v1::SensorFrame) -> Vec<u8> {
         let (rgb, depth) = (
-            std::mem::take(&mut frame.rgb),
+            std::mem::take(&mut frame.color),
             std::mem::take(&mut frame.depth),
         );
         let mut out = begin_record(rgb.len() + depth.len());

@@ -395,7 +395,7 @@ impl EpisodeWriter {
         slot.size = Some(size);
         let header = frame.header.clone().unwrap_or_default();
         let record = record_header(Kind::Camera, slot.number, &header);
-        let bytes = frame.rgb.len() + frame.depth.len() + frame.ids.len();
+        let bytes = frame.color.len() + frame.depth.len() + frame.segmentation.len();
         self.send(bytes, Work::Compressed(record, Box::new(frame)));
         Ok(taken(&header))
     }

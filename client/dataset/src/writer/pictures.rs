@@ -35,7 +35,7 @@ pub(super) fn sensor(
 ) -> Result<(u32, u32), String> {
     let (w, h) = size(frame.intrinsics, first)?;
     let pixels = w as usize * h as usize;
-    let (rgb, depth) = (frame.rgb.len(), frame.depth.len());
+    let (rgb, depth) = (frame.color.len(), frame.depth.len());
     if (rgb, depth) == (3 * pixels, 0) || (rgb, depth) == (0, 2 * pixels) {
         return Ok((w, h));
     }
@@ -54,7 +54,7 @@ pub(super) fn compressed(
     depth: Depth,
 ) -> Result<(u32, u32), String> {
     let (width, height) = size(frame.intrinsics, first)?;
-    let formats = (frame.rgb_format(), frame.ids_format());
+    let formats = (frame.color_format(), frame.segmentation_format());
     let expected = (v1::PixelFormat::Rgb8, v1::PixelFormat::IdU16);
     if formats != expected {
         return Err(format!("its planes are {formats:?}, expected {expected:?}"));
@@ -72,9 +72,9 @@ pub(super) fn compressed(
         }
     };
     for (what, plane, bytes) in [
-        ("rgb", &frame.rgb, Some(3 * pixels)),
+        ("rgb", &frame.color, Some(3 * pixels)),
         ("depth", &frame.depth, depth_bytes),
-        ("ids", &frame.ids, Some(2 * pixels)),
+        ("ids", &frame.segmentation, Some(2 * pixels)),
     ] {
         let Some(bytes) = bytes else { continue };
         // Deflate stores what does not shrink: 5 bytes for each block of it.
@@ -97,9 +97,13 @@ pub(super) fn exact(
     let (w, h) = size(frame.intrinsics, first)?;
     let pixels = w as usize * h as usize;
     for (what, got, expected) in [
-        ("rgb", frame.rgb.len(), 3 * pixels),
+        ("rgb", frame.color.len(), 3 * pixels),
         ("depth", frame.depth.len(), 4 * pixels),
-        ("ids", frame.ids.len(), crate::ids::bytes(frame) * pixels),
+        (
+            "ids",
+            frame.segmentation.len(),
+            crate::ids::bytes(frame) * pixels,
+        ),
     ] {
         if got != expected {
             return Err(format!("{what} has {got} bytes, {w}x{h} needs {expected}"));

@@ -141,9 +141,12 @@ fn every_stream_survives_the_file_bit_for_bit() {
             let sent = v1::CameraFrame::decode(payload.clone()).unwrap();
             let frame = read.frame(&episode, i).unwrap();
             let depth: Vec<u8> = frame.depth.iter().flat_map(|d| d.to_le_bytes()).collect();
-            assert_eq!(frame.rgb, sent.rgb);
+            assert_eq!(frame.rgb, sent.color);
             assert_eq!(depth, sent.depth);
-            assert_eq!(wheelarm_dataset::ids::write(&frame.ids, 2), sent.ids);
+            assert_eq!(
+                wheelarm_dataset::ids::write(&frame.ids, 2),
+                sent.segmentation
+            );
             assert_eq!(Some(frame.intrinsics), sent.intrinsics);
             assert_eq!(frame.pose, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0]);
         }

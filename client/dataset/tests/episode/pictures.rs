@@ -49,7 +49,7 @@ fn without_depth_there_are_colour_and_ids_as_they_came() {
     for (i, payload) in offered["camera/gen3"].iter().enumerate() {
         let sent = v1::CameraFrame::decode(payload.clone()).unwrap();
         let read = camera.frame(&episode, i).unwrap();
-        assert_eq!(read.rgb, sent.rgb);
+        assert_eq!(read.rgb, sent.color);
         assert!(read.depth.is_empty());
         assert!(camera.encoded(&episode, i).unwrap().is_none());
     }
@@ -63,13 +63,13 @@ fn pictures_whose_ids_have_8_bits_are_read_like_those_of_16() {
     let dir = tempfile::tempdir().unwrap();
     let mut r = Random(5);
     let wide = v1::CameraFrame::decode(camera_frame(&mut r, "gen3", 0)).unwrap();
-    let ids = wheelarm_dataset::ids::read(&wide.ids, 2);
+    let ids = wheelarm_dataset::ids::read(&wide.segmentation, 2);
     // As the first contract sent it: 8 bits, and no word on formats.
     let narrow = v1::CameraFrame {
-        ids: wheelarm_dataset::ids::write(&ids, 1).into(),
-        rgb_format: 0,
+        segmentation: wheelarm_dataset::ids::write(&ids, 1).into(),
+        color_format: 0,
         depth_format: 0,
-        ids_format: 0,
+        segmentation_format: 0,
         ..wide.clone()
     };
     for (label, frame, each) in [("narrow", narrow, 1), ("wide", wide, 2)] {

@@ -62,7 +62,7 @@ fn samples_of_the_wrong_kind_are_refused_and_do_no_harm() {
             .is_err()
     );
     let cut = v1::CameraFrame {
-        rgb: Bytes::from_static(b"short"),
+        color: Bytes::from_static(b"short"),
         ..v1::CameraFrame::decode(good.clone()).unwrap()
     };
     assert!(

@@ -1,4 +1,4 @@
-//! Look around: turns the chair on the spot until the robot faces the target, half of
+//! Appearance around: turns the chair on the spot until the robot faces the target, half of
 //! the operators to the wrong side first, so that images before the drive show the target.
 
 use wheelarm_proto::exact;

@@ -53,7 +53,7 @@ pub(crate) struct Collector {
     /// Odometry at the first moment.
     start: Option<[f64; 7]>,
     /// The newest last.
-    moments: VecDeque<v1::PolicyMoment>,
+    moments: VecDeque<v1::PolicyStep>,
     history: usize,
 }
 
@@ -71,7 +71,7 @@ impl Collector {
             let sensor = |is_depth: bool| {
                 let mut on = sensors.iter().filter(|sensor| sensor.camera == wanted.name);
                 let found = on.find(|sensor| sensor.depth == is_depth);
-                let open = |given: &v1::SensorGiven| {
+                let open = |given: &v1::SensorProgress| {
                     Ok::<_, ClientError>(Sensor {
                         name: given.sensor.clone(),
                         pictures: link.sensor(&given.sensor, KEPT)?,
@@ -154,9 +154,9 @@ impl Collector {
             return Ok(None);
         }
         let state_values = self.state(now)?;
-        let moment = v1::PolicyMoment {
+        let moment = v1::PolicyStep {
             state_values,
-            pictures,
+            images: pictures,
         };
         while self.moments.len() + 1 < self.history {
             self.moments.push_back(moment.clone());
@@ -169,7 +169,7 @@ impl Collector {
     }
 
     /// What is remembered, the newest last.
-    pub fn moments(&self) -> Vec<v1::PolicyMoment> {
+    pub fn moments(&self) -> Vec<v1::PolicyStep> {
         self.moments.iter().cloned().collect()
     }
 
@@ -239,13 +239,13 @@ impl View {
     /// The picture at a tick; `None` while a sensor has not given any.
     fn see(
         &mut self,
-        given: &[v1::SensorGiven],
+        given: &[v1::SensorProgress],
         now: &v1::Header,
         deadline: Instant,
-    ) -> Result<Option<v1::PolicyPicture>, DriverError> {
+    ) -> Result<Option<v1::PolicyImage>, DriverError> {
         let mut picture = match &self.exact {
             Some(camera) => exact(&self.wanted, camera, now, deadline)?,
-            None => v1::PolicyPicture::default(),
+            None => v1::PolicyImage::default(),
         };
         for sensor in [&mut self.color, &mut self.depth].into_iter().flatten() {
             if !sensor.wait(given, now, deadline)? {
@@ -253,7 +253,7 @@ impl View {
             }
         }
         if let Some(color) = &self.color {
-            picture.rgb = color.plane(&self.wanted, |frame| frame.rgb.clone())?;
+            picture.color = color.plane(&self.wanted, |frame| frame.color.clone())?;
         }
         if let Some(depth) = &self.depth {
             let millimetres = depth.plane(&self.wanted, |frame| frame.depth.clone())?;
@@ -261,7 +261,7 @@ impl View {
             let metres = all.map(|b| metres(u16::from_le_bytes([b[0], b[1]])));
             picture.depth = metres.flat_map(f32::to_le_bytes).collect();
         }
-        Ok(Some(v1::PolicyPicture {
+        Ok(Some(v1::PolicyImage {
             camera: self.wanted.name.clone(),
             width: self.wanted.width,
             height: self.wanted.height,
@@ -282,7 +282,7 @@ impl Sensor {
     /// Waits for the newest picture that has arrived by `now`; whether there is one.
     fn wait(
         &mut self,
-        given: &[v1::SensorGiven],
+        given: &[v1::SensorProgress],
         now: &v1::Header,
         deadline: Instant,
     ) -> Result<bool, DriverError> {
@@ -290,7 +290,7 @@ impl Sensor {
             let words = format!("the sensor {:?} is gone", self.name);
             return Err(DriverError::Scene(words));
         };
-        if told.pictures == 0 {
+        if told.images == 0 {
             return Ok(false);
         }
         loop {
@@ -336,7 +336,7 @@ fn exact(
     camera: &Camera,
     now: &v1::Header,
     deadline: Instant,
-) -> Result<v1::PolicyPicture, DriverError> {
+) -> Result<v1::PolicyImage, DriverError> {
     loop {
         let left = deadline.saturating_duration_since(Instant::now());
         let Some(frame) = camera.next(left)? else {
@@ -362,8 +362,8 @@ fn exact(
         } else {
             Vec::new()
         };
-        return Ok(v1::PolicyPicture {
-            rgb: frame.rgb,
+        return Ok(v1::PolicyImage {
+            color: frame.rgb,
             depth: depth.into(),
             ..Default::default()
         });

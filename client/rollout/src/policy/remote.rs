@@ -14,7 +14,7 @@ use super::interface::PolicyError;
 pub const PATIENCE: Duration = Duration::from_secs(30);
 /// Share of a wait after which an end without an answer is the end of the wait.
 const WAITED: f64 = 0.9;
-/// Between two looks for a token.
+/// Between two appearances for a token.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A session to which a policy connects, at a socket in `folder`, and the

@@ -324,7 +324,7 @@ impl Work<'_> {
                 first,
                 tick: now.tick,
                 instruction: self.instruction.clone(),
-                moments: self.collector.moments(),
+                steps: self.collector.moments(),
             })?;
             self.answer_seconds.push(begun.elapsed().as_secs_f64());
             self.pilot.take(chunk.rows as usize, &chunk.values)?;

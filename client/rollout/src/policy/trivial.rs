@@ -91,7 +91,7 @@ impl Policy for Repeat {
 
 /// The state of `ago` moments before the newest.
 fn newest(observation: &v1::PolicyObservation, ago: usize) -> Result<&[f64], PolicyError> {
-    let moment = observation.moments.iter().rev().nth(ago);
+    let moment = observation.steps.iter().rev().nth(ago);
     let state = moment.map(|moment| moment.state_values.as_slice());
     state
         .filter(|state| state.len() == STATE)
@@ -113,14 +113,14 @@ fn chunk(observation: &v1::PolicyObservation, row: &[f64]) -> v1::PolicyChunk {
 mod tests {
     use super::*;
 
-    fn moment(hand_x: f64, knuckle: f64, odometry: [f64; 4]) -> v1::PolicyMoment {
+    fn moment(hand_x: f64, knuckle: f64, odometry: [f64; 4]) -> v1::PolicyStep {
         let mut state = vec![0.0; STATE];
         state[HAND.start] = hand_x;
         state[KNUCKLE] = knuckle;
         state[ODOMETRY].copy_from_slice(&odometry);
-        v1::PolicyMoment {
+        v1::PolicyStep {
             state_values: state,
-            pictures: Vec::new(),
+            images: Vec::new(),
         }
     }
 
@@ -128,7 +128,7 @@ mod tests {
     fn hold_stays_and_repeat_goes_on() {
         let turned = [0.0, 0.03, 0.995, 0.0998];
         let observation = v1::PolicyObservation {
-            moments: vec![
+            steps: vec![
                 moment(0.1, 0.2, [0.0, 0.0, 1.0, 0.0]),
                 moment(0.3, 0.25, turned),
             ],

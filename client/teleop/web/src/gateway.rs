@@ -232,7 +232,7 @@ struct FolderUsers {
 
 impl LogIn for FolderUsers {
     fn verify(&self, name: &str, password: &str) -> Option<(Role, User)> {
-        let users = self.watch.look();
+        let users = self.watch.reread();
         let users = users.inspect_err(|e| tracing::error!("nobody is let in: {e}"));
         let user = users.ok()?.verify(name, password)?.clone();
         let role = match user.role {
@@ -244,7 +244,7 @@ impl LogIn for FolderUsers {
     }
 
     fn users(&self) -> Arc<Users> {
-        self.watch.look().unwrap_or_else(|_| self.watch.users())
+        self.watch.reread().unwrap_or_else(|_| self.watch.users())
     }
 }
 

@@ -40,9 +40,9 @@ pub(super) enum Shine {
     Glossy,
     /// None: lit per vertex.
     Matte,
-    /// Reflects the room; only with a look.
+    /// Reflects the room; only with an appearance.
     Mirror,
-    /// Shows the background and reflects the room; only with a look.
+    /// Shows the background and reflects the room; only with an appearance.
     Glass,
 }
 
@@ -56,7 +56,7 @@ pub(super) struct Finish {
 }
 
 impl Finish {
-    /// All, in rendering order; without a look the first [`Self::PLAIN`].
+    /// All, in rendering order; without an appearance the first [`Self::PLAIN`].
     pub(super) const ALL: [Self; 16] = {
         let mut all = [Self {
             textured: false,
@@ -78,7 +78,7 @@ impl Finish {
         all
     };
 
-    /// Number of variants without a look.
+    /// Number of variants without an appearance.
     pub(super) const PLAIN: usize = 8;
 
     /// Whether items of `material` use it.

@@ -1,7 +1,7 @@
 //! Shapes of decoration objects.
 
+use crate::appearance::{Decoration, Kind};
 use crate::geometry::{Material, Shape};
-use crate::look::{Decoration, Kind};
 
 /// Shapes of a decoration, their positions on it, and their materials.
 pub(super) fn parts(decoration: &Decoration) -> Vec<(Shape, [f64; 3], Material)> {

@@ -19,7 +19,7 @@ pub enum RenderError {
     },
     /// An invalid look.
     #[error(transparent)]
-    Look(#[from] SceneError),
+    Appearance(#[from] SceneError),
     /// An invalid texture.
     #[error(transparent)]
     Texture(#[from] TextureError),

@@ -2,8 +2,8 @@
 
 use super::tests::{camera, floor_and_box, item, looking, scene, snapshot};
 use super::*;
+use crate::appearance::{Irradiance, Reflection};
 use crate::geometry::Shape;
-use crate::look::{Irradiance, Reflection};
 
 /// Two equal renderers with different packing; `None`, with the reason printed, only
 /// without a Vulkan driver.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt;
 
+use crate::appearance::Reflection;
 use crate::geometry::texture::{self, Image};
-use crate::look::Reflection;
 
 /// Repeating with mipmaps; comparing for the shadow map; smooth between levels.
 pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 3] {

@@ -9,11 +9,11 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use super::RenderError;
 use super::decoration::parts;
 use super::parallel;
+use crate::appearance::{Irradiance, Kind, Lamp, Reflection, SampledAppearance};
 use crate::geometry::mesh::{Detail, build_detail};
 use crate::geometry::plush::Skin;
 use crate::geometry::texture::{self, Image};
 use crate::geometry::{Family, Material, Shape, TriMesh, Visual};
-use crate::look::{Irradiance, Kind, Lamp, Reflection, SampledLook};
 use crate::people::{BodyPart, Person};
 use crate::robot::{RobotModel, SeatSettings};
 use crate::scene::{Body, Lighting, Scene, Soft};
@@ -91,7 +91,7 @@ impl RenderedPerson {
     pub(super) const REACH: f64 = 0.12;
 }
 
-/// Ambient light of a look. Only with a look glass is transparent and metal mirrors the
+/// Ambient light of an appearance. Only with an appearance glass is transparent and metal mirrors the
 /// room.
 #[derive(Clone, Debug)]
 pub struct Surrounding {
@@ -99,7 +99,7 @@ pub struct Surrounding {
     pub irradiance: Irradiance,
     /// Reflections on smooth surfaces.
     pub reflection: Reflection,
-    /// Active lamps; those beyond [`crate::look::MOST_LAMPS`] are not rendered.
+    /// Active lamps; those beyond [`crate::appearance::MOST_LAMPS`] are not rendered.
     pub lamps: Vec<Lamp>,
 }
 
@@ -116,25 +116,25 @@ impl RenderScene {
     /// When a mesh or a texture cannot be created, or for more than [`MOST_BODIES`]
     /// bodies.
     pub fn new(robot: &RobotModel, scene: &Scene, assets: &Path) -> Result<Self, RenderError> {
-        Self::with_look(robot, scene, assets, None)
+        Self::with_appearance(robot, scene, assets, None)
     }
 
-    /// The same with a look. Furniture with a named colour keeps it, as do objects and
+    /// The same with an appearance. Furniture with a named colour keeps it, as do objects and
     /// robot.
     ///
     /// # Errors
     /// As [`RenderScene::new`].
-    pub fn with_look(
+    pub fn with_appearance(
         robot: &RobotModel,
         scene: &Scene,
         assets: &Path,
-        look: Option<&SampledLook>,
+        appearance: Option<&SampledAppearance>,
     ) -> Result<Self, RenderError> {
-        Self::with_person(robot, scene, assets, look, None)
+        Self::with_person(robot, scene, assets, appearance, None)
     }
 
     /// The same with a person in the chair, whose clothes and skin do not change with
-    /// the look.
+    /// the appearance.
     ///
     /// # Errors
     /// As [`RenderScene::new`].
@@ -142,7 +142,7 @@ impl RenderScene {
         robot: &RobotModel,
         scene: &Scene,
         assets: &Path,
-        look: Option<&SampledLook>,
+        appearance: Option<&SampledAppearance>,
         person: Option<&Arc<Person>>,
     ) -> Result<Self, RenderError> {
         let drawn = |visuals: &[Visual]| !visuals.is_empty();
@@ -161,7 +161,7 @@ impl RenderScene {
         }
         let mut built = Self {
             items: Vec::new(),
-            lighting: look.map_or(scene.lighting, |look| look.lighting),
+            lighting: appearance.map_or(scene.lighting, |appearance| appearance.lighting),
             instances: Vec::new(),
             links: robot.links.len(),
             objects: scene.objects.len(),
@@ -169,9 +169,9 @@ impl RenderScene {
             sliding: scene.joints.len(),
             textures: BTreeMap::new(),
             person: None,
-            surrounding: look.map(|look| Surrounding {
-                irradiance: look.irradiance.clone(),
-                reflection: look.reflection.clone(),
+            surrounding: appearance.map(|appearance| Surrounding {
+                irradiance: appearance.irradiance.clone(),
+                reflection: appearance.reflection.clone(),
                 lamps: Vec::new(),
             }),
         };
@@ -179,8 +179,12 @@ impl RenderScene {
             assets,
             known: BTreeMap::new(),
         };
-        let kept = |m: &Material| look.map_or_else(|| m.clone(), |look| look.unchanged(m));
-        let furniture = |m: &Material| look.map_or_else(|| m.clone(), |look| look.furniture(m));
+        let kept = |m: &Material| {
+            appearance.map_or_else(|| m.clone(), |appearance| appearance.unchanged(m))
+        };
+        let furniture = |m: &Material| {
+            appearance.map_or_else(|| m.clone(), |appearance| appearance.furniture(m))
+        };
         for (i, object) in scene.objects.iter().enumerate() {
             let at = (Binding::Object(i), Isometry3::identity());
             built.add_body(&object.name, &object.visual, at, &kept, &mut meshes)?;
@@ -207,9 +211,9 @@ impl RenderScene {
         if let Some(person) = person {
             built.add_person(person, robot, assets, &kept)?;
         }
-        if let Some(look) = look {
-            let lamps = built.light_lamps(look);
-            built.decorate(look, lamps, &mut meshes)?;
+        if let Some(appearance) = appearance {
+            let lamps = built.light_lamps(appearance);
+            built.decorate(appearance, lamps, &mut meshes)?;
         }
         built.load_textures(assets)?;
         Ok(built)
@@ -292,8 +296,9 @@ impl RenderScene {
         paint: &dyn Fn(&Material) -> Material,
     ) -> Result<(), RenderError> {
         let visuals = robot.links.iter().flat_map(|link| &link.visual);
-        let mut looks = visuals.map(|visual| &visual.material);
-        let Some(look) = looks.find(|look| look.name == seat.material) else {
+        let mut appearances = visuals.map(|visual| &visual.material);
+        let Some(appearance) = appearances.find(|appearance| appearance.name == seat.material)
+        else {
             return Ok(());
         };
         let half = [seat.size[0] / 2.0, seat.size[1] / 2.0, thickness / 2.0];
@@ -305,7 +310,7 @@ impl RenderScene {
                 index: 0,
                 source,
             })?;
-        let material = paint(look);
+        let material = paint(appearance);
         if let Some(t) = &material.texture {
             for uv in &mut mesh.uvs {
                 *uv = uv.map(|x| x / t.metres.max(1e-3));
@@ -331,15 +336,15 @@ impl RenderScene {
         let skin = soft.skin();
         let instance = self.instances.len() as u16 + 1;
         self.instances.push((instance, name.to_owned()));
-        let mut looks: Vec<&Material> = Vec::new();
+        let mut appearances: Vec<&Material> = Vec::new();
         for lobe in &soft.plush.lobes {
-            if !looks.contains(&&lobe.material) {
-                looks.push(&lobe.material);
+            if !appearances.contains(&&lobe.material) {
+                appearances.push(&lobe.material);
             }
         }
-        for look in looks {
-            let mut mesh = skin.part(|lobe| soft.plush.lobes[lobe].material == *look);
-            if let Some(t) = &look.texture {
+        for appearance in appearances {
+            let mut mesh = skin.part(|lobe| soft.plush.lobes[lobe].material == *appearance);
+            if let Some(t) = &appearance.texture {
                 for uv in &mut mesh.uvs {
                     *uv = uv.map(|x| x / t.metres.max(1e-3));
                 }
@@ -348,7 +353,7 @@ impl RenderScene {
             self.items.push(RenderItem {
                 coarse: mesh.clone(),
                 mesh,
-                material: look.clone(),
+                material: appearance.clone(),
                 binding: Binding::Object(object),
                 body_from_mesh: Isometry3::identity(),
                 instance,
@@ -405,23 +410,23 @@ impl RenderScene {
 }
 
 impl RenderScene {
-    /// Adds the decoration of a look, with the background's ID 0. Its lamps follow
+    /// Adds the decoration of an appearance, with the background's ID 0. Its lamps follow
     /// those of the furniture, of which there are `number`.
     fn decorate(
         &mut self,
-        look: &SampledLook,
+        appearance: &SampledAppearance,
         mut number: usize,
         meshes: &mut MeshCache<'_>,
     ) -> Result<(), RenderError> {
-        for decoration in &look.decoration {
+        for decoration in &appearance.decoration {
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), decoration.along);
             let place = Isometry3::from_parts(Translation3::from(decoration.at), turn);
             for (shape, at, mut material) in parts(decoration) {
                 let pose = place * Translation3::from(at);
                 if decoration.kind == Kind::Lamp && matches!(shape, Shape::Frustum { .. }) {
                     let at = pose.translation.vector.cast::<f32>();
-                    if let Some(lamp) = look.lamp(number, at.into()) {
-                        material.emission = look.lamp_glow();
+                    if let Some(lamp) = appearance.lamp(number, at.into()) {
+                        material.emission = appearance.lamp_glow();
                         self.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
                     }
                     number += 1;
@@ -452,7 +457,7 @@ impl RenderScene {
 
     /// Switches on the active lamps of the furniture, in order, and returns their
     /// number.
-    fn light_lamps(&mut self, look: &SampledLook) -> usize {
+    fn light_lamps(&mut self, appearance: &SampledAppearance) -> usize {
         let is_lamp = |item: &&mut RenderItem| {
             item.material.family == Some(Family::Lamp) && item.binding == Binding::World
         };
@@ -460,8 +465,8 @@ impl RenderScene {
         let count = lamps.len();
         for (number, item) in lamps.into_iter().enumerate() {
             let at = item.body_from_mesh.translation.vector.cast::<f32>();
-            if let Some(lamp) = look.lamp(number, at.into()) {
-                item.material.emission = look.lamp_glow();
+            if let Some(lamp) = appearance.lamp(number, at.into()) {
+                item.material.emission = appearance.lamp_glow();
                 self.surrounding.iter_mut().for_each(|s| s.lamps.push(lamp));
             }
         }

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::*;
+use crate::appearance::{Appearance, SampledAppearance};
 use crate::geometry::mesh::build;
 use crate::geometry::{Material, Shape, Texture, texture};
-use crate::look::{Look, SampledLook};
 use crate::robot::RobotModel;
 use crate::scene::{Lighting, Scene};
 use crate::snapshot::{BodyState, Snapshot};
@@ -468,16 +468,18 @@ fn a_look_changes_only_colours_and_glass_keeps_depth_and_id() {
     }
     for quality in [Quality::Draft, Quality::Standard, Quality::High] {
         let image = |seed| {
-            let look = Look {
+            let appearance = Appearance {
                 seed,
                 light: 3,
                 background: 3,
                 materials: 3,
                 exposure: 3,
-                ..Look::default()
+                ..Appearance::default()
             };
-            let look = (seed > 0).then(|| SampledLook::new(look, &home, &assets).unwrap());
-            let scene = RenderScene::with_look(&robot, &home, &assets, look.as_ref()).unwrap();
+            let appearance =
+                (seed > 0).then(|| SampledAppearance::new(appearance, &home, &assets).unwrap());
+            let scene =
+                RenderScene::with_appearance(&robot, &home, &assets, appearance.as_ref()).unwrap();
             let frame = renderer(&scene, &cameras, quality)?.render(&now, &[0]);
             Some(frame.unwrap().remove(0))
         };
@@ -486,9 +488,12 @@ fn a_look_changes_only_colours_and_glass_keeps_depth_and_id() {
         };
         let [one, two] = [1, 2].map(|seed| image(seed).unwrap());
         assert_ne!(one.rgb, two.rgb);
-        for look in [&one, &two] {
-            assert_ne!(look.rgb, plain.rgb);
-            assert_eq!((&look.depth, &look.ids), (&plain.depth, &plain.ids));
+        for appearance in [&one, &two] {
+            assert_ne!(appearance.rgb, plain.rgb);
+            assert_eq!(
+                (&appearance.depth, &appearance.ids),
+                (&plain.depth, &plain.ids)
+            );
         }
         let id = u16::try_from(bottle + 1).unwrap();
         assert!(one.ids().iter().filter(|i| **i == id).count() > 100);

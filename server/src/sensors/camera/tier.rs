@@ -1,4 +1,4 @@
-//! Rendering effort of each quality, with a look and without.
+//! Rendering effort of each quality, with an appearance and without.
 
 use super::Quality;
 use super::scene::RenderScene;
@@ -15,7 +15,7 @@ pub(super) struct Tier {
     pub(super) smooth_edges: bool,
     /// Highlights on rough surfaces too.
     pub(super) all_glossy: bool,
-    /// With a look: ambient light, glass, metal that mirrors.
+    /// With an appearance: ambient light, glass, metal that mirrors.
     pub(super) lit: bool,
     /// Whether there are more IDs than fit in a byte.
     wide_ids: bool,
@@ -29,7 +29,7 @@ impl Tier {
         let lit = scene.surrounding.is_some();
         let tier = |shadow_size, shadow_taps, samples| Self {
             shadow_size,
-            // A look has softer shadows if that costs less than a tenth of the rate.
+            // An appearance has softer shadows if that costs less than a tenth of the rate.
             shadow_taps: if lit && shadow_taps > 3 {
                 16
             } else {

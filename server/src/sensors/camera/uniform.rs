@@ -4,7 +4,7 @@ use nalgebra::Matrix4;
 
 use super::scene::Surrounding;
 use super::view::{View, columns};
-use crate::look::MOST_LAMPS;
+use crate::appearance::MOST_LAMPS;
 use crate::scene::Lighting;
 
 /// `Camera` in the shaders, member by member: matrices by columns, vectors with an

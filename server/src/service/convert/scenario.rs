@@ -9,7 +9,7 @@ use wheelarm_proto::settings::{Named, Style};
 use wheelarm_proto::v1;
 use wheelarm_sensor_models::model::MAX_STRENGTH;
 
-use crate::look::Look;
+use crate::appearance::Appearance;
 use crate::people::PersonSetting;
 use crate::scene::{Placement, Resistance};
 use crate::service::{disturbance, language, person};
@@ -81,7 +81,7 @@ pub fn scenario(s: &Scenario) -> v1::Scenario {
         language: s.language.as_ref().map(language::to_proto),
         target: Some(s.target.clone()),
         calibration_seed: s.calibration_seed,
-        look: s.look.map(look_to_proto),
+        appearance: s.appearance.map(look_to_proto),
         starts: s.starts.code().into(),
         arm_positions: s.arm.map(Vec::from).unwrap_or_default(),
         knuckle: s.knuckle,
@@ -162,9 +162,9 @@ fn camera(request: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
 }
 
 /// Converts a requested look; `None` when it is off.
-fn look(request: &v1::Look) -> Result<Option<Look>, Invalid> {
+fn appearance_from_proto(request: &v1::Appearance) -> Result<Option<Appearance>, Invalid> {
     request.check()?;
-    let look = Look {
+    let appearance = Appearance {
         seed: request.seed,
         light: request.light as u8,
         background: request.background as u8,
@@ -174,26 +174,27 @@ fn look(request: &v1::Look) -> Result<Option<Look>, Invalid> {
         camera: request.camera as u8,
         lens: request.lens as u8,
     };
-    Ok((!request.is_off()).then_some(look))
+    Ok((!request.is_off()).then_some(appearance))
 }
 
-fn look_to_proto(look: Look) -> v1::Look {
-    v1::Look {
-        seed: look.seed,
-        light: look.light.into(),
-        background: look.background.into(),
-        materials: look.materials.into(),
-        exposure: look.exposure.into(),
-        decoration: look.decoration.into(),
-        camera: look.camera.into(),
-        lens: look.lens.into(),
+fn look_to_proto(appearance: Appearance) -> v1::Appearance {
+    v1::Appearance {
+        seed: appearance.seed,
+        light: appearance.light.into(),
+        background: appearance.background.into(),
+        materials: appearance.materials.into(),
+        exposure: appearance.exposure.into(),
+        decoration: appearance.decoration.into(),
+        camera: appearance.camera.into(),
+        lens: appearance.lens.into(),
     }
 }
 
-/// The part of a look that moves the cameras.
-fn moves(look: Option<Look>) -> Option<(u64, u8, u8)> {
-    let look = look.filter(|look| look.camera > 0 || look.lens > 0)?;
-    Some((look.seed, look.camera, look.lens))
+/// The part of an appearance that moves the cameras.
+fn moves(appearance: Option<Appearance>) -> Option<(u64, u8, u8)> {
+    let appearance =
+        appearance.filter(|appearance| appearance.camera > 0 || appearance.lens > 0)?;
+    Some((appearance.seed, appearance.camera, appearance.lens))
 }
 
 /// Default rate of a camera, Hz.
@@ -265,81 +266,99 @@ fn bounded(request: &v1::Scenario) -> Result<(), Invalid> {
 /// # Errors
 /// [`Invalid`] that names the field.
 pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario, Invalid> {
+    // Names every field: a new one does not compile until it is applied here.
+    let v1::Scenario {
+        scene,
+        task,
+        seed,
+        robot,
+        cameras,
+        state_rate_hz,
+        imu_rate_hz,
+        pacing,
+        quality,
+        imu_noise,
+        objects,
+        start,
+        instruction,
+        target,
+        slides,
+        deformable_rate_hz,
+        calibration_seed,
+        language,
+        appearance,
+        disturbances,
+        style,
+        person,
+        starts,
+        arm_positions,
+        knuckle,
+        variant,
+        variant_share,
+        sensors,
+        time_limit_seconds,
+        rejected_starts,
+        start_in_view,
+        look_around,
+    } = request;
     bounded(request)?;
     let mut s = now.clone();
-    let pacing = scenario(now).pacing;
-    if request.pacing != 0 && request.pacing != pacing {
+    if *pacing != 0 && *pacing != scenario(now).pacing {
         return Err(Invalid::Word {
             what: "pacing",
-            value: request.pacing.to_string(),
+            value: pacing.to_string(),
             expected: "the pacing that the server was started with; start another server for another",
         });
     }
-    let named = !request.scene.is_empty() || !request.robot.is_empty();
+    let named = !scene.is_empty() || !robot.is_empty();
     let elsewhere = Starts::from_proto(request.starts()).is_some_and(|starts| starts != now.starts);
-    let other = request.variant.is_some() && request.variant != now.variant;
-    let anew = request.task.is_some() || request.seed.is_some() || elsewhere || other;
+    let other = variant.is_some() && *variant != now.variant;
+    let anew = task.is_some() || seed.is_some() || elsewhere || other;
     if named || anew {
-        s.objects.clear();
-        s.slides.clear();
-        s.start = None;
-        s.rejected_starts = 0;
-        s.instruction.clear();
-        if let Some(language) = &mut s.language {
-            language.template.clear();
-            language.question.clear();
-        }
-        s.person.clone_from(&s.requested.person);
-        if s.requested.open_limit {
-            s.time_limit = Some(0.0);
-        }
-        s.target.clear();
-        s.variant = None;
-        s.arm = None;
-        s.knuckle = None;
+        s.clear_sampled();
     }
-    if !request.robot.is_empty() && request.robot != now.robot {
+    if !robot.is_empty() && *robot != now.robot {
         s.cameras = Scenario::all_cameras();
         s.sensors.clear();
     }
     let given = |new: &str| (!new.is_empty()).then(|| new.to_owned());
-    keep(&mut s.scene, given(&request.scene));
-    keep(&mut s.robot, given(&request.robot));
-    keep(&mut s.task, request.task.clone());
-    keep(&mut s.seed, request.seed);
-    keep(&mut s.instruction, request.instruction.clone());
-    if let Some(request) = &request.language {
+    keep(&mut s.scene, given(scene));
+    keep(&mut s.robot, given(robot));
+    keep(&mut s.task, task.clone());
+    keep(&mut s.seed, *seed);
+    keep(&mut s.instruction, instruction.clone());
+    if let Some(request) = language {
         s.language = Some(language::from_proto(request)?);
     }
     // Other language settings: the sentence is generated again.
-    if request.language.is_some() && request.instruction.is_none() {
+    if language.is_some() && instruction.is_none() {
         s.instruction.clear();
     }
-    keep(&mut s.target, request.target.clone());
-    keep(&mut s.variant, request.variant.clone().map(Some));
-    if let Some(share) = request.variant_share {
+    keep(&mut s.target, target.clone());
+    keep(&mut s.variant, variant.clone().map(Some));
+    if let Some(share) = *variant_share {
         s.variant_share = Some(check::within("variant_share", share, 0.0, 1.0)?);
     }
-    if let Some(request) = &request.disturbances {
+    if let Some(request) = disturbances {
         s.disturbances = disturbance::from_proto(request)?;
     }
-    if let Some(request) = &request.person {
+    if let Some(request) = person {
         s.person = person::from_proto(request)?;
         s.requested.person = s.person.clone().map(|person| PersonSetting {
             drawn: None,
             ..person
         });
     }
-    s.start_in_view = request.start_in_view.unwrap_or(s.start_in_view);
-    s.look_around = request.look_around.unwrap_or(s.look_around);
-    if let Some(style) = &request.style {
+    s.start_in_view = start_in_view.unwrap_or(s.start_in_view);
+    s.look_around = look_around.unwrap_or(s.look_around);
+    if let Some(style) = style {
         s.style = Style::from_name(style).map_err(|_| Invalid::Word {
             what: "style",
             value: check::beginning(style),
             expected: "quick or human",
         })?;
     }
-    if let Some(limit) = request.time_limit_seconds {
+    if let Some(limit) = *time_limit_seconds {
         s.time_limit = Some(check::within(
             "time_limit_seconds",
             limit,
@@ -348,10 +367,10 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
         )?);
         s.requested.open_limit = false;
     }
-    keep(&mut s.imu_noise, request.imu_noise);
-    keep(&mut s.state_rate_hz, request.state_rate_hz);
-    keep(&mut s.deformable_rate_hz, request.deformable_rate_hz);
-    keep(&mut s.imu_rate_hz, request.imu_rate_hz);
+    keep(&mut s.imu_noise, *imu_noise);
+    keep(&mut s.state_rate_hz, *state_rate_hz);
+    keep(&mut s.deformable_rate_hz, *deformable_rate_hz);
+    keep(&mut s.imu_rate_hz, *imu_rate_hz);
     let rates = [
         ("state_rate_hz", s.state_rate_hz),
         ("deformable_rate_hz", s.deformable_rate_hz),
@@ -360,60 +379,55 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     for (what, rate) in rates {
         check::finite(what, rate)?;
     }
-    let seen = match &request.look {
-        Some(request) => look(request)?,
-        None => now.look,
+    let seen = match appearance {
+        Some(request) => appearance_from_proto(request)?,
+        None => now.appearance,
     };
-    s.look = seen;
-    if !request.cameras.is_empty() {
-        s.cameras = request
-            .cameras
-            .iter()
-            .map(camera)
-            .collect::<Result<_, Invalid>>()?;
-    } else if request.calibration_seed.is_some() || moves(seen) != moves(now.look) {
+    s.appearance = seen;
+    if !cameras.is_empty() {
+        s.cameras = cameras.iter().map(camera).collect::<Result<_, Invalid>>()?;
+    } else if calibration_seed.is_some() || moves(seen) != moves(now.appearance) {
         // Another specimen or look: the sampled poses of the former one are dropped.
         for camera in &mut s.cameras {
             (camera.lens, camera.place) = (None, None);
         }
     }
-    s.calibration_seed = request.calibration_seed.or(s.calibration_seed);
-    if !request.sensors.is_empty() {
-        let on = request.sensors.iter().filter(|s| s.model != NO_SENSORS);
+    s.calibration_seed = calibration_seed.or(s.calibration_seed);
+    if !sensors.is_empty() {
+        let on = sensors.iter().filter(|s| s.model != NO_SENSORS);
         s.sensors = on.map(sensor).collect::<Result<_, Invalid>>()?;
     }
-    match v1::RenderQuality::try_from(request.quality) {
+    match v1::RenderQuality::try_from(*quality) {
         Ok(code) => keep(&mut s.quality, Quality::from_proto(code)),
         Err(_) => {
             return Err(Invalid::Word {
                 what: "quality",
-                value: request.quality.to_string(),
+                value: quality.to_string(),
                 expected: "a value of wheelarm.v1.RenderQuality",
             });
         }
     }
-    match v1::Starts::try_from(request.starts) {
+    match v1::Starts::try_from(*starts) {
         Ok(code) => keep(&mut s.starts, Starts::from_proto(code)),
         Err(_) => {
             return Err(Invalid::Word {
                 what: "starts",
-                value: request.starts.to_string(),
+                value: starts.to_string(),
                 expected: "a value of wheelarm.v1.Starts",
             });
         }
     }
-    if !request.arm_positions.is_empty() {
-        s.arm = Some(check::list("arm_positions", &request.arm_positions)?);
+    if !arm_positions.is_empty() {
+        s.arm = Some(check::list("arm_positions", arm_positions)?);
     }
-    if let Some(knuckle) = request.knuckle {
+    if let Some(knuckle) = *knuckle {
         s.knuckle = Some(check::within("knuckle", knuckle, 0.0, 3.2)?);
     }
-    if let Some(start) = &request.start {
+    if let Some(start) = start {
         s.start = Some(place("start", Some(start))?);
-        s.rejected_starts = request.rejected_starts;
+        s.rejected_starts = *rejected_starts;
     }
-    let objects = request
-        .objects
+    let objects = objects
         .iter()
         .map(|o| {
             let placed = || {
@@ -429,8 +443,7 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
             ))
         })
         .collect::<Result<Vec<_>, Invalid>>()?;
-    let slides = request
-        .slides
+    let slides = slides
         .iter()
         .map(|slide| {
             let resistance = || {

@@ -89,7 +89,7 @@ pub struct Engine {
     /// Replies that stay the same, encoded once.
     pub(in crate::service) made: Made,
     /// The recorded state that is played back.
-    pub(super) shown: Option<v1::ShowRequest>,
+    pub(super) shown: Option<v1::PlaybackRequest>,
     /// Sensor models of the robot's signals.
     pub(in crate::service) signals: Signals,
     /// Delay of commands behind the gate, if a sensor model defines one.

@@ -186,19 +186,8 @@ impl Engine {
             objects.map(|o| o.name.clone()).collect()
         };
         let (new, old) = (sim.scenario(), self.sim.scenario());
-        let drawn = |of: &Scenario| of.person.as_ref().and_then(|person| person.drawn.clone());
-        let drawing = self.render.as_ref().is_none_or(|r| r.failure().is_none());
-        let same_cameras = drawing
-            && new.cameras == old.cameras
-            && new.sensors == old.sensors
-            && (new.sensors.is_empty() || new.seed == old.seed)
-            && new.scene == old.scene
-            && new.robot == old.robot
-            && new.task == old.task
-            && new.quality == old.quality
-            && new.look == old.look
-            && drawn(new) == drawn(old)
-            && names(&sim) == names(&self.sim);
+        let renders = self.render.as_ref().is_none_or(|r| r.failure().is_none());
+        let same_cameras = renders && new.has_images_of(old) && names(&sim) == names(&self.sim);
         let before = std::mem::replace(&mut self.sim, sim);
         if !same_cameras && let Err(e) = self.start_cameras() {
             self.sim = before;

@@ -25,8 +25,8 @@ const LAST_TICK: u64 = 100 * 366 * 86_400 * wheelarm_proto::PHYSICS_HZ;
 
 impl Engine {
     /// Decodes the request and checks whether a recorded state may be played back.
-    pub(super) fn to_show(&self, payload: &[u8]) -> Result<v1::ShowRequest, Denied> {
-        let request: v1::ShowRequest = decode(payload)?;
+    pub(super) fn to_show(&self, payload: &[u8]) -> Result<v1::PlaybackRequest, Denied> {
+        let request: v1::PlaybackRequest = decode(payload)?;
         if self.sim.scenario().pacing != Pacing::LockStep {
             let words = "recorded states are shown in lock-step only, where no time goes on by \
                          itself; start a server with --pacing lock-step";
@@ -69,7 +69,7 @@ impl Engine {
     }
 
     /// Plays back a state and publishes its recorded values.
-    pub(super) fn show(&mut self, request: v1::ShowRequest) -> Result<v1::Ack, Denied> {
+    pub(super) fn show(&mut self, request: v1::PlaybackRequest) -> Result<v1::Ack, Denied> {
         let frames = self.sim.model().roles.frames.iter();
         let root = frames.map(|f| f.parent).position(|parent| parent.is_none());
         let recorded = recorded(&request, root.unwrap_or_default())?;
@@ -188,7 +188,7 @@ fn body(
 
 /// Converts the state of a request and checks every number; `root` is the frame of the
 /// robot's root link.
-fn recorded(request: &v1::ShowRequest, root: usize) -> Result<RecordedState, Invalid> {
+fn recorded(request: &v1::PlaybackRequest, root: usize) -> Result<RecordedState, Invalid> {
     let default = v1::JointState::default();
     let state = request.joints.as_ref().unwrap_or(&default);
     let root = request.poses.as_ref().and_then(|p| p.frames.get(root));

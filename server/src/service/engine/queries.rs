@@ -60,7 +60,7 @@ impl Engine {
                     Err(why) => self.refuse(query, why),
                 }
             }
-            Query::Show => match self.to_show(&payload) {
+            Query::Playback => match self.to_show(&payload) {
                 Ok(request) => {
                     let request = Box::new(request);
                     self.pending_operation = Some(PendingOperation::Show { query, request });
@@ -79,7 +79,7 @@ impl Engine {
                     self.pending_operation = Some(PendingOperation::Stop {
                         query,
                         discard,
-                        cause: v1::EndCause::Asked,
+                        cause: v1::EndCause::Requested,
                     });
                 }
                 Err(why) => self.refuse(query, why),
@@ -238,11 +238,11 @@ impl Engine {
                 let own = count.filter(|count| count.count > 0);
                 own.map_or(0, value)
             };
-            v1::SensorGiven {
+            v1::SensorProgress {
                 sensor: kind.name.clone(),
                 camera: kind.camera.clone(),
                 depth: kind.is_depth,
-                pictures: of(|count| count.count),
+                images: of(|count| count.count),
                 newest: of(|count| count.last),
             }
         };

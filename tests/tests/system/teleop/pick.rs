@@ -30,10 +30,10 @@ fn wrap(angle: f64) -> f64 {
 }
 
 /// Waits until `done` says so of the numbers that are read again and again.
-fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+fn until<T>(what: &str, mut appearance: impl FnMut() -> Option<T>) -> T {
     let since = Instant::now();
     loop {
-        if let Some(seen) = look() {
+        if let Some(seen) = appearance() {
             return seen;
         }
         assert!(since.elapsed() < PATIENCE, "{what} takes too long");

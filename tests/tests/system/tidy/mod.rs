@@ -5,6 +5,7 @@
 mod banned;
 mod circles;
 mod documents;
+mod scenario;
 mod source;
 mod walls;
 mod words;

@@ -1,7 +1,7 @@
 //! Checks of a plan's file; each names the line and the cure.
 
 use std::collections::BTreeSet;
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 use std::path::Path;
 
 use toml::Spanned;
@@ -10,12 +10,10 @@ use wheelarm_proto::seeds::{ATTEMPT_STRIDE, Purpose};
 use wheelarm_proto::settings::{LanguageSplit, Named};
 use wheelarm_proto::v1;
 
-use super::form::{CameraFile, TaskFile};
-use super::parts::{Camera, PlanError, Task};
-use crate::sentences::{Language, LanguageFile};
-
-/// Width and height that a server takes for a picture, pixels.
-const SIDES: RangeInclusive<u32> = 16..=4096;
+use super::form::TaskFile;
+use super::parts::{PlanError, Task};
+use crate::sentences::Language;
+use crate::variation::Mistake;
 
 pub(super) fn line_of(text: &str, span: &Range<usize>) -> usize {
     let before = text.get(..span.start).unwrap_or(text);
@@ -63,16 +61,12 @@ impl Check<'_> {
         })
     }
 
-    pub(super) fn language(
-        &self,
-        asked: Option<LanguageFile>,
-    ) -> Result<Option<Language>, PlanError> {
-        let checked = asked.map(LanguageFile::checked).transpose();
-        checked.map_err(|(at, what)| PlanError {
+    pub(super) fn at(&self, (span, what): Mistake) -> PlanError {
+        PlanError {
             path: self.path.to_owned(),
-            line: Some(line_of(self.text, &at)),
+            line: (!span.is_empty()).then(|| line_of(self.text, &span)),
             what,
-        })
+        }
     }
 
     /// What training must not see.
@@ -84,7 +78,7 @@ impl Check<'_> {
         let held_out = language.is_some_and(|said| said.split != LanguageSplit::Train);
         if purpose == Purpose::Train && held_out {
             return Err(self.whole(
-                "[language] of a plan for training says sentences that are held out for tests; \
+                "[variation.language] of a plan for training says sentences that are held out for tests; \
                  write split = \"train\"",
             ));
         }
@@ -95,7 +89,7 @@ impl Check<'_> {
     pub(super) fn sensors(
         &self,
         sensors: &[v1::SensorSetting],
-        cameras: &[Camera],
+        cameras: &[v1::CameraSetting],
     ) -> Result<(), PlanError> {
         let is_known = |name: &str| name.is_empty() || cameras.iter().any(|c| c.name == name);
         let Some(blind) = sensors.iter().find(|sensor| !is_known(&sensor.camera)) else {
@@ -121,45 +115,6 @@ impl Check<'_> {
                 base / 6.0
             )
         })
-    }
-
-    pub(super) fn cameras(&self, cameras: Vec<CameraFile>) -> Result<Vec<Camera>, PlanError> {
-        let mut names = BTreeSet::new();
-        let mut checked = Vec::new();
-        for camera in cameras {
-            self.name(&camera.name)?;
-            let size = *camera.size.get_ref();
-            self.that(
-                size.iter().all(|side| SIDES.contains(side)),
-                &camera.size,
-                || {
-                    format!(
-                        "size is {}x{}; each side must be {} to {} pixels",
-                        size[0],
-                        size[1],
-                        SIDES.start(),
-                        SIDES.end()
-                    )
-                },
-            )?;
-            self.rate("rate", &camera.rate, 240.0)?;
-            self.that(
-                names.insert(camera.name.get_ref().clone()),
-                &camera.name,
-                || {
-                    format!(
-                        "camera {:?} stands here twice; leave one out",
-                        camera.name.get_ref()
-                    )
-                },
-            )?;
-            checked.push(Camera {
-                name: camera.name.into_inner(),
-                size,
-                rate: camera.rate.into_inner(),
-            });
-        }
-        Ok(checked)
     }
 
     /// What the seeds of all tasks are for, which is what the plan says if it

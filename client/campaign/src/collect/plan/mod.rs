@@ -10,17 +10,17 @@ mod parts;
 
 use std::path::{Path, PathBuf};
 
-use toml::Spanned;
 use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::seeds::Purpose;
-use wheelarm_proto::settings::{Depth, Quality};
+use wheelarm_proto::settings::Depth;
+use wheelarm_proto::v1;
 
-pub use self::form::Randomise;
-pub use self::parts::{Camera, PlanError, Task};
+pub use self::parts::{PlanError, Task};
 
-use self::check::{Check, line_of};
+use self::check::Check;
 use self::form::PlanFile;
-use crate::variation::Variation;
+use crate::renamed_keys;
+use crate::variation::{IMU_HZ, STATE_HZ, Variation};
 
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,34 +31,24 @@ pub struct Plan {
     pub name: String,
     /// Folder for the dataset, unless told otherwise on the command line.
     pub out: Option<PathBuf>,
-    /// Scene below assets/scenes.
-    pub scene: String,
-    /// Robot below assets/robots.
-    pub robot: String,
     /// Attempts at one episode, each with a fresh seed, before it is dropped.
     pub attempts: u32,
     /// How depth is stored.
     pub depth: Depth,
-    /// Work per picture.
-    pub quality: Quality,
     /// Licence of the dataset, as the Hugging Face hub names licences.
     pub license: String,
     /// Keeps the recordings of attempts that failed at the task.
     pub keep_failed: bool,
     /// What its episodes are for.
     pub purpose: Purpose,
-    /// What differs between episodes beside what their task draws.
+    /// Scenarios of its episodes. The shared fields have no defaults left to the server.
     pub variation: Variation,
-    /// Rate of the state streams, Hz.
-    pub state_rate: f64,
-    /// Rate of the IMU, Hz.
-    pub imu_rate: f64,
-    /// Samples per simulated second that are counted; nothing is resampled.
-    pub sample_rate: f64,
-    /// What differs between episodes beside what the task files draw.
-    pub randomise: Randomise,
-    /// Cameras.
-    pub cameras: Vec<Camera>,
+    /// Samples per simulated second that are counted, Hz; nothing is resampled.
+    pub sample_rate_hz: f64,
+    /// The operator's tempo, grasps and step sequence vary with the seed.
+    pub varied_operator: bool,
+    /// Former keys in the file, each with the key to write now.
+    pub warnings: Vec<String>,
     /// Tasks, in the order of the plan.
     pub tasks: Vec<Task>,
 }
@@ -85,19 +75,34 @@ impl Plan {
     /// # Errors
     /// As [`Plan::read`].
     pub fn parse(path: &Path, text: String) -> Result<Self, PlanError> {
-        let file: PlanFile = toml::from_str(&text).map_err(|e| PlanError {
-            path: path.to_owned(),
-            line: e.span().map(|span| line_of(&text, &span)),
-            what: e.message().trim().to_owned(),
-        })?;
         let check = Check { path, text: &text };
-        let cameras = check.cameras(file.camera)?;
+        let at = |e: toml::de::Error| {
+            check.at((e.span().unwrap_or(0..0), e.message().trim().to_owned()))
+        };
+        let mut table: toml::Table = toml::from_str(&text).map_err(at)?;
+        let warnings = renamed_keys::translate(&mut table).map_err(|what| check.whole(&what))?;
+        // The text itself while its keys are those of today, for the lines of errors.
+        let file: PlanFile = match warnings.is_empty() {
+            true => toml::from_str(&text).map_err(at)?,
+            false => {
+                let text = toml::to_string(&table).map_err(|e| check.whole(&e.to_string()))?;
+                toml::from_str(&text).map_err(|e| check.whole(e.message()))?
+            }
+        };
+        let varied_operator = file.variation.operator;
+        let variation = file
+            .variation
+            .checked(file.scenario)
+            .map_err(|m| check.at(m))?;
+        let variation = Variation {
+            scenario: with_defaults(variation.scenario),
+            ..variation
+        };
         let tasks = check.tasks(file.task, file.first_seed)?;
         let purpose = check.purpose(&tasks, file.purpose, *file.attempts.get_ref())?;
-        let language = check.language(file.language)?;
         check.name(&file.name)?;
-        check.apart(purpose, language.as_ref())?;
-        check.sensors(&file.sensors, &cameras)?;
+        check.apart(purpose, variation.language.as_ref())?;
+        check.sensors(&variation.scenario.sensors, &variation.scenario.cameras)?;
         check.that(*file.attempts.get_ref() > 0, &file.attempts, || {
             "attempts is 0; at least 1 is needed".to_owned()
         })?;
@@ -106,61 +111,30 @@ impl Plan {
         check.that(
             !license.is_empty() && license.chars().all(fits),
             &file.license,
-            || {
-                format!(
-                    "license {license:?} is no name of a licence; write for example \"cc-by-4.0\""
-                )
-            },
+            || format!("license {license:?} is not the name of a licence; write for example \"cc-by-4.0\""),
         )?;
-        if let Some(share) = &file.bear_share {
-            check.that((0.0..=1.0).contains(share.get_ref()), share, || {
-                format!("bear_share is {}; it is a share, 0 to 1", share.get_ref())
-            })?;
-        }
-        for (key, share) in [
-            ("start_in_view", &file.start_in_view),
-            ("look_around", &file.look_around),
-        ] {
-            check.that((0.0..=1.0).contains(share.get_ref()), share, || {
-                format!("{key} is {}; it is a share, 0 to 1", share.get_ref())
-            })?;
-        }
-        check.rate("state_rate", &file.state_rate, 60.0)?;
-        check.rate("imu_rate", &file.imu_rate, 240.0)?;
-        check.rate("sample_rate", &file.sample_rate, 240.0)?;
+        check.rate("sample_rate_hz", &file.sample_rate_hz, 240.0)?;
         Ok(Self {
             name: file.name.into_inner(),
             out: file.out,
-            scene: file.scene,
-            robot: file.robot,
             attempts: file.attempts.into_inner(),
             depth: file.depth,
-            quality: file.quality,
             license: file.license.into_inner(),
             purpose,
             keep_failed: file.keep_failed,
-            variation: Variation {
-                starts: file.starts,
-                bear_share: file.bear_share.map(Spanned::into_inner),
-                robots: file.randomise.robots,
-                language,
-                look: file.look,
-                disturb: file.disturb,
-                person: file.person,
-                style: file.style,
-                time_limits: file.time_limits,
-                start_in_view: file.start_in_view.into_inner(),
-                look_around: file.look_around.into_inner(),
-                sensors: file.sensors,
-            },
-            state_rate: file.state_rate.into_inner(),
-            imu_rate: file.imu_rate.into_inner(),
-            sample_rate: file.sample_rate.into_inner(),
-            randomise: file.randomise,
-            cameras,
+            variation,
+            sample_rate_hz: file.sample_rate_hz.into_inner(),
+            varied_operator,
+            warnings,
             tasks,
             text,
         })
+    }
+
+    /// Fields that all episodes share.
+    #[must_use]
+    pub fn scenario(&self) -> &v1::Scenario {
+        &self.variation.scenario
     }
 
     /// Episodes of all tasks.
@@ -172,17 +146,48 @@ impl Plan {
     /// Pixels of all cameras per simulated second.
     #[must_use]
     pub fn pixels_per_second(&self) -> f64 {
-        self.cameras.iter().map(Camera::pixels_per_second).sum()
+        self.scenario().cameras.iter().map(pixels_per_second).sum()
     }
 
     /// Pixels per simulated second of those cameras through which sensor models see.
     #[must_use]
     pub fn sensed_pixels_per_second(&self) -> f64 {
-        let sensors = &self.variation.sensors;
-        let sensed = |c: &&Camera| sensors.iter().any(|sensor| sensor.camera == c.name);
-        let cameras = self.cameras.iter().filter(sensed);
-        cameras.map(Camera::pixels_per_second).sum()
+        let scenario = self.scenario();
+        let sensed = |c: &&v1::CameraSetting| scenario.sensors.iter().any(|s| s.camera == c.name);
+        let cameras = scenario.cameras.iter().filter(sensed);
+        cameras.map(pixels_per_second).sum()
     }
+}
+
+/// Rate of a camera without one, Hz.
+const CAMERA_HZ: f64 = 10.0;
+
+fn pixels_per_second(camera: &v1::CameraSetting) -> f64 {
+    f64::from(camera.width) * f64::from(camera.height) * camera.rate_hz.unwrap_or(CAMERA_HZ)
+}
+
+/// The shared fields with the defaults of a campaign in place of absent ones.
+fn with_defaults(mut scenario: v1::Scenario) -> v1::Scenario {
+    let or = |value: &mut String, default: &str| {
+        if value.is_empty() {
+            default.clone_into(value);
+        }
+    };
+    or(&mut scenario.scene, "home");
+    or(&mut scenario.robot, "wheelarm");
+    for camera in &mut scenario.cameras {
+        camera.rate_hz.get_or_insert(CAMERA_HZ);
+    }
+    scenario.state_rate_hz.get_or_insert(STATE_HZ);
+    scenario.imu_rate_hz.get_or_insert(IMU_HZ);
+    scenario.imu_noise.get_or_insert(false);
+    if scenario.quality() == v1::RenderQuality::Unspecified {
+        scenario.set_quality(v1::RenderQuality::Standard);
+    }
+    if scenario.starts() == v1::Starts::Unspecified {
+        scenario.set_starts(v1::Starts::Near);
+    }
+    scenario
 }
 
 #[cfg(test)]
@@ -190,7 +195,7 @@ mod tests {
     use super::*;
     use wheelarm_proto::settings::Named;
 
-    const GOOD: &str = "name = \"x\"\n[[camera]]\nname = \"gen3\"\nsize = [64, 48]\n[[task]]\nname = \"pick_mustard\"\nepisodes = 2\n";
+    const GOOD: &str = "name = \"x\"\n[[scenario.cameras]]\nname = \"gen3\"\nwidth = 64\nheight = 48\n[[task]]\nname = \"pick_mustard\"\nepisodes = 2\n";
 
     fn parse(text: &str) -> Result<Plan, PlanError> {
         Plan::parse(Path::new("p.toml"), text.to_owned())
@@ -199,7 +204,7 @@ mod tests {
     #[test]
     fn a_short_plan_takes_the_defaults() {
         let plan = parse(GOOD).unwrap();
-        assert_eq!(plan.cameras[0].word(), "gen3=64x48@10");
+        assert_eq!(plan.scenario().cameras[0].text(), "gen3=64x48@10");
         assert_eq!((plan.attempts, plan.depth.name()), (5, "f32"));
         assert_eq!((plan.episode_count(), plan.tasks[0].first_seed), (2, 0));
     }
@@ -214,7 +219,7 @@ mod tests {
         for (text, words) in [
             (
                 "name = \"x\"\npurpose = \"train\"",
-                "p.toml:7: task \"pick_mustard\": seeds 0..2 are for develop, the plan is for train, whose seeds are 10000..1000000",
+                "p.toml:8: task \"pick_mustard\": seeds 0..2 are for develop, the plan is for train, whose seeds are 10000..1000000",
             ),
             ("name = \"x\"\nfirst_seed = 199", "below 200 for develop"),
             (
@@ -231,8 +236,8 @@ mod tests {
     #[test]
     fn several_sentences_share_a_scene() {
         let text = GOOD.replace(
-            "[[camera]]",
-            "[language]\nseed = 40\nsentences = 3\n[[camera]]",
+            "[[scenario.cameras]]",
+            "[variation.language]\nseed = 40\nsentences = 3\n[[scenario.cameras]]",
         );
         let plan = parse(&text.replace("episodes = 2", "episodes = 7")).unwrap();
         let language = plan.variation.language.unwrap();
@@ -247,20 +252,27 @@ mod tests {
     #[test]
     fn training_sees_no_test_sentences_and_no_sensor_is_blind() {
         let told = |more: &str| {
-            let text = GOOD.replace("[[camera]]", &format!("{more}\n[[camera]]"));
+            let text = GOOD.replace(
+                "[[scenario.cameras]]",
+                &format!("{more}\n[[scenario.cameras]]"),
+            );
             parse(&text).map(|_| ()).map_err(|e| e.to_string())
         };
         let train = "purpose = \"train\"\nfirst_seed = 10000\n";
         for split in ["held_out", "any"] {
-            let held_out = format!("{train}[language]\nsplit = \"{split}\"");
+            let held_out = format!("{train}[variation.language]\nsplit = \"{split}\"");
             assert!(told(&held_out).unwrap_err().contains("split = \"train\""));
         }
         assert_eq!(
-            told(&format!("{train}[language]\nsplit = \"train\"")),
+            told(&format!("{train}[variation.language]\nsplit = \"train\"")),
             Ok(())
         );
-        assert_eq!(told("sensors = [\"kinova_vision@gen3\", \"imu\"]"), Ok(()));
-        let blind = told("sensors = [\"chair_stereo@wheelchair\"]").unwrap_err();
+        assert_eq!(
+            told("[[scenario.sensors]]\nmodel = \"kinova_vision\"\ncamera = \"gen3\""),
+            Ok(())
+        );
+        let blind = told("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
+            .unwrap_err();
         assert!(blind.contains("its cameras are gen3"), "{blind}");
     }
 
@@ -268,43 +280,43 @@ mod tests {
     fn errors_name_the_line_and_the_cure() {
         for (from, to, line, words) in [
             (
-                "[[camera]]",
-                "[language]\ntypos = 2.0\n[[camera]]",
+                "[[scenario.cameras]]",
+                "[variation.language]\ntypos = 2.0\n[[scenario.cameras]]",
                 3,
                 "share",
             ),
             (
-                "[[camera]]",
-                "[language]\nsplit = \"test\"\n[[camera]]",
+                "[[scenario.cameras]]",
+                "[variation.language]\nsplit = \"test\"\n[[scenario.cameras]]",
                 3,
                 "held_out",
             ),
             (
-                "[[camera]]",
-                "[language]\nsentences = 0\n[[camera]]",
+                "[[scenario.cameras]]",
+                "[variation.language]\nsentences = 0\n[[scenario.cameras]]",
                 3,
                 "at least 1",
             ),
-            ("episodes = 2", "episodes = 0", 7, "leave the task out"),
-            ("size = [64, 48]", "size = [0, 48]", 4, "16 to 4096"),
-            ("size = [64, 48]", "size = [64, 4097]", 4, "16 to 4096"),
+            ("episodes = 2", "episodes = 0", 8, "leave the task out"),
+            ("width = 64", "width = 0", 2, "16 to 4096"),
+            ("height = 48", "height = 4097", 2, "16 to 4096"),
             (
-                "size = [64, 48]",
-                "size = [64, 48]\nrate = 7",
-                5,
+                "height = 48",
+                "height = 48\nrate_hz = 7.0",
+                2,
                 "does not divide 240",
             ),
             ("name = \"x\"", "name = \"a/b\"", 1, "letters, digits"),
             (
                 "name = \"x\"",
-                "name = \"x\"\nlook = \"*:light=4\"",
+                "name = \"x\"\nvariation.appearance = \"*:light=4\"",
                 2,
                 "expected a strength of 0 (off), 1, 2 or 3",
             ),
             (
                 "episodes = 2",
                 "episodes = 2\ncount = 3",
-                8,
+                9,
                 "unknown field `count`",
             ),
             (
@@ -316,7 +328,7 @@ mod tests {
             (
                 "episodes = 2",
                 "episodes = 2\n[[task]]\nname = \"pick_mustard\"\nepisodes = 1",
-                9,
+                10,
                 "twice",
             ),
         ] {
@@ -331,5 +343,31 @@ mod tests {
                 .to_string()
                 .contains("[[task]]")
         );
+    }
+
+    #[test]
+    fn a_plan_in_the_spelling_of_contract_2_has_the_same_episodes_and_names_every_new_key() {
+        let old = include_str!("../../../../../tests/data/plans/contract-2.toml");
+        let new = include_str!("../../../../../assets/campaigns/train-1k.toml");
+        let [old, new] = [old, new].map(|text| parse(text).unwrap());
+        assert_eq!(old.variation, new.variation);
+        assert_eq!(
+            (old.varied_operator, old.depth, old.keep_failed),
+            (new.varied_operator, new.depth, new.keep_failed)
+        );
+        assert_eq!(new.warnings, [""; 0]);
+        for (key, now) in [
+            ("camera", "scenario.cameras"),
+            ("bear_share", "scenario.variant_share"),
+            ("look", "variation.appearance"),
+            ("randomise.robots", "variation.specimens"),
+        ] {
+            let warning = format!("the key `{key}` is `{now}` now");
+            assert!(
+                old.warnings.iter().any(|w| w.starts_with(&warning)),
+                "{:?}",
+                old.warnings
+            );
+        }
     }
 }

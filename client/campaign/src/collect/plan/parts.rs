@@ -3,45 +3,6 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use wheelarm_proto::v1::CameraSetting;
-
-/// One camera.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Camera {
-    /// `gen3`, `wheelchair` or `room`.
-    pub name: String,
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// Pictures per simulated second, Hz; divides 240.
-    pub rate: f64,
-}
-
-impl Camera {
-    /// As the server takes it: `NAME=WIDTHxHEIGHT@HZ`.
-    #[must_use]
-    pub fn word(&self) -> String {
-        let [width, height] = self.size;
-        format!("{}={width}x{height}@{}", self.name, self.rate)
-    }
-
-    pub(super) fn pixels_per_second(&self) -> f64 {
-        self.size.map(f64::from).iter().product::<f64>() * self.rate
-    }
-
-    /// As a scenario says it.
-    #[must_use]
-    pub fn setting(&self) -> CameraSetting {
-        let [width, height] = self.size;
-        CameraSetting {
-            name: self.name.clone(),
-            width,
-            height,
-            rate_hz: Some(self.rate),
-            ..CameraSetting::default()
-        }
-    }
-}
-
 /// One task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {

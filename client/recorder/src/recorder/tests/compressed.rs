@@ -28,14 +28,14 @@ fn exact(sequence: u64) -> v1::CameraFrame {
                 ..Default::default()
             }),
         }),
-        rgb: (0..24).map(|i| i * 3 + sequence as u8).collect(),
+        color: (0..24).map(|i| i * 3 + sequence as u8).collect(),
         depth: (0..8_u8)
             .flat_map(|i| (0.25 * f32::from(i)).to_le_bytes())
             .collect(),
-        ids: (0..16).collect(),
-        rgb_format: v1::PixelFormat::Rgb8.into(),
+        segmentation: (0..16).collect(),
+        color_format: v1::PixelFormat::Rgb8.into(),
         depth_format: v1::PixelFormat::DepthMetresF32.into(),
-        ids_format: v1::PixelFormat::IdU16.into(),
+        segmentation_format: v1::PixelFormat::IdU16.into(),
     }
 }
 
@@ -55,12 +55,12 @@ pub(super) fn compressed(sequence: u64) -> v1::CompressedCameraFrame {
         camera: frame.camera,
         intrinsics: frame.intrinsics,
         pose: frame.pose,
-        rgb: plane(&frame.rgb, 1),
+        color: plane(&frame.color, 1),
         depth: plane(&frame.depth, 4),
-        ids: plane(&frame.ids, 2),
-        rgb_format: frame.rgb_format,
+        segmentation: plane(&frame.segmentation, 2),
+        color_format: frame.color_format,
         depth_format: frame.depth_format,
-        ids_format: frame.ids_format,
+        segmentation_format: frame.segmentation_format,
         digest: exact_digest(sequence).to_vec().into(),
     }
 }
@@ -530,7 +530,7 @@ fn a_server_that_does_not_compress_is_heard_as_it_is() {
 fn forged_compressed_pictures_are_found_and_malformed_ones_are_missing() {
     // With the true digest of the exact picture and other planes.
     let forged = v1::CompressedCameraFrame {
-        rgb: compressed(1).depth,
+        color: compressed(1).depth,
         ..compressed(2)
     };
     for (third, more, words) in [
@@ -546,7 +546,7 @@ fn forged_compressed_pictures_are_found_and_malformed_ones_are_missing() {
         ),
         (
             v1::CompressedCameraFrame {
-                ids_format: v1::PixelFormat::IdU8.into(),
+                segmentation_format: v1::PixelFormat::IdU8.into(),
                 ..compressed(2)
             },
             None,

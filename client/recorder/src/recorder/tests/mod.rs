@@ -82,9 +82,9 @@ fn picture(episode: u64, sequence: u64) -> Input {
             height: 2,
             ..Default::default()
         }),
-        rgb: vec![9; 24].into(),
+        color: vec![9; 24].into(),
         depth: vec![0; 32].into(),
-        ids: vec![1; 8].into(),
+        segmentation: vec![1; 8].into(),
         ..Default::default()
     };
     Input::Sample {

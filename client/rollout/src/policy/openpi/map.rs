@@ -226,11 +226,11 @@ impl NameMap {
         observation: &v1::PolicyObservation,
     ) -> Result<Value, PolicyError> {
         let lacks = |what: String| PolicyError::Unfit(format!("the observation has no {what}"));
-        let moment = observation.moments.last();
+        let moment = observation.steps.last();
         let moment = moment.ok_or_else(|| lacks("moment".to_owned()))?;
         let mut entries = self.head("infer", &observation.episode_key);
         for picture in &self.pictures {
-            let seen = moment.pictures.iter().find(|p| p.camera == picture.camera);
+            let seen = moment.images.iter().find(|p| p.camera == picture.camera);
             let seen = seen.ok_or_else(|| lacks(format!("picture of {:?}", picture.camera)))?;
             entries.push((picture.key.as_str().into(), picture.array(seen)));
         }
@@ -305,17 +305,17 @@ impl NameMap {
 
 impl PictureMap {
     /// The picture with black around, as openpi's clients do it.
-    fn array(&self, seen: &v1::PolicyPicture) -> Value {
+    fn array(&self, seen: &v1::PolicyImage) -> Value {
         let (width, height) = (seen.width as usize, seen.height as usize);
         let Some([wide, high]) = self.pad.map(|sides| sides.map(|side| side as usize)) else {
-            return array::bytes(&[height, width, 3], seen.rgb.to_vec());
+            return array::bytes(&[height, width, 3], seen.color.to_vec());
         };
         let (left, top) = (
             wide.saturating_sub(width) / 2,
             high.saturating_sub(height) / 2,
         );
         let mut pixels = vec![0; 3 * wide * high];
-        for (row, line) in seen.rgb.chunks_exact(3 * width.max(1)).enumerate() {
+        for (row, line) in seen.color.chunks_exact(3 * width.max(1)).enumerate() {
             let to = 3 * ((top + row) * wide + left);
             if let Some(place) = pixels.get_mut(to..to + line.len()) {
                 place.copy_from_slice(line);

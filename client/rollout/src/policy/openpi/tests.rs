@@ -82,13 +82,13 @@ fn observation() -> v1::PolicyObservation {
         episode_key: "run-7".to_owned(),
         tick: 24,
         instruction: "Take the mug".to_owned(),
-        moments: vec![v1::PolicyMoment {
+        steps: vec![v1::PolicyStep {
             state_values: (0..STATE).map(|i| i as f64).collect(),
-            pictures: vec![v1::PolicyPicture {
+            images: vec![v1::PolicyImage {
                 camera: "wheelchair".to_owned(),
                 width: 32,
                 height: 16,
-                rgb: vec![7; 3 * 32 * 16].into(),
+                color: vec![7; 3 * 32 * 16].into(),
                 depth: Default::default(),
             }],
         }],

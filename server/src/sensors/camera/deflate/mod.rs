@@ -248,7 +248,7 @@ struct CodeStatistics {
     /// Codes have been uploaded.
     has_codes: bool,
     /// Images that were checked among the first ones.
-    looks: u32,
+    appearances: u32,
     /// Bytes of the streams of the last image.
     bytes: [Option<usize>; STREAMS],
 }
@@ -366,8 +366,8 @@ impl CameraDeflater {
     /// including some with learnt codes, and later ones at intervals.
     fn is_due(&self, number: u64, is_whole: bool) -> bool {
         let mut learnt = self.learnt.lock();
-        let first = is_whole && learnt.looks < FIRST_CHECKS;
-        learnt.looks += u32::from(first);
+        let first = is_whole && learnt.appearances < FIRST_CHECKS;
+        learnt.appearances += u32::from(first);
         first || number.is_multiple_of(CHECK_INTERVAL)
     }
 

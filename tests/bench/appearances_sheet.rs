@@ -1,7 +1,7 @@
 //! One instant under many looks, as one picture: a task's start with the
 //! chair before its area, seen by a camera in the room.
 //!
-//! `looks_sheet OUT.jpg|OUT.png [--assets DIR] [--task NAME] [--view table|room|close]
+//! `appearances_sheet OUT.jpg|OUT.png [--assets DIR] [--task NAME] [--view table|room|close]
 //! [--strength 1|2|3] [--first-look N] [--columns N] [--rows N] [--width W]
 //! [--quality fast|draft|standard|high]`
 
@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use clap::Parser;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::settings::{Named, Quality};
-use wheelarm_server::look::{Look, SampledLook};
+use wheelarm_server::appearance::{Appearance, SampledAppearance};
 use wheelarm_server::robot::control::ControlInput;
 use wheelarm_server::sensors::camera::{Binding, CameraSpec, Intrinsics, RenderScene, Renderer};
 use wheelarm_server::sim::{Scenario, Simulation};
@@ -29,7 +29,7 @@ struct Options {
     /// `table`: the task's area; `close`: what it is about; `room`.
     #[arg(long, default_value = "table")]
     view: String,
-    /// Strength of every axis but the cameras'; 0 is no look at all.
+    /// Strength of every axis but the cameras'; 0 is no appearance at all.
     #[arg(long, default_value_t = 2)]
     strength: u8,
     /// Seed of the first look.
@@ -84,20 +84,24 @@ fn main() -> Result<()> {
     let row = w * options.columns as usize;
     let mut sheet = vec![0; row * h * options.rows as usize * 3];
     for i in 0..options.columns * options.rows {
-        let look = Look {
+        let appearance = Appearance {
             seed: options.first_look + u64::from(i),
             light: options.strength,
             background: options.strength,
             materials: options.strength,
             exposure: options.strength,
             decoration: options.strength,
-            ..Look::default()
+            ..Appearance::default()
         };
-        let look = (!look.is_plain())
-            .then(|| SampledLook::new(look, sim.scene(), &options.assets))
+        let appearance = (!appearance.is_plain())
+            .then(|| SampledAppearance::new(appearance, sim.scene(), &options.assets))
             .transpose()?;
-        let scene =
-            RenderScene::with_look(sim.model(), sim.scene(), &options.assets, look.as_ref())?;
+        let scene = RenderScene::with_appearance(
+            sim.model(),
+            sim.scene(),
+            &options.assets,
+            appearance.as_ref(),
+        )?;
         let mut renderer = Renderer::new(&scene, std::slice::from_ref(&camera), quality, None)?;
         let frames = renderer.render(sim.snapshot(), &[0])?;
         let frame = frames.first().context("a picture")?;

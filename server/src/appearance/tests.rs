@@ -10,41 +10,41 @@ fn assets() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets")
 }
 
-fn look(seed: u64, strength: u8) -> Look {
-    Look {
+fn appearance(seed: u64, strength: u8) -> Appearance {
+    Appearance {
         seed,
         light: strength,
         background: strength,
         materials: strength,
         exposure: strength,
         decoration: strength,
-        ..Look::default()
+        ..Appearance::default()
     }
 }
 
-fn drawn(look: Look) -> SampledLook {
+fn drawn(appearance: Appearance) -> SampledAppearance {
     let scene = Scene::load(&assets(), "home").unwrap();
-    SampledLook::new(look, &scene, &assets()).unwrap()
+    SampledAppearance::new(appearance, &scene, &assets()).unwrap()
 }
 
 #[test]
 fn a_look_is_deterministic_and_its_axes_are_independent() {
-    let all = look(5, 2);
+    let all = appearance(5, 2);
     assert_eq!(drawn(all), drawn(all));
-    assert_ne!(drawn(all).lighting, drawn(look(6, 2)).lighting);
-    let light = Look {
+    assert_ne!(drawn(all).lighting, drawn(appearance(6, 2)).lighting);
+    let light = Appearance {
         seed: 5,
         light: 2,
-        ..Look::default()
+        ..Appearance::default()
     };
     assert_eq!(drawn(light).irradiance, {
-        let none = Look { exposure: 0, ..all };
+        let none = Appearance { exposure: 0, ..all };
         drawn(none).irradiance
     });
-    let decoration = Look {
+    let decoration = Appearance {
         seed: 5,
         decoration: 2,
-        ..Look::default()
+        ..Appearance::default()
     };
     assert_eq!(drawn(decoration).decoration, drawn(all).decoration);
 }
@@ -52,10 +52,10 @@ fn a_look_is_deterministic_and_its_axes_are_independent() {
 #[test]
 fn axes_that_are_off_change_nothing() {
     let home = Scene::load(&assets(), "home").unwrap();
-    let exposure = Look {
+    let exposure = Appearance {
         seed: 3,
         exposure: 3,
-        ..Look::default()
+        ..Appearance::default()
     };
     let sampled = drawn(exposure);
     assert!(sampled.decoration.is_empty());
@@ -93,9 +93,9 @@ fn no_look_clips_a_white_wall_or_leaves_it_black() {
     let (mut darkest, mut brightest) = (1.0f32, 0.0f32);
     for seed in 0..300 {
         for strength in 1..=3 {
-            let look = look(seed, strength);
-            let light = light::draw(&look, &file, scene.lighting);
-            let gain = light::exposure(&look);
+            let appearance = appearance(seed, strength);
+            let light = light::draw(&appearance, &file, scene.lighting);
+            let gain = light::exposure(&appearance);
             let irradiance = light.irradiance.times(gain);
             for k in 0..3 {
                 for sign in [1.0, -1.0] {
@@ -128,7 +128,7 @@ fn strong_looks_show_every_sky_and_stay_in_their_families() {
     let mut panes = BTreeSet::new();
     let mut floors = BTreeSet::new();
     for seed in 0..60 {
-        let sampled = drawn(look(seed, 3));
+        let sampled = drawn(appearance(seed, 3));
         panes.insert((sampled.outdoors * 1e4) as i64);
         for body in &home.furniture {
             for visual in &body.visual {
@@ -161,7 +161,7 @@ fn strong_looks_show_every_sky_and_stay_in_their_families() {
 
 #[test]
 fn the_reflection_is_brighter_at_the_windows_and_smoother_at_each_level() {
-    let sampled = drawn(look(1, 1));
+    let sampled = drawn(appearance(1, 1));
     let contrast = |level: &Vec<u8>| {
         let values = level.as_chunks::<4>().0.iter().map(|p| p[1]);
         values.clone().max().unwrap() - values.min().unwrap()
@@ -177,13 +177,13 @@ fn the_reflection_is_brighter_at_the_windows_and_smoother_at_each_level() {
 #[test]
 fn errors_in_a_file_name_line_key_value_and_allowed_values() {
     let folder = std::env::temp_dir().join(format!("looks{}", std::process::id()));
-    std::fs::create_dir_all(folder.join("looks")).unwrap();
+    std::fs::create_dir_all(folder.join("appearances")).unwrap();
     std::fs::create_dir_all(folder.join("textures")).unwrap();
-    let good = std::fs::read_to_string(assets().join("looks/home.toml")).unwrap();
+    let good = std::fs::read_to_string(assets().join("appearances/home.toml")).unwrap();
     let error_of = |from: &str, to: &str| {
         assert!(good.contains(from), "{from}");
         let text = good.replacen(from, to, 1);
-        std::fs::write(folder.join("looks/home.toml"), text).unwrap();
+        std::fs::write(folder.join("appearances/home.toml"), text).unwrap();
         file::load(&folder, "home").unwrap_err().to_string()
     };
     for (from, to, words) in [
@@ -216,7 +216,7 @@ fn errors_in_a_file_name_line_key_value_and_allowed_values() {
     ] {
         let message = error_of(from, to);
         assert!(
-            message.contains("looks/home.toml") && message.contains("line"),
+            message.contains("appearances/home.toml") && message.contains("line"),
             "{message}"
         );
         assert!(words.iter().all(|w| message.contains(w)), "{message}");
@@ -250,7 +250,7 @@ fn fruit_and_flowers_never_have_fabric() {
                 .all(|v| v.material.family != Some(Family::Fabric))
         );
         let colors: BTreeSet<_> = (0..40)
-            .map(|seed| drawn(look(seed, 3)).furniture(balls[0]))
+            .map(|seed| drawn(appearance(seed, 3)).furniture(balls[0]))
             .map(|material| {
                 assert_eq!(material.texture, None, "{name}");
                 material.color.map(f32::to_bits)

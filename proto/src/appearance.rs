@@ -7,7 +7,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
 use crate::check::Invalid;
-use crate::v1::Look;
+use crate::v1::Appearance;
 
 /// Largest strength of an axis.
 pub const STRONGEST: u32 = 3;
@@ -15,17 +15,17 @@ pub const STRONGEST: u32 = 3;
 /// Strength of the axes of the usual look.
 const USUAL: u32 = 2;
 
-/// Seed in a look's text that stands for the episode's own.
+/// Seed in an appearance's text that stands for the episode's own.
 pub const OWN_SEED: &str = "*";
 
-/// An axis of a look.
+/// An axis of an appearance.
 pub struct Axis {
     /// Name in files and options.
     pub name: &'static str,
     /// Reads its strength.
-    pub of: fn(&Look) -> u32,
-    set: fn(&mut Look, u32),
-    /// Whether the short form of a look includes it.
+    pub of: fn(&Appearance) -> u32,
+    set: fn(&mut Appearance, u32),
+    /// Whether the short form of an appearance includes it.
     usual: bool,
 }
 
@@ -52,8 +52,8 @@ pub const AXES: [Axis; 7] = [
 
 const fn axis(
     name: &'static str,
-    of: fn(&Look) -> u32,
-    set: fn(&mut Look, u32),
+    of: fn(&Appearance) -> u32,
+    set: fn(&mut Appearance, u32),
     usual: bool,
 ) -> Axis {
     Axis {
@@ -64,18 +64,18 @@ const fn axis(
     }
 }
 
-impl Look {
+impl Appearance {
     /// The usual look of a seed: all but the cameras at strength 2.
     #[must_use]
     pub fn usual(seed: u64) -> Self {
-        let mut look = Self {
+        let mut appearance = Self {
             seed,
             ..Self::default()
         };
         for axis in AXES.iter().filter(|axis| axis.usual) {
-            (axis.set)(&mut look, USUAL);
+            (axis.set)(&mut appearance, USUAL);
         }
-        look
+        appearance
     }
 
     /// Whether every axis is off.
@@ -93,7 +93,7 @@ impl Look {
             let strength = f64::from((axis.of)(self));
             crate::check::within(axis.name, strength, 0.0, f64::from(STRONGEST)).map_err(
                 |source| Invalid::In {
-                    place: "look".to_owned(),
+                    place: "appearance".to_owned(),
                     source: Box::new(source),
                 },
             )?;
@@ -102,22 +102,22 @@ impl Look {
     }
 }
 
-/// A look in options and plans: `7` for the usual look of seed 7, `7:light=3,camera=1`
+/// An appearance in options and plans: `7` for the usual look of seed 7, `7:light=3,camera=1`
 /// for these axes only, `*` in place of the seed for each episode's own seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LookText {
+pub struct AppearanceText {
     /// `None`: each episode's own seed.
     seed: Option<u64>,
-    look: Look,
+    appearance: Appearance,
 }
 
-impl LookText {
+impl AppearanceText {
     /// Each episode's own seed with every axis off.
     #[must_use]
     pub fn own() -> Self {
         Self {
             seed: None,
-            look: Look::default(),
+            appearance: Appearance::default(),
         }
     }
 
@@ -127,7 +127,7 @@ impl LookText {
         let found = AXES.iter().find(|known| known.name == axis);
         debug_assert!(found.is_some(), "{axis} is an axis");
         if let Some(found) = found {
-            (found.set)(&mut self.look, strength);
+            (found.set)(&mut self.appearance, strength);
         }
         self
     }
@@ -145,79 +145,84 @@ impl LookText {
             OWN_SEED => None,
             number => Some(number.parse().map_err(|_| {
                 format!(
-                    "look {text:?} begins with {number:?}, expected a seed (0 to {}) or `*` for \
+                    "appearance {text:?} begins with {number:?}, expected a seed (0 to {}) or `*` for \
                      each episode's own; for example 7, or 7:light=3,camera=1",
                     u64::MAX
                 )
             })?),
         };
         let Some(axes) = axes else {
-            let look = Look::usual(0);
-            return Ok(Self { seed, look });
+            let appearance = Appearance::usual(0);
+            return Ok(Self { seed, appearance });
         };
-        let mut look = Look::default();
+        let mut appearance = Appearance::default();
         for entry in axes.split(',') {
             let (name, strength) = entry.split_once('=').ok_or_else(|| {
-                format!("look {text:?} has {entry:?}, expected AXIS=STRENGTH, for example light=3")
+                format!(
+                    "appearance {text:?} has {entry:?}, expected AXIS=STRENGTH, for example light=3"
+                )
             })?;
             let axis = AXES.iter().find(|axis| axis.name == name).ok_or_else(|| {
                 let known: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
                 format!(
-                    "look has the axis {name:?}, expected one of {}",
+                    "appearance has the axis {name:?}, expected one of {}",
                     known.join(", ")
                 )
             })?;
             let strength = strength.parse().ok().filter(|s| *s <= STRONGEST);
             let strength = strength.ok_or_else(|| {
-                format!("look has {entry:?}, expected a strength of 0 (off), 1, 2 or 3")
+                format!("appearance has {entry:?}, expected a strength of 0 (off), 1, 2 or 3")
             })?;
-            (axis.set)(&mut look, strength);
+            (axis.set)(&mut appearance, strength);
         }
-        Ok(Self { seed, look })
+        Ok(Self { seed, appearance })
     }
 
-    /// The look of an episode.
+    /// The appearance of an episode.
     #[must_use]
-    pub fn for_episode(&self, episode_seed: u64) -> Look {
+    pub fn for_episode(&self, episode_seed: u64) -> Appearance {
         self.seeded(self.seed.unwrap_or(episode_seed))
     }
 
     /// The same axes with another seed.
     #[must_use]
-    pub fn seeded(&self, seed: u64) -> Look {
-        Look { seed, ..self.look }
+    pub fn seeded(&self, seed: u64) -> Appearance {
+        Appearance {
+            seed,
+            ..self.appearance
+        }
     }
 }
 
-impl fmt::Display for LookText {
+impl fmt::Display for AppearanceText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.seed {
             Some(_) => write!(f, "{}", self.for_episode(0)),
             None => {
                 f.write_str(OWN_SEED)?;
-                write_axes(f, &self.look)
+                write_axes(f, &self.appearance)
             }
         }
     }
 }
 
-impl fmt::Display for Look {
+impl fmt::Display for Appearance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.seed)?;
         write_axes(f, self)
     }
 }
 
-fn write_axes(f: &mut fmt::Formatter<'_>, look: &Look) -> fmt::Result {
-    let on = AXES.iter().filter(|axis| (axis.of)(look) > 0);
+fn write_axes(f: &mut fmt::Formatter<'_>, appearance: &Appearance) -> fmt::Result {
+    let on = AXES.iter().filter(|axis| (axis.of)(appearance) > 0);
     for (i, axis) in on.enumerate() {
         let before = if i == 0 { ':' } else { ',' };
-        write!(f, "{before}{}={}", axis.name, (axis.of)(look))?;
+        write!(f, "{before}{}={}", axis.name, (axis.of)(appearance))?;
     }
     Ok(())
 }
 
-impl<'de> Deserialize<'de> for LookText {
+impl<'de> Deserialize<'de> for AppearanceText {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let text = String::deserialize(from)?;
         Self::read(&text).map_err(D::Error::custom)
@@ -239,16 +244,28 @@ mod tests {
 
     #[test]
     fn looks_are_parsed_and_errors_name_the_wrong_part() {
-        let usual = LookText::read("7").unwrap();
-        assert_eq!(usual.for_episode(1), Look::usual(7));
-        assert_eq!((Look::usual(7).light, Look::usual(7).camera), (2, 0));
-        let own = LookText::read("*:light=3,camera=1").unwrap();
-        let look = own.for_episode(5);
-        assert_eq!((look.seed, look.light, look.camera), (5, 3, 1));
-        assert_eq!((look.background, own.seeded(9).seed), (0, 9));
-        assert!(!look.is_off() && LookText::read("1:light=0").unwrap().for_episode(0).is_off());
+        let usual = AppearanceText::read("7").unwrap();
+        assert_eq!(usual.for_episode(1), Appearance::usual(7));
+        assert_eq!(
+            (Appearance::usual(7).light, Appearance::usual(7).camera),
+            (2, 0)
+        );
+        let own = AppearanceText::read("*:light=3,camera=1").unwrap();
+        let appearance = own.for_episode(5);
+        assert_eq!(
+            (appearance.seed, appearance.light, appearance.camera),
+            (5, 3, 1)
+        );
+        assert_eq!((appearance.background, own.seeded(9).seed), (0, 9));
+        assert!(
+            !appearance.is_off()
+                && AppearanceText::read("1:light=0")
+                    .unwrap()
+                    .for_episode(0)
+                    .is_off()
+        );
         for text in ["7:light=2,lens=3", "*:exposure=1"] {
-            assert_eq!(LookText::read(text).unwrap().to_string(), text);
+            assert_eq!(AppearanceText::read(text).unwrap().to_string(), text);
         }
         for (text, words) in [
             ("seven", "\"seven\", expected a seed"),
@@ -256,16 +273,16 @@ mod tests {
             ("7:lihgt=2", "expected one of light, background"),
             ("7:light=4", "\"light=4\", expected a strength of 0"),
         ] {
-            let message = LookText::read(text).unwrap_err();
+            let message = AppearanceText::read(text).unwrap_err();
             assert!(message.contains(words), "{message}");
         }
-        let wrong = Look {
+        let wrong = Appearance {
             lens: 9,
-            ..Look::default()
+            ..Appearance::default()
         };
         let message = wrong.check().unwrap_err().to_string();
         assert!(
-            message.contains("look") && message.contains("lens is 9"),
+            message.contains("appearance") && message.contains("lens is 9"),
             "{message}"
         );
     }

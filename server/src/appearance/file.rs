@@ -1,4 +1,4 @@
-//! `assets/looks/SCENE.toml`: skies, material families, places of decoration. Errors
+//! `assets/appearances/SCENE.toml`: skies, material families, places of decoration. Errors
 //! name the line.
 
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use crate::scene::{Place, SceneError, parse, provenance};
 /// The file.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
-pub(super) struct LookFile {
+pub(super) struct AppearanceFile {
     origin: String,
     license: String,
     /// Centre of the reflections, metres in `house`.
@@ -217,10 +217,10 @@ fn some<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Vec<T
     Ok(list)
 }
 
-/// Reads and checks the looks of a scene.
-pub(super) fn load(assets: &Path, scene: &str) -> Result<LookFile, SceneError> {
-    let path = format!("looks/{scene}.toml");
-    let file: LookFile = parse(assets, &path)?;
+/// Reads and checks the appearances of a scene.
+pub(super) fn load(assets: &Path, scene: &str) -> Result<AppearanceFile, SceneError> {
+    let path = format!("appearances/{scene}.toml");
+    let file: AppearanceFile = parse(assets, &path)?;
     let place = Place::file(&path);
     provenance(&place, &file.origin, &file.license)?;
     if !file.sky.iter().any(|sky| sky.strength == 1) {

@@ -1,8 +1,8 @@
 //! Materials by family, and decoration.
 
-use super::file::{Color, Kind, LookFile, Palette, Pattern, Spot};
+use super::file::{AppearanceFile, Color, Kind, Palette, Pattern, Spot};
 use super::random::{Random, Row};
-use super::setting::{Look, share_of};
+use super::setting::{Appearance, share_of};
 use crate::geometry::{Family, Material, Texture};
 use wheelarm_proto::random::fnv1a_32;
 
@@ -21,18 +21,22 @@ pub struct Decoration {
     pub materials: [Material; 2],
 }
 
-/// The material that replaces a member of a family in a look, the same for all uses of
+/// The material that replaces a member of a family in an appearance, the same for all uses of
 /// that material.
-pub(super) fn swapped(look: &Look, file: &LookFile, material: &Material) -> Material {
+pub(super) fn swapped(
+    appearance: &Appearance,
+    file: &AppearanceFile,
+    material: &Material,
+) -> Material {
     let Some(family) = material.family else {
         return material.clone();
     };
     let strength = match family {
-        Family::Wall | Family::Floor | Family::Ceiling => look.background,
+        Family::Wall | Family::Floor | Family::Ceiling => appearance.background,
         Family::Lamp | Family::Outdoors => 0,
-        _ => look.materials,
+        _ => appearance.materials,
     };
-    let mut random = Random::new(look.seed, Row::Material, fnv1a_32(&material.name));
+    let mut random = Random::new(appearance.seed, Row::Material, fnv1a_32(&material.name));
     let changes = random.share() < share_of(strength);
     let (Some(palette), true) = (file.family.get(&family), changes) else {
         return material.clone();
@@ -66,15 +70,15 @@ fn drawn(palette: &Palette, random: &mut Random, material: &Material) -> Materia
 }
 
 /// The decoration at the places of the file.
-pub(super) fn decoration(look: &Look, file: &LookFile) -> Vec<Decoration> {
-    if look.decoration == 0 {
+pub(super) fn decoration(appearance: &Appearance, file: &AppearanceFile) -> Vec<Decoration> {
+    if appearance.decoration == 0 {
         return Vec::new();
     }
     let spots = file.decoration.iter().enumerate();
     spots
         .filter_map(|(i, spot)| {
-            let mut random = Random::new(look.seed, Row::Decoration, i as u32);
-            let there = random.share() < share_of(look.decoration);
+            let mut random = Random::new(appearance.seed, Row::Decoration, i as u32);
+            let there = random.share() < share_of(appearance.decoration);
             let size = spot.size.map(|s| s * random.range([0.75, 1.0]));
             let materials = materials(spot, file, &mut random);
             there.then(|| Decoration {
@@ -88,7 +92,7 @@ pub(super) fn decoration(look: &Look, file: &LookFile) -> Vec<Decoration> {
         .collect()
 }
 
-fn materials(spot: &Spot, file: &LookFile, random: &mut Random) -> [Material; 2] {
+fn materials(spot: &Spot, file: &AppearanceFile, random: &mut Random) -> [Material; 2] {
     let families = match spot.kind {
         Kind::Picture => [Family::Wood, Family::Art],
         Kind::Rug => [Family::Fabric, Family::Fabric],

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::look::LookText;
+use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_tests::{printed, program, root, wheelarm};
 
 fn succeeds(args: &[&str]) -> String {
@@ -30,7 +30,7 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
     let small = ["--width", "64", "--height", "48", "--rate", "2"];
     let demo = [
         "demo",
-        "--look",
+        "--appearance",
         "9:light=1,lens=2",
         "--no-sheet",
         "--out",
@@ -41,10 +41,10 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
     let file = recorded.to_string_lossy();
     let original = Episode::open(&recorded).expect("an episode");
     let scenario = original.scenario().expect("a scenario");
-    let look = LookText::read("9:light=1,lens=2")
+    let appearance = AppearanceText::read("9:light=1,lens=2")
         .expect("a look")
         .for_episode(0);
-    assert_eq!(scenario.look, Some(look));
+    assert_eq!(scenario.appearance, Some(appearance));
     assert!(
         scenario
             .cameras
@@ -57,28 +57,31 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
     let replay = [
         "replay",
         &file,
-        "--looks",
+        "--appearances",
         "2",
-        "--look-axes",
+        "--appearance-axes",
         axes,
         "--out",
         &out,
     ];
-    let told = succeeds(&[&replay[..], &["--look-seed", "20"]].concat());
+    let told = succeeds(&[&replay[..], &["--appearance-seed", "20"]].concat());
     assert_eq!(told.matches("hashes equal").count(), 2, "{told}");
     let made = files(&again);
-    let looks: Vec<Episode> = made
+    let appearances: Vec<Episode> = made
         .iter()
         .map(|file| Episode::open(file).expect("an episode"))
         .collect();
-    assert_eq!(looks.len(), 2, "{made:?}");
+    assert_eq!(appearances.len(), 2, "{made:?}");
     let hashes = original.state_hashes().expect("hashes");
-    for (look, seed) in looks.iter().zip(20..) {
-        assert_eq!(look.state_hashes().expect("hashes"), hashes);
-        let scenario = look.scenario().expect("a scenario");
-        assert_eq!(scenario.look.map(|look| look.seed), Some(seed));
+    for (appearance, seed) in appearances.iter().zip(20..) {
+        assert_eq!(appearance.state_hashes().expect("hashes"), hashes);
+        let scenario = appearance.scenario().expect("a scenario");
+        assert_eq!(
+            scenario.appearance.map(|appearance| appearance.seed),
+            Some(seed)
+        );
     }
-    let [one, two] = [&looks[0], &looks[1]];
+    let [one, two] = [&appearances[0], &appearances[1]];
     for name in original.cameras().expect("cameras") {
         let [a, b] = [one, two].map(|e| e.camera(&name).expect("a camera"));
         let count = a.stamps().len();
@@ -103,10 +106,13 @@ fn a_look_with_a_mistake_is_answered_with_its_place_and_what_is_allowed() {
     let server = program("wheelarm-server").expect("the server");
     for (text, words) in [
         (
-            "look = { seed = 1, light = 4 }",
+            "appearance = { seed = 1, light = 4 }",
             "strength 4, expected 0 (off), 1, 2 or 3",
         ),
-        ("look = { seed = 1, lihgt = 1 }", "unknown field `lihgt`"),
+        (
+            "appearance = { seed = 1, lihgt = 1 }",
+            "unknown field `lihgt`",
+        ),
     ] {
         std::fs::write(&file, format!("seed = 3\n{text}\n")).expect("a file");
         let output = Command::new(&server)
@@ -120,6 +126,6 @@ fn a_look_with_a_mistake_is_answered_with_its_place_and_what_is_allowed() {
             assert!(told.contains(part), "{told}");
         }
     }
-    let wrong = wheelarm(&["demo", "--look", "7:light=5"]);
+    let wrong = wheelarm(&["demo", "--appearance", "7:light=5"]);
     assert!(printed(&wrong).contains("\"light=5\", expected a strength"));
 }

@@ -1,10 +1,10 @@
-//! Random numbers of a look.
+//! Random numbers of an appearance.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use wheelarm_proto::random::fraction;
 
-/// Random numbers of a look: an independent stream per sampled object.
+/// Random numbers of an appearance: an independent stream per sampled object.
 pub(super) struct Random(ChaCha8Rng);
 
 /// Uses with independent streams.

@@ -1,5 +1,5 @@
 //! Visual randomization (looks): one scene with other light, materials and exposure. A
-//! pure function of a seed, strengths and a file below `assets/looks`; it does not
+//! pure function of a seed, strengths and a file below `assets/appearances`; it does not
 //! affect the physics.
 
 mod camera;
@@ -20,11 +20,11 @@ pub use file::Kind;
 pub use irradiance::{Irradiance, MOST_LAMPS};
 pub use palette::Decoration;
 pub use reflection::Reflection;
-pub use setting::{Look, STRONGEST};
+pub use setting::{Appearance, STRONGEST};
 
 use crate::geometry::{Family, Material};
 use crate::scene::{Lighting, Scene, SceneError};
-use file::LookFile;
+use file::AppearanceFile;
 use irradiance::times;
 
 /// An active lamp.
@@ -38,9 +38,9 @@ pub struct Lamp {
 
 /// A sampled look.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SampledLook {
-    look: Look,
-    file: LookFile,
+pub struct SampledAppearance {
+    appearance: Appearance,
+    file: AppearanceFile,
     /// Direct light and sky light, including exposure.
     pub lighting: Lighting,
     /// Ambient light.
@@ -59,18 +59,18 @@ pub struct SampledLook {
     pub decoration: Vec<Decoration>,
 }
 
-impl SampledLook {
-    /// Samples a look of a scene from `looks/SCENE.toml`.
+impl SampledAppearance {
+    /// Samples an appearance of a scene from `appearances/SCENE.toml`.
     ///
     /// # Errors
     /// [`SceneError`] with the file, the line or key, the value found and the allowed
     /// values.
-    pub fn new(look: Look, scene: &Scene, assets: &Path) -> Result<Self, SceneError> {
+    pub fn new(appearance: Appearance, scene: &Scene, assets: &Path) -> Result<Self, SceneError> {
         let file = file::load(assets, &scene.name)?;
-        let light = light::draw(&look, &file, scene.lighting);
-        let gain = light::exposure(&look);
+        let light = light::draw(&appearance, &file, scene.lighting);
+        let gain = light::exposure(&appearance);
         let mut drawn = Self {
-            look,
+            appearance,
             lighting: light.lighting,
             irradiance: light.irradiance.times(gain),
             reflection: reflection::drawn(&file, &light, gain),
@@ -87,7 +87,7 @@ impl SampledLook {
         for light in [sun, sky, ground] {
             *light = times(*light, gain);
         }
-        drawn.decoration = palette::decoration(&drawn.look, &drawn.file);
+        drawn.decoration = palette::decoration(&drawn.appearance, &drawn.file);
         Ok(drawn)
     }
 
@@ -95,7 +95,7 @@ impl SampledLook {
     /// unchanged.
     #[must_use]
     pub fn furniture(&self, material: &Material) -> Material {
-        let mut replaced = palette::swapped(&self.look, &self.file, material);
+        let mut replaced = palette::swapped(&self.appearance, &self.file, material);
         replaced.emission *= self.gain;
         match replaced.family {
             Some(Family::Outdoors) => {
@@ -104,7 +104,7 @@ impl SampledLook {
                 replaced.color = std::array::from_fn(|k| replaced.color[k] * tint[k]);
             }
             // Active lamps are listed separately.
-            Some(Family::Lamp) if self.look.light > 0 => replaced.emission = 0.0,
+            Some(Family::Lamp) if self.appearance.light > 0 => replaced.emission = 0.0,
             _ => {}
         }
         replaced

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::file::LookFile;
+use super::file::AppearanceFile;
 use super::irradiance::times;
 use super::light::Light;
 
@@ -25,7 +25,7 @@ const SIDE: usize = 64;
 /// Sharpness of each level after the first, as a power of the cosine.
 const POWERS: [i32; 4] = [300, 40, 8, 2];
 
-pub(super) fn drawn(file: &LookFile, light: &Light, gain: [f32; 3]) -> Reflection {
+pub(super) fn drawn(file: &AppearanceFile, light: &Light, gain: [f32; 3]) -> Reflection {
     let directions = directions(SIDE);
     let sharp: Vec<[f32; 3]> = directions
         .iter()
@@ -117,7 +117,7 @@ const WINDOW: f32 = 3.2;
 const LAMP: f64 = 0.22;
 
 /// The colour in a direction from the middle of the room: a box with windows.
-fn around(file: &LookFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
+fn around(file: &AppearanceFile, light: &Light, d: &Vector3<f32>) -> [f32; 3] {
     let centre = Point3::from(file.centre);
     let d = d.cast::<f64>();
     let [low, high] = file.room;

@@ -1,12 +1,12 @@
-//! Sun, sky and lamps of a look, and the exposure.
+//! Sun, sky and lamps of an appearance, and the exposure.
 
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::file::{LookFile, Sky};
+use super::file::{AppearanceFile, Sky};
 use super::irradiance::{Irradiance, MOST_LAMPS, times};
 use super::random::{Random, Row};
-use super::setting::{Look, share_of};
+use super::setting::{Appearance, share_of};
 use crate::scene::Lighting;
 
 /// Light before the exposure.
@@ -41,7 +41,7 @@ const BALANCE: f64 = 0.10;
 /// Intensity of a lamp at one metre.
 const LAMP: f32 = 0.55;
 
-pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
+pub(super) fn draw(appearance: &Appearance, file: &AppearanceFile, scene: Lighting) -> Light {
     let plain = Light {
         lighting: scene,
         irradiance: Irradiance::hemispheric(scene.sky, scene.ground),
@@ -49,20 +49,20 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
         pane: [1.0; 3],
         outdoors: 1.0,
     };
-    if look.light == 0 {
+    if appearance.light == 0 {
         return plain;
     }
-    let mut random = Random::new(look.seed, Row::Light, 0);
+    let mut random = Random::new(appearance.seed, Row::Light, 0);
     let skies: Vec<&Sky> = file
         .sky
         .iter()
-        .filter(|sky| sky.strength <= u32::from(look.light))
+        .filter(|sky| sky.strength <= u32::from(appearance.light))
         .collect();
     let Some(&sky) = random.one_of(&skies) else {
         return plain;
     };
     let turn = random
-        .about(SUN_TURN_DEG * share_of(look.light))
+        .about(SUN_TURN_DEG * share_of(appearance.light))
         .to_radians();
     let height = random.range(sky.elevation_deg).to_radians();
     let warmth = kelvin(random.range(sky.kelvin));
@@ -94,7 +94,7 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
         let light = pane.map(|c| c * PANE * area / far);
         irradiance.add_from(&to.normalize().cast(), light);
     }
-    let mut random = Random::new(look.seed, Row::Lamps, 0);
+    let mut random = Random::new(appearance.seed, Row::Lamps, 0);
     let lamps = std::array::from_fn(|_| {
         let on = random.share() < f64::from(sky.lamps);
         let warmth = kelvin(random.range([2600.0, 4600.0]));
@@ -111,12 +111,12 @@ pub(super) fn draw(look: &Look, file: &LookFile, scene: Lighting) -> Light {
 }
 
 /// Factor on all light.
-pub(super) fn exposure(look: &Look) -> [f32; 3] {
-    if look.exposure == 0 {
+pub(super) fn exposure(appearance: &Appearance) -> [f32; 3] {
+    if appearance.exposure == 0 {
         return [1.0; 3];
     }
-    let share = share_of(look.exposure);
-    let mut random = Random::new(look.seed, Row::Exposure, 0);
+    let share = share_of(appearance.exposure);
+    let mut random = Random::new(appearance.seed, Row::Exposure, 0);
     let gain = exact::powf(2.0, random.about(STOPS * share));
     let balance = [
         1.0 + random.about(BALANCE * share),

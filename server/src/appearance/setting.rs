@@ -1,8 +1,8 @@
-//! Axes of a look and their strengths.
+//! Axes of an appearance and their strengths.
 
 /// Strengths of the axes, each from 0 (off) to [`STRONGEST`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Look {
+pub struct Appearance {
     /// Seed of all samples.
     pub seed: u64,
     /// Sun, sky, lamps and their colours.
@@ -24,8 +24,8 @@ pub struct Look {
 /// Largest strength.
 pub const STRONGEST: u8 = 3;
 
-impl Look {
-    /// Whether images are rendered as without a look.
+impl Appearance {
+    /// Whether images are rendered as without an appearance.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         let axes = [
