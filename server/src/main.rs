@@ -201,7 +201,12 @@ fn print_samples(
 ) -> anyhow::Result<()> {
     let model = RobotModel::load(assets, &scenario.robot)?;
     let home = Scene::load(assets, &scenario.scene)?;
-    let task = TaskSpec::load(assets, &scenario.task, &home, &model.settings.corridor)?;
+    let task = TaskSpec::load(
+        assets,
+        &scenario.task,
+        &home,
+        &model.settings.gripper.corridor,
+    )?;
     let mut scenes: Vec<(String, Scene, Floor)> = Vec::new();
     for variant in &task.area.variants {
         let mut scene = home.clone();
@@ -451,8 +456,8 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     if args.list_tasks {
         let robot = args.robot.clone().unwrap_or(Scenario::default().robot);
         let model = RobotModel::load(&assets, &robot)?;
-        let tasks =
-            service::tasks(&assets, &model.settings.corridor).map_err(anyhow::Error::msg)?;
+        let tasks = service::tasks(&assets, &model.settings.gripper.corridor)
+            .map_err(anyhow::Error::msg)?;
         if args.json {
             println!("{}", tasks_to_json(&tasks)?);
             return Ok(());

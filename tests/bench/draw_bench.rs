@@ -21,7 +21,7 @@ fn main() -> Result<()> {
     let home = Scene::load(&assets, "home")?;
     let model = RobotModel::load(&assets, "wheelarm")?;
     let mut seen = BTreeSet::new();
-    for task in tasks::list(&assets, &model.settings.corridor)? {
+    for task in tasks::list(&assets, &model.settings.gripper.corridor)? {
         for variant in task.area.variants.iter() {
             if !seen.insert((task.area.name.clone(), variant.name.clone())) {
                 continue;
@@ -55,7 +55,7 @@ fn main() -> Result<()> {
             }
         }
     }
-    for task in tasks::list(&assets, &model.settings.corridor)? {
+    for task in tasks::list(&assets, &model.settings.gripper.corridor)? {
         let scenario = Scenario {
             task: task.name.clone(),
             cameras: Vec::new(),

@@ -115,8 +115,9 @@ fn grasp(model: &RobotModel, scene: &Scene, duration: f64, force: f64) -> Result
     targets.pad_force = force;
     for tick in 0..2 * SECOND {
         let angle = 0.5 * seconds(tick);
-        targets.knuckle_position = angle.min(0.7929);
-        targets.knuckle_velocity = if angle < 0.7929 { 0.5 } else { 0.0 };
+        let closed = model.settings.gripper.closed;
+        targets.knuckle_position = angle.min(closed);
+        targets.knuckle_velocity = if angle < closed { 0.5 } else { 0.0 };
         world.apply(&targets);
         world.step();
     }

@@ -24,7 +24,7 @@ fn main() -> Result<()> {
         .map_or(Ok(10), |text| text.parse::<u64>())?;
     let mut slowest = (String::new(), f64::INFINITY);
     let model = RobotModel::load(&assets, "wheelarm")?;
-    for task in tasks::list(&assets, &model.settings.corridor)? {
+    for task in tasks::list(&assets, &model.settings.gripper.corridor)? {
         let scenario = Scenario {
             task: task.name.clone(),
             cameras: Vec::new(),

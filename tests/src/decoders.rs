@@ -211,7 +211,7 @@ pub fn asset(path: &str, bytes: &[u8]) {
                 let assets = root().join("assets");
                 let model = RobotModel::load(&assets, "wheelarm").expect("its robot");
                 let home = Scene::load(&assets, "home").expect("the scene of this repository");
-                (home, model.settings.corridor)
+                (home, model.settings.gripper.corridor)
             });
             let name = name.trim_end_matches(".toml");
             let task = match folder {

@@ -27,6 +27,8 @@ const NEARLY: f64 = 0.05;
 pub struct Hand {
     /// A fully opened gripper, metres between the pads.
     pub stroke: f64,
+    /// Largest force cap at each pad that the gripper accepts, N.
+    pub max_force: f64,
     closed: f64,
     linkage: v1::GripperLinkage,
     /// What does not move: wrist, camera, palm.
@@ -50,6 +52,7 @@ impl Hand {
         };
         Ok(Self {
             stroke: check::within("gripper stroke", told.stroke, 0.0, 1.0)?,
+            max_force: check::within("largest gripper force", told.max_force, 0.0, 1e4)?,
             closed: check::within("closed angle of the gripper", told.closed, 0.0, 3.2)?,
             linkage: v1::GripperLinkage {
                 pin_x: length(linkage.pin_x)?,

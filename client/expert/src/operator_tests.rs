@@ -312,6 +312,27 @@ fn the_bottle_is_taken_wherever_the_task_may_put_it() {
 }
 
 #[test]
+fn commands_stay_within_the_force_of_the_gripper() {
+    for most in [10.0, 235.0] {
+        let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
+        world.scene.hand.max_force = most;
+        let mut operator = world.operator(3);
+        world.until(&mut operator, "closing");
+        let (act, _) = operator.step(&world.observe(), &mut world.arm);
+        let gripper = operator.command(&act).gripper.expect("the hand closes");
+        let force = gripper.max_force.expect("a cap");
+        assert!(
+            if most < 20.0 {
+                force == most
+            } else {
+                force > 20.0
+            },
+            "{force} N"
+        );
+    }
+}
+
+#[test]
 fn a_slip_is_noticed_and_the_third_attempt_is_the_last() {
     let place = |clumsy| KinematicWorld::new([-8.80, 2.10], 0.1, [-8.85, 1.80], clumsy);
     let (outcome, _, notes) = place(2).run(5);

@@ -16,9 +16,9 @@ use crate::geometry::{Part, Visual};
 pub use load::RobotError;
 pub use roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 pub use settings::{
-    ArmSettings, BallSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings,
-    FrameRole, GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings,
-    SeatSettings, Settings,
+    ArmSettings, CameraMount, CameraTolerance, CorridorSettings, DriveSettings, FrameRole,
+    GripperSettings, ImuSettings, JointRole, OutlineSettings, ReachSettings, SeatSettings,
+    Settings,
 };
 
 /// A robot loaded from a URDF and its `robot.toml`.

@@ -12,9 +12,7 @@ use serde::Deserialize;
 pub struct Settings {
     /// Cameras on the robot.
     pub cameras: Vec<CameraMount>,
-    /// IMU link name.
-    pub imu_link: String,
-    /// Noise of the IMU.
+    /// The IMU.
     pub imu: ImuSettings,
     /// Link of the recorded end effector.
     pub end_effector_link: String,
@@ -27,26 +25,21 @@ pub struct Settings {
     /// Other positions of the arm in which the robot may be at rest and drive: within
     /// its outlines, radians.
     pub postures: Vec<[f64; 6]>,
-    /// Wheel radius for drive and odometry, metres.
-    pub wheel_radius: f64,
-    /// Distance between the driven wheels for drive and odometry, metres.
-    pub track: f64,
+    /// Coulomb friction of every surface except tyres and pads, averaged with that of
+    /// the other body, no unit.
+    pub shell_friction: f64,
     /// Footprint in `wheelchair_root`: x min, x max, y min, y max, metres.
     pub footprint: [f64; 4],
     /// Outlines of the robot by height, bottom up, with the arm at home.
     pub outlines: Vec<OutlineSettings>,
     /// Reach of the arm.
     pub reach: ReachSettings,
-    /// Speeds and accelerations of the chair.
+    /// Wheels, motors and speeds of the chair.
     pub drive: DriveSettings,
     /// Gains and limits of the arm.
     pub arm: ArmSettings,
-    /// Limits of the gripper.
+    /// Motors, limits and sizes of the gripper.
     pub gripper: GripperSettings,
-    /// Spheres around the gripper, for planning.
-    pub balls: BallSettings,
-    /// Space that the hand needs on its way to an object.
-    pub corridor: CorridorSettings,
     /// Seat of a person, if the robot has one.
     pub seat: Option<SeatSettings>,
 }
@@ -133,17 +126,6 @@ pub struct ReachSettings {
     pub furthest: f64,
 }
 
-/// Spheres around the gripper: centre x, y, z and radius, metres.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BallSettings {
-    /// Hand and wrist, in the end effector's frame.
-    pub hand: Vec<[f64; 4]>,
-    /// Left crank and finger, from the knuckle's axis at angle 0.
-    pub crank: Vec<[f64; 4]>,
-    /// Left finger tip, from its axis.
-    pub tip: Vec<[f64; 4]>,
-}
-
 /// A camera on a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraMount {
@@ -181,10 +163,12 @@ pub struct CameraTolerance {
     pub rotation_deg: f64,
 }
 
-/// White noise of the IMU, applied only when a scenario requests it.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// The IMU. Its white noise is applied only when a scenario requests it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuSettings {
+    /// Link name.
+    pub link: String,
     /// Density of the acceleration noise, m/s²/√Hz.
     pub acceleration_noise: f64,
     /// Density of the angular velocity noise, rad/s/√Hz.
@@ -193,10 +177,14 @@ pub struct ImuSettings {
     pub orientation_noise: f64,
 }
 
-/// Speed profile of the chair. Decelerations apply when a speed falls.
+/// Wheels, motors and speed profile of the chair. Decelerations apply when a speed falls.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSettings {
+    /// Wheel radius for drive and odometry, metres.
+    pub wheel_radius: f64,
+    /// Distance between the driven wheels for drive and odometry, metres.
+    pub track: f64,
     /// m/s².
     pub forward_acceleration: f64,
     /// m/s².
@@ -227,6 +215,16 @@ pub struct DriveSettings {
     pub hard_turn_speed: f64,
     /// Torque cap of each driven wheel, N·m.
     pub wheel_torque: f64,
+    /// Position gain of each driven wheel, N·m/rad.
+    pub wheel_stiffness: f64,
+    /// Velocity gain of each driven wheel, N·m·s/rad.
+    pub wheel_damping: f64,
+    /// Coulomb friction of a driven tyre, no unit; the larger of this and the other
+    /// body's applies.
+    pub tyre_friction: f64,
+    /// Coulomb friction of a caster, no unit; the smaller of this and the other body's
+    /// applies.
+    pub caster_friction: f64,
     /// Dry friction of each driven wheel's gear and bearings, N·m.
     pub wheel_friction: f64,
     /// Rolling resistance of a driven tyre per load, N/N.
@@ -247,6 +245,11 @@ pub struct ArmSettings {
     pub dry_friction: [f64; 6],
     /// Viscous friction of the joints from base to hand, N·m·s/rad.
     pub viscous_friction: [f64; 6],
+    /// Links at least this many moving joints from the arm's base collide with the
+    /// chair.
+    pub chair_contact_joints: u32,
+    /// Links this many moving joints apart collide with each other.
+    pub self_contact_joints: u32,
     /// Joint acceleration, rad/s².
     pub acceleration: f64,
     /// Speed of the grasp point, m/s.
@@ -259,8 +262,9 @@ pub struct ArmSettings {
     pub tool_turn_acceleration: f64,
 }
 
-/// Limits of the gripper beyond those of the URDF.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Motors, limits and sizes of the gripper beyond those of the URDF. Balls are centre x,
+/// y, z and radius, metres.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GripperSettings {
     /// Largest commanded distance between the pads, metres.
@@ -271,12 +275,31 @@ pub struct GripperSettings {
     pub speed: f64,
     /// Knuckle acceleration, rad/s².
     pub acceleration: f64,
+    /// Position gain of each knuckle, N·m/rad.
+    pub stiffness: f64,
+    /// Velocity gain of each knuckle, N·m·s/rad.
+    pub damping: f64,
     /// Viscous friction of each knuckle, N·m·s/rad.
     pub viscous_friction: f64,
+    /// Inertia of the motor reflected to each knuckle, kg·m².
+    pub knuckle_armature: f64,
+    /// Inertia of the linkage reflected to each finger tip, kg·m².
+    pub tip_armature: f64,
+    /// Largest travel of any point of a finger per knuckle angle, m/rad: an upper bound,
+    /// for the limits near a person.
+    pub finger_lever: f64,
     /// Default force cap at each pad, N.
     pub force: f64,
     /// Largest force cap at each pad, N.
     pub max_force: f64,
+    /// Balls around hand and wrist, in the end effector's frame.
+    pub hand_balls: Vec<[f64; 4]>,
+    /// Balls around the left crank and finger, from the knuckle's axis at angle 0.
+    pub crank_balls: Vec<[f64; 4]>,
+    /// Balls around the left finger tip, from its axis.
+    pub tip_balls: Vec<[f64; 4]>,
+    /// Space that the hand needs on its way to an object.
+    pub corridor: CorridorSettings,
 }
 
 /// Space that the hand with open fingers needs on its way to an object, relative to the
@@ -333,6 +356,7 @@ pub(super) struct File {
     arm_base_link: String,
     end_effector_link: String,
     tool_length: f64,
+    shell_friction: f64,
     home: [f64; 6],
     #[serde(default)]
     postures: Vec<[f64; 6]>,
@@ -341,10 +365,10 @@ pub(super) struct File {
     pub frames: Vec<FrameTable>,
     outline: Vec<OutlineSettings>,
     reach: ReachSettings,
-    drive: DriveTable,
+    drive: DriveSettings,
     arm: ArmSettings,
-    gripper: GripperTable,
-    imu: ImuTable,
+    gripper: GripperSettings,
+    imu: ImuSettings,
     seat: Option<SeatSettings>,
     #[serde(default)]
     camera: Vec<CameraTable>,
@@ -367,31 +391,6 @@ pub(super) struct FrameTable {
     pub name: String,
     pub link: String,
     pub role: FrameRole,
-}
-
-#[derive(Debug, Deserialize)]
-struct GripperTable {
-    hand_balls: Vec<[f64; 4]>,
-    crank_balls: Vec<[f64; 4]>,
-    tip_balls: Vec<[f64; 4]>,
-    corridor: CorridorSettings,
-    #[serde(flatten)]
-    gripper: GripperSettings,
-}
-
-#[derive(Debug, Deserialize)]
-struct DriveTable {
-    wheel_radius: f64,
-    track: f64,
-    #[serde(flatten)]
-    drive: DriveSettings,
-}
-
-#[derive(Debug, Deserialize)]
-struct ImuTable {
-    link: String,
-    #[serde(flatten)]
-    imu: ImuSettings,
 }
 
 #[derive(Debug, Deserialize)]
@@ -428,27 +427,19 @@ impl File {
                     tolerance: camera.tolerance,
                 })
                 .collect(),
-            imu_link: self.imu.link.clone(),
-            imu: self.imu.imu,
+            imu: self.imu.clone(),
             end_effector_link: self.end_effector_link.clone(),
             arm_base_link: self.arm_base_link.clone(),
             tool_length: self.tool_length,
             home: self.home,
             postures: self.postures.clone(),
-            wheel_radius: self.drive.wheel_radius,
-            track: self.drive.track,
+            shell_friction: self.shell_friction,
             footprint: self.footprint,
             outlines: self.outline.clone(),
             reach: self.reach,
-            drive: self.drive.drive,
+            drive: self.drive,
             arm: self.arm,
-            gripper: self.gripper.gripper,
-            balls: BallSettings {
-                hand: self.gripper.hand_balls.clone(),
-                crank: self.gripper.crank_balls.clone(),
-                tip: self.gripper.tip_balls.clone(),
-            },
-            corridor: self.gripper.corridor,
+            gripper: self.gripper.clone(),
             seat: self.seat.clone(),
         }
     }
@@ -456,12 +447,12 @@ impl File {
 
 impl Settings {
     /// The first invalid number: its name and the allowed range.
-    pub(super) fn fault(&self) -> Option<(String, f64, &'static str)> {
-        let drive = &self.drive;
+    pub(super) fn fault(&self) -> Option<(String, f64, String)> {
+        let (drive, corridor) = (&self.drive, &self.gripper.corridor);
         let positive = [
             ("tool_length", self.tool_length),
-            ("drive.wheel_radius", self.wheel_radius),
-            ("drive.track", self.track),
+            ("drive.wheel_radius", drive.wheel_radius),
+            ("drive.track", drive.track),
             ("drive.forward_acceleration", drive.forward_acceleration),
             ("drive.forward_deceleration", drive.forward_deceleration),
             ("drive.backward_acceleration", drive.backward_acceleration),
@@ -501,20 +492,17 @@ impl Settings {
             ("gripper.acceleration", self.gripper.acceleration),
             ("gripper.force", self.gripper.force),
             ("gripper.max_force", self.gripper.max_force),
-            ("gripper.corridor.fingers", self.corridor.fingers),
-            ("gripper.corridor.wrist", self.corridor.wrist),
-            ("gripper.corridor.tip", self.corridor.tip),
-            ("gripper.corridor.palm", self.corridor.palm),
+            ("gripper.corridor.fingers", corridor.fingers),
+            ("gripper.corridor.wrist", corridor.wrist),
+            ("gripper.corridor.tip", corridor.tip),
+            ("gripper.corridor.palm", corridor.palm),
             (
                 "gripper.corridor.back - gripper.corridor.palm",
-                self.corridor.back - self.corridor.palm,
+                corridor.back - corridor.palm,
             ),
-            (
-                "gripper.corridor.fingers_height",
-                self.corridor.fingers_height,
-            ),
-            ("gripper.corridor.palm_height", self.corridor.palm_height),
-            ("gripper.corridor.above", self.corridor.above),
+            ("gripper.corridor.fingers_height", corridor.fingers_height),
+            ("gripper.corridor.palm_height", corridor.palm_height),
+            ("gripper.corridor.above", corridor.above),
         ];
         let gains = (0..6).flat_map(|i| {
             [
@@ -536,11 +524,10 @@ impl Settings {
                 ),
             ]
         });
-        let balls = &self.balls;
         let balls = [
-            ("hand", &balls.hand),
-            ("crank", &balls.crank),
-            ("tip", &balls.tip),
+            ("hand", &self.gripper.hand_balls),
+            ("crank", &self.gripper.crank_balls),
+            ("tip", &self.gripper.tip_balls),
         ];
         let balls = balls.into_iter().flat_map(|(name, balls)| {
             let radii = balls.iter().enumerate();
@@ -605,13 +592,84 @@ impl Settings {
             .chain(footprint)
             .chain(seat)
             .find(|(_, value)| !(value.is_finite() && *value > 0.0))
-            .map(|(name, value)| (name, value, "greater than 0"))
+            .map(|(name, value)| (name, value, "greater than 0".to_owned()))
             .or_else(|| {
                 not_negative
                     .into_iter()
                     .chain(friction)
                     .find(|(_, value)| !(value.is_finite() && *value >= 0.0))
-                    .map(|(name, value)| (name, value, "0 or more"))
+                    .map(|(name, value)| (name, value, "0 or more".to_owned()))
             })
+            .or_else(|| self.out_of_range())
+    }
+
+    /// The first gain, friction, inertia or count of joints outside the range in which
+    /// the physics has been tried.
+    fn out_of_range(&self) -> Option<(String, f64, String)> {
+        let (drive, gripper) = (&self.drive, &self.gripper);
+        let joints = |count: u32| f64::from(count);
+        let (chair, own) = (self.arm.chair_contact_joints, self.arm.self_contact_joints);
+        let ranges = [
+            ("shell_friction", self.shell_friction, FRICTIONS, ""),
+            ("drive.tyre_friction", drive.tyre_friction, FRICTIONS, ""),
+            (
+                "drive.caster_friction",
+                drive.caster_friction,
+                FRICTIONS,
+                "",
+            ),
+            (
+                "drive.wheel_stiffness",
+                drive.wheel_stiffness,
+                GAINS,
+                "N·m/rad",
+            ),
+            (
+                "drive.wheel_damping",
+                drive.wheel_damping,
+                GAINS,
+                "N·m·s/rad",
+            ),
+            ("gripper.stiffness", gripper.stiffness, GAINS, "N·m/rad"),
+            ("gripper.damping", gripper.damping, GAINS, "N·m·s/rad"),
+            (
+                "gripper.knuckle_armature",
+                gripper.knuckle_armature,
+                ARMATURES,
+                "kg·m²",
+            ),
+            (
+                "gripper.tip_armature",
+                gripper.tip_armature,
+                ARMATURES,
+                "kg·m²",
+            ),
+            (
+                "gripper.finger_lever",
+                gripper.finger_lever,
+                [0.0, 1.0],
+                "m/rad",
+            ),
+            ("arm.chair_contact_joints", joints(chair), JOINT_COUNTS, ""),
+            ("arm.self_contact_joints", joints(own), JOINT_COUNTS, ""),
+        ];
+        let mut ranges = ranges.into_iter();
+        // A comparison with NaN is false, so NaN is out of every range.
+        let outside =
+            ranges.find(|(_, value, [least, most], _)| !(least <= value && value <= most));
+        outside.map(|(name, value, [least, most], unit)| {
+            let expected = format!("{least} to {most} {unit}");
+            (name.to_owned(), value, expected.trim_end().to_owned())
+        })
     }
 }
+
+/// Range of Coulomb coefficients, no unit.
+const FRICTIONS: [f64; 2] = [0.0, 2.0];
+/// Range of the gains of wheels and knuckles, N·m/rad and N·m·s/rad.
+const GAINS: [f64; 2] = [0.1, 1e5];
+/// Range of reflected inertias, kg·m². [choice: ten times those of two
+/// grippers to either side]
+const ARMATURES: [f64; 2] = [1e-4, 0.1];
+/// Range of the numbers of joints between links that collide.
+const JOINT_COUNTS: [f64; 2] = [1.0, 15.0];

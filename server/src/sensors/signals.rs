@@ -32,7 +32,10 @@ impl Signals {
     #[must_use]
     pub fn new(devices: &[Device], robot: &RobotModel) -> Self {
         let mut signals = Self::default();
-        let wheels = [robot.settings.wheel_radius, robot.settings.track];
+        let wheels = [
+            robot.settings.drive.wheel_radius,
+            robot.settings.drive.track,
+        ];
         for Device {
             seed,
             strength,

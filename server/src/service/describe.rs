@@ -147,7 +147,7 @@ pub fn room_camera(camera: &RoomCamera) -> v1::RobotCamera {
 }
 
 fn gripper(model: &RobotModel) -> v1::GripperDescription {
-    let (gripper, balls) = (&model.settings.gripper, &model.settings.balls);
+    let gripper = &model.settings.gripper;
     let map = GripperMap::new(model);
     let poses = model.link_poses(&vec![0.0; model.joints.len()]);
     let along = |joint: usize| {
@@ -185,9 +185,9 @@ fn gripper(model: &RobotModel) -> v1::GripperDescription {
             pad_z,
             pad_half,
         }),
-        hand_balls: balls.hand.iter().map(ball).collect(),
-        crank_balls: balls.crank.iter().map(ball).collect(),
-        tip_balls: balls.tip.iter().map(ball).collect(),
+        hand_balls: gripper.hand_balls.iter().map(ball).collect(),
+        crank_balls: gripper.crank_balls.iter().map(ball).collect(),
+        tip_balls: gripper.tip_balls.iter().map(ball).collect(),
     }
 }
 
@@ -202,8 +202,8 @@ fn mount(model: &RobotModel, link: &str) -> v1::CameraMount {
 fn drive(settings: &Settings) -> v1::DriveDescription {
     let drive = &settings.drive;
     v1::DriveDescription {
-        track: settings.track,
-        wheel_radius: settings.wheel_radius,
+        track: drive.track,
+        wheel_radius: drive.wheel_radius,
         forward_speed: drive.forward_speed.min(drive.hard_forward_speed),
         backward_speed: drive.backward_speed.min(drive.hard_backward_speed),
         turn_rate: drive.turn_speed.min(drive.hard_turn_speed),

@@ -155,7 +155,7 @@ impl Simulation {
                 assets,
                 name,
                 &scene,
-                &model.settings.corridor,
+                &model.settings.gripper.corridor,
             )?),
         };
         let variant = match &task {
@@ -256,10 +256,11 @@ impl Simulation {
             .as_mut()
             .map(|e| e.update(&snapshot))
             .unwrap_or_default();
+        let drive = &model.settings.drive;
         let mut sim = Self {
             assets: assets.to_owned(),
             imu: Imu::new(scenario.seed),
-            odometry: Odometry::new(model.settings.wheel_radius, model.settings.track),
+            odometry: Odometry::new(drive.wheel_radius, drive.track),
             scenario,
             schedules,
             devices,

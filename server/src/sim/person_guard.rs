@@ -81,8 +81,6 @@ const FINGERS: f64 = 0.03;
 /// Knuckle speed, rad/s, and pad force, N, below that distance.
 const FINGER_SPEED: f64 = 0.2;
 const FINGER_FORCE: f64 = 5.0;
-/// Largest travel of a finger tip per knuckle angle, m/rad.
-const FINGER_LEVER: f64 = 0.1;
 /// Component of the normal across the hand above which it defines the direction.
 const ACROSS: f64 = 0.3;
 /// Pad force while the fingers press the person above the limit, N.
@@ -319,7 +317,7 @@ impl Simulation {
             let side = (gap.point - hand.translation.vector).dot(&across);
             let outwards = gap.normal.dot(&across) * side.signum();
             let left = (gap.distance - STOP).max(0.0);
-            let most = RATE * left / FINGER_LEVER;
+            let most = RATE * left / self.model.settings.gripper.finger_lever;
             if outwards > -ACROSS {
                 opening = opening.min(most);
             }

@@ -552,6 +552,7 @@ fn starts_keep_the_floor_of_everybody() {
         &RobotModel::load(&assets(), "wheelarm")
             .expect("a robot")
             .settings
+            .gripper
             .corridor,
     )
     .expect("tasks");

@@ -22,7 +22,7 @@ use super::convert::{from_pose, mass_properties, pose, real, vector};
 use super::shape::solids;
 use super::tree::{Parallel, Tree, TreeJoint, TreePart};
 use crate::geometry::Shape;
-use crate::robot::{JointKind, RobotModel};
+use crate::robot::{ArmSettings, JointKind, RobotModel, Settings};
 use crate::snapshot::BodyRef;
 
 /// Collision group of the floor.
@@ -31,27 +31,10 @@ pub(super) const FLOOR_GROUP: Group = Group::GROUP_31;
 pub(super) const SCENE_GROUP: Group = Group::GROUP_32;
 /// Collision group of the chair; the arm's groups follow by depth.
 const CHAIR_BIT: u32 = 1;
-/// Links of the arm at least this many joints from its base may touch the chair.
-const CHAIR_CLEAR: u32 = 2;
-/// Links of the arm this many joints apart may touch each other.
-const ARM_CLEAR: u32 = 4;
 
 /// Radius of the rims of the robot's cylinders, metres, smaller for thin ones (see
 /// `shape::solids`). [choice: contacts at rest are less than 1 mm deep]
 const RIM: f64 = 0.01;
-
-/// Friction of the robot's shell (painted metal and plastic; a guess).
-const SHELL_FRICTION: f32 = 0.5;
-/// Friction of the driven wheels: rubber; the larger coefficient applies.
-const TYRE_FRICTION: f32 = 1.0;
-/// Friction of the front omni wheels; the smaller coefficient applies.
-const ROLLER_FRICTION: f32 = 0.0;
-/// Reflected inertia of the gripper's motor at a crank, kg·m² (MuJoCo Menagerie, robotiq_2f85).
-const CRANK_ARMATURE: f32 = 0.005;
-
-/// The same at a finger tip, kg·m² (Menagerie, robotiq_2f85_v4: follower). Without it
-/// tip and crank chatter at 50 Hz and the grip force oscillates by half.
-const TIP_ARMATURE: f32 = 0.001;
 
 /// Largest error in the pose of an inner knuckle's shape, metres.
 const STILL: f32 = 1e-5;
@@ -77,17 +60,17 @@ impl Surface {
         matches!(self, Self::Tyre | Self::Roller)
     }
 
-    /// The collider with this surface, without mass.
-    fn coat(self, collider: ColliderBuilder) -> ColliderBuilder {
+    /// The collider with this surface of a robot, without mass.
+    fn coat(self, collider: ColliderBuilder, settings: &Settings) -> ColliderBuilder {
         let (friction, rule) = match self {
-            Self::Shell => (SHELL_FRICTION, CoefficientCombineRule::Average),
-            Self::Tyre => (TYRE_FRICTION, CoefficientCombineRule::Max),
-            Self::Roller => (ROLLER_FRICTION, CoefficientCombineRule::Min),
+            Self::Shell => (settings.shell_friction, CoefficientCombineRule::Average),
+            Self::Tyre => (settings.drive.tyre_friction, CoefficientCombineRule::Max),
+            Self::Roller => (settings.drive.caster_friction, CoefficientCombineRule::Min),
             Self::Pad => (1.0, CoefficientCombineRule::Multiply),
         };
         let collider = collider
             .density(0.0)
-            .friction(friction)
+            .friction(real(friction))
             .friction_combine_rule(rule);
         if self == Self::Pad {
             collider.active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
@@ -132,6 +115,7 @@ impl RobotBody {
         surface: impl Fn(usize) -> Surface,
     ) -> Result<Self, WorldError> {
         let tree = Tree::new(model)?;
+        let settings = &model.settings;
         let depths = arm_depths(model);
         let mut frames: Vec<Isometry3<f64>> = Vec::new();
         let mut handles = Vec::new();
@@ -165,10 +149,11 @@ impl RobotBody {
                     problem,
                 })?;
                 let surface = if *pad { Surface::Pad } else { surface(*link) };
-                let mut touching = groups(match parallel {
+                let depth = match parallel {
                     Some(_) => depths[body.link],
                     None => depths[*link],
-                });
+                };
+                let mut touching = groups(depth, &settings.arm);
                 if let (true, Shape::Cylinder { radius, .. }) = (surface.rolls(), &part.shape) {
                     let on_floor = InteractionGroups {
                         filter: FLOOR_GROUP,
@@ -179,7 +164,7 @@ impl RobotBody {
                         .translation(vector(&part.pose.translation.vector))
                         .collision_groups(on_floor)
                         .user_data(tag(BodyRef::Link(*link)));
-                    physics.insert_collider(surface.coat(ball), Some(handle));
+                    physics.insert_collider(surface.coat(ball, settings), Some(handle));
                 }
                 let body_from_link =
                     parallel.map(|p| pose(&p.crank_from_link(model, q(p.hinge.joint))));
@@ -189,7 +174,8 @@ impl RobotBody {
                         .position(place)
                         .collision_groups(touching)
                         .user_data(tag(BodyRef::Link(*link)));
-                    let collider = physics.insert_collider(surface.coat(collider), Some(handle));
+                    let collider =
+                        physics.insert_collider(surface.coat(collider, settings), Some(handle));
                     moving.extend(parallel.map(|parallel| MovingShape {
                         collider,
                         parallel,
@@ -268,8 +254,12 @@ impl RobotBody {
 
     /// Couples joints that follow another one. If the joint's parent follows the same
     /// joint, the coupling is to that parent: a finger tip follows its own crank. Adds
-    /// the armature of cranks and tips.
+    /// the armature of cranks and tips. Without that of the tips, tip and crank chatter at
+    /// 50 Hz and the grip force oscillates by half.
     fn couple(&mut self, physics: &mut PhysicsWorld, model: &RobotModel) {
+        let gripper = &model.settings.gripper;
+        let [crank_armature, tip_armature] =
+            [gripper.knuckle_armature, gripper.tip_armature].map(real);
         let mut couplings = Vec::new();
         let mut armatures = Vec::new();
         for (body, &link) in self.tree.bodies.iter().zip(&self.links) {
@@ -290,9 +280,9 @@ impl RobotBody {
             };
             let leader_link = self.links[leader_body];
             if parent_joint == Some(leader) {
-                armatures.push((link, TIP_ARMATURE));
+                armatures.push((link, tip_armature));
             } else {
-                armatures.extend([(leader_link, CRANK_ARMATURE), (link, CRANK_ARMATURE)]);
+                armatures.extend([(leader_link, crank_armature), (link, crank_armature)]);
             }
             couplings.push(MultibodyDofCoupling {
                 link1: leader_link,
@@ -477,8 +467,8 @@ fn joint_data(model: &RobotModel, tree_joint: &TreeJoint) -> GenericJoint {
 
 /// Collision groups of the person: those of the chair, which does not collide with the
 /// person.
-pub(super) fn person_groups() -> InteractionGroups {
-    groups(None)
+pub(super) fn person_groups(arm: &ArmSettings) -> InteractionGroups {
+    groups(None, arm)
 }
 
 /// Number of moving joints between the arm's base and each link; `None` on the chair.
@@ -497,21 +487,24 @@ fn arm_depths(model: &RobotModel) -> Vec<Option<u32>> {
 
 /// Collision groups of a link: the whole scene, and those parts of the robot that it
 /// can reach.
-fn groups(depth: Option<u32>) -> InteractionGroups {
+fn groups(depth: Option<u32>, arm: &ArmSettings) -> InteractionGroups {
     const DEEPEST: u32 = 15;
     let arm_bit = |d: u32| CHAIR_BIT << (1 + d.min(DEEPEST));
     let (own, others) = match depth {
         None => (
             CHAIR_BIT,
-            (CHAIR_CLEAR..=DEEPEST).map(arm_bit).fold(0, |a, b| a | b),
+            (arm.chair_contact_joints..=DEEPEST)
+                .map(arm_bit)
+                .fold(0, |a, b| a | b),
         ),
         Some(depth) => {
-            let chair = if depth >= CHAIR_CLEAR { CHAIR_BIT } else { 0 };
-            let arm = (0..=DEEPEST)
-                .filter(|d| d.abs_diff(depth) >= ARM_CLEAR)
+            let touches_chair = depth >= arm.chair_contact_joints;
+            let chair = if touches_chair { CHAIR_BIT } else { 0 };
+            let links = (0..=DEEPEST)
+                .filter(|d| d.abs_diff(depth) >= arm.self_contact_joints)
                 .map(arm_bit)
                 .fold(0, |a, b| a | b);
-            (arm_bit(depth), chair | arm)
+            (arm_bit(depth), chair | links)
         }
     };
     InteractionGroups::new(

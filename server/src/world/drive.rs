@@ -36,23 +36,16 @@ use super::wheels::Wheels;
 use crate::robot::control::Targets;
 use crate::robot::{ARM_JOINTS, RobotModel};
 
-/// Gains of a driven wheel, N·m/rad and N·m·s/rad: the cap of 30 N·m is reached 4 mm
-/// behind the reference position or at an error of 0.04 m/s.
-const WHEEL_STIFFNESS: f64 = 1000.0;
-const WHEEL_DAMPING: f64 = 100.0;
-/// Gains of each crank of the gripper, N·m/rad and N·m·s/rad: the cap of 60 N is
-/// reached 0.02 rad behind the target; near critical damping with the armature.
-const CRANK_STIFFNESS: f64 = 200.0;
-const CRANK_DAMPING: f64 = 3.0;
-
 /// Body and strength of each motor.
 #[derive(Clone, Debug)]
 pub(super) struct Drives {
     wheels: [usize; 2],
-    wheel_torque: f64,
+    wheel_gains: Gains,
     arm: [usize; 6],
     arm_gains: [Gains; 6],
     arm_friction: [Friction; 6],
+    /// Gains of each crank; the pads' force caps its torque.
+    crank_gains: [f64; 2],
     crank_friction: Friction,
     /// Speed limit of the joint that moves each body, rad/s; infinite for wheels.
     limits: Vec<f64>,
@@ -149,13 +142,19 @@ impl Drives {
         let [left_tip, right_tip] = roles.finger_tips;
         Ok(Self {
             wheels: [body(roles.wheels[0])?, body(roles.wheels[1])?],
-            wheel_torque: model.settings.drive.wheel_torque,
+            wheel_gains: Gains {
+                stiffness: settings.drive.wheel_stiffness,
+                damping: settings.drive.wheel_damping,
+                torque: settings.drive.wheel_torque,
+                fastest: f64::INFINITY,
+            },
             arm,
             arm_gains,
             arm_friction: std::array::from_fn(|i| Friction {
                 dry: settings.arm.dry_friction[i],
                 viscous: settings.arm.viscous_friction[i],
             }),
+            crank_gains: [settings.gripper.stiffness, settings.gripper.damping],
             crank_friction: Friction {
                 dry: 0.0,
                 viscous: settings.gripper.viscous_friction,
@@ -175,7 +174,7 @@ impl Drives {
                 },
             ],
             hand: robot.tree.bodies[left].joint.map_or(0, |j| j.parent),
-            max_pad_force: model.settings.gripper.max_force,
+            max_pad_force: settings.gripper.max_force,
         })
     }
 
@@ -192,12 +191,7 @@ impl Drives {
         wheels: &mut Wheels,
         targets: &Targets,
     ) {
-        let gains = Gains {
-            stiffness: WHEEL_STIFFNESS,
-            damping: WHEEL_DAMPING,
-            torque: self.wheel_torque,
-            fastest: f64::INFINITY,
-        };
+        let gains = self.wheel_gains;
         let dt = f64::from(physics.integration_parameters.dt);
         let leads = wheels.lead(targets.wheel_velocity, dt, gains.torque / gains.stiffness);
         let friction = wheels.friction(physics);
@@ -229,10 +223,11 @@ impl Drives {
             );
         }
         let force = exact::within(targets.pad_force, 0.0, self.max_pad_force);
+        let [stiffness, damping] = self.crank_gains;
         for crank in self.cranks {
             let gains = Gains {
-                stiffness: CRANK_STIFFNESS,
-                damping: CRANK_DAMPING,
+                stiffness,
+                damping,
                 torque: force * self.lever(physics, robot, crank),
                 fastest: self.limits[crank.body],
             };

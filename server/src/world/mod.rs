@@ -268,7 +268,8 @@ impl World {
             weights[soft.object] = soft.mass() * GRAVITY;
         }
         let person = Arc::clone(person);
-        self.seated = Seated::insert(&mut self.physics, &self.robot, person, motion, weights);
+        let arm = &self.model.settings.arm;
+        self.seated = Seated::insert(&mut self.physics, &self.robot, arm, person, motion, weights);
         self.fingerprint = self.hash();
     }
 

@@ -23,6 +23,7 @@ use super::mass::Mass;
 use super::shape;
 use super::tree::Place;
 use crate::people::{BodyPart, HeadPose, Motion, PARTS, Person};
+use crate::robot::ArmSettings;
 use crate::snapshot::{BodyRef, Contact, PersonState, Touch};
 
 /// Friction of clothes and skin, averaged with the other body's. [guess]
@@ -67,6 +68,7 @@ impl Seated {
     pub(super) fn insert(
         physics: &mut PhysicsWorld,
         robot: &RobotBody,
+        arm: &ArmSettings,
         person: Arc<Person>,
         motion: Motion,
         weights: Vec<f64>,
@@ -102,7 +104,7 @@ impl Seated {
                 .position(pose(&(body_from_chair * chair_from_joint)) * joint_from_shape)
                 .density(0.0)
                 .friction(FRICTION)
-                .collision_groups(person_groups())
+                .collision_groups(person_groups(arm))
                 .user_data(tag(BodyRef::Person(index)));
             let handle = physics.insert_collider(collider, Some(body));
             colliders.push(handle);

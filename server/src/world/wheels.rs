@@ -88,7 +88,7 @@ impl Wheels {
             joints: [left, right, casters[0], casters[1]],
             driven: [body(left)?, body(right)?],
             front: casters.map(front),
-            radius: model.settings.wheel_radius,
+            radius: drive.wheel_radius,
         })
     }
 

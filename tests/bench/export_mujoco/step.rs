@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use wheelarm_server::geometry::{Part, Shape};
 use wheelarm_server::robot::control::GripperMap;
-use wheelarm_server::robot::{JointKind, PAD, RobotModel};
+use wheelarm_server::robot::{ArmSettings, JointKind, PAD, RobotModel};
 
 use super::course::{CONTROL_TICKS, Course};
 use super::{numbers, place, write_numbers};
@@ -155,7 +155,11 @@ impl Mjcf {
                 } else {
                     String::new()
                 };
-                let armature = if is_of(&roles.knuckles) { 0.005 } else { 0.0 };
+                let armature = if is_of(&roles.knuckles) {
+                    robot.settings.gripper.knuckle_armature
+                } else {
+                    0.0
+                };
                 writeln!(
                     self.bodies,
                     "<joint name=\"{}\" type=\"hinge\" axis=\"{}\" armature=\"{armature}\" {range}/>",
@@ -171,7 +175,9 @@ impl Mjcf {
                 inertial(own.mass, &own.com, &own.inertia)
             )?;
         }
-        let (own, others) = groups(depth);
+        let settings = &robot.settings;
+        let (own, others) = groups(depth, &settings.arm);
+        let shell = format!("friction=\"{} 0.005 0.0001\"", settings.shell_friction);
         for collider in link.collision.iter().filter(|_| touches) {
             let bits = |others: u32| format!("contype=\"{own}\" conaffinity=\"{others}\"");
             if let (Some(wheel), Shape::Cylinder { radius, .. }) = (wheel, &collider.part.shape) {
@@ -180,9 +186,12 @@ impl Mjcf {
                     shape: Shape::Sphere { radius: *radius },
                 };
                 let tread = if wheel < 2 {
-                    "friction=\"1 0.005 0.0001\""
+                    format!("friction=\"{} 0.005 0.0001\"", settings.drive.tyre_friction)
                 } else {
-                    "friction=\"0 0 0\" condim=\"1\" priority=\"1\""
+                    format!(
+                        "friction=\"{} 0 0\" condim=\"1\" priority=\"1\"",
+                        settings.drive.caster_friction
+                    )
                 };
                 // Only with the floor: its own bit is one that nobody asks for.
                 self.solid(
@@ -191,7 +200,7 @@ impl Mjcf {
                 )?;
                 self.solid(
                     &collider.part,
-                    &format!("{} friction=\"0.5 0.005 0.0001\"", bits(others & !FLOOR)),
+                    &format!("{} {shell}", bits(others & !FLOOR)),
                 )?;
             } else if collider.name == PAD {
                 self.solid(
@@ -202,10 +211,7 @@ impl Mjcf {
                     ),
                 )?;
             } else {
-                self.solid(
-                    &collider.part,
-                    &format!("{} friction=\"0.5 0.005 0.0001\"", bits(others)),
-                )?;
+                self.solid(&collider.part, &format!("{} {shell}", bits(others)))?;
             }
         }
         for joint in robot.joints.iter().filter(|j| j.parent == index) {
@@ -332,16 +338,17 @@ impl Mjcf {
         }
         for &wheel in &roles.wheels {
             let name = &robot.joints[wheel].name;
-            let torque = settings.drive.wheel_torque;
+            let (damping, torque) = (settings.drive.wheel_damping, settings.drive.wheel_torque);
             writeln!(
                 xml,
-                "<velocity joint=\"{name}\" kv=\"100\" forcerange=\"-{torque} {torque}\"/>"
+                "<velocity joint=\"{name}\" kv=\"{damping}\" forcerange=\"-{torque} {torque}\"/>"
             )?;
         }
         let torque = settings.gripper.force * GripperMap::new(robot).lever(0.4);
         for &knuckle in &roles.knuckles {
             let name = &robot.joints[knuckle].name;
-            xml.push_str(&position(name, 200.0, 3.0, torque));
+            let gripper = &settings.gripper;
+            xml.push_str(&position(name, gripper.stiffness, gripper.damping, torque));
         }
         xml.push_str("</actuator>\n</mujoco>\n");
         Ok(xml)
@@ -370,14 +377,18 @@ fn inertial(mass: f64, com: &Point3<f64>, m: &Matrix3<f64>) -> String {
 }
 
 /// Own bit and those of others: as the collision groups of our world.
-fn groups(depth: Option<u32>) -> (u32, u32) {
+fn groups(depth: Option<u32>, settings: &ArmSettings) -> (u32, u32) {
     let arm = |d: u32| CHAIR << (1 + d.min(DEEPEST));
     let (own, others) = match depth {
-        None => (CHAIR, (2..=DEEPEST).map(arm).sum()),
+        None => (
+            CHAIR,
+            (settings.chair_contact_joints..=DEEPEST).map(arm).sum(),
+        ),
         Some(depth) => {
-            let chair = if depth >= 2 { CHAIR } else { 0 };
+            let touches_chair = depth >= settings.chair_contact_joints;
+            let chair = if touches_chair { CHAIR } else { 0 };
             let far = (0..=DEEPEST)
-                .filter(|d| d.abs_diff(depth) >= 4)
+                .filter(|d| d.abs_diff(depth) >= settings.self_contact_joints)
                 .map(arm)
                 .sum::<u32>();
             (arm(depth), chair | far)

@@ -50,8 +50,10 @@ const POSTURES: [&str; 6] = [
     "leaning_left",
     "looking_up",
 ];
-/// Hard limit of the gripper, N.
-const GRIP: f64 = 235.0;
+/// Knuckle angle, rad, and force, N, of a closed hand: beyond those of any gripper, so that
+/// the control clamps them to its own.
+const CLOSED: f64 = 4.0;
+const GRIP: f64 = 1e4;
 
 /// One episode against the guard.
 #[derive(Clone, Copy, Debug)]
@@ -213,7 +215,7 @@ impl GuardRun {
             goal: sim.arm_positions(),
             spin: Vector3::zeros(),
             base: BaseIntent::default(),
-            knuckle: if holds { 0.8 } else { 0.0 },
+            knuckle: if holds { CLOSED } else { 0.0 },
             holds,
         };
         let mut verdict = GuardVerdict::default();
@@ -387,7 +389,7 @@ impl Operator {
         };
         // An object in the hand is mostly kept.
         let opens = self.random.random_bool(if self.holds { 0.1 } else { 0.5 });
-        self.knuckle = if opens { 0.0 } else { 0.8 };
+        self.knuckle = if opens { 0.0 } else { CLOSED };
     }
 
     /// From the grasp point to the target in `house`.

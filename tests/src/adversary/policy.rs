@@ -8,10 +8,10 @@ use wheelarm_server::robot::control::{
 };
 use wheelarm_server::sim::Simulation;
 
-/// Closed knuckle, rad.
-const CLOSED: f64 = 0.8;
-/// As hard as the gripper can, N.
-const HARD: f64 = 235.0;
+/// Closed knuckle, rad, and greatest force, N: beyond those of any gripper, so that the
+/// control clamps them to its own.
+const CLOSED: f64 = 4.0;
+const HARD: f64 = 1e4;
 /// Target of the hand over an object, metres.
 const ABOVE: f64 = 0.12;
 
@@ -38,7 +38,7 @@ pub enum Kind {
     Harass,
     /// The bear pressed onto the table with an open, then a closed hand.
     Press,
-    /// The bear held with 235 N and torn at.
+    /// The bear held as hard as the gripper can and torn at.
     Tear,
     /// The bear taken, swung and let go.
     Throw,

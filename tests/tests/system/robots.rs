@@ -106,6 +106,53 @@ fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
     wheelarm(&assets, &["dataset", "validate", &path]);
 }
 
+/// The gripper of `wheelarm_wide` opens further, closes at another knuckle angle and is
+/// weaker. The expert lifts the mustard with it, by its description alone.
+#[test]
+fn another_gripper_lifts_the_mustard() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let assets = root().join("assets");
+    let out = folder.path().to_string_lossy().into_owned();
+    let demo = ["demo", "--robot", "wheelarm_wide", "--task", "pick_mustard"];
+    let small = ["--width", "128", "--height", "96", "--no-sheet"];
+    let seed = ["--seed", "1", "--out", &out];
+    wheelarm(&assets, &[&demo[..], &small[..], &seed[..]].concat());
+    let entries = fs::read_dir(folder.path()).expect("the folder").flatten();
+    let mut paths = entries.map(|entry| entry.path());
+    let file = paths.find(|path| path.extension().is_some_and(|ending| ending == "h5"));
+    let episode = Episode::open(&file.expect("a recording")).expect("an episode");
+    assert!(episode.summary().expect("a summary").success);
+    let robot = episode.robot().expect("a robot");
+    let gripper = robot.gripper_or_default();
+    assert_eq!((gripper.stroke, gripper.max_force), (0.14, 60.0));
+
+    // The hand opened wider than the gripper of `wheelarm` can, and held the bottle.
+    let roles = Roles::find(&robot).expect("every role");
+    let positions = episode.f64s("joint_state", "position").expect("positions");
+    let knuckles = positions
+        .iter()
+        .skip(roles.knuckle)
+        .step_by(robot.joints.len());
+    let openings: Vec<f64> = knuckles
+        .map(|&q| robot.opening(q).expect("a linkage"))
+        .collect();
+    let widest = openings.iter().copied().fold(0.0, f64::max);
+    assert!(widest > 0.13, "{widest} m");
+    let held = openings.last().expect("a sample");
+    assert!((0.045..0.07).contains(held), "the bottle is {held} m wide");
+    // The pads pressed, and no command asked for more force than the gripper has.
+    let pads = episode.f64s("contact", "pad_force").expect("pad forces");
+    let hardest = pads.iter().copied().fold(0.0, f64::max);
+    assert!(hardest > 10.0, "{hardest} N");
+    let commands = episode.f64s("command", "gripper").expect("commands");
+    let caps = commands.iter().skip(2).step_by(3);
+    let caps: Vec<f64> = caps.copied().filter(|cap| cap.is_finite()).collect();
+    assert!(
+        !caps.is_empty() && caps.iter().all(|cap| *cap <= 60.0),
+        "{caps:?}"
+    );
+}
+
 /// The robot of files that do not tell theirs: stored once and never changed,
 /// whatever becomes of the robot that ships.
 #[test]

@@ -12,7 +12,7 @@ const TEN_SECONDS: usize = 600;
 fn objects_and_drawers_stay_where_they_were_put() {
     let assets = root().join("assets");
     let model = RobotModel::load(&assets, "wheelarm").unwrap();
-    let tasks = wheelarm_server::tasks::list(&assets, &model.settings.corridor).unwrap();
+    let tasks = wheelarm_server::tasks::list(&assets, &model.settings.gripper.corridor).unwrap();
     for task in tasks {
         let scenario = Scenario {
             task: task.name.clone(),

@@ -181,7 +181,7 @@ mod tests {
                 "home\"",
                 "home\"\nrobot = \"wheel\"",
                 3,
-                "no robot \"wheel\" (known: wheelarm)",
+                "no robot \"wheel\" (known: wheelarm, wheelarm_wide)",
             ),
         ] {
             let told = told(from, to).unwrap();

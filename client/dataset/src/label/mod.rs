@@ -52,8 +52,9 @@ const STROKE: f64 = 0.05;
 const TOUCH: f64 = 2.0;
 /// A touch belongs to a closing until so long after it, nanoseconds.
 const TOUCH_LATE: u64 = 500_000_000;
-/// A hand closed beyond this holds nothing but has tried to, rad.
-const SHUT: f64 = 0.7;
+/// A hand whose pads are closer than this holds nothing but has tried to, m: thinner than
+/// any object.
+const SHUT: f64 = 0.0116;
 /// A drive that draws furniture further than this is a pull, m.
 const PULL: f64 = 0.02;
 
@@ -77,6 +78,8 @@ pub struct Motion {
     pub arm: Vec<bool>,
     /// Knuckle, radians, greater is more closed.
     pub knuckle: Vec<f64>,
+    /// Whether the pads are closer than any object is thick.
+    pub shut: Vec<bool>,
     /// Whether a finger tip touches; true throughout where nobody recorded it.
     pub touch: Vec<bool>,
     /// How far all drawers are open together, metres.
@@ -126,7 +129,13 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
     } else {
         vec![0.0; stamps.len()]
     };
+    let knuckle: Vec<f64> = position
+        .chunks_exact(width)
+        .map(|row| row[roles.knuckle])
+        .collect();
+    let is_shut = |&angle: &f64| robot.opening(angle).is_some_and(|gap| gap < SHUT);
     let mut out = Motion {
+        shut: knuckle.iter().map(is_shut).collect(),
         touch,
         drawn,
         chair: drives.map(|d| d.unwrap_or(false)).collect(),
@@ -134,10 +143,7 @@ pub fn motion(episode: &Episode) -> Result<Motion, ReadError> {
             .chunks_exact(width)
             .map(|row| roles.arm.iter().any(|&i| row[i].abs() > ARM_MOVES))
             .collect(),
-        knuckle: position
-            .chunks_exact(width)
-            .map(|row| row[roles.knuckle])
-            .collect(),
+        knuckle,
         stamps,
     };
     bridge(&mut out.chair, &out.stamps, REST);
@@ -220,7 +226,7 @@ pub fn label(motion: &Motion) -> Vec<u8> {
     closings.retain(|&(a, b)| {
         let late = motion.stamps[b] + TOUCH_LATE;
         let end = motion.stamps.partition_point(|&t| t <= late);
-        motion.knuckle[b] > SHUT || motion.touch[a..end].contains(&true)
+        motion.shut[b] || motion.touch[a..end].contains(&true)
     });
     let openings = strokes(motion, -1.0);
     let pulls = pulls(motion);
@@ -294,6 +300,7 @@ mod tests {
             chair: t.iter().map(|&t| chair(t)).collect(),
             arm: t.iter().map(|&t| arm(t)).collect(),
             knuckle: t.iter().map(|&t| knuckle(t)).collect(),
+            shut: t.iter().map(|&t| knuckle(t) > 0.7).collect(),
             touch: t.iter().map(|&t| knuckle(t) >= 0.5).collect(),
             drawn: vec![0.0; t.len()],
         }

@@ -395,7 +395,11 @@ impl Operator {
                 pose: Some(geometry::pose(&pose)),
             })
         });
-        let width = self.memory.candidate.map_or(0.0, |taken| taken.width);
+        let (candidate, hand) = (self.memory.candidate, &self.scene.hand);
+        let width = candidate.map_or(0.0, |candidate| candidate.width);
+        let force = candidate
+            .and_then(|candidate| candidate.force)
+            .unwrap_or(self.profile.force_at(width / hand.stroke));
         let target = pose.or(act.joints.map(|joints| {
             arm_command::Target::Joints(v1::JointTarget {
                 positions: joints.to_vec(),
@@ -410,12 +414,8 @@ impl Operator {
                 .map(|[linear, angular]| v1::BaseCommand { linear, angular }),
             gripper: act.opening.map(|opening| v1::GripperCommand {
                 target: Some(gripper_command::Target::Opening(opening)),
-                max_force: Some(
-                    self.memory
-                        .candidate
-                        .and_then(|candidate| candidate.force)
-                        .unwrap_or(self.profile.force_at(width / self.scene.hand.stroke)),
-                ),
+                // The server rejects a force beyond the gripper's own.
+                max_force: Some(force.min(hand.max_force)),
             }),
             phase: act.phase.into(),
             phase_name: act.name.to_owned(),

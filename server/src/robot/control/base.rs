@@ -22,8 +22,8 @@ impl DriveGeometry {
     #[must_use]
     pub fn new(settings: &Settings) -> DriveGeometry {
         DriveGeometry {
-            wheel_radius: settings.wheel_radius,
-            track: settings.track,
+            wheel_radius: settings.drive.wheel_radius,
+            track: settings.drive.track,
         }
     }
 

@@ -5,6 +5,7 @@
 use wheelarm_proto::exact;
 
 use super::BaseIntent;
+use crate::robot::ArmSettings;
 
 /// Iterations over the arm's limits: a motion between two parts of the body needs more
 /// than one.
@@ -17,9 +18,6 @@ const NO_LEVER: f64 = 1e-4;
 /// Smallest allowed lead, m, of the commanded grasp point over the measured one: an arm
 /// sags by less under its payload.
 const LEAST_LEAD: f64 = 0.006;
-/// Time constant of the servo, s: a released arm catches up with a lead at lead /
-/// LEAD_TIME. [damping / stiffness of the arm's drives]
-const LEAD_TIME: f64 = 0.05;
 /// Largest lead of a joint, rad.
 const JOINT_LEAD: f64 = 0.05;
 
@@ -133,17 +131,21 @@ impl Guard {
 
     /// Reduces the lead of the commanded joint positions, rad, over the measured ones
     /// to the allowed one. `tool_way` is the displacement of the grasp point, m, for a
-    /// change of the joints; `stiffness` is that of the drives, N·m/rad: the force of a
-    /// lead is reduced by the smallest change of the drives' energy.
+    /// change of the joints. The force of a lead is reduced by the smallest change of
+    /// the energy of the `drives`. A released arm catches up with a lead at the lead
+    /// divided by the servo's time constant, damping / stiffness.
     pub(super) fn shorten_lead(
         &self,
         position: &mut [f64; 6],
-        stiffness: &[f64; 6],
+        drives: &ArmSettings,
         tool_way: impl Fn(&[f64; 6]) -> f64,
     ) {
         let start: [f64; 6] = std::array::from_fn(|i| position[i] - self.measured[i]);
         let mut lead = start;
-        let most = LEAST_LEAD.max(self.tool_speed * LEAD_TIME);
+        let (stiffness, damping) = (&drives.stiffness, &drives.damping);
+        let times = damping.iter().zip(stiffness).map(|(d, k)| d / k);
+        let lead_time = times.fold(0.0, f64::max);
+        let most = LEAST_LEAD.max(self.tool_speed * lead_time);
         let joint = lead.iter().fold(0.0_f64, |most, part| most.max(part.abs()));
         let excess = (tool_way(&lead) / most).max(joint / JOINT_LEAD);
         if excess > 1.0 {

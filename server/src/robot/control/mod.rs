@@ -70,7 +70,7 @@ impl RobotControl {
             arm,
             drive: model.settings.drive,
             wheels: DriveGeometry::new(&model.settings),
-            gripper: model.settings.gripper,
+            gripper: model.settings.gripper.clone(),
             guard: None,
             state,
         }

@@ -13,9 +13,15 @@ use crate::snapshot::BodyState;
 
 const DT: f64 = 1.0 / PHYSICS_HZ as f64;
 
+const ROBOTS: [&str; 2] = ["wheelarm", "wheelarm_wide"];
+
 fn model() -> RobotModel {
+    robot_model(ROBOTS[0])
+}
+
+fn robot_model(name: &str) -> RobotModel {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
-    RobotModel::load(&assets, "wheelarm").unwrap()
+    RobotModel::load(&assets, name).unwrap()
 }
 
 /// The chair at a pose, with an arbitrary arm.
@@ -481,10 +487,15 @@ fn the_gripper_map_matches_the_manufacturers_geometry() {
 
 #[test]
 fn gripper_moves_within_its_limits_and_lands_exactly() {
-    let model = model();
-    let here = snapshot(&model, Isometry3::identity());
-    let limits = model.settings.gripper;
-    let mut control = RobotControl::new(&model);
+    for robot in ROBOTS {
+        gripper_moves_within_its_limits(&robot_model(robot));
+    }
+}
+
+fn gripper_moves_within_its_limits(model: &RobotModel) {
+    let here = snapshot(model, Isometry3::identity());
+    let limits = &model.settings.gripper;
+    let mut control = RobotControl::new(model);
     let (mut position, mut velocity) = (0.0, 0.0);
     for (knuckle, ticks) in [(0.6, 100), (0.1, 20), (2.0, 200), (0.0, 5), (0.3, 100)] {
         let input = ControlInput {

@@ -7,6 +7,8 @@ mod elements;
 
 use std::path::{Path, PathBuf};
 
+use wheelarm_proto::exact;
+
 use super::control::GripperMap;
 use super::roles::{ARM_JOINTS, RecordedFrame, RecordedJoint, Roles};
 use super::settings::{File, FrameRole, Settings};
@@ -41,12 +43,14 @@ pub enum RobotError {
         known: String,
     },
     /// `robot.toml` is malformed.
-    #[error("{path}: {source}")]
+    #[error("cannot read {path}: {source}{fix}")]
     Toml {
         /// File.
         path: PathBuf,
         /// Cause, with line and column.
         source: Box<toml::de::Error>,
+        /// The key that was probably meant, or empty.
+        fix: String,
     },
     /// The URDF is malformed.
     #[error("{path}: {source}")]
@@ -98,6 +102,7 @@ impl RobotModel {
         let text = read(&toml_path)?;
         let file: File = toml::from_str(&text).map_err(|source| RobotError::Toml {
             path: toml_path.clone(),
+            fix: nearest_key(source.message()),
             source: Box::new(source),
         })?;
         if file.name != name {
@@ -148,6 +153,23 @@ fn unknown(assets_dir: &Path, name: &str) -> RobotError {
         name: name.to_owned(),
         known: known.join(", "),
     }
+}
+
+/// The fix for an unknown key or role: the nearest of those that the message of the parser
+/// lists after the unknown one, all in backticks. Empty for other messages.
+fn nearest_key(message: &str) -> String {
+    let mut names = message.split('`').skip(1).step_by(2);
+    let unknown = names
+        .next()
+        .filter(|_| message.starts_with("unknown "))
+        .unwrap_or_default();
+    let alike = |name: &&str| strsim::jaro_winkler(unknown, name);
+    let nearest = names.max_by(|one, other| alike(one).total_cmp(&alike(other)));
+    nearest
+        .filter(|_| !unknown.is_empty())
+        .map_or_else(String::new, |nearest| {
+            format!("\nwrite `{nearest}` in place of `{unknown}`, or remove it")
+        })
 }
 
 fn read(path: &Path) -> Result<String, RobotError> {
@@ -362,7 +384,7 @@ impl Reader<'_> {
         let named = [
             arm_base,
             link(&settings.end_effector_link, NAMED)?,
-            link(&settings.imu_link, NAMED)?,
+            link(&settings.imu.link, NAMED)?,
         ];
         Roles::find(recorded, frames, named).map_err(|found| RobotError::Invalid {
             path: self.toml.to_owned(),
@@ -455,10 +477,10 @@ impl Reader<'_> {
             ));
         }
         let track = y[0] - y[1];
-        if (track - settings.track).abs() > TRACK_TOLERANCE {
+        if (track - settings.drive.track).abs() > TRACK_TOLERANCE {
             return Err(self.wrong(
                 "drive.track",
-                format!("{} m", settings.track),
+                format!("{} m", settings.drive.track),
                 format!("{track:.4} m, the distance of the driven wheels in the URDF"),
             ));
         }
@@ -472,6 +494,15 @@ impl Reader<'_> {
                     "at most {} rad, the knuckle's limit in the URDF",
                     limits.upper
                 ),
+            ));
+        }
+        let [out, along] = GripperMap::new(model).crank();
+        let (crank, lever) = (exact::hypot(out, along), settings.gripper.finger_lever);
+        if lever < crank {
+            return Err(self.wrong(
+                "gripper.finger_lever",
+                format!("{lever} m/rad"),
+                format!("at least {crank:.4} m/rad, the length of the crank in the URDF"),
             ));
         }
         let (force, most) = (settings.gripper.force, settings.gripper.max_force);

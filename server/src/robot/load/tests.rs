@@ -145,7 +145,109 @@ fn broken_robots_are_refused_with_the_reason() {
         &urdf,
         &["drive.tyre_rolling_resistance", "NaN", "0 or more"],
     );
+    // Unknown keys of every table are rejected, with the line and the nearest known key.
+    let line = |text: &str| {
+        let before = toml.split(text).next().unwrap_or_default();
+        format!("line {}", before.lines().count() + 1)
+    };
+    for (key, wrong) in [
+        ("tool_length = 0.120", "tool_lenght = 0.120"),
+        ("wheel_stiffness =", "wheel_stifness ="),
+        ("dry_friction = [0.522", "dry_frictions = [0.522"),
+        ("stroke = 0.085", "strok = 0.085"),
+        ("palm_height = 0.042", "palm_hight = 0.042"),
+        ("gyro_noise =", "gyro_nose ="),
+    ] {
+        let word = |text: &str| text.split(' ').next().unwrap_or_default().to_owned();
+        let fix = format!("write `{}` in place of `{}`", word(key), word(wrong));
+        refused(&toml.replace(key, wrong), &urdf, &[&fix, &line(key)]);
+    }
+    refused(
+        &toml.replace("role = \"knuckle\" }", "role = \"knuckel\" }"),
+        &urdf,
+        &["write `knuckle` in place of `knuckel`"],
+    );
+    for (value, wrong, name, expected) in [
+        (
+            "tyre_friction = 1.0",
+            "inf",
+            "drive.tyre_friction",
+            "0 to 2",
+        ),
+        (
+            "wheel_stiffness = 1000.0",
+            "0.0",
+            "drive.wheel_stiffness",
+            "N·m/rad",
+        ),
+        (
+            "\nstiffness = 200.0",
+            "nan",
+            "gripper.stiffness",
+            "0.1 to 100000 N·m/rad",
+        ),
+        (
+            "knuckle_armature = 0.005",
+            "-0.005",
+            "gripper.knuckle_armature",
+            "kg·m²",
+        ),
+        (
+            "self_contact_joints = 4",
+            "0",
+            "arm.self_contact_joints",
+            "1 to 15",
+        ),
+        (
+            "finger_lever = 0.1",
+            "0.05",
+            "gripper.finger_lever",
+            "at least 0.0571 m/rad",
+        ),
+        (
+            "max_force = 235.0",
+            "20.0",
+            "gripper.force",
+            "at most gripper.max_force, 20 N",
+        ),
+    ] {
+        let key = value.split(" = ").next().unwrap_or_default();
+        let changed = toml.replace(value, &format!("{key} = {wrong}"));
+        assert_ne!(changed, toml, "{value}");
+        refused(&changed, &urdf, &[name, expected]);
+    }
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// `wheelarm_wide` is `wheelarm` with another gripper: chair and arm are copies, which
+/// `assets/tools/wide_gripper.py` renews.
+#[test]
+fn robots_with_another_gripper_share_chair_and_arm() {
+    let [one, other] = ["wheelarm", "wheelarm_wide"].map(|name| {
+        RobotModel::load(&assets(), name).unwrap_or_else(|problem| panic!("{problem}"))
+    });
+    let hand = one.roles.end_effector;
+    assert_eq!(hand, other.roles.end_effector);
+    // Links of the chair and the arm come before the hand; their meshes are one file.
+    let mut copied = other.links[..hand].to_vec();
+    for visual in copied.iter_mut().flat_map(|link| &mut link.visual) {
+        if let Shape::Mesh { path, .. } = &mut visual.part.shape {
+            *path = path.replace("wheelarm_wide/../", "");
+        }
+    }
+    assert_eq!(one.links[..hand], copied);
+    assert_eq!(one.joints[..hand - 1], other.joints[..hand - 1]);
+    let (ours, theirs) = (&one.settings, &other.settings);
+    assert_eq!(ours.drive, theirs.drive);
+    assert_eq!(ours.arm, theirs.arm);
+    assert_eq!(ours.imu, theirs.imu);
+    assert_eq!(ours.seat, theirs.seat);
+    assert_eq!(ours.cameras, theirs.cameras);
+    assert_eq!(ours.shell_friction, theirs.shell_friction);
+    assert_eq!(ours.home, theirs.home);
+    let (ours, theirs) = (&ours.gripper, &theirs.gripper);
+    assert!(theirs.stroke > 1.5 * ours.stroke && theirs.max_force < 0.5 * ours.max_force);
+    assert!(theirs.closed > 1.1 * ours.closed);
 }
 
 fn tempfile_folder(name: &str) -> PathBuf {

@@ -349,7 +349,7 @@ impl Engine {
     /// Reads the tasks on first request, on another thread.
     fn answer_tasks(&self, query: zenoh::query::Query) {
         let (shared, folder) = (Arc::clone(&self.shared), self.sim.assets().to_owned());
-        let hand = self.sim.model().settings.corridor;
+        let hand = self.sim.model().settings.gripper.corridor;
         let stamp = self.stamp();
         let header = Some(stamp.clone());
         self.shared.replies.answer_later(query, stamp, move || {

@@ -18,6 +18,7 @@ pub(super) fn hand() -> CorridorSettings {
     model
         .unwrap_or_else(|error| panic!("{error}"))
         .settings
+        .gripper
         .corridor
 }
 

@@ -27,7 +27,7 @@ fn thrust_at_constant_speed_is_rolling_resistance_and_wheel_friction() {
     let (mut world, mut targets, _) = robot_alone();
     let model = model();
     let drive = &model.settings.drive;
-    let radius = model.settings.wheel_radius;
+    let radius = model.settings.drive.wheel_radius;
     for direction in [1.0, -1.0] {
         targets.wheel_velocity = [direction * 0.3 / radius; 2];
         world.apply(&targets);

@@ -24,8 +24,12 @@ use crate::scene::{Body, Lighting, MassProperties, Placement, RoomCamera, Scene}
 const TABLE_TOP: f64 = 0.81;
 
 fn model() -> RobotModel {
+    robot_model("wheelarm")
+}
+
+fn robot_model(name: &str) -> RobotModel {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
-    RobotModel::load(&assets, "wheelarm").expect("the robot of this repository loads")
+    RobotModel::load(&assets, name).expect("the robot of this repository loads")
 }
 
 fn pose_at(x: f64, y: f64, z: f64) -> Isometry3<f64> {

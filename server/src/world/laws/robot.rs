@@ -94,7 +94,7 @@ fn driving_a_metre_is_a_metre() {
     // 0.5 m/s with ramps of 0.5 s: 2 s on the ground line, 1 m less the ramps.
     let (speed, ramp, total) = (0.5, 0.5, 2.5);
     seconds(&mut world, 3.0, |world, t| {
-        let rate = speed * trapezoid(t, ramp, total) / model.settings.wheel_radius;
+        let rate = speed * trapezoid(t, ramp, total) / model.settings.drive.wheel_radius;
         targets.wheel_velocity = [rate; 2];
         world.apply(&targets);
     });
@@ -105,7 +105,7 @@ fn driving_a_metre_is_a_metre() {
     assert!(p.y.abs() < 0.005 && p.z.abs() < 0.002, "{p}");
     assert!(moved.rotation.angle() < 0.005, "{}", moved.rotation.angle());
     for wheel in model.roles.wheels.into_iter().chain(model.roles.casters) {
-        let rolled = snapshot.joints[wheel].position * model.settings.wheel_radius;
+        let rolled = snapshot.joints[wheel].position * model.settings.drive.wheel_radius;
         let name = &model.joints[wheel].name;
         assert!((rolled - p.x).abs() < 0.005, "{name} {rolled}");
     }
@@ -119,7 +119,7 @@ fn a_quarter_turn_is_a_quarter_turn() {
     let total = FRAC_PI_2 / rate + ramp;
     seconds(&mut world, 3.0, |world, t| {
         let spin = rate * trapezoid(t, ramp, total);
-        let wheel = spin * model.settings.track / 2.0 / model.settings.wheel_radius;
+        let wheel = spin * model.settings.drive.track / 2.0 / model.settings.drive.wheel_radius;
         targets.wheel_velocity = [-wheel, wheel];
         world.apply(&targets);
     });
@@ -189,7 +189,7 @@ fn a_wall_stops_the_chair() {
     let arm = [3.0, home[1], home[2], home[3], home[4], home[5]];
     let mut world = World::new(&model, &scene, &placements, &start, &arm).expect("a world");
     let mut targets = hold(arm);
-    targets.wheel_velocity = [0.3 / model.settings.wheel_radius; 2];
+    targets.wheel_velocity = [0.3 / model.settings.drive.wheel_radius; 2];
     world.apply(&targets);
     seconds(&mut world, 3.0, |_, _| {});
     let snapshot = world.snapshot();
@@ -199,7 +199,7 @@ fn a_wall_stops_the_chair() {
     assert!(snapshot.links[0].pose.translation.z.abs() < 0.01);
     let push: f64 = snapshot.contacts.iter().map(|c| c.force.x).sum();
     // Two drives of 30 N·m on wheels of 0.1325 m.
-    let thrust = 2.0 * model.settings.drive.wheel_torque / model.settings.wheel_radius;
+    let thrust = 2.0 * model.settings.drive.wheel_torque / model.settings.drive.wheel_radius;
     assert!(push > 0.0 && push < 1.1 * thrust, "{push} {thrust}");
 }
 

@@ -244,7 +244,7 @@ impl ArmControl {
     /// Reduces the lead of the commanded positions to that allowed by the guard.
     pub(super) fn shorten_lead(&self, state: &mut ArmState, guard: &Guard) {
         let (_, jacobian) = self.kinematics.forward_and_jacobian(&state.position);
-        guard.shorten_lead(&mut state.position, &self.settings.stiffness, |lead| {
+        guard.shorten_lead(&mut state.position, &self.settings, |lead| {
             self.tool_speed(&jacobian, lead)
         });
         self.kinematics.clamp(&mut state.position);
