@@ -13,7 +13,7 @@ import math
 import re
 from pathlib import Path
 
-ROBOTS = Path(__file__).resolve().parent.parent / "assets" / "robots"
+ROBOTS = Path(__file__).resolve().parents[1] / "robots"
 SOURCE, OUT = ROBOTS / "wheelarm", ROBOTS / "wheelarm_wide"
 NOTE = "Written by assets/tools/wide_gripper.py for WheelArm; license: Apache-2.0."
 

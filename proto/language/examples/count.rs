@@ -36,7 +36,8 @@ fn main() {
                 let purpose = format!("{} {}", entity.name, wish.verb.word());
                 let sentence =
                     generate(&grammar, &scene, &wish, &options, seed * each + n, &purpose);
-                let sentence = sentence.expect("a sentence");
+                let sentence = sentence
+                    .unwrap_or_else(|| panic!("no sentence: {purpose}, scene {seed}, number {n}"));
                 total += 1;
                 let text = normalised(&sentence.text);
                 words.extend(text.split(' ').map(str::to_owned));

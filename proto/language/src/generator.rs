@@ -2,12 +2,12 @@
 //! parsed before it is returned, and must have the intended meaning or be marked
 //! ambiguous.
 
-use crate::grammar::{Form, Grammar, Means, Pattern, Phrase, Slot, Split, Template};
+use crate::grammar::{Form, Grammar, Means, Pattern, Phrase, Slot, Split, Template, opened};
 use crate::meaning::{Meaning, Named, Node, denotes, fits, is_called};
 use crate::parse::{Answer, Parser, role};
 use crate::random::Random;
-use crate::scene::Scene;
-use crate::space::at_place;
+use crate::scene::{Role, Scene};
+use crate::space::{Order, at_place};
 use crate::wording::{At, ObjectWords, RequestWords, spoken};
 use crate::words::slip;
 
@@ -63,8 +63,6 @@ impl Sentence {
 const TRIES: usize = 600;
 /// Attempts to find an ambiguous sentence, if requested.
 const TRIES_AMBIGUOUS: usize = 200;
-/// Words after which a template takes no adverb.
-const ADVERBS: [&str; 5] = ["gently", "completely", "all the way", "a little", "wide"];
 /// Share of requests with a reason.
 const REASONS: f64 = 0.4;
 /// Share of phrases that try the plain name first.
@@ -116,21 +114,21 @@ pub fn generate(
 }
 
 /// A request with politeness.
-struct PoliteRequest {
+struct PoliteRequest<'a> {
     text: String,
     is_question: bool,
-    /// It must begin a sentence.
-    opens: bool,
+    /// Form of address, before the request and a reason that precedes it.
+    opener: Option<&'a str>,
     /// It ends with politeness.
     is_behind: bool,
 }
 
-impl PoliteRequest {
+impl PoliteRequest<'_> {
     fn none(text: String) -> Self {
         Self {
             text,
             is_question: false,
-            opens: false,
+            opener: None,
             is_behind: false,
         }
     }
@@ -171,7 +169,7 @@ impl<'a> Speaker<'a> {
         if random.happens(self.options.politeness) {
             polite = self.politely(polite.text, &words, random)?;
         }
-        let mut text = polite.text.clone();
+        let mut text = opened(polite.opener, &polite.text);
         // A template with a purpose already contains a reason.
         let takes_reason = template.form == Form::Request && template.wants.is_empty();
         if takes_reason && random.happens(REASONS) {
@@ -192,7 +190,7 @@ impl<'a> Speaker<'a> {
         text: String,
         words: &RequestWords<'_>,
         random: &mut Random,
-    ) -> Option<PoliteRequest> {
+    ) -> Option<PoliteRequest<'a>> {
         let template = words.template;
         match template.form {
             Form::Statement => return Some(PoliteRequest::none(text)),
@@ -215,26 +213,20 @@ impl<'a> Speaker<'a> {
                 .filter(|b| b.is_spoken && !(has_and && b.text.ends_with(" and")));
             let spoken: Vec<_> = spoken.collect();
             let before = random.one(&spoken)?;
+            let opener = before.opens.then_some(before.text.as_str());
             let comma = if before.has_comma { "," } else { "" };
+            let text = match opener {
+                Some(_) => text,
+                None => format!("{}{comma} {text}", before.text),
+            };
             return Some(PoliteRequest {
-                text: format!("{}{comma} {text}", before.text),
+                text,
                 is_question: before.is_question,
-                opens: before.opens,
+                opener,
                 is_behind: false,
             });
         }
-        // An adverb would belong to the preceding clause: "the knife that lies there
-        // now".
-        let has_clause = words.object.is_some_and(|object| {
-            let pattern = &object.phrase.pattern;
-            let clause = [" that ", " which "]
-                .iter()
-                .any(|w| pattern.text.contains(w));
-            clause || pattern.has(Slot::Standing)
-        });
-        let has_purpose = !template.wants.is_empty();
-        let has_adverb = ADVERBS.iter().any(|a| template.pattern.text.contains(a));
-        let text = if random.happens(0.5) && !has_clause && !has_adverb && !has_purpose {
+        let text = if random.happens(0.5) && words.takes_adverb(self.grammar) {
             let (words, _) = random.one(&self.grammar.after)?;
             format!("{text} {words}")
         } else {
@@ -247,7 +239,7 @@ impl<'a> Speaker<'a> {
         })
     }
 
-    fn with_reason(&self, polite: &PoliteRequest, random: &mut Random) -> Option<String> {
+    fn with_reason(&self, polite: &PoliteRequest<'_>, random: &mut Random) -> Option<String> {
         let kind = &self.scene.entities[self.wish.target].kind;
         let all = self.grammar.reasons.iter();
         let able: Vec<_> = all
@@ -256,20 +248,13 @@ impl<'a> Speaker<'a> {
         let reason = random.one(&able)?;
         let frames = self.grammar.frames.iter().filter(|frame| {
             let joins = !frame.between.is_empty();
-            // A question ends with its own mark, a greeting begins a sentence, thanks
-            // end one.
+            // A question ends with its own mark, thanks end a sentence.
             (frame.reason_first || !polite.is_question)
-                && !(joins && frame.reason_first && polite.opens)
                 && !(joins && !frame.reason_first && polite.is_behind)
         });
         let frames: Vec<_> = frames.collect();
         let frame = random.one(&frames)?;
-        Some(
-            frame
-                .text
-                .replace("{request}", &polite.text)
-                .replace("{reason}", &reason.text),
-        )
+        Some(frame.joined(polite.opener, &reason.text, &polite.text))
     }
 
     fn template(&self, random: &mut Random) -> Option<&'a Template> {
@@ -397,6 +382,11 @@ impl<'a> Speaker<'a> {
             if place.is_none() {
                 let found = |n: &usize| at_place(self.scene, &among, order, *n) == [target];
                 let n = (0..among.len()).find(found)?;
+                // The last from the top is the bottom one.
+                let is_upright = matches!(order, Order::Top | Order::Bottom);
+                if is_upright && n + 1 == among.len() {
+                    return None;
+                }
                 words.nth = Some(n);
                 node.means = Means::Order(order, Some(n));
             }
@@ -411,10 +401,15 @@ impl<'a> Speaker<'a> {
 
     fn phrase(&self, says_place: bool, random: &mut Random) -> Option<&'a Phrase> {
         let plain = random.happens(PLAIN);
+        // Heights distinguish drawers and nothing else does; objects have sides.
+        let is_slide = self.scene.entities[self.wish.target].role == Role::Slide;
+        let is_upright =
+            |p: &Phrase| matches!(p.means, Means::Order(Order::Top | Order::Bottom, _));
         let fits = |p: &&Phrase| {
             let has_place = p.pattern.has_any(&Slot::PLACES);
             p.of.is_in(self.options.split)
                 && (!plain || p.means == Means::Plain)
+                && (p.means == Means::Plain || is_upright(p) == is_slide)
                 && (!says_place || !has_place)
         };
         let able: Vec<_> = self.grammar.phrases.iter().filter(fits).collect();

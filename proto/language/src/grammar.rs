@@ -325,7 +325,7 @@ pub(crate) struct Preamble {
     pub is_question: bool,
     /// A comma separates it.
     pub has_comma: bool,
-    /// Only at the beginning of a sentence.
+    /// A form of address: only at the beginning of the utterance, before a reason.
     pub opens: bool,
     pub is_spoken: bool,
 }
@@ -337,6 +337,22 @@ pub(crate) struct Frame {
     pub reason_first: bool,
     /// Words between them.
     pub between: Vec<String>,
+}
+
+impl Frame {
+    /// The reason and the request together; `opener`: the form of address before both.
+    pub fn joined(&self, opener: Option<&str>, reason: &str, request: &str) -> String {
+        let text = self.text.replace("{request}", request);
+        opened(opener, &text.replace("{reason}", reason))
+    }
+}
+
+/// The text behind a form of address.
+pub(crate) fn opened(opener: Option<&str>, text: &str) -> String {
+    match opener {
+        Some(opener) => format!("{opener}, {text}"),
+        None => text.to_owned(),
+    }
 }
 
 /// A grammar.

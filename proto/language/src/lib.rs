@@ -24,6 +24,8 @@ mod question;
 mod random;
 mod read;
 mod scene;
+#[cfg(test)]
+mod sentence_tests;
 pub mod space;
 mod wording;
 mod words;

@@ -3,7 +3,6 @@
 //! It tries all derivations of the sentence by politeness, reasons, templates and
 //! phrases of the grammar, and returns the union of their meanings. A sentence without
 //! derivation is searched for a verb and for phrases.
-//! that no template makes is searched for a verb and for phrases.
 
 use std::collections::BTreeSet;
 
@@ -140,29 +139,13 @@ impl<'a> Parser<'a> {
     /// Possible positions of a request between politeness and reasons: first word, and
     /// one past the last.
     fn requests(&self, words: &[String]) -> Vec<(usize, usize)> {
-        let mut spans = vec![(0, words.len())];
-        for frame in &self.grammar.frames {
-            for reason in &self.grammar.reasons {
-                let (n, all) = (reason.words.len(), words.len());
-                let m = n + frame.between.len();
-                if m >= all {
-                    continue;
-                }
-                let (first, second) = match frame.reason_first {
-                    true => (&reason.words, &frame.between),
-                    false => (&frame.between, &reason.words),
-                };
-                let beside = match frame.reason_first {
-                    true => &words[..m],
-                    false => &words[all - m..],
-                };
-                if beside.iter().eq(first.iter().chain(second)) {
-                    spans.push(match frame.reason_first {
-                        true => (m, all),
-                        false => (0, all - m),
-                    });
-                }
-            }
+        let openers = self.grammar.before.iter().filter(|before| before.opens);
+        let opened = openers.filter(|opener| words.starts_with(&opener.words));
+        let opened = opened.map(|opener| opener.words.len());
+        let begins: Vec<usize> = std::iter::once(0).chain(opened).collect();
+        let mut spans: Vec<_> = begins.iter().map(|&begin| (begin, words.len())).collect();
+        for &begin in &begins {
+            spans.extend(self.beside_reasons(words, begin));
         }
         let mut out = BTreeSet::new();
         for (from, to) in spans {
@@ -186,6 +169,32 @@ impl<'a> Parser<'a> {
             out.extend(pairs.filter(|(s, e)| s < e));
         }
         out.into_iter().collect()
+    }
+
+    /// Possible positions of a request before or after a reason, from word `begin` on.
+    fn beside_reasons(&self, words: &[String], begin: usize) -> Vec<(usize, usize)> {
+        let mut spans = Vec::new();
+        let all = words.len();
+        for frame in &self.grammar.frames {
+            for reason in &self.grammar.reasons {
+                let count = reason.words.len() + frame.between.len();
+                if begin + count >= all {
+                    continue;
+                }
+                let (first, second) = match frame.reason_first {
+                    true => (&reason.words, &frame.between),
+                    false => (&frame.between, &reason.words),
+                };
+                let (beside, span) = match frame.reason_first {
+                    true => (begin..begin + count, (begin + count, all)),
+                    false => (all - count..all, (begin, all - count)),
+                };
+                if words[beside].iter().eq(first.iter().chain(second)) {
+                    spans.push(span);
+                }
+            }
+        }
+        spans
     }
 
     /// Searches for a verb and for the longest phrases when no template matches.

@@ -48,10 +48,8 @@ pub(crate) fn question(grammar: &Grammar, scene: &Scene, meanings: &[Meaning]) -
         });
         return format!("Which {which}, {}?", either(places.collect()));
     }
-    let (order, end) = match entities[0].role {
-        Role::Slide => (Order::Top, "top"),
-        Role::Object | Role::Goal => (Order::Left, "left"),
-    };
+    let is_slide = entities[0].role == Role::Slide;
+    let order = if is_slide { Order::Top } else { Order::Left };
     let mut all: Vec<usize> = (0..scene.entities.len())
         .filter(|&i| scene.entities[i].kind == entities[0].kind && scene.entities[i].area == area)
         .collect();
@@ -68,11 +66,27 @@ pub(crate) fn question(grammar: &Grammar, scene: &Scene, meanings: &[Meaning]) -
         }
         return format!("Which {which}, the front or the back one?");
     }
-    let nth = targets.iter().map(|i| {
-        let place = all.iter().position(|other| other == i).unwrap_or(0);
-        format!("the {}", NTH.get(place).copied().unwrap_or("next"))
+    let positions = targets
+        .iter()
+        .map(|i| all.iter().position(|other| other == i));
+    let positions: Vec<usize> = positions.map(|place| place.unwrap_or(0)).collect();
+    let nth = |place: &usize| format!("the {}", NTH.get(*place).copied().unwrap_or("next"));
+    if !is_slide {
+        let names = either(positions.iter().map(nth).collect());
+        return format!("Which {which}, {names} from the left?");
+    }
+    // The first from the top is the top one, which also tells where counting begins.
+    let end = if positions.contains(&0) {
+        ""
+    } else {
+        " from the top"
+    };
+    let from_top = positions.iter().map(|place| match place {
+        0 => "the top one".to_owned(),
+        last if last + 1 == all.len() => "the bottom one".to_owned(),
+        place => format!("{}{end}", nth(place)),
     });
-    format!("Which {which}, {} from the {end}?", either(nth.collect()))
+    format!("Which {which}, {}?", either(from_top.collect()))
 }
 
 fn the(grammar: &Grammar, scene: &Scene, i: usize) -> String {

@@ -176,7 +176,7 @@ impl File<'_> {
 }
 
 /// Values of `means` of a phrase.
-const MEANS: [(&str, Means); 18] = [
+const MEANS: [(&str, Means); 20] = [
     ("plain", Means::Plain),
     ("left_of", Means::Beside(Side::Left)),
     ("right_of", Means::Beside(Side::Right)),
@@ -189,6 +189,8 @@ const MEANS: [(&str, Means); 18] = [
     ("nth_from_bottom", Means::Order(Order::Bottom, None)),
     ("first_from_top", Means::Order(Order::Top, Some(0))),
     ("second_from_top", Means::Order(Order::Top, Some(1))),
+    ("first_from_bottom", Means::Order(Order::Bottom, Some(0))),
+    ("second_from_bottom", Means::Order(Order::Bottom, Some(1))),
     ("first_from_left", Means::Order(Order::Left, Some(0))),
     ("first_from_right", Means::Order(Order::Right, Some(0))),
     ("nearest_edge", Means::Order(Order::Edge, Some(0))),

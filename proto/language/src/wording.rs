@@ -7,6 +7,7 @@ use crate::grammar::{
 };
 use crate::meaning::{Meaning, Named};
 use crate::scene::Scene;
+use crate::space::Order;
 
 /// A place: index of its name, and the preposition before it.
 pub(crate) type At<'a> = (usize, &'a str);
@@ -40,6 +41,20 @@ const PARTICLES: [&str; 12] = [
 ];
 /// Largest number of words of an object before such a particle.
 const SHORT: usize = 4;
+/// Words after which a template takes no adverb.
+const ADVERBS: [&str; 4] = ["gently", "completely", "all the way", "a little"];
+/// Words that begin a clause. An adverb behind the clause belongs to it: "the drawer
+/// counting from the top slowly", "the table where we eat now".
+const CLAUSES: [&str; 8] = [
+    " that ",
+    " which ",
+    " where ",
+    " counting ",
+    " count ",
+    " until ",
+    " so that ",
+    "{ends/end} up",
+];
 
 impl RequestWords<'_> {
     /// The request as text, lower case and without politeness; `None` when the words do
@@ -57,6 +72,12 @@ impl RequestWords<'_> {
             if !takes_object(template, object.phrase, &words) {
                 return None;
             }
+            if self
+                .places()
+                .any(|p| repeats(&grammar.places[p].text, &noun.text))
+            {
+                return None;
+            }
             text = inflected(&text, noun.number).replace("{object}", &words);
         }
         if let Some(goal) = meaning.goal {
@@ -64,12 +85,19 @@ impl RequestWords<'_> {
             if template.holds.is_some_and(|holds| holds != kind.holds) {
                 return None;
             }
+            let goal_words = &grammar.nouns[self.goal?].text;
+            if self
+                .places()
+                .any(|p| repeats(&grammar.places[p].text, goal_words))
+            {
+                return None;
+            }
             // The container is thrown away: its contents are gone.
             let noun = self.object.map(|object| &grammar.nouns[object.name.noun]);
             if kind.holds == GoalForm::Container && noun.is_some_and(|noun| noun.is_contents) {
                 return None;
             }
-            let the = format!("the {}", grammar.nouns[self.goal?].text);
+            let the = format!("the {goal_words}");
             text = text
                 .replace("{at_goal}", &format!("{} {the}", kind.at))
                 .replace("{to_goal}", &format!("{} {the}", kind.to))
@@ -86,6 +114,33 @@ impl RequestWords<'_> {
         }
         with_place(&text, &template.pattern, grammar, self.at)
     }
+
+    /// The places in the text, of the template or of the object.
+    fn places(&self) -> impl Iterator<Item = usize> {
+        let pattern = &self.template.pattern;
+        let driven = self.place.filter(|_| pattern.has(Slot::Place));
+        let own = self.at.filter(|_| pattern.has_any(&Slot::PLACES));
+        let object = self
+            .object
+            .filter(|o| o.phrase.pattern.has_any(&Slot::PLACES));
+        let object = object.and_then(|object| object.at);
+        let places = own.into_iter().chain(object).map(|(place, _)| place);
+        driven.into_iter().chain(places)
+    }
+
+    /// Whether an adverb behind the request belongs to its verb.
+    pub fn takes_adverb(&self, grammar: &Grammar) -> bool {
+        let has_clause = |text: &str| CLAUSES.iter().any(|words| text.contains(words));
+        let in_object = self.object.is_some_and(|object| {
+            let pattern = &object.phrase.pattern;
+            has_clause(&pattern.text) || pattern.has(Slot::Standing)
+        });
+        let in_place = self.places().any(|p| has_clause(&grammar.places[p].text));
+        let text = &self.template.pattern.text;
+        let has_adverb = ADVERBS.iter().any(|adverb| text.contains(adverb));
+        let is_free = !in_object && !in_place && !has_clause(text) && !has_adverb;
+        is_free && self.template.wants.is_empty()
+    }
 }
 
 impl ObjectWords<'_> {
@@ -99,7 +154,11 @@ impl ObjectWords<'_> {
         if (has_posture && (posture.is_none() || noun.is_contents))
             || (is_counted && (noun.number != Number::Singular || noun.is_contents))
             || (noun.has_tail && !ends_with_noun(pattern))
+            || (pattern.has(Slot::Nth) && self.nth == Some(0) && !counts_first(self.phrase))
         {
+            return None;
+        }
+        if pattern.has_any(&Slot::PLACES) && repeats(&grammar.places[self.at?.0].text, &noun.text) {
             return None;
         }
         let mut text = inflected(&pattern.text, noun.number);
@@ -118,6 +177,24 @@ impl ObjectWords<'_> {
         }
         with_place(&text, pattern, grammar, self.at)
     }
+}
+
+/// Whether "first" is spoken in a phrase: before its noun, from the left or the right.
+/// The first from the top is the top one.
+fn counts_first(phrase: &Phrase) -> bool {
+    let is_upright = matches!(phrase.means, Means::Order(Order::Top | Order::Bottom, _));
+    !is_upright && phrase.pattern.text.contains("{nth} {noun}")
+}
+
+/// Whether a place repeats an adjective of a name: the kitchen drawer under the kitchen
+/// counter.
+fn repeats(place: &str, name: &str) -> bool {
+    let complements = [" of ", " with ", " without ", " made "];
+    let ends = complements.iter().filter_map(|word| name.find(word));
+    let noun = name.get(..ends.min().unwrap_or(name.len())).unwrap_or(name);
+    let adjectives = noun.rsplit_once(' ').map_or("", |(before, _)| before);
+    let mut adjectives = adjectives.split(' ').filter(|word| !word.is_empty());
+    adjectives.any(|adjective| place.split(' ').any(|word| word == adjective))
 }
 
 /// A name with its color; `None` when it cannot have the color.

@@ -21,8 +21,9 @@ pub struct TaskSpec {
     pub targets: Vec<String>,
     /// What to do with the target.
     pub goal: Goal,
-    /// Instructions; sampling selects one. `{from_left}`, `{from_right}` and
-    /// `{from_top}` stand for the target's position among the targets.
+    /// Instructions; sampling selects one. `{from_left}` and `{from_right}` are replaced
+    /// by the target's number among the targets, `{by_height}` by its category with its
+    /// place: `top drawer`, `second drawer from the top`, `bottom drawer`.
     pub instructions: Vec<String>,
     /// Simulated seconds after which it fails.
     pub time_limit: f64,

@@ -58,7 +58,7 @@ pub fn sample(
 }
 
 /// The sentence with the target's position among similar objects, counted by a person
-/// who faces the surface: `{from_left}`, `{from_right}` and `{from_top}`.
+/// who faces the surface: `{from_left}`, `{from_right}` and `{by_height}`.
 fn in_words(
     sentence: &str,
     spec: &TaskSpec,
@@ -80,21 +80,37 @@ fn in_words(
         let furniture = scene.furniture_named(name);
         placed.or_else(|| Some(scene.furniture[furniture?].pose.translation.z))
     };
-    let above = |value: &dyn Fn(&str) -> Option<f64>, sign: f64| {
+    let before = |value: &dyn Fn(&str) -> Option<f64>, sign: f64| {
         let own = value(target)?;
         let others = spec.targets.iter().filter(|name| *name != target);
-        let before = others.filter_map(|name| value(name));
-        let before = before.filter(|other| sign * other > sign * own).count();
-        Some(ORDINALS.get(before).copied().unwrap_or("next"))
+        let others = others.filter_map(|name| value(name));
+        Some(others.filter(|other| sign * other > sign * own).count())
     };
+    let ordinal = |place: usize| ORDINALS.get(place).copied().unwrap_or("next");
+    let numbered = |place: Option<usize>| place.map(|place| ordinal(place).to_owned());
+    let category = || {
+        let object = scene.object_named(target);
+        let object = object.map(|i| &scene.objects[i].category);
+        let furniture = scene.furniture_named(target);
+        object.or(furniture.map(|i| &scene.furniture[i].category))
+    };
+    let by_height = before(&height, 1.0).zip(category()).map(|(place, noun)| {
+        // The first and the last have words of their own.
+        match place {
+            0 => format!("top {noun}"),
+            last if last + 1 == spec.targets.len() => format!("bottom {noun}"),
+            place => format!("{} {noun} from the top", ordinal(place)),
+        }
+    });
     // Looking inwards, `along` grows to the left.
     [
-        ("{from_left}", above(&along, 1.0)),
-        ("{from_right}", above(&along, -1.0)),
-        ("{from_top}", above(&height, 1.0)),
+        ("{from_left}", numbered(before(&along, 1.0))),
+        ("{from_right}", numbered(before(&along, -1.0))),
+        ("{by_height}", by_height),
     ]
     .into_iter()
-    .fold(sentence.to_owned(), |sentence, (key, word)| {
-        word.map_or(sentence.clone(), |word| sentence.replace(key, word))
+    .fold(sentence.to_owned(), |sentence, (key, words)| match words {
+        Some(words) => sentence.replace(key, &words),
+        None => sentence,
     })
 }

@@ -196,6 +196,12 @@ impl State {
             .iter()
             .position(|(other, _)| *other == name)
             .unwrap_or(0);
+        if end == "top" && place == 0 {
+            return format!("the top {}", words(kind));
+        }
+        if end == "top" && place + 1 == like.len() {
+            return format!("the bottom {}", words(kind));
+        }
         let nth = ["first", "second", "third", "fourth", "fifth", "sixth"];
         let nth = nth.get(place).copied().unwrap_or("next");
         format!("the {nth} {} from the {end}", words(kind))

@@ -97,12 +97,13 @@ fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
     let target = state.called(&state.target);
     let at = match area {
         "" => String::new(),
-        "workstation" => " of the workstation".to_owned(),
+        "workstation" => " under the kitchen counter".to_owned(),
         area => format!(" on the {}", said(area)),
     };
     match (label, state.verb.as_str()) {
         (0, _) if holds_target => format!("drive with {target} in the hand"),
         (0, _) if area.is_empty() => format!("drive to {target}"),
+        (0, _) if area == "workstation" => "drive to the kitchen counter".to_owned(),
         (0, _) => format!("drive to the {}", said(area)),
         (1, "open" | "close") => format!("reach for the handle of {target}{at}"),
         (1, _) => format!("reach for {target}{at}"),

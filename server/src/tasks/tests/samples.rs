@@ -366,6 +366,30 @@ fn the_sentence_counts_the_cans_as_seen_facing_the_shelf() {
     }
 }
 
+#[test]
+fn the_instruction_names_the_drawer_by_its_height() {
+    let (spec, scene) = (task("open_drawer"), home());
+    let names = [
+        ("drawer_1", "the top drawer"),
+        ("drawer_2", "the second drawer from the top"),
+        ("drawer_3", "the third drawer from the top"),
+        ("drawer_4", "the bottom drawer"),
+    ];
+    let mut counts = [0; 4];
+    for seed in 0..60 {
+        let drawn = sample(&spec, &spec.area.variants[0], &scene, seed, None);
+        let drawer = names.iter().position(|(name, _)| *name == drawn.target);
+        let drawer = drawer.expect("a drawer");
+        counts[drawer] += 1;
+        let sentence = &drawn.instruction;
+        assert!(
+            sentence.contains(names[drawer].1),
+            "seed {seed}: {sentence}"
+        );
+    }
+    assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
+}
+
 /// No object overlaps another or furniture, and each rests on its support. Bounds are
 /// taken along the first one's axes, then along the other's.
 fn assert_apart(scene: &Scene, drawn: &SceneSample, at: &str) {
