@@ -18,6 +18,7 @@ pub mod geometry;
 pub mod installed;
 pub mod keys;
 pub mod label;
+pub mod limits;
 #[cfg(feature = "log")]
 pub mod log;
 pub mod output;
@@ -67,6 +68,7 @@ pub const SCHEMA_VERSION: &str = "1";
 ///
 /// - 1: up to the first version that sent a number.
 /// - 2: identity in keys, codes beside texts, absence where it has a meaning.
+/// - 3: names of the field: `color`, `segmentation`, `appearance`, `playback`.
 pub const CONTRACT_VERSION: u32 = 3;
 
 /// Version of the physics: programs of the same version compute the same bits from the

@@ -30,11 +30,26 @@ const RENAMED: [(&str, &str); 20] = [
 /// Shares that kept their name and moved.
 const MOVED: [&str; 2] = ["start_in_view", "look_around"];
 
+/// The text of a plan or split in the keys of today, with a warning per former key.
+///
+/// A text that is not TOML is returned as it is: its reader names the line.
+///
+/// # Errors
+/// When a key is given in both spellings, or a value cannot be translated.
+pub fn translated(text: &str) -> Result<(String, Vec<String>), String> {
+    let Ok(mut table) = text.parse::<Table>() else {
+        return Ok((text.to_owned(), Vec::new()));
+    };
+    let warnings = translate(&mut table)?;
+    let text = toml::to_string(&table).map_err(|e| e.to_string())?;
+    Ok((text, warnings))
+}
+
 /// Translates the former keys of `table` in place; returns a warning per key.
 ///
 /// # Errors
 /// When a key is given in both spellings, or a value cannot be translated.
-pub fn translate(table: &mut Table) -> Result<Vec<String>, String> {
+fn translate(table: &mut Table) -> Result<Vec<String>, String> {
     let moved = MOVED.map(|name| (name, format!("variation.{name}")));
     let moved = moved.iter().map(|(old, new)| (*old, new.as_str()));
     let mut warnings = Vec::new();

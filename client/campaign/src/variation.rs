@@ -381,10 +381,7 @@ impl Variation {
             add(format!("sensors={}", sensors.join(",")));
         }
         if shared != v1::Scenario::default() {
-            add(format!(
-                "scenario={}",
-                wheelarm_dataset::scenario_text::scenario_json(&shared)
-            ));
+            add(format!("scenario={}", set_fields(&shared)));
         }
         words
     }
@@ -404,6 +401,16 @@ impl Variation {
             quality.name().to_owned(),
         ]
     }
+}
+
+/// The fields of a scenario that are set, as JSON.
+fn set_fields(scenario: &v1::Scenario) -> serde_json::Value {
+    let mut fields = wheelarm_dataset::scenario_text::scenario_json(scenario);
+    let unset = wheelarm_dataset::scenario_text::scenario_json(&v1::Scenario::default());
+    if let Some(fields) = fields.as_object_mut() {
+        fields.retain(|name, value| unset.get(name) != Some(value));
+    }
+    fields
 }
 
 /// Rate of the state streams at start-up, Hz.

@@ -5,11 +5,8 @@
 use std::collections::BTreeMap;
 
 use wheelarm_dataset::columns::header_of;
+use wheelarm_proto::limits::CREDIT_IMAGES;
 use wheelarm_proto::{PHYSICS_HZ, StreamId, v1};
-
-/// So many pictures of each camera the server's cache holds. Who comes later than that
-/// asks for nothing: it is forgotten.
-const CACHED: u64 = 6;
 
 /// Numbers with which the cameras' streams should have begun, by stream.
 #[derive(Debug, Default)]
@@ -26,7 +23,7 @@ impl Openings {
         started: &v1::EpisodeStarted,
     ) {
         let before = earlier(stream, payload, started).unwrap_or(0);
-        if (1..CACHED).contains(&before) {
+        if (1..CREDIT_IMAGES).contains(&before) {
             let begun = sequence.saturating_sub(before);
             self.0.entry(stream.to_string()).or_insert(begun);
         }

@@ -15,16 +15,17 @@ use zenoh::query::Query;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
-use super::command_gate::{ControlRequest, Granted, Life, STALE_SECS};
+use super::command_gate::{ControlRequest, Granted, Life};
 use super::denied::Denied;
 use super::shared::Shared;
+use wheelarm_proto::limits::STALE_COMMAND_SECONDS;
 
 /// Longest wait for the transport's reply about a token, which it stores locally.
 const WORD: Duration = Duration::from_secs(1);
 
 /// A token that is back by then was never lost: a broken connection is restored within
 /// milliseconds, and the gate brakes a commander that is silent for this long.
-const COMES_BACK: Duration = Duration::from_millis((STALE_SECS * 1e3) as u64);
+const COMES_BACK: Duration = Duration::from_millis((STALE_COMMAND_SECONDS * 1e3) as u64);
 
 /// State of the thread; it ends when the sender is dropped.
 pub struct Leases {

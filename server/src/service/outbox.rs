@@ -19,7 +19,7 @@ use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, MissDetectionConfig};
 
 use super::cache::{Answers, Cache};
-use super::recorders::CREDIT_WINDOW;
+use wheelarm_proto::limits::CREDIT_IMAGES;
 
 /// An encoded message.
 fn payload(message: impl Message) -> ZBytes {
@@ -110,7 +110,7 @@ impl Class {
     const fn cached(self) -> usize {
         match self {
             Self::State => 1200,
-            Self::Camera => CREDIT_WINDOW as usize,
+            Self::Camera => CREDIT_IMAGES as usize,
             Self::Protocol => 8,
         }
     }

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
+use wheelarm_proto::limits::CREDIT_IMAGES;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::{CREDIT_TICKS, keys, v1};
 
@@ -44,10 +45,6 @@ pub(super) const SILENT: Duration = Duration::from_secs(3);
 
 /// How long a claimed name waits for its recorder's liveliness token.
 const CLAIM: Duration = Duration::from_secs(10);
-
-/// Images that may be published beyond the slowest recorder's credit. The cache holds
-/// as many per camera.
-pub(super) const CREDIT_WINDOW: u64 = 6;
 
 /// Largest number of recorders stored.
 const MAX_RECORDERS: usize = 64;
@@ -364,7 +361,7 @@ impl Progress {
         let older = status.accepted_frames.saturating_add(status.missed);
         let frames = status.credit_frames.unwrap_or(older);
         let tick = status.credit_tick.unwrap_or(self.tick);
-        let images = self.images.saturating_sub(frames) as f64 / CREDIT_WINDOW as f64;
+        let images = self.images.saturating_sub(frames) as f64 / CREDIT_IMAGES as f64;
         let ticks = self.tick.saturating_sub(tick) as f64 / CREDIT_TICKS as f64;
         images.max(ticks)
     }

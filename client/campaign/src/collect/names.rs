@@ -174,12 +174,12 @@ mod tests {
             (
                 "\"room\"",
                 "\"rom\"",
-                9,
+                7,
                 "no camera \"rom\" (known: gen3, wheelchair",
             ),
             (
                 "home\"",
-                "home\"\nrobot = \"wheel\"",
+                "home\"\nscenario.robot = \"wheel\"",
                 3,
                 "no robot \"wheel\" (known: wheelarm, wheelarm_wide)",
             ),

@@ -15,7 +15,7 @@ use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
 use crate::axis::AxisAt;
-use crate::renamed_keys;
+use crate::renamed_keys::translated;
 use crate::variation::{Variation, VariationFile};
 
 /// Which episodes an evaluation does.
@@ -87,16 +87,14 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
         let line = before.map_or(0, |before| before.matches('\n').count()) + 1;
         anyhow::anyhow!("{}:{line}: {}", path.display(), what.trim())
     };
-    let mut table: toml::Table =
-        toml::from_str(text).map_err(|problem| at(problem.span(), problem.message()))?;
-    let warnings = renamed_keys::translate(&mut table).map_err(|what| at(None, &what))?;
+    let (table, warnings) = translated(text).map_err(|what| at(None, &what))?;
     for warning in &warnings {
         eprintln!("warning: {}: {warning}", path.display());
     }
     // The text itself while its keys are those of today, for the lines of errors.
     let file: SplitFile = match warnings.is_empty() {
         true => toml::from_str(text).map_err(|e| at(e.span(), e.message()))?,
-        false => toml::from_str(&toml::to_string(&table)?).map_err(|e| at(None, e.message()))?,
+        false => toml::from_str(&table).map_err(|e| at(None, e.message()))?,
     };
     if !file.variation.operator {
         bail!(
@@ -128,6 +126,15 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             file.purpose.seeds()
         );
     }
+    let scenario = file.scenario.get_ref();
+    if !scenario.scene.is_empty() || !scenario.robot.is_empty() || !scenario.cameras.is_empty() {
+        bail!(
+            "{}: [scenario] of a split has no scene, robot or cameras; use --scene, --robot and --camera",
+            path.display()
+        );
+    }
+    let variation = file.variation.checked(file.scenario);
+    let mut variation = variation.map_err(|(span, what)| at(Some(span), &what))?;
     let hash = hash(text)?;
     match &file.frozen {
         Some(frozen) if *frozen != hash => bail!(
@@ -140,15 +147,6 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
             path.display()
         ),
     }
-    let scenario = file.scenario.get_ref();
-    if !scenario.scene.is_empty() || !scenario.robot.is_empty() || !scenario.cameras.is_empty() {
-        bail!(
-            "{}: [scenario] of a split has no scene, robot or cameras; use --scene, --robot and --camera",
-            path.display()
-        );
-    }
-    let variation = file.variation.checked(file.scenario);
-    let mut variation = variation.map_err(|(span, what)| at(Some(span), &what))?;
     let layout = file.axes.iter().any(|axis| axis.is_layout());
     file.axes.into_iter().for_each(|axis| variation.set(axis));
     Ok(Scope {

@@ -228,16 +228,16 @@ impl Intent {
         };
         // A stop or a release is taken from anything.
         if action.moves() {
-            check_named("device", &DEVICES, &said.device)?;
-            check_named("mode", &MODES, &said.mode)?;
+            check_named("device", &DEVICES, device_word, &said.device)?;
+            check_named("mode", &MODES, mode_word, &said.mode)?;
         }
         Ok(Some(Self {
             seq: said.seq,
             epoch: said.epoch,
             shown: said.shown,
             ms: if said.ms.is_finite() { said.ms } else { 0.0 },
-            device: named(&DEVICES, &said.device),
-            mode: named(&MODES, &said.mode),
+            device: named(&DEVICES, device_word, &said.device),
+            mode: named(&MODES, mode_word, &said.mode),
             speed: said.speed.clamp(1, 5),
             action,
         }))
@@ -252,36 +252,56 @@ pub fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Unreadable> {
     serde_json::from_str(text).map_err(|e| Unreadable(format!("the message cannot be read: {e}")))
 }
 
-const DEVICES: [(&str, v1::Device); 8] = [
-    ("keyboard", v1::Device::Keyboard),
-    ("mouse", v1::Device::Mouse),
-    ("touch", v1::Device::Touch),
-    ("gamepad", v1::Device::Gamepad),
-    ("switch", v1::Device::Switch),
-    ("dwell", v1::Device::Dwell),
-    ("voice", v1::Device::Voice),
-    ("vr", v1::Device::Vr),
+/// Devices with which a person drives the page; [`word`] gives their names.
+const DEVICES: [v1::Device; 8] = [
+    v1::Device::Keyboard,
+    v1::Device::Mouse,
+    v1::Device::Touch,
+    v1::Device::Gamepad,
+    v1::Device::Switch,
+    v1::Device::Dwell,
+    v1::Device::Voice,
+    v1::Device::Vr,
 ];
 
-const MODES: [(&str, v1::InputMode); 4] = [
-    ("hold", v1::InputMode::Hold),
-    ("latch", v1::InputMode::Latch),
-    ("step", v1::InputMode::Step),
-    ("stream", v1::InputMode::Stream),
+const MODES: [v1::InputMode; 4] = [
+    v1::InputMode::Hold,
+    v1::InputMode::Latch,
+    v1::InputMode::Step,
+    v1::InputMode::Stream,
 ];
 
-/// The value of a name, the default where it is not known.
-fn named<T: Copy + Default>(known: &[(&str, T)], word: &str) -> T {
-    let found = known.iter().find(|(name, _)| *name == word);
-    found.map_or_else(T::default, |(_, value)| *value)
+/// The word of an enum value in the page's messages: its name in the contract without the
+/// prefix of the enum, in lower case.
+fn word(prefix: &str, name: &'static str) -> String {
+    name.trim_start_matches(prefix).to_ascii_lowercase()
 }
 
-/// Refuses a name that is not known, for a message that moves something.
-fn check_named<T>(what: &str, known: &[(&str, T)], word: &str) -> Result<(), Unreadable> {
-    if known.iter().any(|(name, _)| *name == word) {
+fn device_word(device: v1::Device) -> String {
+    word("DEVICE_", device.as_str_name())
+}
+
+fn mode_word(mode: v1::InputMode) -> String {
+    word("INPUT_MODE_", mode.as_str_name())
+}
+
+/// The value of a word, the default when it is unknown.
+fn named<T: Copy + Default>(known: &[T], word_of: fn(T) -> String, word: &str) -> T {
+    let found = known.iter().find(|value| word_of(**value) == word);
+    found.copied().unwrap_or_default()
+}
+
+/// Rejects an unknown word in a message that moves the robot.
+fn check_named<T: Copy>(
+    what: &str,
+    known: &[T],
+    word_of: fn(T) -> String,
+    word: &str,
+) -> Result<(), Unreadable> {
+    let names: Vec<String> = known.iter().map(|value| word_of(*value)).collect();
+    if names.iter().any(|name| name == word) {
         return Ok(());
     }
-    let names: Vec<&str> = known.iter().map(|(name, _)| *name).collect();
     let words = format!(
         "unknown {what} {:?}: use {}",
         check::beginning(word),
@@ -474,6 +494,20 @@ mod tests {
             Viewing::Unknown
         );
         assert_eq!(Intent::read(r#"{"t":"wave","seq":1,"epoch":1}"#), Ok(None));
+    }
+
+    #[test]
+    fn the_protocol_lists_every_device_and_mode() {
+        let text = include_str!("../PROTOCOL.md");
+        for words in [
+            DEVICES.map(device_word).join(" "),
+            MODES.map(mode_word).join(" "),
+        ] {
+            assert!(
+                text.contains(&format!("`{words}`")),
+                "PROTOCOL.md lacks `{words}`"
+            );
+        }
     }
 
     #[test]

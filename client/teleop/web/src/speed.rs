@@ -4,16 +4,16 @@
 //! within `ROOM`, counted from the moment that the person saw.
 
 use wheelarm_proto::PHYSICS_HZ;
+use wheelarm_proto::limits::{MAX_COMMAND_AGE_SECONDS, STALE_COMMAND_SECONDS};
 
 /// Deceleration that is counted on, m/s².
 const BRAKE: f64 = 1.1;
 /// Way within which the chair stands still, m.
 const ROOM: f64 = 0.40;
-/// Time that the gate lets pass before it brakes by itself, s.
-const STALE: f64 = 0.25;
 /// Age from which only steps and goals are taken, s: less than the 1 s at which the
 /// server's gate refuses what drives, for a command is older when it gets there.
 pub const ONLY_STEPS: f64 = 0.9;
+const _: () = assert!(ONLY_STEPS < MAX_COMMAND_AGE_SECONDS);
 /// Age from which only a stop is taken, s.
 pub const ONLY_STOP: f64 = 2.0;
 
@@ -54,7 +54,7 @@ impl Allow {
 /// stands still within `ROOM` of what was seen.
 #[must_use]
 pub fn cap(age: f64) -> f64 {
-    let late = BRAKE * (age.max(0.0) + STALE);
+    let late = BRAKE * (age.max(0.0) + STALE_COMMAND_SECONDS);
     // Rewritten so that nothing cancels when the age is great.
     2.0 * BRAKE * ROOM / (late + (late * late + 2.0 * BRAKE * ROOM).sqrt())
 }
@@ -125,7 +125,7 @@ mod tests {
         for tenth in 0..30 {
             let age = f64::from(tenth) * 0.1;
             let v = cap(age);
-            let way = v * (age + STALE) + v * v / (2.0 * BRAKE);
+            let way = v * (age + STALE_COMMAND_SECONDS) + v * v / (2.0 * BRAKE);
             assert!((way - ROOM).abs() < 1e-9, "{age} s: {way} m");
         }
     }

@@ -1,5 +1,6 @@
 //! Checks of the command gate: which commands are accepted, and why others are rejected.
 
+use wheelarm_proto::limits::MAX_COMMAND_AGE_TICKS;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::v1::RefusalCode;
 use wheelarm_proto::{Message, PHYSICS_HZ, TICKS_PER_CONTROL, check, seal, v1};
@@ -9,10 +10,6 @@ use crate::service::convert;
 
 /// Most control ticks that a lock-step commander may be ahead of the simulation.
 const MAX_AHEAD: u64 = 8;
-
-/// Largest age of the state that a command answers, physics ticks: 1 s. A connection
-/// that stalled delivers its queued commands later.
-const MAX_AGE: u64 = 240;
 
 /// Largest command message, bytes: several times the largest useful one.
 pub const MAX_BYTES: usize = 4096;
@@ -234,7 +231,7 @@ impl CommandGate {
         Ok(())
     }
 
-    /// Rejects a command that answers a state older than [`MAX_AGE`]. A command that only
+    /// Rejects a command that answers a state older than [`MAX_COMMAND_AGE_TICKS`]. A command that only
     /// stops is accepted at any age; one that drives must name the state it answers.
     fn check_age(&self, command: &v1::Command) -> Result<(), Reason> {
         if check::stops(command) {
@@ -264,7 +261,7 @@ impl CommandGate {
             ));
         }
         let age = self.next_tick.saturating_sub(tick);
-        if age > MAX_AGE {
+        if age > MAX_COMMAND_AGE_TICKS {
             return Err((
                 RefusalCode::TooOld,
                 format!(

@@ -15,6 +15,7 @@ mod span;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use wheelarm_proto::limits::STALE_COMMAND_SECONDS;
 use wheelarm_proto::v1;
 
 pub use self::admit::{MAX_BYTES, Refused};
@@ -25,9 +26,6 @@ pub use self::span::SetPoints;
 use self::span::Span;
 use super::denied::Denied;
 use crate::robot::control::{ArmIntent, BaseIntent, ControlInput, GripperMap};
-
-/// Age of the newest chair or twist command at which braking starts, s.
-pub const STALE_SECS: f64 = 0.25;
 
 /// Commands per second and burst size for the holder: several times the 60 control
 /// ticks per second. Not applied in lock-step, which requests each command.
@@ -370,7 +368,11 @@ impl CommandGate {
         if self.listening.replay {
             return;
         }
-        let stale = |group: &Active| group.since.is_some_and(|since| now - since >= STALE_SECS);
+        let stale = |group: &Active| {
+            group
+                .since
+                .is_some_and(|since| now - since >= STALE_COMMAND_SECONDS)
+        };
         if stale(&self.base) {
             self.base.since = None;
             taken.input.base = Some(REST);

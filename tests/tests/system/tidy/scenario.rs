@@ -116,3 +116,59 @@ fn the_page_names_only_fields_of_the_scenario() {
     }
     assert!(found > 3, "{found} uses");
 }
+
+/// Names that changed with contract 3: `tests/data/renames.toml`.
+#[test]
+fn contract_3_renames_what_its_table_lists_and_nothing_else() {
+    let data = |name: &str| {
+        let path = root().join("tests/data").join(name);
+        fs::read_to_string(path).expect("test data")
+    };
+    let renames: toml::Table = data("renames.toml").parse().expect("a table");
+    let new_name = |kind: &str, old: &str| {
+        let found = renames[kind].as_table().and_then(|table| table.get(old));
+        found
+            .and_then(toml::Value::as_str)
+            .unwrap_or(old)
+            .to_owned()
+    };
+    let contract = fs::read_to_string(root().join("proto/contract.txt")).expect("the contract");
+    let now: BTreeSet<&str> = contract.lines().collect();
+    let mut used = BTreeSet::new();
+    for line in data("contract-2.txt").lines().skip(2) {
+        let words: Vec<&str> = line.split(' ').collect();
+        let message = words[0];
+        let renamed: Vec<String> = words
+            .iter()
+            .enumerate()
+            .map(|(i, word)| {
+                let named = match (i, message.strip_prefix("rpc.Simulation.")) {
+                    (0, Some(query)) => format!("rpc.Simulation.{}", new_name("queries", query)),
+                    (2, None) => {
+                        let field = new_name("fields", &format!("{message}.{word}"));
+                        let field = field.rsplit('.').next().unwrap_or_default().to_owned();
+                        new_name("values", &field)
+                    }
+                    _ => new_name("messages", word),
+                };
+                if named != *word {
+                    used.insert(named.clone());
+                }
+                named
+            })
+            .collect();
+        let renamed = renamed.join(" ");
+        assert!(
+            now.contains(renamed.as_str()),
+            "{line:?} of contract 2 should be {renamed:?} now; list the new name in tests/data/renames.toml"
+        );
+    }
+    let listed = renames.values().filter_map(toml::Value::as_table);
+    for name in listed
+        .flat_map(|table| table.values())
+        .filter_map(toml::Value::as_str)
+    {
+        let is_used = used.iter().any(|used| used.ends_with(name));
+        assert!(is_used, "renames.toml lists {name}, which nothing is named");
+    }
+}

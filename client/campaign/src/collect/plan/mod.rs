@@ -19,7 +19,7 @@ pub use self::parts::{PlanError, Task};
 
 use self::check::Check;
 use self::form::PlanFile;
-use crate::renamed_keys;
+use crate::renamed_keys::translated;
 use crate::variation::{IMU_HZ, STATE_HZ, Variation};
 
 /// A checked plan.
@@ -79,15 +79,11 @@ impl Plan {
         let at = |e: toml::de::Error| {
             check.at((e.span().unwrap_or(0..0), e.message().trim().to_owned()))
         };
-        let mut table: toml::Table = toml::from_str(&text).map_err(at)?;
-        let warnings = renamed_keys::translate(&mut table).map_err(|what| check.whole(&what))?;
+        let (table, warnings) = translated(&text).map_err(|what| check.whole(&what))?;
         // The text itself while its keys are those of today, for the lines of errors.
         let file: PlanFile = match warnings.is_empty() {
             true => toml::from_str(&text).map_err(at)?,
-            false => {
-                let text = toml::to_string(&table).map_err(|e| check.whole(&e.to_string()))?;
-                toml::from_str(&text).map_err(|e| check.whole(e.message()))?
-            }
+            false => toml::from_str(&table).map_err(|e| check.whole(e.message()))?,
         };
         let varied_operator = file.variation.operator;
         let variation = file
