@@ -65,11 +65,11 @@ class Checkpoint:
                 f"{folder} has an action of {action} numbers, expected 12 (next-pose) or 9 "
                 "(next-joints): train it on `wheelarm dataset export --format lerobot`"
             )
-            if state is not None and state != rows.STATE:
-                raise SystemExit(
-                    f"{folder} has {state} numbers in {STATE}, expected {rows.STATE}: train it on "
-                    "`wheelarm dataset export --format lerobot`"
-                )
+        if state is not None and state != rows.STATE:
+            raise SystemExit(
+                f"{folder} has {state} numbers in {STATE}, expected {rows.STATE}: train it on "
+                "`wheelarm dataset export --format lerobot`"
+            )
         self.network = get_policy_class(config.type).from_pretrained(folder, config=config)
         self.network.eval()
         moves = {"device_processor": {"device": config.device}}

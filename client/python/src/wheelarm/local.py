@@ -104,14 +104,14 @@ class Server:
         log: File for its messages; a temporary one if absent.
         program: The program; `find_program` if absent.
 
-        Attributes:
-            endpoint: Endpoint of the server.
-            sim: Name of the server.
-            process: The process.
+    Attributes:
+        endpoint: Endpoint of the server.
+        sim: Name of the server.
+        process: The process.
 
-        Raises:
-            NoServerError: when the program is missing, or ends during its start; with the end of
-                its log.
+    Raises:
+        NoServerError: when the program is missing, or ends during its start; with the end of
+            its log.
     """
 
     def __init__(
