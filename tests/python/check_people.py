@@ -107,7 +107,7 @@ def check_mesh(name, asset):
     assert asset.parents[0] == -1 and asset.parents.count(-1) == 1, f"{name}: one root"
     assert np.abs(asset.inverse_bind + asset.rest).max() < 1e-5, f"{name}: inverse bind"
     still = {"root": asset.rest[0], "joints": {}}
-    points, _ = reader.skinned(asset, *reader.pose(asset, still))
+    points, _ = reader.skin(asset, *reader.pose(asset, still))
     assert np.abs(points - asset.points).max() < 1e-5, f"{name}: skinning at rest moves the mesh"
     lengths = np.linalg.norm(asset.normals, axis=1)
     assert np.abs(lengths - 1).max() < 1e-4, f"{name}: normals"
@@ -147,7 +147,7 @@ def check_mouth(name, asset):
     motion = asset.facts["head_motion"]
     turn = {"jaw": reader.rotation([0, motion["jaw_open"], 0])}
     still = {"root": asset.rest[0], "joints": {}}
-    points, _ = reader.skinned(asset, *reader.pose(asset, still, turn))
+    points, _ = reader.skin(asset, *reader.pose(asset, still, turn))
     moved = np.linalg.norm(points - asset.points, axis=1)
     head = asset.rest[asset.joints.index("head")]
     mark = asset.facts["landmark"]
@@ -321,7 +321,7 @@ def main(assets):
         assert list(asset.postures) == list(postures), f"{name}: postures"
         for posture, spec in postures.items():
             rotations, at = reader.pose(asset, posture)
-            points, _ = reader.skinned(asset, rotations, at)
+            points, _ = reader.skin(asset, rotations, at)
             check_limits(name, asset, posture, rotations, at)
             check_seat(name, asset, posture, chair, points, spec, worst)
             check_mass(name, asset, posture, points)
