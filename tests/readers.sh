@@ -111,7 +111,7 @@ train --seconds 0 || status=$?
 [ "$status" = 4 ] || { echo "a piece that leaves steps ended with $status, expected 4" >&2; exit 1; }
 train
 rm run/checkpoint.pt
-train | grep "goes on from step 6"
+train | grep "continues from step 6"
 "$python" "$root/client/learn/python/export.py" run/policy.safetensors --bits 8 --out small.safetensors
 echo "== joint signals against Pinocchio"
 "$python" "$root/tests/python/check_signals.py" data/session/*.h5

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Writes the meshes of objects that no simple shape resembles, below assets/meshes.
+"""Writes the meshes of objects that are not made of simple shapes, to assets/meshes.
 
     python3 assets/tools/meshes.py
 
-Metres, z up; a leaf is one metre long and scaled where it is used. Run it again after a
-change and commit what it writes. All shapes are defined here; none is a scan.
+Metres, z up; a leaf is one metre long and scaled where it is used. After a change run it
+again and commit its output. All shapes are defined here; none is a scan.
 """
 
 import math
@@ -22,7 +22,7 @@ class Mesh:
         return len(self.vertices)
 
     def strip(self, first, second):
-        """Two triangles between each pair of neighbours of two rows, wound first to second."""
+        """Two triangles between each pair of neighbors of two rows, wound first to second."""
         for a, b, c, d in zip(first, first[1:], second[1:], second):
             self.faces += [(a, b, c), (a, c, d)]
 

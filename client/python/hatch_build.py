@@ -1,13 +1,13 @@
-"""Makes two wheels of one project: pure Python, and with the programs inside.
+"""Builds two wheels of one project: pure Python, and one with the programs.
 
-`hatchling build -t wheel` makes the pure one (`py3-none-any`), a client for every
-system. With WHEELARM_WHEEL_PREFIX the wheel also carries what lies there in `bin`
-and `share`, as `scripts/dist.sh` stages it; pip installs the programs beside
-`python` and the assets to `share/wheelarm/assets`, where the programs look for
-them. WHEELARM_WHEEL_PLATFORM is its platform tag, for example
-`manylinux_2_28_x86_64`: pip prefers it where it fits.
+`hatchling build -t wheel` builds the pure one (`py3-none-any`), a client for every system.
+With WHEELARM_WHEEL_PREFIX the wheel also contains `bin` and `share` of that prefix, as
+staged by `scripts/dist.sh`; pip installs the programs next to `python` and the assets to
+`share/wheelarm/assets`, where the programs search for them. WHEELARM_WHEEL_PLATFORM is its
+platform tag, for example `manylinux_2_28_x86_64`; pip prefers this wheel on a matching
+platform.
 
-pyproject.toml names this file by one line: `[tool.hatch.build.targets.wheel.hooks.custom]`.
+`[tool.hatch.build.targets.wheel.hooks.custom]` in pyproject.toml enables this file.
 """
 
 import os
@@ -18,7 +18,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 PREFIX = "WHEELARM_WHEEL_PREFIX"
 PLATFORM = "WHEELARM_WHEEL_PLATFORM"
 PROGRAMS = ("wheelarm", "wheelarm-dataset", "wheelarm-server", "wheelarm-worker")
-# Of the prefix: what a virtual environment has a use for.
+# Folders of the prefix that are useful in a virtual environment.
 SHARED = (
     "share/wheelarm",
     "share/man",
@@ -30,21 +30,21 @@ SHARED = (
 
 
 class ProgramsHook(BuildHookInterface):
-    """Adds programs and assets to the wheel where a prefix is named."""
+    """Adds programs and assets to the wheel if a prefix is set."""
 
     PLUGIN_NAME = "custom"
 
     def initialize(self, version, build_data):
         """Fills `build_data` before the wheel is written."""
-        named = os.environ.get(PREFIX)
-        if self.target_name != "wheel" or version == "editable" or not named:
+        chosen = os.environ.get(PREFIX)
+        if self.target_name != "wheel" or version == "editable" or not chosen:
             return
         platform = os.environ.get(PLATFORM)
         if not platform:
             raise SystemExit(
-                f"{PREFIX} is set, but {PLATFORM} is not; for example {PLATFORM}=manylinux_2_28_x86_64"
+                f"{PREFIX} is set without {PLATFORM}: set it, for example to manylinux_2_28_x86_64"
             )
-        prefix = Path(named).resolve()
+        prefix = Path(chosen).resolve()
         programs = [prefix / "bin" / name for name in PROGRAMS]
         missing = [
             path
@@ -53,7 +53,7 @@ class ProgramsHook(BuildHookInterface):
         ]
         if missing:
             raise SystemExit(
-                f"{PREFIX}={named} lacks {missing[0]}; make the prefix by: scripts/dist.sh programs archive"
+                f"{PREFIX}={chosen} lacks {missing[0]}: create it with scripts/dist.sh programs archive"
             )
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{platform}"

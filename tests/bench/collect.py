@@ -1,12 +1,12 @@
-"""Rate of `wheelarm collect` at the paper's settings, and how it scales.
+"""Measures the rate of `wheelarm collect` at the paper's settings, and how it scales.
 
 collect.py ASSETS [--workers 1 2] [--depth f32 u16] [--size 1280x720]
            [--episodes 1] [--programs DIR] [--folder DIR] [--adapter NAME]
            [--worker process|socket]
 
-Every line is a whole campaign: simulated seconds in the dataset over wall
-seconds from the call to the manifest, start of the servers included.
-`--episodes` counts per worker.
+Every line is one campaign: simulated seconds in the dataset over wall seconds
+from start to manifest, including the start of the servers. `--episodes` is per
+worker.
 """
 
 import argparse
@@ -41,25 +41,25 @@ def campaign(options, depth, workers, folder):
     episodes = workers * options.episodes
     plan.write_text(PLAN.format(depth=depth, width=width, height=height, episodes=episodes))
     out = folder / "set"
-    words = [options.programs / "wheelarm", "collect", plan, "--out", out]
-    words += ["--workers", workers, "--assets", options.assets]
+    command = [options.programs / "wheelarm", "collect", plan, "--out", out]
+    command += ["--workers", workers, "--assets", options.assets]
     if options.adapter:
-        words += ["--adapter", options.adapter]
+        command += ["--adapter", options.adapter]
     if options.worker:
-        words += ["--worker", options.worker]
+        command += ["--worker", options.worker]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    begun = time.monotonic()
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
-    wall = time.monotonic() - begun
+    started = time.monotonic()
+    result = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    wall = time.monotonic() - started
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    if done.returncode != 0:
-        raise SystemExit(f"exit {done.returncode}: {done.stdout}{done.stderr}")
+    if result.returncode != 0:
+        raise SystemExit(f"wheelarm collect failed: exit {result.returncode}: {result.stdout}{result.stderr}")
     manifest = json.loads((out / "manifest.json").read_text())
-    pictures = sum(e["counts"]["camera/gen3"] + e["counts"]["camera/wheelchair"] for e in manifest["episodes"])
+    images = sum(e["counts"]["camera/gen3"] + e["counts"]["camera/wheelchair"] for e in manifest["episodes"])
     print(
         f"{depth}, {workers} workers: {manifest['seconds'] / wall:.2f} x real time summed, "
-        f"{pictures / wall:.1f} pictures/s, {manifest['bytes'] / pictures * 1e-6:.2f} MB per picture, "
+        f"{images / wall:.1f} images/s, {manifest['bytes'] / images * 1e-6:.2f} MB per image, "
         f"{manifest['seconds']:.1f} s simulated in {wall:.1f} s, "
         f"{1000 * cpu / manifest['seconds']:.0f} ms of CPU per simulated s, "
         f"{len(manifest['failed_attempts'])} failed attempts",
@@ -78,7 +78,7 @@ def main():
     options.add_argument("--programs", type=Path, default=Path(__file__).resolve().parents[2] / "target" / "release")
     options.add_argument("--folder", type=Path)
     options.add_argument("--adapter")
-    options.add_argument("--worker", help="absent for programs that know one way alone")
+    options.add_argument("--worker", help="omit for programs without this option")
     options = options.parse_args()
     with tempfile.TemporaryDirectory(prefix="wheelarm_collect_", dir=options.folder) as folder:
         for depth in options.depth:

@@ -1,12 +1,12 @@
-"""Runs every measurement in turn with its reference and prints one table.
+"""Runs every measurement and its reference in turn and prints one table.
 
 compare.py [--rounds N] [--no-demo] [--out DIR]
 
-Ours and the reference alternate, so that both meet the same machine; of the
-rounds the best counts, which is what disturbs least. CPU time stands beside
-wall time where it differs. A measurement that cannot run is 'skipped' with the
-reason; the exit code is 1 when one of ours cannot. The table is also written as
-`table.json` and, each row beside its goal, as the picture `table.svg`.
+Ours and the reference alternate, so both run under the same load. The best round
+counts, because it is the least disturbed. CPU time is printed where it differs
+from wall time. A measurement that cannot run is 'skipped' with the reason; the exit
+code is 1 when one of ours is skipped. The table is also written as `table.json`
+and, with the goals, as the image `table.svg`.
 """
 
 import argparse
@@ -26,24 +26,24 @@ NUMBER = r"([0-9.]+)"
 
 
 class Skipped(Exception):
-    """A measurement that could not run."""
+    """Raised when a measurement cannot run."""
 
 
 def run(*command, timeout=600):
-    """Output of a program."""
+    """Runs a program and returns its output."""
     words = [str(word) for word in command]
     environment = dict(os.environ, MUJOCO_GL="egl", MESA_DEBUG="silent")
     environment.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             words, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=timeout
         )
     except (OSError, subprocess.TimeoutExpired) as problem:
         raise Skipped(str(problem)) from problem
-    if done.returncode != 0:
-        lines = (done.stderr or done.stdout).strip().splitlines()
-        raise Skipped(f"exit {done.returncode}: {lines[-1] if lines else 'no message'}")
-    return done.stdout
+    if result.returncode != 0:
+        lines = (result.stderr or result.stdout).strip().splitlines()
+        raise Skipped(f"exit {result.returncode}: {lines[-1] if lines else 'no message'}")
+    return result.stdout
 
 
 def example(name, *arguments):
@@ -55,15 +55,15 @@ def python(name, *arguments):
 
 
 def find(pattern, text):
-    """The number of a pattern; `#` stands for it."""
+    """The number at `#` in a pattern."""
     found = re.search(pattern.replace("#", NUMBER), text)
     if not found:
-        raise Skipped(f"its output has no {pattern!r}")
+        raise Skipped(f"output does not match {pattern!r}")
     return float(found[1])
 
 
 class Measurement:
-    """A program and the figures in its output, over rounds."""
+    """A program and the numbers in its output, one set per round."""
 
     def __init__(self, name, program, **patterns):
         self.name, self.program, self.patterns = name, program, patterns
@@ -82,7 +82,7 @@ class Measurement:
             print(f"  {self.name:<34} skipped: {problem}", flush=True)
 
     def best(self, figure, choose=min):
-        """The best of the rounds; `None` when it was skipped."""
+        """The best value of the rounds; `None` when skipped."""
         return choose(r[figure] for r in self.rounds) if self.rounds else None
 
 
@@ -99,7 +99,7 @@ def text(value, unit="", digits=1):
 def main():
     options = argparse.ArgumentParser()
     options.add_argument("--rounds", type=int, default=3)
-    options.add_argument("--no-demo", action="store_true", help="without the demo and the campaigns, which take some minutes")
+    options.add_argument("--no-demo", action="store_true", help="skip the demo and the campaigns (several minutes)")
     options.add_argument("--out", type=Path, default=ROOT / "data" / "bench", help="folder for table.json and table.svg")
     options = options.parse_args()
     assets = ROOT / "assets"
@@ -109,13 +109,13 @@ def main():
 
 
 def compare(folder, assets, options):
-    pictures = folder / "frames.bin"
+    frames = folder / "frames.bin"
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; best of {options.rounds} rounds")
     try:
         example("export_mujoco", folder, assets, 40)
         example("dump_frames", folder, assets, 40)
     except Skipped as problem:
-        print(f"the scene cannot be exported: {problem}")
+        print(f"exporting the scene failed: {problem}")
         return 1
 
     render = dict(least=r"min # ms", median=r"median # ms")
@@ -148,20 +148,20 @@ def compare(folder, assets, options):
         for substeps in (1, 2, 4)
     }
     pairs = Measurement(
-        "pictures",
+        "images",
         lambda: example("render_bench", "--assets", assets, "--pairs", 40),
         cpu=r"processor time # ms",
         **render,
     )
     plain = Measurement(
-        "pictures without shadows",
+        "images without shadows",
         lambda: example("render_bench", "--assets", assets, "--pairs", 40, "--quality", "fast"),
         cpu=r"processor time # ms",
         **render,
     )
     mujoco = {
         mode: Measurement(
-            f"pictures, MuJoCo, {mode}",
+            f"images, MuJoCo, {mode}",
             lambda mode=mode: python("render_mujoco.py", folder, mode),
             cpu=r", # ms of CPU",
             **render,
@@ -170,7 +170,7 @@ def compare(folder, assets, options):
     }
     record = Measurement(
         "recording",
-        lambda: example("record_bench", 60, "f32", folder, pictures),
+        lambda: example("record_bench", 60, "f32", folder, frames),
         log=r"durable in the log +# frames/s",
         rate=r"file is there +# frames/s",
         size=r"file bytes per frame +# MB",
@@ -178,7 +178,7 @@ def compare(folder, assets, options):
     )
     original = Measurement(
         "recording, h5py as the original",
-        lambda: python("record_h5py.py", pictures, 6, folder),
+        lambda: python("record_h5py.py", frames, 6, folder),
         rate=r"file is there +# frames/s",
         size=r"file bytes per frame +# MB",
     )
@@ -206,7 +206,7 @@ def compare(folder, assets, options):
 
     row("IK, median of 10 000 poses", text(ik.best("median"), "us"), "", None, "<= 50 us")
     row("IK, solved to 1e-6", text(ik.best("solved"), "%", 2), "", None, ">= 99.9 %")
-    # A grasp that slips costs less: the height says who still carries the bottle.
+    # A slipped grasp needs less time: the height shows whether the hand still holds the bottle.
     for substeps, other in step_mujoco.items():
         whose = f"MuJoCo, {substeps} x 1/{240 * substeps} s"
         for figure, label in (("median", "step of 1/240 s, median us"), ("cpu", "    mean us CPU")):
@@ -216,7 +216,7 @@ def compare(folder, assets, options):
         row("    bottle in its hand is at", *heights, None, "> 0.81 m")
     row("slowest rigid task, x real time", text(tasks.best("slowest", max)), "", None, ">= 15x of one core")
     for name, mine, modes in (
-        ("pictures", pairs, ("renderer", "single")),
+        ("images", pairs, ("renderer", "single")),
         ("  without shadows", plain, ("plain",)),
     ):
         for mode in modes:
@@ -236,7 +236,7 @@ def compare(folder, assets, options):
     a, b = record.best("size"), original.best("size")
     row("  MB per frame", text(a, "", 2), text(b, "original", 2), ratio(a, b), "<= 0.4x")
     cpu = bear.best("cpu")
-    row("bear taken and put back, s/s CPU", text(cpu and 1 / cpu, "", 2), "", None, ">= 0.8")
+    row("bear picked and placed, s/s CPU", text(cpu and 1 / cpu, "", 2), "", None, ">= 0.8")
     service_rows(service, row)
     if not options.no_demo:
         rows.append(demo(folder, assets))
@@ -258,7 +258,7 @@ def compare(folder, assets, options):
 
 
 SERVICE = {
-    "start": dict(picture=r"first picture after # s", memory=r"memory at most # MB"),
+    "start": dict(first_image=r"first picture after # s", memory=r"memory at most # MB"),
     "latency": dict(
         applied=r"real time, command to applied: median # ms",
         applied_99=r"real time, command to applied: .* p99 # ms",
@@ -281,18 +281,18 @@ TICK_MS = 1000 / 60
 
 
 def service_rows(service, row):
-    """Start-up, latency, recorders and the flood, against their goals."""
+    """Rows of start-up, latency, recorders and flood with their goals."""
     start, latency, recorders, sensors, flood = service.values()
 
     def against(what, measurement, figure, unit, goal, reference):
         a = measurement.best(figure)
         row(what, text(a, unit, 2), reference, ratio(a, goal), f"<= {goal:.1f} {unit}")
 
-    against("start to first picture 1280x720", start, "picture", "s", 0.5, "goal")
+    against("start to first image 1280x720", start, "first_image", "s", 0.5, "goal")
     against("  memory at most", start, "memory", "MB", 300.0, "goal")
     for name, figure, goal, reference in (
         ("command to applied", "applied", 2.0, "goal"),
-        ("command to motion seen", "moved", TICK_MS + 2, "control tick + 2 ms"),
+        ("command to measured motion", "moved", TICK_MS + 2, "control tick + 2 ms"),
         ("command to applied, lock-step", "answer", 2.0, "goal"),
     ):
         median = text(latency.best(figure), "ms", 2)
@@ -310,7 +310,7 @@ def service_rows(service, row):
 
 
 def demo(folder, assets):
-    """The whole loop: simulated over wall time."""
+    """One demo episode: simulated over wall time."""
     try:
         out = run(RELEASE / "wheelarm", "demo", "--seed", 0, "--no-sheet", "--assets", assets, "--out", folder / "demo")
         factor = find(r"\(#x real time\)", out)
@@ -320,7 +320,7 @@ def demo(folder, assets):
 
 
 def collection(folder, assets):
-    """Whole campaigns: simulated over wall time, summed over the workers."""
+    """Campaigns: simulated over wall time, summed over the workers."""
     rows = []
     for depth, workers, size, goal in (
         ("f32", 1, "1280x720", ">= 1 on 2 cores"),
@@ -333,8 +333,8 @@ def collection(folder, assets):
             out = python(
                 "collect.py", assets, "--workers", workers, "--depth", depth, "--size", size, "--episodes", 3, "--folder", folder
             )
-            factor, megabytes = (find(p, out) for p in (r"# x real time summed", r"# MB per picture"))
-            rows.append((what, text(factor, "", 2), f"{megabytes:.2f} MB per picture", "", goal))
+            factor, megabytes = (find(p, out) for p in (r"# x real time summed", r"# MB per image"))
+            rows.append((what, text(factor, "", 2), f"{megabytes:.2f} MB per image", "", goal))
         except Skipped as problem:
             rows.append((what, "skipped", f"{problem}"[:60], "", goal))
     return rows

@@ -1,11 +1,11 @@
-"""Rates of the exports, and reading aligned data against WheelArm-Sim's layout.
+"""Measures the exports, and reading aligned data against WheelArm-Sim's layout.
 
 dataset.py [RECORDING.h5]
 
-Without a recording one is made at 1280x720. Reading alternates between the two
-layouts over the same samples (joints, poses, IMU, both cameras' colour and
-depth), and the best of three rounds counts. The files lie in the page cache for
-both. Exit code 1 when a command fails.
+Without a recording it records one at 1280x720. Reading alternates between the two
+layouts over the same samples (joints, poses, IMU, color and depth of both cameras);
+the best of three rounds counts. Both files are in the page cache. Exit code 1 when
+a command fails.
 """
 
 import os
@@ -25,12 +25,12 @@ GOAL = 3.0
 
 
 def run(*command):
-    begun = time.perf_counter()
+    started = time.perf_counter()
     environment = dict(os.environ, WHEELARM_ASSETS=str(ROOT / "assets"))
-    done = subprocess.run([str(c) for c in command], env=environment, capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"{command[:4]} failed: {done.stderr or done.stdout}")
-    return time.perf_counter() - begun
+    result = subprocess.run([str(c) for c in command], env=environment, capture_output=True, text=True)
+    if result.returncode != 0:
+        sys.exit(f"{command[:4]} failed: {result.stderr or result.stdout}")
+    return time.perf_counter() - started
 
 
 def size(path):
@@ -81,14 +81,14 @@ def main():
             seconds = run(*command)
             print(f"{name:<14} {rows / seconds:8.1f} rows/s  {size(Path(command[-1])):8.1f} MB", flush=True)
         aligned = next((folder / "aligned").glob("*.h5"))
-        # Beside the samples lies what the original keeps of its cameras.
+        # The folder also contains the original's camera information.
         original = next((folder / "wheelarm-sim").glob("*.hdf5"))
         best = [float("inf")] * 2
         for _ in range(3):
             for i, (read, path) in enumerate(((read_aligned, aligned), (read_original, original))):
-                begun = time.perf_counter()
+                started = time.perf_counter()
                 read(path, range(1, 1 + SAMPLES))
-                best[i] = min(best[i], time.perf_counter() - begun)
+                best[i] = min(best[i], time.perf_counter() - started)
         ours, theirs = (SAMPLES / seconds for seconds in best)
         print(f"read by h5py   {ours:8.1f} aligned, {theirs:.1f} original's layout, samples/s: {ours / theirs:.1f}x (goal >= {GOAL:.0f}x)")
 

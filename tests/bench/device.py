@@ -1,17 +1,16 @@
-"""What a host with one or several graphics cards makes of `wheelarm collect`.
+"""Measures `wheelarm collect` on a host with one or several graphics cards.
 
 device.py [--programs DIR] [--assets DIR] [--memory /dev/shm] [--disk DIR]
           [--out DIR] [--seconds 460] [--simulated 100] [--worker process]
           [--kinds small 720p 720p-u16] [--into memory disk] [--per-core 0.75]
           [--scratch DIR]
 
-Needs Python's own library and the programs `wheelarm`, `wheelarm-server` and
-`wheelarm-worker` alone. Each row is a whole campaign, start and manifest
-included: simulated seconds in the dataset over wall seconds. Rows with fewer
-cards than the host has get as large a share of its cores. A file is dropped as
-soon as the campaign has checked and entered it: what counts is that it was
-written. `report.md` and `report.json` are written into --out; the exit code is 1
-when a row misses its goal, 2 when one could not be measured.
+Needs only Python's standard library and the programs `wheelarm`, `wheelarm-server`
+and `wheelarm-worker`. Each row is one campaign: simulated seconds in the dataset over
+wall seconds, including start and manifest. Rows with fewer cards than the host has use
+the same share of its cores. The content of a file is dropped as soon as the campaign
+has checked and registered it. Writes `report.md` and `report.json` to --out. Exit code
+1 when a row misses its goal, 2 when a row could not be measured.
 """
 
 import argparse
@@ -52,26 +51,26 @@ KINDS = {
     "720p": dict(size=(1280, 720), depth="f32", per_core=0.75),
     "720p-u16": dict(size=(1280, 720), depth="u16", per_core=0.75),
 }
-# Times real time summed, of one big card with 16 cores, and for each core of a host
-# that draws on its processor.
+# Multiples of real time, summed: one large card with 16 cores; and per core of a host
+# that renders on the CPU.
 GOALS = {("small", 1, "memory"): 60.0, ("720p", 1, "memory"): 27.0, ("720p-u16", 1, "memory"): 34.0}
 CORE_GOALS = {("small", 1, "memory"): 3.0}
-# Two cards with twice the cores over one.
+# Two cards with twice the cores relative to one card.
 SCALING = 1.9
 
 
 def cards(programs):
-    """Indices and words of the graphics cards, or of what else draws."""
-    words = [str(programs / "wheelarm-server"), "--list-adapters"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"no adapter: {done.stderr.strip()}")
-    found = re.findall(r"^(\d+): (.*)$", done.stdout, re.M)
+    """Indices and names of the graphics cards, or of the first other adapter."""
+    command = [str(programs / "wheelarm-server"), "--list-adapters"]
+    result = subprocess.run(command, capture_output=True, text=True)
+    if result.returncode != 0:
+        sys.exit(f"listing the adapters failed: {result.stderr.strip()}")
+    found = re.findall(r"^(\d+): (.*)$", result.stdout, re.M)
     return [pair for pair in found if "[GPU, " in pair[1]] or found[:1]
 
 
 class Dropper(threading.Thread):
-    """Empties files that are done: they keep their length and take no room."""
+    """Frees the disk space of completed files; they keep their length."""
 
     def __init__(self, folder):
         super().__init__(daemon=True)
@@ -95,30 +94,30 @@ class Dropper(threading.Thread):
             for name in self.journal() - self.dropped:
                 path = self.folder / name
                 size = path.stat().st_size
-                # At no moment shorter: the campaign looks whether its files are whole.
-                words = ["fallocate", "--punch-hole", "--offset", "0", "--length", str(size), path]
-                subprocess.run(words, check=True)
+                # Never shorter: the campaign checks that its files are complete.
+                command = ["fallocate", "--punch-hole", "--offset", "0", "--length", str(size), path]
+                subprocess.run(command, check=True)
                 self.dropped.add(name)
 
 
 def disk_rate(folder, seconds=4.0):
-    """Bytes per second that the disk takes until they are durable."""
+    """Durable write rate of the disk in bytes per second."""
     block = os.urandom(1 << 24)
     path = folder / "rate.bin"
-    begun, written = time.monotonic(), 0
+    started, written = time.monotonic(), 0
     with open(path, "wb", buffering=0) as file:
-        while time.monotonic() - begun < seconds:
+        while time.monotonic() - started < seconds:
             written += file.write(block)
             if written % (1 << 28) == 0:
                 os.fsync(file.fileno())
         os.fsync(file.fileno())
-    rate = written / (time.monotonic() - begun)
+    rate = written / (time.monotonic() - started)
     path.unlink()
     return rate
 
 
 def campaign(options, kind, adapters, cores, place, simulated, deadline):
-    """One row."""
+    """Runs one campaign and returns its row."""
     settings = KINDS[kind]
     width, height = settings["size"]
     workers = max(1, round(len(cores) * (options.per_core or settings["per_core"])))
@@ -129,34 +128,34 @@ def campaign(options, kind, adapters, cores, place, simulated, deadline):
         plan = folder / "plan.toml"
         plan.write_text(PLAN.format(depth=settings["depth"], width=width, height=height, episodes=episodes))
         out = folder / "set"
-        words = [options.programs / "wheelarm", "collect", plan, "--out", out]
-        words += ["--workers", workers, "--assets", options.assets]
+        command = [options.programs / "wheelarm", "collect", plan, "--out", out]
+        command += ["--workers", workers, "--assets", options.assets]
         if options.scratch is not None and place == options.disk:
-            words += ["--scratch", options.scratch]
+            command += ["--scratch", options.scratch]
         if options.worker != "none":
-            words += ["--adapters", ",".join(adapters), "--worker", options.worker]
-        words = [str(word) for word in words]
-        print(" ".join(words), flush=True)
+            command += ["--adapters", ",".join(adapters), "--worker", options.worker]
+        command = [str(part) for part in command]
+        print(" ".join(command), flush=True)
         dropper = Dropper(out)
         dropper.start()
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        begun = time.monotonic()
-        left = deadline - begun
+        started = time.monotonic()
+        left = deadline - started
         if left < 20:
-            raise RuntimeError("no time was left")
-        with tempfile.TemporaryFile("w+") as said:
+            raise RuntimeError("not enough time left; increase --seconds")
+        with tempfile.TemporaryFile("w+") as output:
             child = subprocess.Popen(
-                words, stdout=said, stderr=said, preexec_fn=lambda: os.sched_setaffinity(0, cores)
+                command, stdout=output, stderr=output, preexec_fn=lambda: os.sched_setaffinity(0, cores)
             )
             try:
                 status = child.wait(timeout=left)
             except subprocess.TimeoutExpired:
                 child.terminate()
                 child.wait(timeout=30)
-                status = "too slow for the time that was left"
-            wall = time.monotonic() - begun
-            said.seek(0)
-            tail = said.read()[-2000:]
+                status = "timeout; increase --seconds"
+            wall = time.monotonic() - started
+            output.seek(0)
+            tail = output.read()[-2000:]
         dropper.done.set()
         dropper.join()
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -164,7 +163,7 @@ def campaign(options, kind, adapters, cores, place, simulated, deadline):
             raise RuntimeError(f"exit {status}: {tail}")
         manifest = json.loads((out / "manifest.json").read_text())
         made = manifest["episodes"]
-        pictures = sum(count for e in made for name, count in e["counts"].items() if name.startswith("camera/"))
+        images = sum(count for e in made for name, count in e["counts"].items() if name.startswith("camera/"))
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         return dict(
             factor=manifest["seconds"] / wall,
@@ -172,20 +171,20 @@ def campaign(options, kind, adapters, cores, place, simulated, deadline):
             wall=wall,
             workers=workers,
             cores=len(cores),
-            pictures_per_second=pictures / wall,
+            pictures_per_second=images / wall,
             megabytes_per_second=manifest["bytes"] * 1e-6 / wall,
             cpu_ms_per_simulated_second=1000 * cpu / manifest["seconds"],
             missed=sum(e["missed"] for e in made),
             failed=len(manifest["failed_attempts"]),
             disk_megabytes_per_second=None if rate is None else rate * 1e-6,
-            command=" ".join(words),
+            command=" ".join(command),
         )
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def table(rows):
-    head = "| pictures | cards | cores | workers | into | x real time | goal | simulated s | MB/s | the disk alone MB/s | CPU ms per simulated s | missed |"
+    head = "| images | cards | cores | workers | into | x real time | goal | simulated s | MB/s | disk alone MB/s | CPU ms per simulated s | missed |"
     lines = [head, "|" + " --- |" * (head.count("|") - 1)]
     for row in rows:
         name = f"| {row['pictures']} | {row['cards']} |"
@@ -209,12 +208,12 @@ def main():
     options.add_argument("--assets", type=Path, default=root / "assets")
     options.add_argument("--memory", type=Path, default=Path("/dev/shm"))
     options.add_argument("--disk", type=Path, default=Path(tempfile.gettempdir()))
-    options.add_argument("--scratch", type=Path, help="for recordings under way, in rows onto the disk")
+    options.add_argument("--scratch", type=Path, help="folder for unfinished recordings, in rows to disk")
     options.add_argument("--out", type=Path, default=root / "data" / "bench_device")
-    options.add_argument("--seconds", type=float, default=460.0, help="wall time for everything")
+    options.add_argument("--seconds", type=float, default=460.0, help="total wall time")
     options.add_argument("--simulated", type=float, default=100.0, help="seconds per worker into memory")
-    options.add_argument("--worker", default="process", help="`none` for programs that know one way alone")
-    options.add_argument("--per-core", type=float, help="workers for each core, instead of a kind's own")
+    options.add_argument("--worker", default="process", help="`none` for programs without this option")
+    options.add_argument("--per-core", type=float, help="workers per core, instead of the kind's default")
     options.add_argument("--into", nargs="+", default=["memory", "disk"], choices=["memory", "disk"])
     options.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
     options = options.parse_args()
@@ -222,7 +221,7 @@ def main():
     deadline = time.monotonic() + options.seconds
     found = cards(options.programs)
     cores = sorted(os.sched_getaffinity(0))
-    print(f"{len(cores)} cores; " + "; ".join(f"{index}: {words}" for index, words in found), flush=True)
+    print(f"{len(cores)} cores; " + "; ".join(f"{index}: {name}" for index, name in found), flush=True)
     counts = sorted({1, min(2, len(found)), len(found)})
     wanted = [(kind, count, "memory") for kind in options.kinds for count in counts]
     wanted += [(kind, counts[-1], "disk") for kind in options.kinds]
@@ -231,7 +230,7 @@ def main():
     for kind, count, into in wanted:
         share = cores[: max(1, len(cores) * count // counts[-1])]
         adapters = [index for index, _ in found[:count]]
-        # A disk takes less, and the same again adds nothing.
+        # A disk is slower, and a longer run gives the same result.
         place, simulated = (options.memory, options.simulated) if into == "memory" else (options.disk, 0.4 * options.simulated)
         row = dict(pictures=kind, cards=count, into=into)
         try:
@@ -249,7 +248,7 @@ def main():
         print(table([row]).splitlines()[-1], flush=True)
         text = table(rows)
         (options.out / "report.md").write_text(text + "\n")
-        report = dict(cores=len(cores), adapters=[words for _, words in found], rows=rows)
+        report = dict(cores=len(cores), adapters=[name for _, name in found], rows=rows)
         (options.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
     print("\n" + table(rows))
     if any("problem" in row for row in rows):

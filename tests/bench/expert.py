@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""Success of the scripted expert, near and anywhere, without and with a person.
+"""Measures the success of the scripted expert, near and anywhere, without and with a person.
 
     python3 tests/bench/expert.py --programs target/release --out DIR --first 950000 --episodes 20 --jobs 2
 
 Runs `wheelarm evaluate` four times over the same seeds, prints one row per task and group,
-and writes DIR/expert.json. Every attempted seed counts: none is drawn again. Groups:
+and writes DIR/expert.json. Every attempted seed counts; none is replaced. Groups:
 
     near             every task
     anywhere         every task that is not a care task
-    near+person      every task, with a person drawn by the seed
-    anywhere+person  every task that is not a care task, with a person drawn by the seed
+    near+person      every task, with a person sampled from the seed
+    anywhere+person  every task that is not a care task, with a person sampled from the seed
 
 Exit status 1 when a group is below its goal (98, 97, 95, 95 %).
 """
@@ -23,7 +23,7 @@ import sys
 from pathlib import Path
 
 CARE = ("serve_", "take_floor_", "throw_")
-# Name, options of `wheelarm evaluate`, whether care tasks take part, goal.
+# Name, options of `wheelarm evaluate`, whether care tasks are included, goal.
 GROUPS = (
     ("near", [], True, 0.98),
     ("anywhere", ["--starts", "anywhere"], False, 0.97),

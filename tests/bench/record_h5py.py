@@ -1,11 +1,11 @@
 """Writes samples as the recorder of WheelArm-Sim does, with its layout and settings.
 
-record_h5py.py PICTURES SAMPLES FOLDER
+record_h5py.py FRAMES_FILE SAMPLES FOLDER
 
-One group `data/N` per sample; colour and depth of both cameras as lists of
+One group `data/N` per sample; color and depth of both cameras as lists of
 bytes, which h5py stores as int64, gzip level 4; 16 joints, 7 poses, 7
 velocities, 3 IMU quantities, times, desired pose and the sentence as small
-datasets: 60 in all. PICTURES is the `frames.bin` of the example `dump_frames`.
+datasets: 60 in all. FRAMES_FILE is the `frames.bin` of the example `dump_frames`.
 """
 
 import os
@@ -35,13 +35,13 @@ FRAMES = (
     "wheelchair shoulder bicep forearm spherical_wrist_1 spherical_wrist_2 end_effector"
 ).split()
 
-pictures, samples = Path(sys.argv[1]), int(sys.argv[2])
+frames, samples = Path(sys.argv[1]), int(sys.argv[2])
 path = Path(sys.argv[3]) / f"original_{os.getpid()}.hdf5"
-distinct = pictures.stat().st_size // PAIR
+distinct = frames.stat().st_size // PAIR
 
 
-def sample(number):
-    """What WheelArm-Sim's callbacks have gathered: lists and numbers."""
+def make_sample(number):
+    """The values that WheelArm-Sim's callbacks collect: lists and numbers."""
     random = np.random.default_rng(number)
     stamp = number / 10
     cache = {}
@@ -58,7 +58,7 @@ def sample(number):
     cache["processed_data_timesteps"] = stamp
     cache["processed_data_desired_pose"] = list(random.normal(size=7))
     cache["instructions"] = "Turn right, go to the coffee table, and pick up the mustard"
-    with open(pictures, "rb") as file:
+    with open(frames, "rb") as file:
         file.seek(number % distinct * PAIR)
         for camera in ("gen3", "wheelchair"):
             for kind, size in (("rgb", 3), ("depth", 4)):
@@ -69,7 +69,7 @@ def sample(number):
     return cache
 
 
-prepared = [sample(i) for i in range(min(samples, distinct))]
+prepared = [make_sample(i) for i in range(min(samples, distinct))]
 spent, cpu = time.perf_counter(), time.process_time()
 with h5py.File(path, "w") as file:
     data = file.create_group("data")

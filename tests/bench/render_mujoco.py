@@ -1,9 +1,9 @@
-"""Draws the exported home in MuJoCo: two cameras 1280x720, colour and depth.
+"""Renders the exported home in MuJoCo: two cameras 1280x720, color and depth.
 
 render_mujoco.py DIR MODE [PNG]
 
-MODE `renderer`: mujoco.Renderer, colour and then depth, as its manual shows;
-`single`: the functions below it, both from one pass;
+MODE `renderer`: mujoco.Renderer, first color, then depth, as in its manual;
+`single`: the lower-level functions, both from one pass;
 `plain`: the same without shadows.
 """
 
@@ -72,7 +72,7 @@ for pair in range(-WARM, len(poses)):
         process = time.process_time()
     begin = time.perf_counter()
     place(max(pair, 0))
-    pictures = [draw(camera) for camera in range(CAMERAS)]
+    images = [draw(camera) for camera in range(CAMERAS)]
     if pair >= 0:
         times.append((time.perf_counter() - begin) * 1e3)
 process = (time.process_time() - process) / len(times) * 1e3
@@ -84,7 +84,7 @@ if len(sys.argv) > 3:
     def chunk(kind, body):
         return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
 
-    for camera, (color, depth) in enumerate(pictures):
+    for camera, (color, depth) in enumerate(images):
         rows = b"".join(b"\0" + row.tobytes() for row in color)
         with open(f"{sys.argv[3]}_{camera}.png", "wb") as file:
             file.write(b"\x89PNG\r\n\x1a\n")

@@ -1,4 +1,4 @@
-"""A table of measurements as JSON and as a picture (SVG), each row beside its goal."""
+"""Writes a table of measurements with their goals as JSON and as an SVG image."""
 
 import html
 import json
@@ -10,7 +10,7 @@ LINE, LEFT, BAR = 22, 700, 380
 
 
 def goals(goal):
-    """Bounds in a goal's words: `[(">=", 1.9, True)]`, true for a ratio."""
+    """Bounds in the text of a goal: `[(">=", 1.9, True)]`, true for a ratio."""
     found = re.findall(rf"(>=|<=|>) {FIGURE}\s*(x?)(?![\w.])", goal)
     return [(sign, float(number), ratio == "x") for sign, number, ratio in found]
 
@@ -21,7 +21,7 @@ def first(words):
 
 
 def share(ours, ratio, goal):
-    """How far the goal is reached, 1 for just so; `None` without a goal or a figure."""
+    """Value relative to the goal, 1 = exactly met; `None` without a goal or a number."""
     reached = []
     for sign, bound, of_ratio in goals(goal):
         value = first(ratio) if of_ratio and ratio else first(ours)
@@ -32,22 +32,22 @@ def share(ours, ratio, goal):
 
 
 def entries(rows):
-    """The rows below the head as objects."""
+    """The rows below the header as dictionaries."""
     keys = ("what", "ours", "reference", "ratio", "goal")
-    made = []
+    checked = []
     for row in rows[1:]:
         entry = dict(zip(keys, (words.strip() for words in row)))
         entry["goal"] = entry["goal"] or "for comparison"
         reached = share(entry["ours"], entry["ratio"], entry["goal"])
         entry["reached"] = reached
         entry["met"] = None if reached is None else reached >= 1
-        made.append(entry)
-    return made
+        checked.append(entry)
+    return checked
 
 
-def picture(made, title):
-    """Bars of what is reached of each goal, on a logarithmic scale from 1/8 to 8."""
-    height = LINE * (len(made) + 3)
+def draw_svg(rows, title):
+    """Bars of each value relative to its goal, on a logarithmic scale from 1/8 to 8."""
+    height = LINE * (len(rows) + 3)
     middle = LEFT + BAR / 2
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{LEFT + BAR + 20}" height="{height}" '
@@ -60,7 +60,7 @@ def picture(made, title):
         x = middle + BAR / 2 * math.log2(mark) / 3
         parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{LINE + 6}" y2="{height - 8}" stroke="#ddd"/>')
         parts.append(f'<text x="{x:.1f}" y="{LINE}" text-anchor="middle" fill="#777">{mark:g}x</text>')
-    for number, entry in enumerate(made):
+    for number, entry in enumerate(rows):
         y = LINE * (number + 2.5)
         for x, width, words in ((10, 34, entry["what"]), (250, 18, entry["ours"]), (370, 26, entry["reference"]), (545, 22, entry["goal"])):
             shown = words if len(words) <= width else words[: width - 1] + "…"
@@ -68,22 +68,22 @@ def picture(made, title):
         if entry["reached"] is not None:
             log = max(-3.0, min(3.0, math.log2(max(entry["reached"], 1e-9))))
             x, width = middle + BAR / 6 * min(log, 0), abs(BAR / 6 * log)
-            colour = "#2a7f3f" if entry["met"] else "#b5402a"
-            parts.append(f'<rect x="{x:.1f}" y="{y - 11:.1f}" width="{max(width, 2):.1f}" height="13" fill="{colour}"/>')
+            color = "#2a7f3f" if entry["met"] else "#b5402a"
+            parts.append(f'<rect x="{x:.1f}" y="{y - 11:.1f}" width="{max(width, 2):.1f}" height="13" fill="{color}"/>')
     return "\n".join(parts) + "\n</svg>\n"
 
 
 def write(rows, folder, title):
-    """Writes `table.json` and `table.svg`; their paths."""
+    """Writes `table.json` and `table.svg`; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    made = entries(rows)
-    (folder / "table.json").write_text(json.dumps(dict(title=title, rows=made), indent=1, ensure_ascii=False) + "\n")
-    (folder / "table.svg").write_text(picture(made, title))
+    checked = entries(rows)
+    (folder / "table.json").write_text(json.dumps(dict(title=title, rows=checked), indent=1, ensure_ascii=False) + "\n")
+    (folder / "table.svg").write_text(draw_svg(checked, title))
     return folder / "table.json", folder / "table.svg"
 
 
 def check():
-    """What the reading of goals is held to."""
+    """Tests `goals` and `share`."""
     assert goals(">= 25/s, >= 1.9x") == [(">=", 25.0, False), (">=", 1.9, True)]
     assert share("30.0", "2.00x", ">= 1.9x") > 1 > share("30.0", "1.80x", ">= 1.9x")
     assert share("40.0 us", "", "<= 50 us") == 1.25 and share("60.0 us", "", "<= 50 us") < 1

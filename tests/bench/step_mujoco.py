@@ -3,8 +3,8 @@
 step_mujoco.py DIR [SUBSTEPS]
 
 Elliptic friction cones with impratio 10 (what a grasp needs), implicitfast,
-Newton solver. SUBSTEPS steps share a tick of 1/240 s, one unless told; our own
-settings for data take four.
+Newton solver. Each tick of 1/240 s has SUBSTEPS steps, default 1; our settings
+for data use four.
 """
 
 import sys

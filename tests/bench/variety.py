@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Variety of the scripted expert's demonstrations, and rhythm of its human-like style.
+"""Measures the variety of the scripted expert's demonstrations, and the rhythm of its human style.
 
     python3 tests/bench/variety.py --programs target/release --out DIR --first 960000
     python3 tests/bench/variety.py --recordings DIR [--style human]
@@ -48,15 +48,15 @@ CHAIR = (0.01, 0.02)
 HAND = (0.005, 0.02)
 FINGERS = 0.02
 RATE = 60.0
-# base_link in wheelchair_root, turned by half a turn, metres.
+# Position of base_link in wheelchair_root, m; rotated by 180 degrees.
 MOUNT = (0.42, 0.36, 0.55)
-# Names that are in every sequence, or tell only that time passes.
+# Names that are in every sequence, or only mean that time passes.
 ASIDE = {"planning", "stopping", "over", "thinking", "holding"}
 GOALS = {"cv": 0.30, "j1": 15.0, "both": 0.10, "seq": 4, "straight": 0.97}
 HUMAN = {"peak": 0.15, "standing": (0.30, 0.60)}
 
 
-def rotated(quaternion, vector):
+def rotate(quaternion, vector):
     x, y, z, w = np.moveaxis(quaternion, -1, 0)
     axis = np.stack([x, y, z], -1)
     return vector + 2 * np.cross(axis, np.cross(axis, vector) + w[..., None] * vector)
@@ -69,7 +69,7 @@ def speeds(poses):
     return steps, 2 * np.arccos(dots) * RATE
 
 
-def filtered(signal):
+def low_pass(signal):
     """A Butterworth filter of second order at 1 Hz, forward and backward."""
     k = np.tan(np.pi / RATE)
     a0 = 1 + np.sqrt(2) * k + k * k
@@ -125,9 +125,9 @@ def measure(path):
         knuckle = position[:, joints.index("robotiq_85_left_knuckle_joint")]
         phases = [name.decode() for name in streams["command/phase_name"][:]]
         forces = streams["command/gripper"][:, 2]
-        things = streams["object_pose/pose"][:]
+        objects = streams["object_pose/pose"][:]
         task = file.attrs["task"]
-        told = file.attrs["task_seconds"]
+        seconds = file.attrs["task_seconds"]
     count = min(len(tool), len(phases) + 1)
     linear, angular = speeds(tool[:count])
     rolled, turned = speeds(chair[:count])
@@ -138,27 +138,27 @@ def measure(path):
     grasp = max(i for i, name in enumerate(phases) if name == "closing")
     while grasp and phases[grasp - 1] == "closing":
         grasp -= 1
-    forward = rotated(tool[grasp, 3:], np.array([0.0, 0.0, 1.0]))
+    forward = rotate(tool[grasp, 3:], np.array([0.0, 0.0, 1.0]))
     point = tool[grasp, :3] + 0.13 * forward
-    # The object that the hand took: the one that moved most after the grasp.
-    moved = np.linalg.norm(things[grasp:, :, :3] - things[grasp, :, :3], axis=2).max(axis=0)
-    taken = things[grasp, np.argmax(moved), 2] if moved.max() > 0.02 else 0.0
+    # The grasped object: the one that moved most after the grasp.
+    moved = np.linalg.norm(objects[grasp:, :, :3] - objects[grasp, :, :3], axis=2).max(axis=0)
+    object_height = objects[grasp, np.argmax(moved), 2] if moved.max() > 0.02 else 0.0
     parts = list(strokes(tool[:count], linear))
     sequence = [name for name, _ in itertools.groupby(n for n in phases if n not in ASIDE)]
-    house = chair[:count, :3] + rotated(chair[:count, 3:], tool[:count, :3] * [-1, -1, 1] + MOUNT)
+    house = chair[:count, :3] + rotate(chair[:count, 3:], tool[:count, :3] * [-1, -1, 1] + MOUNT)
     hand = np.linalg.norm(np.diff(house, axis=0), axis=1) * RATE
     peak, comb, noise = rhythm(hand)
-    smooth = np.stack([filtered(house[:, axis]) for axis in range(3)], 1)
+    smooth = np.stack([low_pass(house[:, axis]) for axis in range(3)], 1)
     return {
         "task": task,
         "moving": moving.sum() / RATE,
-        "seconds": float(told),
+        "seconds": float(seconds),
         "j1": np.degrees(position[grasp, joints.index("joint_1")]),
         "both": (arm & base).sum() / max(moving.sum(), 1),
         "sequence": " > ".join(sequence),
         "straight": sum(c for c, _ in parts) / max(sum(p for _, p in parts), 1e-9),
         "bearing": np.degrees(np.arctan2(-point[1], -point[0])),
-        "height": point[2] - taken,
+        "height": point[2] - object_height,
         "lean": np.degrees(np.arcsin(forward[2].clip(-1, 1))),
         "force": float(np.nanmedian(forces[grasp:grasp + 30])),
         "peak": peak,

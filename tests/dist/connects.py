@@ -1,9 +1,9 @@
-"""Fails where a trace of strace tells an address beyond this machine.
+"""Fails when a trace of strace contains an address of another machine.
 
     python connects.py TRACE
 
-Loopback, sockets of the file system and the kernel's own (netlink) are fine. A
-trace without one connection would prove nothing and fails too.
+Loopback, sockets in the file system and netlink are allowed. A trace without a connection proves
+nothing and fails too.
 """
 
 import collections
@@ -17,8 +17,8 @@ for line in open(sys.argv[1], errors="replace"):
     if not family:
         continue
     if family[1] in ("AF_INET", "AF_INET6"):
-        told = re.search(r'inet_addr\("([^"]+)"\)|inet_pton\(AF_INET6, "([^"]+)"', line)
-        address = ipaddress.ip_address(told[1] or told[2])
+        match = re.search(r'inet_addr\("([^"]+)"\)|inet_pton\(AF_INET6, "([^"]+)"', line)
+        address = ipaddress.ip_address(match[1] or match[2])
         if not address.is_loopback:
             beyond.append(line.strip())
         counts["loopback" if address.is_loopback else str(address)] += 1
@@ -28,6 +28,6 @@ for line in open(sys.argv[1], errors="replace"):
         beyond.append(line.strip())
 print("addresses:", ", ".join(f"{name} {count}" for name, count in counts.most_common()))
 if beyond:
-    sys.exit("error: beyond this machine:\n" + "\n".join(beyond[:10]))
+    sys.exit("error: connections to other machines:\n" + "\n".join(beyond[:10]))
 if not counts["loopback"] and not counts["AF_UNIX"]:
-    sys.exit("error: the trace holds no connection at all: nothing was observed")
+    sys.exit("error: the trace has no connection: run the program under strace -f -e connect")

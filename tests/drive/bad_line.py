@@ -1,10 +1,10 @@
-"""A line between two network namespaces, in user space: delay, loss, rate and queue of
-each direction. For kernels without `tc netem`; needs root and /dev/net/tun.
+"""A network link between two namespaces in user space, with delay, loss, rate and queue
+per direction. For kernels without `tc netem`; needs root and /dev/net/tun.
 
-    bad_line.py DELAY_MS LOSS_PERCENT MBIT_PER_S QUEUE_MS    until its input ends
+    bad_line.py DELAY_MS LOSS_PERCENT MBIT_PER_S QUEUE_MS    runs until stdin closes
 
-The namespaces `wheelarm-near` (10.77.0.1) and `wheelarm-far` (10.77.0.2) live as long.
-Every line of input is answered with the packets and bytes that went each way so far.
+The namespaces `wheelarm-near` (10.77.0.1) and `wheelarm-far` (10.77.0.2) exist while it
+runs. For every input line it prints the packets and bytes of each direction so far.
 """
 
 import ctypes
@@ -28,8 +28,8 @@ libc = ctypes.CDLL(None, use_errno=True)
 
 
 def enter(namespace):
-    """Sockets and devices that this thread opens from now on are in the namespace;
-    without a name in the one that the process began in."""
+    """Switches this thread to the namespace: new sockets and devices open there;
+    without a name back to the initial namespace of the process."""
     file = os.open(f"/var/run/netns/{namespace}", os.O_RDONLY) if namespace else HOME
     if libc.setns(file, NEW_NETWORK) != 0:
         raise OSError(ctypes.get_errno(), f"entering the network namespace {namespace}")
@@ -42,7 +42,7 @@ def run(command):
 
 
 def device(namespace, own, other):
-    """The end of the line in a new namespace: whole IP packets are read and written."""
+    """The TUN device of a new namespace; reads and writes whole IP packets."""
     remove(namespace)
     run(f"ip netns add {namespace}")
     enter(namespace)
@@ -60,63 +60,63 @@ def remove(namespace):
 
 
 class Direction:
-    """Packets on their way from one end: when the sender is free again, what went."""
+    """Counters of one direction, and when its sender is free again."""
 
     def __init__(self):
         self.free, self.packets, self.bytes, self.lost, self.full = 0.0, 0, 0, 0, 0
 
 
-def carry(near, far, delay, loss, rate, queue):
-    """Until the input ends. s, share, bit/s, s."""
+def forward(near, far, delay, loss, rate, queue):
+    """Forwards packets until stdin closes; delay in s, loss as share, rate in bit/s, queue in s."""
     other = {near: far, far: near}
-    ways = {near: Direction(), far: Direction()}
-    under_way, count = [], 0
-    chance = random.Random(1)
+    directions = {near: Direction(), far: Direction()}
+    in_flight, count = [], 0
+    random_source = random.Random(1)
     sources = [near, far, sys.stdin.fileno()]
     while True:
         now = time.monotonic()
-        while under_way and under_way[0][0] <= now:
-            _, _, end, packet = heapq.heappop(under_way)
+        while in_flight and in_flight[0][0] <= now:
+            _, _, end, packet = heapq.heappop(in_flight)
             try:
                 os.write(end, packet)
             except BlockingIOError:
-                ways[other[end]].full += 1
-        wait = max(0.0, under_way[0][0] - time.monotonic()) if under_way else 1.0
+                directions[other[end]].full += 1
+        wait = max(0.0, in_flight[0][0] - time.monotonic()) if in_flight else 1.0
         for end in select.select(sources, [], [], wait)[0]:
             if end == sys.stdin.fileno():
                 if not sys.stdin.readline():
                     return
                 names = ("to_far", "to_near")
-                print(json.dumps(dict(zip(names, (vars(ways[e]) for e in (near, far))))), flush=True)
+                print(json.dumps(dict(zip(names, (vars(directions[e]) for e in (near, far))))), flush=True)
                 continue
-            way = ways[end]
+            direction = directions[end]
             while True:
                 try:
                     packet = os.read(end, 2048)
                 except BlockingIOError:
                     break
                 now = time.monotonic()
-                if way.free - now > queue:
-                    way.full += 1
+                if direction.free - now > queue:
+                    direction.full += 1
                     continue
-                way.free = max(way.free, now) + len(packet) * 8 / rate
-                if chance.random() < loss:
-                    way.lost += 1
+                direction.free = max(direction.free, now) + len(packet) * 8 / rate
+                if random_source.random() < loss:
+                    direction.lost += 1
                     continue
-                way.packets, way.bytes = way.packets + 1, way.bytes + len(packet)
+                direction.packets, direction.bytes = direction.packets + 1, direction.bytes + len(packet)
                 count += 1
-                heapq.heappush(under_way, (way.free + delay, count, other[end], packet))
+                heapq.heappush(in_flight, (direction.free + delay, count, other[end], packet))
 
 
 def main():
     delay, loss, rate, queue = (float(word) for word in sys.argv[1:5])
     if os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        print("a bad line needs root and /dev/net/tun", file=sys.stderr)
+        print("bad_line.py needs root and /dev/net/tun", file=sys.stderr)
         return 3
     try:
         ends = [device(name, *addresses) for name, addresses in ENDS.items()]
         print("ready", flush=True)
-        carry(*ends, delay / 1e3, loss / 100, rate * 1e6, queue / 1e3)
+        forward(*ends, delay / 1e3, loss / 100, rate * 1e6, queue / 1e3)
     finally:
         for name in ENDS:
             remove(name)

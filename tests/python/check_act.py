@@ -1,6 +1,6 @@
-"""Our ACT is LeRobot's: the same names and, with its random weights, the same
-answers, in evaluation and in training; and LeRobot reads the file that our trainer
-writes. That Rust answers the same is a test of client/learn.
+"""Checks that our ACT equals LeRobot's: the same names and, with its random weights, the same
+actions in evaluation and training; and that LeRobot reads our policy files. Tests of
+client/learn compare Rust.
 
     python check_act.py client/learn/python
 """
@@ -24,7 +24,7 @@ import policy_file
 CAMERAS = ["observation.images.gen3", "observation.images.wheelchair"]
 
 
-def theirs(shape):
+def lerobot_act(shape):
     visual = PolicyFeature(FeatureType.VISUAL, (3, 128, 224))
     inputs = {name: visual for name in CAMERAS}
     inputs["observation.state"] = PolicyFeature(FeatureType.STATE, (shape.state,))
@@ -43,9 +43,9 @@ def theirs(shape):
 def main():
     torch.manual_seed(0)
     shape = Shape(norm="frozen-bn", words=7, dropout=0.0)
-    lerobot = theirs(shape)
+    lerobot = lerobot_act(shape)
     for name, buffer in lerobot.named_buffers():
-        # Statistics of 0 and 1 would hide a mistake.
+        # Statistics of 0 and 1 would hide an error.
         if name.endswith("running_var"):
             buffer.uniform_(0.5, 2)
         elif name.endswith("running_mean"):
@@ -55,19 +55,19 @@ def main():
     assert not unknown and missing == ["words.weight"], (missing, unknown)
 
     count = 3
-    pictures, state, told = torch.randn(count, 2, 3, 128, 224), torch.randn(count, 27), torch.randn(count, 300)
+    images, state, language = torch.randn(count, 2, 3, 128, 224), torch.randn(count, 27), torch.randn(count, 300)
     actions, is_pad = torch.randn(count, shape.chunk, 12), torch.zeros(count, shape.chunk, dtype=torch.bool)
     is_pad[1, 15:] = True
     batch = {
-        CAMERAS[0]: pictures[:, 0], CAMERAS[1]: pictures[:, 1], "observation.state": state,
-        "observation.environment_state": told,
+        CAMERAS[0]: images[:, 0], CAMERAS[1]: images[:, 1], "observation.state": state,
+        "observation.environment_state": language,
     }  # fmt: skip
     lerobot.eval(), ours.eval()
     with torch.no_grad():
-        wanted = lerobot.predict_action_chunk(batch)
-        found = ours.model(pictures, state, told)[0]
-    error = (wanted - found).abs().max().item()
-    print(f"evaluation: greatest difference {error:.2e} of {wanted.abs().max():.2f}")
+        expected = lerobot.predict_action_chunk(batch)
+        found = ours.model(images, state, language)[0]
+    error = (expected - found).abs().max().item()
+    print(f"evaluation: largest difference {error:.2e} of {expected.abs().max():.2f}")
     assert error < 1e-4
 
     lerobot.train(), ours.train()
@@ -75,16 +75,16 @@ def main():
     torch.manual_seed(5)
     loss, parts = lerobot(batch)
     torch.manual_seed(5)
-    found, mean, log_variance, _ = ours.model(pictures, state, told, actions, is_pad)
+    found, mean, log_variance, _ = ours.model(images, state, language, actions, is_pad)
     l1 = ((found - actions).abs() * ~is_pad[..., None]).mean().item()
     kl = (-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1).mean().item()
     print(f"training: L1 {l1:.6f} and {parts['l1_loss']:.6f}, divergence {kl:.6f} and {parts['kld_loss']:.6f}")
     assert abs(l1 - parts["l1_loss"]) < 1e-5 and abs(kl - parts["kld_loss"]) < 1e-4
 
-    # What we write is a file that LeRobot reads, but for the vectors of words.
+    # LeRobot reads our files, without the word vectors.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "policy.safetensors"
-        policy_file.write(path, ours.state_dict(), {"network": shape.told()}, bits=32, training=True)
+        policy_file.write(path, ours.state_dict(), {"network": shape.to_dict()}, bits=32, training=True)
         state = load_file(path)
         own = {name: tensor for name, tensor in state.items() if name.startswith("model.")}
         save_file(own, path)

@@ -1,20 +1,20 @@
-"""Answers the questions of labelled episodes again, from the same HDF5 alone.
+"""Computes the answers to the questions of labelled episodes again, from the HDF5 alone.
 
-Reads /labels/questions of files made by `wheelarm-dataset annotate`, takes --rows of
-them at random, computes every answer from the recorded state and the recorded asset
-texts, and compares. A question with cameras must be about objects that have a visible box
-in the last image of each until its time. Imports nothing of WheelArm. Exit code 1 when an
-answer differs or an object is not visible.
+Reads /labels/questions of files of `wheelarm-dataset annotate`, samples --rows of them,
+computes every answer from the recorded state and the recorded asset texts, and compares. The
+objects of a question with cameras must have a visible box in the last image of each camera
+until its time. Does not import WheelArm. Exit code 1 when an answer differs or an object is
+not visible.
 
 Usage: check_answers.py [--rows 500] [--seed 0] FILE...
 
-Definitions. An area is the furniture that carries the area's own name, seen from the
-middle of its first surface's edge: x inwards, y to the left, z up. A thing stands on
-it where its frame's origin lies over the surface, from 0.02 m below to 0.3 m above.
-Left and right: by 0.06 m at least, and by as much as the two differ in depth; in
-front and behind: by 0.06 m at least and by more than they differ sideways. Held: both
-finger tips press it with 0.5 N. Within reach: the origin within the outer radius of
-robot.toml's reach around its centre. Open: 0.02 m or more. The floor: below 0.15 m.
+Definitions. An area is the furniture with the area's own name; its frame is at the centre of the
+edge of its first surface: x inwards, y to the left, z up. An object is on an area when its
+origin is above the surface, from -0.02 m to 0.3 m. Left and right: at least 0.06 m, and at least
+the difference in depth. In front and behind: at least 0.06 m, and more than the sideways
+difference. Held: both finger tips press it with 0.5 N. Within reach: the origin is within the
+outer radius of robot.toml's reach around its centre. Open: at least 0.02 m. The floor: below
+0.15 m.
 """
 
 import argparse
@@ -31,31 +31,31 @@ import numpy as np
 STEP, HELD, OPEN, FLOOR = 0.06, 0.5, 0.02, 0.15
 
 
-def turned(q, v):
-    """A vector turned by a unit quaternion x y z w."""
+def rotate(q, v):
+    """Rotates a vector by a unit quaternion x y z w."""
     u, w = np.asarray(q[:3]), q[3]
     t = 2 * np.cross(u, v)
     return np.asarray(v) + w * t + np.cross(u, t)
 
 
-def product(a, b):
-    """The turn b, then the turn a."""
+def multiply(a, b):
+    """The rotation b, followed by the rotation a."""
     u, v = np.asarray(a[:3]), np.asarray(b[:3])
     return [*(a[3] * v + b[3] * u + np.cross(u, v)), a[3] * b[3] - u @ v]
 
 
 def from_rpy(rpy):
-    """Quaternion of turns about the fixed x, y, z axes."""
+    """Quaternion of rotations about the fixed x, y, z axes."""
     q = [0.0, 0.0, 0.0, 1.0]
     for axis, angle in enumerate(rpy):
         turn = [0.0, 0.0, 0.0, np.cos(angle / 2)]
         turn[axis] = np.sin(angle / 2)
-        q = product(turn, q)
+        q = multiply(turn, q)
     return q
 
 
 class Episode:
-    """What answers need of a file."""
+    """Data of a file for the answers."""
 
     def __init__(self, path):
         self.file = h5py.File(path)
@@ -105,30 +105,30 @@ class Episode:
             origin = joint.find("origin")
             numbers = lambda key: [float(x) for x in (origin.get(key, "0 0 0") if origin is not None else "0 0 0").split()]
             turn = from_rpy(numbers("rpy"))
-            at, q = np.array(numbers("xyz")) + turned(turn, at), product(turn, q)
+            at, q = np.array(numbers("xyz")) + rotate(turn, at), multiply(turn, q)
             link = joint.find("parent").get("link")
         return at, q
 
     def row(self, stream, tick):
-        """The newest sample of a stream at a tick."""
+        """Index of the newest sample of a stream at a tick."""
         ticks = self.file[f"streams/{stream}/tick"][:]
         return max(int(np.searchsorted(ticks, tick, side="right")) - 1, 0)
 
-    def seen(self, area, at):
+    def in_area_frame(self, area, at):
         edge, inwards, _, _ = self.areas[area]
         x, y, z = np.asarray(at) - edge
         c, s = np.cos(inwards), np.sin(inwards)
         return np.array([c * x + s * y, c * y - s * x, z])
 
-    def area_of(self, at):
+    def find_area(self, at):
         for name, (_, _, depth, width) in self.areas.items():
-            x, y, z = self.seen(name, at)
+            x, y, z = self.in_area_frame(name, at)
             if 0 <= x <= depth and abs(y) <= width / 2 and -0.02 <= z <= 0.3:
                 return name
         return None
 
-    def unseen(self, cameras, tick, names):
-        """The first of these objects that the last image of a camera does not show."""
+    def find_hidden(self, cameras, tick, names):
+        """The first of these objects that is not visible in the last image of a camera."""
         stamp = self.file["streams/object_pose/stamp_nanos"][int(np.searchsorted(self.ticks, tick))]
         for camera in cameras:
             taken = self.file[f"streams/camera/{camera}/stamp_nanos"][:]
@@ -139,7 +139,7 @@ class Episode:
                     return f"{name} in {camera}"
         return None
 
-    def held(self, tick):
+    def find_held(self, tick):
         row = self.row("contact", tick)
         pairs = json.loads(self.file["streams/contact/pairs"][row])
         force = np.linalg.norm(self.file["streams/contact/force"][row], axis=-1)
@@ -157,35 +157,35 @@ class Episode:
         assert self.ticks[row] == tick, f"no object pose at tick {tick}"
         return self.poses[row, self.objects.index(name)]
 
-    def where(self, name, tick):
-        if self.held(tick) == name:
+    def location(self, name, tick):
+        if self.find_held(tick) == name:
             return "hand"
         at = self.position(name, tick)[:3]
-        return self.area_of(at) or ("floor" if at[2] < FLOOR else "elsewhere")
+        return self.find_area(at) or ("floor" if at[2] < FLOOR else "elsewhere")
 
-    def answer(self, kind, tick, asked):
-        return getattr(self, f"answer_{kind}")(tick, **asked)
+    def answer(self, kind, tick, arguments):
+        return getattr(self, f"answer_{kind}")(tick, **arguments)
 
     def answer_where(self, tick, object):
-        return self.where(object, tick)
+        return self.location(object, tick)
 
     def answer_count(self, tick, category, area):
         def kind(name):
             text = self.assets.get(f"objects/{re.sub('_[0-9]+$', '', name)}.toml", "")
             return tomllib.loads(text).get("category", "")
 
-        return sum(kind(n) == category and self.where(n, tick) == area for n in self.objects)
+        return sum(kind(n) == category and self.location(n, tick) == area for n in self.objects)
 
     def answer_side(self, tick, object, side):
-        own = self.where(object, tick)
+        own = self.location(object, tick)
         if own not in self.areas:
             return None
-        here = self.seen(own, self.position(object, tick)[:3])
+        here = self.in_area_frame(own, self.position(object, tick)[:3])
         found = []
         for name in self.objects:
-            if name == object or self.where(name, tick) != own:
+            if name == object or self.location(name, tick) != own:
                 continue
-            deep, left, _ = self.seen(own, self.position(name, tick)[:3]) - here
+            deep, left, _ = self.in_area_frame(own, self.position(name, tick)[:3]) - here
             holds = {
                 "left": left >= STEP and left >= abs(deep),
                 "right": -left >= STEP and -left >= abs(deep),
@@ -202,13 +202,13 @@ class Episode:
         name = next(f["name"] for f in self.robot["frames"] if f.get("role") == "chair")
         chair = frames[self.row("pose", tick), names.index(name)]
         at, q = self.mount
-        base = chair[:3] + turned(chair[3:], at)
-        centre = base + turned(product(chair[3:], q), self.robot["reach"]["centre"])
+        base = chair[:3] + rotate(chair[3:], at)
+        centre = base + rotate(multiply(chair[3:], q), self.robot["reach"]["centre"])
         far = np.linalg.norm(self.position(object, tick)[:3] - centre)
         return bool(far <= self.robot["reach"]["outer_radius"])
 
     def answer_held(self, tick):
-        return self.held(tick)
+        return self.find_held(tick)
 
     def answer_open(self, tick, slide):
         joints = self.file["streams/furniture_joint/position"]
@@ -233,20 +233,20 @@ def main():
         rows += [(episode, kinds[k], int(t), q, json.loads(a), json.loads(v), c.split()) for k, t, q, a, v, c in columns]
     chosen = random.Random(args.seed).sample(rows, min(args.rows, len(rows)))
     wrong, memory, counts = 0, 0, {}
-    for episode, kind, tick, question, asked, value, cameras in chosen:
+    for episode, kind, tick, question, arguments, value, cameras in chosen:
         counts[kind] = counts.get(kind, 0) + 1
-        found = episode.answer(kind, tick, asked)
+        found = episode.answer(kind, tick, arguments)
         if found != value:
             wrong += 1
-            print(f"{episode.file.filename} tick {tick}: {question} {value}, here {found}")
+            print(f"{episode.file.filename} tick {tick}: {question} {value}, computed {found}")
         memory += not cameras
         answered = value if kind == "side" else [value] if kind == "held" and value else []
-        names = [name for name in [asked.get("object"), *answered] if name]
-        unseen = episode.unseen(cameras, tick, names)
-        if unseen:
+        names = [name for name in [arguments.get("object"), *answered] if name]
+        hidden = episode.find_hidden(cameras, tick, names)
+        if hidden:
             wrong += 1
-            print(f"{episode.file.filename} tick {tick}: {question} is about {unseen}, which is not visible")
-    print(f"{len(chosen)} of {len(rows)} rows answered again, {wrong} wrong, {memory} from memory;", ", ".join(f"{k} {n}" for k, n in sorted(counts.items())))
+            print(f"{episode.file.filename} tick {tick}: {question} is about {hidden}, which is not visible")
+    print(f"{len(chosen)} of {len(rows)} rows computed again, {wrong} wrong, {memory} from memory;", ", ".join(f"{k} {n}" for k, n in sorted(counts.items())))
     if wrong or not chosen:
         sys.exit(1)
 

@@ -1,9 +1,8 @@
-"""Reads an episode file with plain h5py, knowing nothing but the layout.
+"""Checks an episode file with plain h5py and the documented layout.
 
 Usage: check_episode.py FILE [EXPECTED.json]
-Exits with 0 when everything in the file is readable and consistent. With a
-second argument, numbers in the file are compared with those in the JSON file:
-{"dataset path": {"shape": [...], "sum": number, "first": [...]}}.
+Exit code 0 when the whole file is readable and consistent. With a second argument, compares
+data sets with the JSON file: {"dataset path": {"shape": [...], "sum": number}}.
 """
 
 import json
@@ -36,18 +35,18 @@ STREAMS = {
 problems = []
 
 
-def check(condition, words):
+def check(condition, text):
     if not condition:
-        problems.append(words)
+        problems.append(text)
 
 
 def dataset(data, count):
-    """One dataset: length, attributes, filters; reads every byte of it."""
+    """Checks length, attributes and filters of a dataset, and reads all of it."""
     name = data.name
     check(data.shape[0] == count, f"{name} has {data.shape[0]} samples, expected {count}")
-    check("units" in data.attrs, f"{name} has no units")
-    check("frame" in data.attrs, f"{name} has no frame")
-    check(data.compression in ("gzip", None), f"{name} needs {data.compression}")
+    check("units" in data.attrs, f"{name} lacks units")
+    check("frame" in data.attrs, f"{name} lacks a frame")
+    check(data.compression in ("gzip", None), f"{name} has the filter {data.compression}")
     if data.shape[0] == 0 or 0 in data.shape:
         return
     if len(data.shape) > 2 and data.chunks is not None and data.chunks[0] == 1:
@@ -61,11 +60,11 @@ def group(g):
     stamps = g["stamp_nanos"][...]
     sequence = g["sequence"][...]
     check(stamps.dtype == np.uint64, f"{g.name}/stamp_nanos is {stamps.dtype}")
-    check(bool(np.all(sequence[1:] > sequence[:-1])), f"{g.name}: sequence does not rise")
-    check(bool(np.all(stamps[1:] >= stamps[:-1])), f"{g.name}: stamps go back")
+    check(bool(np.all(sequence[1:] > sequence[:-1])), f"{g.name}: sequence does not increase")
+    check(bool(np.all(stamps[1:] >= stamps[:-1])), f"{g.name}: timestamps decrease")
     for key in ("expected", "received", "missed", "recovered"):
-        check(key in g.attrs, f"{g.name} has no attribute {key}")
-    check(int(g.attrs["received"]) == len(stamps), f"{g.name}: received is not the length")
+        check(key in g.attrs, f"{g.name} lacks the attribute {key}")
+    check(int(g.attrs["received"]) == len(stamps), f"{g.name}: received differs from the length")
     for data in g.values():
         dataset(data, len(stamps))
     return len(stamps)
@@ -74,9 +73,9 @@ def group(g):
 def main():
     file = h5py.File(sys.argv[1], "r")
     for name in ROOT:
-        check(name in file.attrs, f"no root attribute {name}")
-    check(isinstance(file.attrs["label"], str), "label is no str")
-    check(isinstance(file.attrs["complete"], np.bool_), "complete is no bool")
+        check(name in file.attrs, f"lacks the root attribute {name}")
+    check(isinstance(file.attrs["label"], str), "label is not a str")
+    check(isinstance(file.attrs["complete"], np.bool_), "complete is not a bool")
     received = 0
     for name, columns in STREAMS.items():
         g = file["streams"][name]
@@ -96,35 +95,35 @@ def main():
             check(g["depth"].dtype in (np.float32, np.uint16), f"{g.name}/depth")
             check(g["ids"].shape == (n, h, w) and g["ids"].dtype == np.uint16, f"{g.name}/ids")
             check(g["intrinsics"].shape == (n, 6) and g["pose"].shape == (n, 7), g.name)
-            told = g["intrinsics"].attrs
-            check(told.get("pixel_centre") == 0.5, f"{g.name}/intrinsics: where is a pixel's centre?")
-            check(told.get("convention", "").startswith("pixel edge"), f"{g.name}/intrinsics: no convention")
+            attributes = g["intrinsics"].attrs
+            check(attributes.get("pixel_centre") == 0.5, f"{g.name}/intrinsics: pixel_centre differs from 0.5")
+            check(attributes.get("convention", "").startswith("pixel edge"), f"{g.name}/intrinsics lack the convention")
     events = file["events"]
     for data in events.values():
         dataset(data, len(events["tick"]))
     kinds = [k.decode() for k in events["kind"][...]]
     check(kinds[0] == "started", f"the first event is {kinds[:1]}")
     received += sum(s == b"event" for s in events["source"][...])
-    check(int(file.attrs["samples_received"]) == received, "samples_received is not the sum")
+    check(int(file.attrs["samples_received"]) == received, "samples_received differs from the sum")
     json.loads(file["scenario/text"][()])
-    check(len(file["scenario/message"]) > 0, "no scenario message")
+    check(len(file["scenario/message"]) > 0, "the scenario message is empty")
     robot = file["robot"]
-    check(len(robot["message"]) > 0, "no description of the robot")
+    check(len(robot["message"]) > 0, "the description of the robot is empty")
     check(list(robot.attrs["joints"]) == list(file["streams/joint_state/position"].attrs["names"]), "joints of the robot")
     check(len(robot.attrs["arm_joints"]) == 6 and robot.attrs["arm_mount"].shape == (7,), "arm of the robot")
     initial = file["initial_state"]
-    check(initial["snapshot"].dtype == np.uint8, "the snapshot is no bytes")
+    check(initial["snapshot"].dtype == np.uint8, "the snapshot does not have bytes")
     check(len(initial["assets/path"]) == len(initial["assets/text"]), "assets")
     check(len(initial["instances/id"]) == len(initial["instances/name"]), "instances")
 
     if len(sys.argv) > 2:
         with open(sys.argv[2], encoding="utf-8") as text:
             expected = json.load(text)
-        for path, told in expected.items():
+        for path, expected_data in expected.items():
             data = file[path][...]
-            check(list(data.shape) == told["shape"], f"{path} has shape {data.shape}")
+            check(list(data.shape) == expected_data["shape"], f"{path} has shape {data.shape}")
             total = int(data.astype(np.uint64).sum() % 2**53)
-            check(total == told["sum"], f"{path} sums to {total}, expected {told['sum']}")
+            check(total == expected_data["sum"], f"{path} sums to {total}, expected {expected_data['sum']}")
     for problem in problems:
         print(problem)
     return 1 if problems else 0

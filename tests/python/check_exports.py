@@ -1,8 +1,8 @@
-"""Checks exported files with other people's libraries, knowing only the formats.
+"""Checks exported files with third-party libraries and the published formats.
 
 Usage: check_exports.py FORMAT PATH RECORDING.h5 [RECORDING.h5 …]
-FORMAT is wheelarm-sim, csv, lerobot, robomimic, mcap or aligned; numbers are
-compared with those in the recordings, which are read with h5py alone.
+FORMAT is wheelarm-sim, csv, lerobot, robomimic, mcap or aligned. Numbers are compared with the
+recordings, which are read with h5py alone.
 """
 
 import csv
@@ -31,26 +31,26 @@ FRAMES = "wheelchair shoulder bicep forearm spherical_wrist_1 spherical_wrist_2 
 CAMERAS = ("gen3", "wheelchair")
 
 
-def calibration(told, streams, size=None):
-    """Intrinsics beside pictures, scaled with them, with their convention."""
-    assert told["pixel_centre"] == 0.5 and told["convention"].startswith("pixel edge"), told
-    assert set(told["cameras"]) == set(CAMERAS)
+def check_calibration(stored, streams, size=None):
+    """Checks intrinsics, scaled to the size of the images, and their convention."""
+    assert stored["pixel_centre"] == 0.5 and stored["convention"].startswith("pixel edge"), stored
+    assert set(stored["cameras"]) == set(CAMERAS)
     for camera in CAMERAS:
         width, height, fx, fy, cx, cy = streams[f"camera/{camera}/intrinsics"][0]
         to = size or (width, height)
         scale = np.array([to[0] / width, to[1] / height])
-        found = told["cameras"][camera]
+        found = stored["cameras"][camera]
         assert (found["width"], found["height"]) == tuple(to), found
-        # The middle of the picture stays its middle, whatever its size.
-        wanted = np.concatenate([scale * [fx, fy], scale * [cx, cy]])
-        equal([found[k] for k in ("fx", "fy", "cx", "cy")], wanted, camera, 1e-9)
+        # Scaling keeps the relative position of the principal point.
+        expected = np.concatenate([scale * [fx, fy], scale * [cx, cy]])
+        equal([found[k] for k in ("fx", "fy", "cx", "cy")], expected, camera, 1e-9)
 
 
-def equal(a, b, words, tolerance=0.0):
+def equal(a, b, what, tolerance=0.0):
     a, b = np.asarray(a), np.asarray(b)
-    assert a.shape == b.shape, f"{words}: shape {a.shape}, expected {b.shape}"
+    assert a.shape == b.shape, f"{what}: shape {a.shape}, expected {b.shape}"
     worst = np.abs(a.astype(float) - b.astype(float)).max() if a.size else 0.0
-    assert worst <= tolerance, f"{words}: off by {worst}"
+    assert worst <= tolerance, f"{what}: error {worst}"
 
 
 def at_stamp(stream, stamp):
@@ -65,10 +65,10 @@ def by_label(recordings):
 
 
 def wheelarm_sim(path, recordings):
-    """The table of WheelArm-Sim's layout, name by name."""
+    """Checks WheelArm-Sim's layout, name by name."""
     for label, source in by_label(recordings).items():
         streams = source["streams"]
-        calibration(json.loads((path / f"{label}.cameras.json").read_text()), streams)
+        check_calibration(json.loads((path / f"{label}.cameras.json").read_text()), streams)
         height, width = streams["camera/gen3/rgb"].shape[1:3]
         with h5py.File(path / f"{label}.hdf5") as file:
             assert list(file) == ["data"], list(file)
@@ -111,14 +111,14 @@ def wheelarm_sim(path, recordings):
                 group = file["data"][name]
                 assert group["instructions"][()].decode() == source.attrs["instruction"]
                 for camera in CAMERAS:
-                    pictures = streams[f"camera/{camera}"]
+                    images = streams[f"camera/{camera}"]
                     stamp = group[f"processed_data_cameras_rgb_{camera}time"][()]
-                    i = at_stamp(pictures, round(stamp * 1e9))
+                    i = at_stamp(images, round(stamp * 1e9))
                     rgb = group[f"processed_data_cameras_rgb_{camera}"][...].astype(np.uint8)
-                    equal(rgb, pictures["rgb"][i].ravel(), camera)
+                    equal(rgb, images["rgb"][i].ravel(), camera)
                     depth = group[f"processed_data_cameras_depth_{camera}"][...].astype(np.uint8)
                     metres = depth.view("<f4")
-                    assert np.array_equal(metres, pictures["depth"][i].ravel()), camera
+                    assert np.array_equal(metres, images["depth"][i].ravel()), camera
                 for k, joint in enumerate(JOINTS):
                     stamp, position, velocity = group[f"processed_data_joint_state_{joint}"]
                     i = at_stamp(streams["joint_state"], round(stamp * 1e9))
@@ -131,19 +131,19 @@ def wheelarm_sim(path, recordings):
                     equal(pose[1:], streams["pose/pose"][i, k], frame)
                     velocity = group[f"processed_data_cartesian_velocity_{frame}"][1:]
                     equal(velocity, streams["pose/twist"][i, k, :3], frame)
-                wanted = group["processed_data_desired_pose"][...]
+                desired = group["processed_data_desired_pose"][...]
                 stamps = streams["applied/stamp_nanos"][...]
                 clock = round(group["processed_data_timesteps"][()] * 1e9)
                 i = int(np.searchsorted(stamps, clock, side="right")) - 1
                 pose = streams["applied/desired_pose"][i]
-                equal(wanted, np.concatenate([pose[:3] * 1e3, pose[3:]]), "desired pose")
+                equal(desired, np.concatenate([pose[:3] * 1e3, pose[3:]]), "desired pose")
             print(f"{label}: {len(names)} samples of 60 datasets")
 
 
 def png(path_or_bytes):
-    """Size, bits and colour type of a PNG from its header."""
+    """Size, bits and color type of a PNG from its header."""
     data = path_or_bytes if isinstance(path_or_bytes, bytes) else Path(path_or_bytes).read_bytes()
-    assert data[:8] == b"\x89PNG\r\n\x1a\n", "no PNG"
+    assert data[:8] == b"\x89PNG\r\n\x1a\n", "not a PNG"
     return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"), data[24], data[25]
 
 
@@ -158,7 +158,7 @@ def csv_table(path, recordings):
         with open(path / label / "final_data.csv", newline="", encoding="utf-8") as text:
             rows = list(csv.reader(text))
         assert rows[0] == header and len(header) == 117
-        calibration(json.loads((path / label / "cameras.json").read_text()), source["streams"])
+        check_calibration(json.loads((path / label / "cameras.json").read_text()), source["streams"])
         state = np.array([[float(v) for v in r[:113]] for r in rows[1:]])
         assert np.isfinite(state).all()
         assert {r[113] for r in rows[1:]} == {source.attrs["instruction"]}
@@ -181,43 +181,43 @@ def csv_table(path, recordings):
         at = len(state) // 2
         middle = {int(row[0]): np.array([float(v) for v in row]) for row in made[1:]}[at + 1]
         assert abs(middle[1] - state[at, 112]) < 1e-9
-        assert middle[41] == 0, "an error on purpose where none was made"
+        assert middle[41] == 0, "a deliberate error in an episode without one"
         equal(middle[29:41], next_pose(source, float(stamps[at + 1])), "action", 1e-5)
         height, width = streams["camera/gen3/rgb"].shape[1:3]
         for camera in CAMERAS:
-            for kind, bits, colour in (("rgb", 8, 2), ("depth", 8, 0), ("depth_mm", 16, 0)):
+            for kind, bits, color in (("rgb", 8, 2), ("depth", 8, 0), ("depth_mm", 16, 0)):
                 folder = path / label / f"{camera}_{kind}"
                 assert len(list(folder.iterdir())) == len(state), folder
                 found = png(folder / f"frame_{len(state)}.png")
-                assert found == (width, height, bits, colour), f"{folder}: {found}"
+                assert found == (width, height, bits, color), f"{folder}: {found}"
         print(f"{label}: {len(state)} rows of 117 columns")
 
 
 def next_pose(source, after):
-    """An action of the kind next-pose from the streams alone, for a robot whose
-    commander streams poses: tests/python knows nothing of how it was exported."""
+    """An action of the kind next-pose from the streams alone, for a robot whose commander streams
+    poses, independent of the export."""
     streams = source["streams"]
     ticks = streams["applied/stamp_nanos"][...].astype(float)
-    asked = int(np.searchsorted(ticks, after - 1000.0)) - 1
-    pose = streams["applied/desired_pose"][asked]
+    tick = int(np.searchsorted(ticks, after - 1000.0)) - 1
+    pose = streams["applied/desired_pose"][tick]
     x, y, z, w = pose[3:] / np.linalg.norm(pose[3:])
     first = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
     second = [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)]
-    left, right = streams["applied/wheel_velocity"][asked]
+    left, right = streams["applied/wheel_velocity"][tick]
     robot = source["robot"].attrs
     motion = [(left + right) / 2 * robot["wheel_radius"], (right - left) / robot["track"] * robot["wheel_radius"]]
-    knuckle = streams["applied/knuckle"][asked + 1]
+    knuckle = streams["applied/knuckle"][tick + 1]
     return np.concatenate([pose[:3], first, second, [knuckle], motion])
 
 
-def video(path, key, info, episode, exact, stamps):
-    """An episode's frames, decoded by ffmpeg, are the recorded pictures in order."""
+def check_video(path, key, info, episode, exact, stamps):
+    """Checks that an episode's frames, decoded by ffmpeg, are the recorded images in order."""
     place = {name: episode[f"videos/{key}/{name}"] for name in ("chunk_index", "file_index", "from_timestamp", "to_timestamp")}
     file = path / info["video_path"].format(video_key=key, **place)
     height, width, _ = info["features"][key]["shape"]
     ffmpeg = os.environ.get("WHEELARM_FFMPEG") or "ffmpeg"
-    asked = ["-loglevel", "error", "-i", file, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
-    raw = subprocess.run([ffmpeg, *asked], check=True, capture_output=True).stdout
+    arguments = ["-loglevel", "error", "-i", file, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run([ffmpeg, *arguments], check=True, capture_output=True).stdout
     frames = np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3)
     first, last = (round(place[f"{end}_timestamp"] * info["fps"]) for end in ("from", "to"))
     assert last - first == episode["length"] and last <= len(frames)
@@ -228,7 +228,7 @@ def video(path, key, info, episode, exact, stamps):
     decibel = 10 * np.log10(255**2 / np.maximum(noise, 1e-9))
     assert decibel.mean() >= 36 and decibel.min() >= 30, (key, decibel.mean(), decibel.min())
     still = ((frames[1:] - sources[:-1]) ** 2).mean(axis=(1, 2, 3))
-    assert still.mean() > 2 * noise.mean(), f"{key}: frames are one late as well"
+    assert still.mean() > 2 * noise.mean(), f"{key}: the frames also match the previous images"
 
 
 def lerobot(path, recordings):
@@ -237,11 +237,11 @@ def lerobot(path, recordings):
     info = json.loads((path / "meta/info.json").read_text())
     cameras = json.loads((path / "meta/cameras.json").read_text())
     shape = info["features"]["observation.images.gen3"]["shape"]
-    calibration(cameras, h5py.File(recordings[0])["streams"], (shape[1], shape[0]))
+    check_calibration(cameras, h5py.File(recordings[0])["streams"], (shape[1], shape[0]))
     assert info["codebase_version"] == "v3.0"
     assert info["robot_type"] == h5py.File(recordings[0])["robot"].attrs["name"]
-    told = h5py.File(recordings[0])["robot"].attrs["arm_joints"][0]
-    assert info["features"]["observation.state"]["names"][0] == f"{told}.position"
+    joint = h5py.File(recordings[0])["robot"].attrs["arm_joints"][0]
+    assert info["features"]["observation.state"]["names"][0] == f"{joint}.position"
     table = pq.read_table(sorted(path.glob("data/*/*.parquet")))
     features = info["features"]
     columns = {name for name, feature in features.items() if feature["dtype"] != "video"}
@@ -280,11 +280,11 @@ def lerobot(path, recordings):
             key = f"observation.images.{camera}"
             if features[key]["dtype"] == "video":
                 stamps = [round(column["simulation_time"][row] * 1e9) for row in rows]
-                video(path, key, info, episode, streams[f"camera/{camera}"], stamps)
+                check_video(path, key, info, episode, streams[f"camera/{camera}"], stamps)
                 continue
             for row in (rows[0], rows[-1]):
-                picture = table[key][row].as_py()
-                assert png(picture["bytes"]) == (shape[1], shape[0], 8, 2)
+                image = table[key][row].as_py()
+                assert png(image["bytes"]) == (shape[1], shape[0], 8, 2)
     stats = json.loads((path / "meta/stats.json").read_text())
     state = np.array(column["observation.state"])
     for name, found in (("min", state.min(0)), ("max", state.max(0)), ("mean", state.mean(0)), ("std", np.maximum(state.std(0), 0.01))):
@@ -328,24 +328,24 @@ def robomimic(path, recordings):
             equal(demo["actions_raw"][n // 2], next_pose(source, after), "action", 1e-5)
             assert not {"base_pos", "base_quat"} & set(demo["obs"]) and demo["states"].shape == (n, 27)
             equal(demo["privileged/base_pos"][n // 2], streams["pose/pose"][i, 0, :3], "chair", 1e-12)
-            demo.visititems(described)
-            one_frame(demo, source)
+            demo.visititems(check_attributes)
+            check_mimicgen(demo, source)
         size = data["demo_0/obs/gen3_image"].shape[2:0:-1]
-        calibration(json.loads(data.attrs["camera_calibration"]), source["streams"], size)
+        check_calibration(json.loads(data.attrs["camera_calibration"]), source["streams"], size)
         print(f"{len(data)} demos, {int(data.attrs['total'])} samples")
 
 
-def described(name, item):
-    """Every dataset but the sentence says its unit and its frame."""
+def check_attributes(name, item):
+    """Checks that every dataset except the sentence has a unit and a frame."""
     if isinstance(item, h5py.Dataset) and name != "instruction":
-        assert item.attrs["units"] and "frame" in item.attrs, f"{name} says no unit or frame"
+        assert item.attrs["units"] and "frame" in item.attrs, f"{name} lacks a unit or frame"
     if name.endswith("_image"):
         assert item.attrs["pixel_centre"] == 0.5 and item.attrs["convention"].startswith("pixel edge")
 
 
-def one_frame(demo, source):
-    """MimicGen's poses are all in the house, as a camera on the chair and one in
-    the hand saw it, and the hand holds what it holds."""
+def check_mimicgen(demo, source):
+    """Checks MimicGen's poses: all are in the house frame, consistent with the cameras on chair and
+    hand, and the held object is in the hand."""
     info = demo["datagen_info"]
     assert set(info["object_poses"]) == set(source.attrs["objects"])
     poses = [info["eef_pose"], info["target_pose"], *info["object_poses"].values()]
@@ -354,19 +354,19 @@ def one_frame(demo, source):
     hand, target = info["eef_pose"][...], info["target_pose"][...]
     turn = hand[:, :3, :3]
     equal(turn @ np.transpose(turn, (0, 2, 1)), np.broadcast_to(np.eye(3), turn.shape), "rotation", 1e-9)
-    # The wrist camera is fixed to the hand, and nobody computed its pose from joints.
+    # The wrist camera is fixed to the hand; its pose is recorded, not computed from joints.
     camera = source["streams/camera/gen3"]
     stamps = np.round(demo["simulation_time"][...] * 1e9).astype(np.uint64)
-    picture = np.array([at_stamp(camera, s) for s in stamps])
-    seen = np.einsum("nji,nj->ni", turn, camera["pose"][...][picture, :3] - hand[:, :3, 3])
-    worst = np.linalg.norm(seen - seen[0], axis=1).max()
+    index = np.array([at_stamp(camera, s) for s in stamps])
+    in_hand = np.einsum("nji,nj->ni", turn, camera["pose"][...][index, :3] - hand[:, :3, 3])
+    worst = np.linalg.norm(in_hand - in_hand[0], axis=1).max()
     assert worst < 2e-4, f"the wrist camera moves by {worst} m on the hand"
     off = np.linalg.norm(target[:, :3, 3] - hand[:, :3, 3], axis=1).max()
     assert off < 0.1, f"the target is {off} m away from the hand"
     held = source.attrs["task"].removeprefix("pick_")
     if bool(source.attrs["success"]) and held in info["object_poses"]:
-        thing = info[f"object_poses/{held}"][-1, :3, 3]
-        apart = np.linalg.norm(thing - hand[-1, :3, 3])
+        position = info[f"object_poses/{held}"][-1, :3, 3]
+        apart = np.linalg.norm(position - hand[-1, :3, 3])
         assert apart < 0.3, f"{held} is held {apart:.2f} m away from the hand"
         print(f"{demo.attrs['label']}: {held} in the hand at {apart:.3f} m, camera on the hand within {1e3 * worst:.3f} mm")
 
@@ -382,7 +382,7 @@ def mcap(path, recordings):
             attached = {a.name: a.data.decode() for a in reader.iter_attachments()}
             metadata = {m.name: m.metadata for m in reader.iter_metadata()}
             for schema, channel, message in reader.iter_messages():
-                assert message.log_time >= last, "not in the order of time"
+                assert message.log_time >= last, "not in order of time"
                 last = message.log_time
                 counts[channel.topic] = counts.get(channel.topic, 0) + 1
                 if schema.encoding == "ros2msg":
@@ -427,7 +427,7 @@ def mcap(path, recordings):
         truth = streams["camera/gen3/depth"][i]
         near = np.isfinite(truth) & (truth < 60)
         equal(metres[near], truth[near], "depth", 0.000501)
-        assert first["/camera/gen3/rgb"][1].data[:2] == b"\xff\xd8", "no JPEG"
+        assert first["/camera/gen3/rgb"][1].data[:2] == b"\xff\xd8", "not a JPEG"
         for camera in CAMERAS:
             stamp, image = first[f"/camera/{camera}/ids"]
             i = at_stamp(streams[f"camera/{camera}"], stamp)
@@ -436,71 +436,70 @@ def mcap(path, recordings):
             equal(ids, streams[f"camera/{camera}/ids"][i], "ids")
             k = first[f"/camera/{camera}/calibration"][1].K
             width, height, fx, fy, cx, cy = streams[f"camera/{camera}/intrinsics"][0]
-            # Half a pixel less: these readers count from the first pixel's centre.
+            # Minus half a pixel: these readers count from the centre of the first pixel.
             equal(k, [fx, 0, cx - 0.5, 0, fy, cy - 0.5, 0, 0, 1], "K")
             equal(np.array(first[f"/camera/{camera}/calibration"][1].P)[[2, 6]], [cx - 0.5, cy - 0.5], "P")
         assert metadata["camera_calibration"]["convention"].startswith("pixel centre")
         legend = dict(zip(source["initial_state/instances/id"][...], source["initial_state/instances/name"].asstr()[...]))
         assert metadata["instance_ids"] == {str(i): name for i, name in legend.items()}
-        contact(path / f"{label}.mcap", types, streams)
-        tree = robot(transforms, streams, attached, description)
+        check_contacts(path / f"{label}.mcap", types, streams)
+        tree = check_robot(transforms, streams, attached, description)
         print(f"{label}: {sum(counts.values())} messages on {len(counts)} topics, {foxglove(first)} compared with Foxglove's schemas; {tree}")
 
 
-def contact(path, types, streams):
-    """Contacts as the recording's columns have them."""
+def check_contacts(path, types, streams):
+    """Compares contacts with the columns of the recording."""
     from mcap.reader import make_reader
 
     touching = 0
     with open(path, "rb") as stream:
         for i, (schema, _, message) in enumerate(make_reader(stream).iter_messages(topics=["/contact"])):
-            told = types[schema.id].FromString(message.data)
+            decoded = types[schema.id].FromString(message.data)
             assert message.log_time == streams["contact/stamp_nanos"][i]
-            equal(told.pad_forces, streams["contact/pad_force"][i], "pad force")
+            equal(decoded.pad_forces, streams["contact/pad_force"][i], "pad force")
             pairs = json.loads(streams["contact/pairs"][i])
-            assert [[c.first, c.second] for c in told.contacts] == pairs
+            assert [[c.first, c.second] for c in decoded.contacts] == pairs
             touching += len(pairs)
-            for k, c in enumerate(told.contacts):
+            for k, c in enumerate(decoded.contacts):
                 equal([c.force.x, c.force.y, c.force.z], streams["contact/force"][i, k], "force")
                 equal([c.point.x, c.point.y, c.point.z], streams["contact/point"][i, k], "point")
-    assert touching > 0, "nothing touched anything"
+    assert touching > 0, "the recording has no contact"
 
 
-def robot(transforms, streams, attached, description):
-    """One tree from the house to every link of the robot, which puts the links
-    where the recording has them; a description that names the same links and
-    needs no file."""
+def check_robot(transforms, streams, attached, description):
+    """Checks that the frames are one tree from the house to every link of the robot, with the recorded
+    poses, and that the description names the same links and needs no file."""
     import xml.etree.ElementTree as xml
 
     parents = {}
-    for child, told in transforms.items():
-        found = {t.parent_frame_id for _, t in told}
-        assert len(found) == 1, f"{child} hangs on {found}"
+    for child, samples in transforms.items():
+        found = {t.parent_frame_id for _, t in samples}
+        assert len(found) == 1, f"{child} has the parents {found}"
         parents[child] = found.pop()
     for child in parents:
         up, steps = child, 0
         while up != "house":
-            assert up in parents and steps < 50, f"{child} does not hang on the house but on {up}"
+            assert up in parents and steps < 50, f"{child} is below {up}, not below the house"
             up, steps = parents[up], steps + 1
     (urdf,) = (text for name, text in attached.items() if name.endswith(".urdf"))
-    recorded, drawn = xml.fromstring(urdf), xml.fromstring(description)
+    recorded, shown = xml.fromstring(urdf), xml.fromstring(description)
     links = {link.get("name") for link in recorded.iter("link")}
-    assert links == {link.get("name") for link in drawn.iter("link")} and links <= set(parents)
+    assert links == {link.get("name") for link in shown.iter("link")} and links <= set(parents)
     for link in ("back_left_wheel", "front_right_wheel", "robotiq_85_left_finger_tip_link", "robotiq_85_right_inner_knuckle_link"):
         assert link in links, link
-    hangs = {j.find("child").get("link"): j.find("parent").get("link") for j in recorded.iter("joint")}
-    assert all(parents[child] == parent for child, parent in hangs.items()), "a viewer would find two parents"
-    assert not list(drawn.iter("mesh")), "a mesh that is not in the file"
-    shapes = sum(len(link.findall("visual")) for link in drawn.iter("link"))
+    parent_of = {j.find("child").get("link"): j.find("parent").get("link") for j in recorded.iter("joint")}
+    assert all(parents[child] == parent for child, parent in parent_of.items()), "a link has two parents"
+    assert not list(shown.iter("mesh")), "a mesh outside the file"
+    shapes = sum(len(link.findall("visual")) for link in shown.iter("link"))
 
-    def place(frame, stamp):
-        """Pose of a frame in the house: rotation, position."""
+    def pose_in_house(frame, stamp):
+        """Pose of a frame in the house: position, rotation."""
         turn, at = np.array([0, 0, 0, 1.0]), np.zeros(3)
         while frame != "house":
-            told = [t for s, t in transforms[frame] if s == stamp] or [transforms[frame][0][1]]
-            q, p = told[0].rotation, told[0].translation
+            found = [t for s, t in transforms[frame] if s == stamp] or [transforms[frame][0][1]]
+            q, p = found[0].rotation, found[0].translation
             q = np.array([q.x, q.y, q.z, q.w])
-            at, turn = turned(q, at) + [p.x, p.y, p.z], product(q, turn)
+            at, turn = rotate(q, at) + [p.x, p.y, p.z], multiply(q, turn)
             frame = parents[frame]
         return at, turn
 
@@ -511,24 +510,24 @@ def robot(transforms, streams, attached, description):
     worst = [0.0, 0.0]
     stamps = streams["pose/stamp_nanos"][...]
     for i in range(0, len(stamps), max(1, len(stamps) // 40)):
-        chair, base = place("wheelchair_root", stamps[i]), place("base_link", stamps[i])
+        chair, base = pose_in_house("wheelchair_root", stamps[i]), pose_in_house("base_link", stamps[i])
         equal(chair[0], streams["pose/pose"][i, names.index("wheelchair"), :3], "chair", 1e-12)
         for name, link in frames.items():
-            told = streams["pose/pose"][i, names.index(name)]
-            at, turn = place(link, stamps[i])
-            off = np.linalg.norm(at - base[0] - turned(base[1], told[:3]))
-            angle = 2 * np.linalg.norm(product(turn * [-1, -1, -1, 1], product(base[1], told[3:]))[:3])
+            expected = streams["pose/pose"][i, names.index(name)]
+            at, turn = pose_in_house(link, stamps[i])
+            off = np.linalg.norm(at - base[0] - rotate(base[1], expected[:3]))
+            angle = 2 * np.linalg.norm(multiply(turn * [-1, -1, -1, 1], multiply(base[1], expected[3:]))[:3])
             worst = [max(worst[0], off), max(worst[1], angle)]
-    assert worst[0] < 1e-4 and worst[1] < 1e-4, f"links are off by {worst[0]} m, {worst[1]} rad"
-    # The wrist camera hangs on the hand by the description alone.
-    at, _ = place("camera_color_frame", streams["camera/gen3/stamp_nanos"][-1])
-    seen = np.linalg.norm(at - streams["camera/gen3/pose"][-1, :3])
-    assert seen < 2e-4, f"the wrist camera is off by {seen} m"
-    return f"{len(parents)} frames, links within {1e3 * worst[0]:.3f} mm, {np.degrees(worst[1]):.5f} deg, {shapes} solids drawn"
+    assert worst[0] < 1e-4 and worst[1] < 1e-4, f"links have an error of {worst[0]} m, {worst[1]} rad"
+    # The pose of the wrist camera on the hand follows from the description alone.
+    at, _ = pose_in_house("camera_color_frame", streams["camera/gen3/stamp_nanos"][-1])
+    off = np.linalg.norm(at - streams["camera/gen3/pose"][-1, :3])
+    assert off < 2e-4, f"the wrist camera has an error of {off} m"
+    return f"{len(parents)} frames, links within {1e3 * worst[0]:.3f} mm, {np.degrees(worst[1]):.5f} deg, {shapes} solids"
 
 
 def foxglove(first):
-    """Compares our messages' fields with Foxglove's published ones."""
+    """Compares the fields of our messages with Foxglove's published ones."""
     import importlib
 
     done = set()
@@ -545,7 +544,7 @@ def foxglove(first):
 
 
 def cubic(rows, time, values, slopes):
-    """The cubics through the samples with their slopes per second."""
+    """Cubic interpolation of samples with their slopes per second."""
     i = np.clip(np.searchsorted(time, rows, side="right") - 1, 0, len(time) - 2)
     span = ((time[i + 1] - time[i]) * 1e-9)[:, None]
     s = np.clip((rows.astype("f8") - time[i])[:, None] * 1e-9 / span, 0, 1)
@@ -554,33 +553,33 @@ def cubic(rows, time, values, slopes):
             + span * (slopes[i] * s * (1 - s) ** 2 + slopes[i + 1] * s**2 * (s - 1)))
 
 
-def turned(q, v):
-    """Vectors turned by unit quaternions x y z w."""
+def rotate(q, v):
+    """Rotates vectors by unit quaternions x y z w."""
     t = 2 * np.cross(q[..., :3], v)
     return v + q[..., 3:] * t + np.cross(q[..., :3], t)
 
 
-def product(a, b):
+def multiply(a, b):
     vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
     return np.concatenate([vector, a[..., 3:] * b[..., 3:] - (a[..., :3] * b[..., :3]).sum(-1, keepdims=True)], -1)
 
 
-def rigid(file):
-    """The chair's pose beside that of the camera on it, which every picture
-    carries and nobody interpolated: one stays fixed in the other."""
+def check_rigid(file):
+    """Checks that the interpolated pose of the chair and the recorded pose of the camera on it are
+    fixed to each other."""
     camera = file["streams/camera/wheelchair"]
     same = (camera["stamp_nanos"][...] == file["stamp_nanos"][...]) & file["streams/pose/valid"][...].astype(bool)
     names = list(file["streams/pose/pose"].attrs["names"])
     chair = file["streams/pose/pose"][...][same, names.index("wheelchair")]
     camera, age = camera["pose"][...][same], file["streams/pose/age_nanos"][...][same]
     back = chair[:, 3:] * [-1, -1, -1, 1]
-    place = turned(back, camera[:, :3] - chair[:, :3])
-    turn = product(back, camera[:, 3:])
+    place = rotate(back, camera[:, :3] - chair[:, :3])
+    turn = multiply(back, camera[:, 3:])
     sampled = np.flatnonzero(age == 0)[0]
     off = np.linalg.norm(place - place[sampled], axis=1).max()
-    angle = 2 * np.linalg.norm(product(turn, turn[sampled] * [-1, -1, -1, 1])[:, :3], axis=1).max()
-    assert off < 1e-4, f"the chair is off its camera by {off} m"
-    assert angle < np.radians(0.01), f"the chair is off its camera by {np.degrees(angle)} deg"
+    angle = 2 * np.linalg.norm(multiply(turn, turn[sampled] * [-1, -1, -1, 1])[:, :3], axis=1).max()
+    assert off < 1e-4, f"the chair moves by {off} m against its camera"
+    assert angle < np.radians(0.01), f"the chair rotates by {np.degrees(angle)} deg against its camera"
     print(f"chair against its camera: {1e3 * off:.4f} mm, {np.degrees(angle):.5f} deg; {(age > 0).sum()} rows between samples")
 
 
@@ -606,10 +605,10 @@ def aligned(path, recordings):
                 elif name in ("joint_state/position", "imu/linear_acceleration"):
                     truth = np.stack([np.interp(stamps, time, c) for c in values.T], axis=1)
                     equal(found[valid], truth[valid], name, 1e-9)
-            rigid(file)
+            check_rigid(file)
             for camera in CAMERAS:
-                told = file[f"streams/camera/{camera}/intrinsics"].attrs
-                assert told["pixel_centre"] == 0.5 and told["convention"].startswith("pixel edge")
+                attributes = file[f"streams/camera/{camera}/intrinsics"].attrs
+                assert attributes["pixel_centre"] == 0.5 and attributes["convention"].startswith("pixel edge")
                 for kind in ("rgb", "depth", "ids"):
                     equal(file[f"streams/camera/{camera}/{kind}"][7], streams[f"camera/{camera}/{kind}"][7], kind)
         print(f"{Path(recording).stem}: {len(stamps)} rows")

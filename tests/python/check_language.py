@@ -1,8 +1,8 @@
-"""Checks the language columns of a LeRobot export against LeRobot 0.6's own rules.
+"""Checks the language columns of a LeRobot export by the rules of LeRobot 0.6.
 
-The rules are those of lerobot/datasets/language.py: persistent rows stand in every
-frame of their episode, with times of frames; rows that are about a view name a
-camera's feature, the others none; styles belong to one of the two columns.
+The rules are those of lerobot/datasets/language.py: persistent rows are in every frame of their
+episode, with times of frames; rows about a view name the feature of a camera, the others none;
+each style belongs to one of the two columns.
 
 Usage: check_language.py DATASET
 """
@@ -31,21 +31,21 @@ def main(folder):
         always = own[0]["language_persistent"]
         times = {row["timestamp"] for row in own}
         assert all(row["language_persistent"] == always for row in own)
-        for said in always:
-            assert list(said) == FIELDS and said["style"] in PERSISTENT, said
-            assert said["camera"] is None and said["timestamp"] in times, said
-            assert said["role"] == "assistant" and said["content"]
-        steps = [said["content"] for said in always if said["style"] == "subtask"]
+        for entry in always:
+            assert list(entry) == FIELDS and entry["style"] in PERSISTENT, entry
+            assert entry["camera"] is None and entry["timestamp"] in times, entry
+            assert entry["role"] == "assistant" and entry["content"]
+        steps = [entry["content"] for entry in always if entry["style"] == "subtask"]
         assert len(steps) >= 3, steps
         for row in own:
-            asked = [said for said in row["language_events"] if said["style"] == "vqa"]
-            assert [said["role"] for said in asked] == ["user", "assistant"] * (len(asked) // 2)
-            for said in row["language_events"]:
-                assert list(said) == [f for f in FIELDS if f != "timestamp"], said
-                assert said["style"] in EVENTS and said["camera"] in cameras, said
-                counts[said["style"]] = counts.get(said["style"], 0) + 1
-                if said["style"] == "trace":
-                    assert all(len(point) == 2 for point in json.loads(said["content"]))
+            questions = [entry for entry in row["language_events"] if entry["style"] == "vqa"]
+            assert [entry["role"] for entry in questions] == ["user", "assistant"] * (len(questions) // 2)
+            for entry in row["language_events"]:
+                assert list(entry) == [f for f in FIELDS if f != "timestamp"], entry
+                assert entry["style"] in EVENTS and entry["camera"] in cameras, entry
+                counts[entry["style"]] = counts.get(entry["style"], 0) + 1
+                if entry["style"] == "trace":
+                    assert all(len(point) == 2 for point in json.loads(entry["content"]))
     assert set(counts) == EVENTS, counts
     print(f"{len(rows)} rows:", ", ".join(f"{k} {n}" for k, n in sorted(counts.items())))
 

@@ -1,12 +1,11 @@
-"""A checkpoint of LeRobot, small and with random weights, is served: as many rows as it
-answers, in the data's own units, the same as LeRobot answers itself; each episode has its
-own history; and nothing is fetched.
+"""Checks `wheelarm.lerobot_policy` with small LeRobot checkpoints with random weights: the rows
+equal LeRobot's own, in the units of the data; each episode has its own history; and nothing is
+downloaded.
 
     PYTHONPATH=client/python/src python check_lerobot_policy.py [FOLDER]
 
-Leaves an ACT checkpoint in FOLDER/act and diffusion policies in FOLDER/diffusion and
-FOLDER/ddim, which answers about several episodes together, for
-`wheelarm evaluate --policy lerobot:FOLDER/act`.
+Writes an ACT checkpoint to FOLDER/act and diffusion policies to FOLDER/diffusion and FOLDER/ddim
+(the latter allows batches), for `wheelarm evaluate --policy lerobot:FOLDER/act`.
 """
 
 import json
@@ -55,7 +54,7 @@ def configuration(kind):
 
 
 def save(kind, folder):
-    """A policy as `lerobot-train` saves one."""
+    """Saves a policy in the format of `lerobot-train`."""
     torch.manual_seed(7)
     config = configuration(kind)
     random = np.random.default_rng(7)
@@ -73,39 +72,39 @@ def save(kind, folder):
     before, after = make_pre_post_processors(config, dataset_stats=statistics)
     before.save_pretrained(folder)
     after.save_pretrained(folder)
-    # A checkpoint of lerobot-train names weights that LeRobot would fetch once more.
-    told = json.loads((folder / "config.json").read_text())
-    told["pretrained_backbone_weights"] = "ResNet18_Weights.IMAGENET1K_V1"
-    (folder / "config.json").write_text(json.dumps(told))
+    # Checkpoints of lerobot-train name weights that LeRobot would download again.
+    configuration_json = json.loads((folder / "config.json").read_text())
+    configuration_json["pretrained_backbone_weights"] = "ResNet18_Weights.IMAGENET1K_V1"
+    (folder / "config.json").write_text(json.dumps(configuration_json))
     return network, before, after
 
 
 def observation(seed, tick, history):
     random = np.random.default_rng(1000 * seed + tick)
-    pictures = [
+    images = [
         {name: random.integers(0, 256, (*size, 3), np.uint8) for name, size in CAMERAS.items()} for _ in range(history)
     ]
     return Observation(
         episode_key=f"run-{seed}", seed=seed, first=tick == 0, tick=tick, instruction="Take the mug",
-        states=random.normal(size=(history, STATE)), pictures=pictures, depths=[{} for _ in range(history)],
+        states=random.normal(size=(history, STATE)), images=images, depths=[{} for _ in range(history)],
     )  # fmt: skip
 
 
-def theirs(network, before, after, seen):
-    """What LeRobot does in an environment, step by step: `select_action` with its queues."""
-    torch.manual_seed((seen.seed * 1_000_003 + seen.tick) % 2**63)
+def lerobot_rows(network, before, after, observed):
+    """Rows of LeRobot in an environment, step by step: `select_action` with its queues."""
+    torch.manual_seed((observed.seed * 1_000_003 + observed.tick) % 2**63)
     network.reset()
     network.eval()
     rows = []
-    steps = len(seen.states)
+    steps = len(observed.states)
     with torch.inference_mode():
         for i in range(steps):
-            item = {"task": seen.instruction, "observation.state": torch.from_numpy(seen.states[i].astype(np.float32))}
-            for name, picture in seen.pictures[i].items():
-                item[f"observation.images.{name}"] = torch.from_numpy(picture.transpose(2, 0, 1).copy()).float() / 255
+            item = {"task": observed.instruction, "observation.state": torch.from_numpy(observed.states[i].astype(np.float32))}
+            for name, image in observed.images[i].items():
+                item[f"observation.images.{name}"] = torch.from_numpy(image.transpose(2, 0, 1).copy()).float() / 255
             batch = {k: v for k, v in before(item).items() if v is not None}
             if i + 1 < steps:
-                # The queue is filled before the first answer.
+                # Fills the queue before the first action.
                 fill(network, batch)
         rows.append(after(network.select_action(batch)))
         for _ in range(3):
@@ -128,26 +127,26 @@ def check(kind, folder):
     served = Checkpoint(folder, 10.0, "cpu", 4)
     spec = served.spec()
     history = 1 if kind == "act" else 2
-    assert served.answers_together == (kind != "diffusion")
+    assert served.can_batch == (kind != "diffusion")
     assert (spec.history, spec.rate_hz, spec.action) == (history, 10.0, v1.POLICY_ACTION_NEXT_POSE), spec
     assert {c.name: (c.height, c.width) for c in spec.cameras} == CAMERAS, spec
     assert len(spec.weights_sha256) == 64 and 1 <= spec.execute <= spec.chunk
-    seen = [observation(seed, 24 * seed, history) for seed in (3, 4)]
-    both = served.infer(seen)
-    for observed, rows in zip(seen, both, strict=True):
+    observations = [observation(seed, 24 * seed, history) for seed in (3, 4)]
+    both = served.infer(observations)
+    for observed, rows in zip(observations, both, strict=True):
         assert rows.shape[1] == ACTION and rows.shape[0] >= spec.execute, rows.shape
-        wanted = theirs(*own, observed)
-        count = len(wanted)
-        off = np.abs(rows[:count] - wanted).max()
-        print(f"{kind}: {rows.shape[0]} rows, {off:.1e} off LeRobot's own")
-        assert off < 1e-5, (rows[:count], wanted)
-    again = served.infer(seen[::-1])[::-1]
+        expected = lerobot_rows(*own, observed)
+        count = len(expected)
+        off = np.abs(rows[:count] - expected).max()
+        print(f"{kind}: {rows.shape[0]} rows, difference to LeRobot {off:.1e}")
+        assert off < 1e-5, (rows[:count], expected)
+    again = served.infer(observations[::-1])[::-1]
     for one, other in zip(both, again, strict=True):
-        assert np.abs(one - other).max() < 1e-5, "an answer depends on who was asked about before, or together"
-    alone = [served.infer([one])[0] for one in seen]
-    again = [served.infer([one])[0] for one in seen[::-1]][::-1]
+        assert np.abs(one - other).max() < 1e-5, "rows depend on earlier observations, or on the batch"
+    alone = [served.infer([one])[0] for one in observations]
+    again = [served.infer([one])[0] for one in observations[::-1]][::-1]
     for one, other in zip(alone, again, strict=True):
-        assert np.array_equal(one, other), "an answer depends on who was asked about before"
+        assert np.array_equal(one, other), "rows depend on earlier observations"
 
 
 def main():

@@ -16,8 +16,8 @@ sys.path.insert(0, str(ROOT / "assets/tools/people"))
 import reader  # noqa: E402
 from chair import Chair, depth  # noqa: E402
 
-# Who must be there: stature, m, and mass, kg. [published anthropometry, rounded]
-WANTED = {
+# Required people: stature, m, and mass, kg. [published anthropometry, rounded]
+REQUIRED = {
     "woman_p5": (1.52, 50),
     "woman_p50": (1.63, 64),
     "man_p50": (1.755, 77),
@@ -27,8 +27,8 @@ WANTED = {
 }
 TRIANGLES = 6000
 BYTES = 6_000_000
-# How deep a vertex may lie in the chair, m: hands and forearms; flesh in seat and back
-# upholstery (2.5 and 1.2 cm are meant, corners go deeper); anything else.
+# Largest depth of a vertex in the chair, m: hands and forearms; the body in the upholstery of
+# seat and back (2.5 and 1.2 cm are intended, corners are deeper); other parts.
 HANDS, UPHOLSTERY, ELSEWHERE = 0.010, 0.045, 0.022
 # Joint ranges of healthy adults, degrees. [textbook values, rounded up]
 ELBOW, KNEE, HIP, WRIST, FOREARM, FINGER = 150, 130, 115, 45, 95, 100
@@ -65,7 +65,7 @@ def volume(points, triangles):
 
 
 def closed(points, triangles):
-    """The mesh with a fan over every hole."""
+    """The mesh with every hole closed by a fan."""
     edges = {}
     for face in triangles:
         for k in range(3):
@@ -78,14 +78,14 @@ def closed(points, triangles):
         while at in onward:
             ring.append(at)
             at = onward.pop(at)
-        assert at == start, "the clothes' rim does not close"
+        assert at == start, "the rim of the clothes is not closed"
         points.append(np.mean([points[k] for k in ring], axis=0))
         triangles += [[ring[k - 1], ring[k], len(points) - 1] for k in range(len(ring))]
     return np.array(points), np.array(triangles)
 
 
 def samples(points, triangles):
-    """Points all over triangles, at most about 1 cm apart where triangles are small."""
+    """Points on triangles; for small triangles at most about 1 cm apart."""
     corner, steps = points[triangles], 6
     return np.concatenate(
         [
@@ -107,7 +107,7 @@ def check_mesh(name, asset):
     assert asset.parents[0] == -1 and asset.parents.count(-1) == 1, f"{name}: one root"
     assert np.abs(asset.inverse_bind + asset.rest).max() < 1e-5, f"{name}: inverse bind"
     still = {"root": asset.rest[0], "joints": {}}
-    points, _ = reader.skinned(asset, *reader.pose(asset, still))
+    points, _ = reader.skin(asset, *reader.pose(asset, still))
     assert np.abs(points - asset.points).max() < 1e-5, f"{name}: skinning at rest moves the mesh"
     lengths = np.linalg.norm(asset.normals, axis=1)
     assert np.abs(lengths - 1).max() < 1e-4, f"{name}: normals"
@@ -116,7 +116,7 @@ def check_mesh(name, asset):
     assert (np.linalg.norm(face, axis=1) > 1e-10).all(), f"{name}: a triangle without area"
     outward = np.einsum("ij,ij->i", face, asset.normals[asset.triangles].sum(axis=1)) > 0
     assert outward.mean() > 0.97, f"{name}: {outward.mean():.2f} of the triangles face outwards"
-    # Left and right are named as they lie.
+    # The names of left and right match the positions.
     for joint, at in zip(asset.joints, asset.rest):
         side = 1 if joint.startswith("left") else -1 if joint.startswith("right") else 0
         assert side * at[1] > 0.005 if side else abs(at[1]) < 0.006, (name, joint, at)
@@ -124,17 +124,17 @@ def check_mesh(name, asset):
 
 def check_size(name, asset):
     facts = asset.facts
-    if name in WANTED:
-        stature, mass = WANTED[name]
+    if name in REQUIRED:
+        stature, mass = REQUIRED[name]
         assert abs(facts["stature"] - stature) < 0.01, (name, facts["stature"])
         assert abs(facts["mass"] / mass - 1) < 0.02, (name, facts["mass"])
     shoes = np.ptp(asset.points[:, 2]) - facts["stature"]
     assert 0 < shoes < 0.05, f"{name}: shoes and hair add {shoes:.3f} m to the stature"
-    # Clothes have the body's volume less head and hands (about a tenth) and their own.
+    # Clothes enclose the body without head and hands (about a tenth), plus their own volume.
     worn = [asset.materials.index(m) for m in ("shirt", "sleeves", "trousers", "shoes")]
     clothes = closed(asset.points, asset.triangles[np.isin(asset.labels, worn)])
     shown = 1010 * volume(*clothes) / facts["mass"]
-    assert 0.93 < shown < 1.22, f"{name}: what the clothes hold has {shown:.2f} of the mass"
+    assert 0.93 < shown < 1.22, f"{name}: the volume of the clothes has {shown:.2f} of the mass"
     box, head = facts["head_box"], asset.rest[asset.joints.index("head")]
     main = np.array(asset.joints)[asset.weights.argmax(axis=1)]
     inside = np.abs(asset.points[np.isin(main, ["head", "jaw"])] - head - box["at"])
@@ -143,23 +143,23 @@ def check_size(name, asset):
 
 
 def check_mouth(name, asset):
-    """The jaw opens the mouth, and moves nothing but the face's lower half."""
+    """The jaw opens the mouth, and moves only the lower half of the face."""
     motion = asset.facts["head_motion"]
     turn = {"jaw": reader.rotation([0, motion["jaw_open"], 0])}
     still = {"root": asset.rest[0], "joints": {}}
-    points, _ = reader.skinned(asset, *reader.pose(asset, still, turn))
+    points, _ = reader.skin(asset, *reader.pose(asset, still, turn))
     moved = np.linalg.norm(points - asset.points, axis=1)
     head = asset.rest[asset.joints.index("head")]
     mark = asset.facts["landmark"]
     assert 0.02 < motion["mouth_gap"] < 0.05, (name, motion["mouth_gap"])
     assert set(mark) == LANDMARKS, name
     upper = head + mark["upper_lip"]["at"]
-    assert moved[asset.points[:, 2] > upper[2] + 0.03].max() < 0.012, f"{name}: the jaw moves more"
-    assert moved.max() > 0.02, f"{name}: the mouth stays shut"
+    assert moved[asset.points[:, 2] > upper[2] + 0.03].max() < 0.012, f"{name}: the jaw moves the upper half of the face"
+    assert moved.max() > 0.02, f"{name}: the mouth stays closed"
     for lip in ("upper_lip", "lower_lip", "nose", "chin"):
         joint = asset.rest[asset.joints.index(mark[lip]["joint"])]
         gap = np.linalg.norm(asset.points - joint - mark[lip]["at"], axis=1).min()
-        assert gap < 0.008, f"{name}: {lip} lies {gap * 1e3:.0f} mm off the mesh"
+        assert gap < 0.008, f"{name}: {lip} is {gap * 1e3:.0f} mm from the mesh"
     assert abs(sum(motion["shares"]) - 1) < 1e-9
 
 
@@ -175,7 +175,7 @@ def check_limits(name, asset, posture, rotations, at):
             place(f"{side}_{j}") for j in ("upper_arm", "forearm", "hand", "middle_1")
         )
         hip, knee, foot = (place(f"{side}_{j}") for j in ("thigh", "shank", "foot"))
-        # At rest the hand follows the forearm but for a few degrees.
+        # At rest the hand is aligned with the forearm within a few degrees.
         found = {
             "elbow": (angle(elbow - shoulder, wrist - elbow), ELBOW),
             "wrist": (angle(wrist - elbow, knuckle - wrist), WRIST),
@@ -190,15 +190,15 @@ def check_limits(name, asset, posture, rotations, at):
             abs(np.degrees(2 * np.arctan2(vector @ axis / 2, (1 + np.trace(turn)) / 2))),
             FOREARM,
         )
-        told = asset.postures[posture]["joints"]
+        stored = asset.postures[posture]["joints"]
         for joint in asset.joints:
             if joint.startswith(side) and re.search("thumb|index|middle|ring|little", joint):
-                bend = np.degrees(np.linalg.norm(told.get(joint, [0.0])))
+                bend = np.degrees(np.linalg.norm(stored.get(joint, [0.0])))
                 found[joint] = (bend, FINGER)
         for what, (value, most) in found.items():
             assert value <= most, f"{name}, {posture}: {side} {what} {value:.0f} degrees"
         assert elbow[2] < shoulder[2], f"{name}, {posture}: {side} elbow above the shoulder"
-        # Hands lie on their own side, or in the middle of the lap.
+        # Hands are on their own side, or in the middle of the lap.
         assert sign * wrist[1] > 0.02, f"{name}, {posture}: {side} wrist at {wrist}"
     head = own("spine_5").T @ own("head")
     roll, pitch, yaw = rpy(head)
@@ -233,8 +233,8 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
     assert -0.012 < gap < 0.015, f"{name}, {posture}: soles {gap * 1e3:.0f} mm over the plate"
     assert feet[:, 0].max() < 0.81 and np.abs(feet[:, 1]).max() < 0.21, f"{name}, {posture}: feet"
     pelvis = points[main == "pelvis"]
-    assert abs(pelvis[:, 1].mean()) < 0.01, f"{name}, {posture}: off the middle of the seat"
-    # Hands touch what they are said to lie on.
+    assert abs(pelvis[:, 1].mean()) < 0.01, f"{name}, {posture}: not in the middle of the seat"
+    # Hands touch the surface of their posture.
     for side, sign in (("left", 1), ("right", -1)):
         hand = points[[m.startswith(side) and bool(re.search("hand|thumb|index|middle|ring|little", m)) for m in main]]
         middle = hand.mean(axis=0)
@@ -244,7 +244,7 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
         elif where == "joystick":
             low, high = chair.joystick
             near = np.linalg.norm(hand - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2]], axis=1)
-            assert near.min() < 0.02, f"{name}, {posture}: hand {near.min() * 1e3:.0f} mm off the stick"
+            assert near.min() < 0.02, f"{name}, {posture}: hand {near.min() * 1e3:.0f} mm from the stick"
         else:
             assert -0.02 < sign * middle[1] < 0.22, (name, posture, side, middle)
             thigh = points[main == f"{side}_thigh"][:, 2].max()
@@ -259,17 +259,17 @@ def check_seat(name, asset, posture, chair, points, spec, worst):
         def off(what):
             return 1e3 * min(np.linalg.norm(ground - p, axis=1).min() for p in what)
 
-        # A forearm on the armrest may hold the hand up a little.
+        # A forearm on the armrest may raise the hand slightly.
         assert off(hand) < 12 or off(forearm) < 5 and off(hand) < 25, (
-            f"{name}, {posture}: {side} hand {off(hand):.0f} mm, forearm {off(forearm):.0f} mm off what it lies on"
+            f"{name}, {posture}: {side} hand {off(hand):.0f} mm, forearm {off(forearm):.0f} mm from the surface"
         )
 
 
 def check_mass(name, asset, posture, points):
-    told = asset.postures[posture]
-    com = np.array(told["com"])
+    stored = asset.postures[posture]
+    com = np.array(stored["com"])
     assert 0.12 < com[0] < 0.34 and abs(com[1]) < 0.05 and 0.68 < com[2] < 0.95, (name, posture, com)
-    xx, yy, zz, xy, xz, yz = told["inertia"]
+    xx, yy, zz, xy, xz, yz = stored["inertia"]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     main = np.linalg.eigvalsh(inertia)
     assert main[0] > 0 and main[0] + main[1] > main[2], f"{name}, {posture}: inertia {main}"
@@ -294,22 +294,22 @@ def check_capsules(name, asset, posture, rotations, at, points):
     assert nearest.max() <= stated["margin"] + 1e-4, f"{name}, {posture}: {nearest.max():.4f} m"
     assert np.percentile(nearest, 95) <= stated["near"] + 1e-4, f"{name}, {posture}"
     assert stated["margin"] <= 0.035 and stated["near"] <= 0.012, (name, stated)
-    # Nor are they fat: half of the mesh lies within 3 cm of the surface of one.
+    # Capsules are not too large: half of the mesh is within 3 cm of the surface of one.
     assert np.percentile(nearest, 10) > -0.055, f"{name}, {posture}: capsules far too large"
 
 
 def main(assets):
     people = assets / "people"
     folders = sorted(p.parent for p in people.glob("*/person.toml"))
-    asked = tomllib.loads((people / "postures.toml").read_text())
-    asked = {k: v for k, v in asked.items() if isinstance(v, dict)}
+    postures = tomllib.loads((people / "postures.toml").read_text())
+    postures = {k: v for k, v in postures.items() if isinstance(v, dict)}
     size = sum(p.stat().st_size for p in people.rglob("*") if p.is_file())
     assert size <= BYTES, f"assets/people has {size} bytes"
-    assert len(folders) >= 12 and len(asked) >= 8, (len(folders), len(asked))
-    assert set(WANTED) <= {f.name for f in folders}
+    assert len(folders) >= 12 and len(postures) >= 8, (len(folders), len(postures))
+    assert set(REQUIRED) <= {f.name for f in folders}
     for file in sorted(people.rglob("*.toml")):
-        told = tomllib.loads(file.read_text())
-        assert told.get("origin") and told.get("license"), f"{file} names no origin or licence"
+        stored = tomllib.loads(file.read_text())
+        assert stored.get("origin") and stored.get("license"), f"{file} lacks origin or license"
     chair = Chair(assets / "robots/wheelarm")
     worst, triangles = {}, 0
     for folder in folders:
@@ -318,17 +318,17 @@ def main(assets):
         check_mesh(name, asset)
         check_size(name, asset)
         check_mouth(name, asset)
-        assert list(asset.postures) == list(asked), f"{name}: postures"
-        for posture, spec in asked.items():
+        assert list(asset.postures) == list(postures), f"{name}: postures"
+        for posture, spec in postures.items():
             rotations, at = reader.pose(asset, posture)
-            points, _ = reader.skinned(asset, rotations, at)
+            points, _ = reader.skin(asset, rotations, at)
             check_limits(name, asset, posture, rotations, at)
             check_seat(name, asset, posture, chair, points, spec, worst)
             check_mass(name, asset, posture, points)
             check_capsules(name, asset, posture, rotations, at, points)
     deepest = ", ".join(f"{a} in {b} {1e3 * v:.0f} mm" for (a, b), v in sorted(worst.items()))
     print(
-        f"{len(folders)} bodies, {len(asked)} postures, at most {triangles} triangles, "
+        f"{len(folders)} bodies, {len(postures)} postures, at most {triangles} triangles, "
         f"{size / 1e6:.1f} MB; deepest: {deepest}"
     )
 

@@ -1,9 +1,9 @@
-"""Decodes every message of bags with other people's readers and holds every field
-against the recordings, which are read with h5py alone.
+"""Decodes every message of bags with third-party readers and compares every field with the
+recordings, which are read with h5py alone.
 
 Usage: check_rosbag2.py READER BAGS RECORDING.h5 [RECORDING.h5 …]
-READER is rclpy (the ROS 2 whose Python runs this), rosbags or mcap-ros2; BAGS is
-the folder that `dataset export --format rosbag2` wrote.
+READER is rclpy (of the ROS 2 installation of this Python), rosbags or mcap-ros2; BAGS is the
+output folder of `dataset export --format rosbag2`.
 """
 
 import collections
@@ -16,8 +16,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-# Topics with one message per sample of a stream, as objects of JSON.
-WORDS = {
+# Topics with one JSON object per sample of a stream.
+JSON_TOPICS = {
     "/evaluation": "streams/evaluation",
     "/phase": "streams/phase",
     "/contact": "streams/contact",
@@ -33,17 +33,17 @@ def nanos(time):
     return time.sec * 1_000_000_000 + time.nanosec
 
 
-def equal(found, wanted, words):
-    """Equal to the last bit; NaN is NaN."""
+def equal(found, wanted, what):
+    """Checks equality to the last bit; NaN equals NaN."""
     found, wanted = np.asarray(found), np.asarray(wanted)
-    assert found.shape == wanted.shape, f"{words}: shape {found.shape}, expected {wanted.shape}"
+    assert found.shape == wanted.shape, f"{what}: shape {found.shape}, expected {wanted.shape}"
     same = np.array_equal(found, wanted, equal_nan=wanted.dtype.kind == "f")
-    assert same, f"{words}: {found}, expected {wanted}"
+    assert same, f"{what}: {found}, expected {wanted}"
 
 
-def near(found, wanted, words, tolerance):
+def near(found, wanted, what, tolerance):
     worst = np.abs(np.asarray(found) - np.asarray(wanted)).max()
-    assert worst <= tolerance, f"{words}: off by {worst}"
+    assert worst <= tolerance, f"{what}: error {worst}"
 
 
 def xyz(v):
@@ -58,13 +58,13 @@ def six(twist):
     return [*xyz(twist.linear), *xyz(twist.angular)]
 
 
-def header(message, frame, stamp, words):
-    assert message.header.frame_id == frame, f"{words}: in {message.header.frame_id}, expected {frame}"
-    assert nanos(message.header.stamp) == stamp, f"{words}: {nanos(message.header.stamp)}, expected {stamp}"
+def header(message, frame, stamp, what):
+    assert message.header.frame_id == frame, f"{what}: in {message.header.frame_id}, expected {frame}"
+    assert nanos(message.header.stamp) == stamp, f"{what}: {nanos(message.header.stamp)}, expected {stamp}"
 
 
 class Topics:
-    """What is expected of every topic: stamps of the log, and a check of message i."""
+    """Expected messages of every topic: timestamps of the log, and a check of message i."""
 
     def __init__(self, file):
         self.file, self.streams = file, file["streams"]
@@ -74,7 +74,7 @@ class Topics:
         # Topic -> [(stamps, check)], one entry for each source.
         self.wanted = collections.defaultdict(list)
         self.transforms = collections.defaultdict(list)
-        self.described()
+        self.add_topics()
 
     def stamps_of_all(self):
         found = [self.file["events/stamp_nanos"][...]]
@@ -91,7 +91,7 @@ class Topics:
     def columns(self, stream, *names):
         return [self.streams[stream][name][...] for name in names]
 
-    def described(self):
+    def add_topics(self):
         self.once()
         self.put("/clock", "clock", lambda m, i, t: equal(nanos(m.clock), t, "clock"))
         self.joints("/joint_states", "joint_state", self.names("joint_state", "position"))
@@ -109,9 +109,9 @@ class Topics:
             self.camera(camera)
         for sensor in self.streams.get("sensor", []):
             self.sensor(sensor)
-        for topic, place in WORDS.items():
+        for topic, place in JSON_TOPICS.items():
             if place in self.file:
-                self.words(topic, self.file[place])
+                self.json_objects(topic, self.file[place])
 
     def names(self, stream, column):
         return list(self.streams[stream][column].attrs["names"])
@@ -230,7 +230,7 @@ class Topics:
         self.put("/applied/desired_pose", "applied", pose)
 
     def tree(self):
-        """The sources of /tf: their transforms are looked at when all are there."""
+        """The sources of /tf, whose transforms are checked at the end."""
 
         def take(count, stamps):
             def check(m, i, t):
@@ -274,10 +274,10 @@ class Topics:
 
         def check(m, i, t):
             header(m, frame, int(exposed[i]), topic)
-            picture = np.ascontiguousarray(data[i])
+            image = np.ascontiguousarray(data[i])
             assert (m.height, m.width, m.encoding, m.is_bigendian) == (height, width, encoding, 0), topic
-            assert m.step == picture.nbytes // height, f"{topic}: {m.step}"
-            assert bytes(m.data) == picture.tobytes(), f"{topic}: picture {i} differs"
+            assert m.step == image.nbytes // height, f"{topic}: {m.step}"
+            assert bytes(m.data) == image.tobytes(), f"{topic}: image {i} differs"
 
         self.put(topic, stream, check)
 
@@ -318,7 +318,7 @@ class Topics:
         self.image(f"/sensor/{name}/image_raw", stream, plane, frame, exposed)
         self.camera_info(f"/sensor/{name}/camera_info", stream, frame, exposed)
 
-    def words(self, topic, group):
+    def json_objects(self, topic, group):
         def plain(value, names=()):
             if isinstance(value, np.ndarray):
                 parts = [plain(part) for part in value]
@@ -342,18 +342,18 @@ class Topics:
 
         self.put(topic, None, check, group["stamp_nanos"][...])
 
-    def of_time(self, child, parent):
-        """Stamps and poses of a frame, in the order of time."""
+    def take_frame(self, child, parent):
+        """Timestamps and poses of a frame, in order of time."""
         entries = self.transforms.pop(child)
         assert {entry[1] for entry in entries} == {parent}, f"{child} in {[e[1] for e in entries][:3]}"
         return np.array([entry[0] for entry in entries]), np.array([entry[2] for entry in entries])
 
-    def all_transforms(self):
-        """Every transform: recorded poses bit for bit, links by the description's joints."""
+    def check_transforms(self):
+        """Checks every transform: recorded poses bit for bit, links with the joints of the description."""
         frames = len(self.transforms)
 
         def recorded(child, stamps, poses):
-            found_stamps, found = self.of_time(child, "house")
+            found_stamps, found = self.take_frame(child, "house")
             equal(found_stamps, stamps.astype(found_stamps.dtype), child)
             equal(found, poses, child)
 
@@ -366,8 +366,8 @@ class Topics:
                 group = self.streams[kind][name]
                 if len(group["stamp_nanos"]):
                     recorded(f"{name}_optical_frame", group[exposed][...], group["pose"][...])
-        # Where odometry counts from: the chair's first pose is the one that it tells.
-        (_,), (odometry,) = self.of_time("odom", "house")
+        # Origin of the odometry: its first pose is the first pose of the chair.
+        (_,), (odometry,) = self.take_frame("odom", "house")
         chair = matrices(odometry[None]) @ matrices(self.streams["odometry/pose"][:1])
         near(chair, matrices(poses[:1, 0]), "house from odom", 1e-12)
 
@@ -380,19 +380,19 @@ class Topics:
             name, child = joint.get("name"), joint.find("child").get("link")
             parent = joint.find("parent").get("link")
             moves = name in names and joint.get("type") != "fixed"
-            found_stamps, found = self.of_time(child, parent)
+            found_stamps, found = self.take_frame(child, parent)
             wanted = joint_pose(joint, position[:, names.index(name)] if moves else np.zeros(1))
             if moves:
                 equal(found_stamps, self.streams["joint_state/stamp_nanos"][...].astype(found_stamps.dtype), child)
             near(matrices(found), wanted, child, 1e-12)
             links[child] = (parent, matrices(found))
-        assert not self.transforms, f"frames that nobody asked for: {list(self.transforms)}"
+        assert not self.transforms, f"unexpected frames: {list(self.transforms)}"
         chain, link = np.eye(4)[None], self.robot["end_effector_link"]
         while link != self.base:
             link, step = links[link]
             chain = step @ chain
         hand = matrices(poses[:, self.names("pose", "pose").index("end_effector")])
-        # Physics counts poses in single precision, and in the house.
+        # Physics has poses in single precision in the house frame.
         near(chain, hand, "the hand through /tf", 1e-4)
         return frames, np.abs(chain - hand).max()
 
@@ -410,8 +410,8 @@ def matrices(poses):
     return out
 
 
-def about(axis, angles):
-    """Turns about a unit axis, by Rodrigues' formula."""
+def axis_rotations(axis, angles):
+    """Rotations about a unit axis, by Rodrigues' formula, 4x4 each."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     out = np.tile(np.eye(4), (len(angles), 1, 1))
@@ -421,13 +421,13 @@ def about(axis, angles):
 
 
 def joint_pose(joint, positions):
-    """A URDF joint's child in its parent at positions, 4x4 each."""
-    told = joint.find("origin")
-    told = {} if told is None else told.attrib
-    place, rpy = ([float(v) for v in told.get(k, "0 0 0").split()] for k in ("xyz", "rpy"))
+    """Poses of a URDF joint's child in its parent at positions, 4x4 each."""
+    attributes = joint.find("origin")
+    attributes = {} if attributes is None else attributes.attrib
+    place, rpy = ([float(v) for v in attributes.get(k, "0 0 0").split()] for k in ("xyz", "rpy"))
     origin = np.eye(4)
     for axis, angle in zip(np.eye(3), rpy):
-        origin = about(axis, np.array([angle]))[0] @ origin
+        origin = axis_rotations(axis, np.array([angle]))[0] @ origin
     origin[:3, 3] = place
     axis = joint.find("axis")
     axis = np.array([1.0, 0, 0] if axis is None else [float(v) for v in axis.get("xyz").split()])
@@ -436,12 +436,12 @@ def joint_pose(joint, positions):
         moved = np.tile(np.eye(4), (len(positions), 1, 1))
         moved[:, :3, 3] = positions[:, None] * axis
     else:
-        moved = about(axis, positions)
+        moved = axis_rotations(axis, positions)
     return origin @ moved
 
 
 def by_rclpy(bag):
-    """Messages as this ROS 2 decodes them; hashes of types as it tells them."""
+    """Messages decoded by this ROS 2, with its own type hashes."""
     from mcap.reader import make_reader
     from rclpy.serialization import deserialize_message
 
@@ -453,17 +453,17 @@ def by_rclpy(bag):
             if schema.name not in types:
                 package, kind, name = schema.name.split("/")
                 types[schema.name] = getattr(importlib.import_module(f"{package}.{kind}"), name)
-                told = json.loads(Path(sys.prefix, "share", package, kind, f"{name}.json").read_text())
-                (found,) = [t["hash_string"] for t in told["type_hashes"] if t["type_name"] == schema.name]
+                description = json.loads(Path(sys.prefix, "share", package, kind, f"{name}.json").read_text())
+                (found,) = [t["hash_string"] for t in description["type_hashes"] if t["type_name"] == schema.name]
                 hashes[schema.name] = found
             assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
-            told = channel.metadata["topic_type_hash"]
-            assert told == hashes[schema.name], f"{schema.name}: {told}, ROS 2 says {hashes[schema.name]}"
+            stored = channel.metadata["topic_type_hash"]
+            assert stored == hashes[schema.name], f"{schema.name}: {stored}, ROS 2 has {hashes[schema.name]}"
             yield channel.topic, message.log_time, deserialize_message(message.data, types[schema.name])
 
 
 def by_rosbags(bag):
-    """Messages as rosbags reads them through metadata.yaml, with its own types."""
+    """Messages decoded by rosbags through metadata.yaml, with its own types."""
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore
 
@@ -473,25 +473,25 @@ def by_rosbags(bag):
         counts, stamps = collections.Counter(), []
         for connection in reader.connections:
             assert connection.digest == store.hash_rihs01(connection.msgtype), connection.msgtype
-            latched(connection)
+            check_durability(connection)
         for connection, stamp, data in reader.messages():
             counts[connection.topic] += 1
             stamps.append(stamp)
             yield connection.topic, stamp, store.deserialize_cdr(data, connection.msgtype)
-        told = {connection.topic: connection.msgcount for connection in reader.connections}
-        assert told == counts, "metadata.yaml counts otherwise"
+        stored = {connection.topic: connection.msgcount for connection in reader.connections}
+        assert stored == counts, "the counts of metadata.yaml differ"
         assert reader.message_count == sum(counts.values())
-        # Its end is that of a span without its last nanosecond.
+        # rosbags returns the exclusive end of the interval.
         assert (reader.start_time, reader.end_time) == (min(stamps), max(stamps) + 1)
         assert reader.duration == max(stamps) - min(stamps) + 1
     with Reader(bag / f"{bag.name}_0.mcap") as reader:
         for connection in reader.connections:
-            latched(connection)
-    metadata(bag)
+            check_durability(connection)
+    check_metadata(bag)
 
 
-def latched(connection):
-    """Late subscribers get what is said once."""
+def check_durability(connection):
+    """Checks that late subscribers receive the topics with a single message."""
     from rosbags.interfaces import QosDurability
 
     found = [profile.durability for profile in connection.ext.offered_qos_profiles]
@@ -500,24 +500,24 @@ def latched(connection):
     assert found == wanted, f"{connection.topic}: {found}, expected {wanted}"
 
 
-def metadata(bag):
-    """What metadata.yaml says beside counts, and the same in the file itself."""
+def check_metadata(bag):
+    """Checks the other fields of metadata.yaml, and that the file contains the same."""
     from mcap.reader import make_reader
     from ruamel.yaml import YAML
 
-    told = YAML(typ="safe").load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    stored = YAML(typ="safe").load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     with open(bag / f"{bag.name}_0.mcap", "rb") as stream:
         (record,) = [m for m in make_reader(stream).iter_metadata() if m.name == "rosbag2"]
-    assert YAML(typ="safe").load(record.metadata["serialized_metadata"]) == told
-    assert (told["version"], told["storage_identifier"]) == (9, "mcap")
-    assert told["relative_file_paths"] == [f"{bag.name}_0.mcap"] == [f["path"] for f in told["files"]]
-    words = told["custom_data"]
-    assert set(words) == {"label", "instruction", "task", "seed", "success", "complete"}
-    assert words["label"] == bag.name and all(isinstance(word, str) for word in words.values())
+    assert YAML(typ="safe").load(record.metadata["serialized_metadata"]) == stored
+    assert (stored["version"], stored["storage_identifier"]) == (9, "mcap")
+    assert stored["relative_file_paths"] == [f"{bag.name}_0.mcap"] == [f["path"] for f in stored["files"]]
+    custom = stored["custom_data"]
+    assert set(custom) == {"label", "instruction", "task", "seed", "success", "complete"}
+    assert custom["label"] == bag.name and all(isinstance(value, str) for value in custom.values())
 
 
 def by_mcap_ros2(bag):
-    """Messages as the definitions in the bag itself tell them."""
+    """Messages decoded with the definitions in the bag."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -533,7 +533,7 @@ READERS = {"rclpy": by_rclpy, "rosbags": by_rosbags, "mcap-ros2": by_mcap_ros2}
 def check(read, bag, recording):
     with h5py.File(recording) as file:
         topics = Topics(file)
-        # Sources of one topic come in the order of time, and of one time in any.
+        # Messages of several sources are in order of time; those of one time in any order.
         waiting = {
             topic: sorted((int(t), k, i) for k, (stamps, _) in enumerate(sources) for i, t in enumerate(stamps))
             for topic, sources in topics.wanted.items()
@@ -541,8 +541,8 @@ def check(read, bag, recording):
         place, count, last = collections.Counter(), 0, 0
         left = collections.defaultdict(list)
         for topic, stamp, message in read(bag):
-            assert topic in waiting, f"{topic} is in the bag, and nothing says what it is"
-            assert stamp >= last, f"{topic}: not in the order of time"
+            assert topic in waiting, f"{topic} is in the bag and unexpected"
+            assert stamp >= last, f"{topic}: not in order of time"
             last = stamp
             count += 1
             if len(topics.wanted[topic]) > 1:
@@ -553,19 +553,19 @@ def check(read, bag, recording):
             assert stamp == wanted, f"{topic}: {stamp}, expected {wanted}"
             topics.wanted[topic][source][1](message, sample, stamp)
         for topic, messages in left.items():
-            several(topic, messages, topics.wanted[topic])
+            check_sources(topic, messages, topics.wanted[topic])
             place[topic] = len(messages)
         for topic, samples in waiting.items():
             assert place[topic] == len(samples), f"{topic}: {place[topic]} messages, expected {len(samples)}"
-        frames, off = topics.all_transforms()
+        frames, off = topics.check_transforms()
     print(
         f"{bag.name}: {count} messages of {len(waiting)} topics, {frames} frames; "
-        f"the hand through /tf is off by {off:.1e}"
+        f"error of the hand through /tf {off:.1e}"
     )
 
 
-def several(topic, messages, sources):
-    """Each message is a sample of exactly one of several sources of a topic."""
+def check_sources(topic, messages, sources):
+    """Checks that each message is a sample of exactly one of several sources of a topic."""
     samples = collections.defaultdict(list)
     for k, (stamps, _) in enumerate(sources):
         for i, stamp in enumerate(stamps):
@@ -575,8 +575,8 @@ def several(topic, messages, sources):
         for k, i in samples[stamp]:
             try:
                 sources[k][1](message, i, stamp)
-            except AssertionError as problem:
-                reasons.append(problem)
+            except AssertionError as error:
+                reasons.append(error)
                 continue
             samples[stamp].remove((k, i))
             break
@@ -592,7 +592,7 @@ def main():
         check(READERS[reader], Path(folder, label), recording)
     bags = {path.name for path in Path(folder).iterdir()}
     assert len(bags) == len(recordings), f"{bags} of {len(recordings)} recordings"
-    print(f"{reader}, Python {sys.version.split()[0]}: {len(recordings)} bags are as recorded")
+    print(f"{reader}, Python {sys.version.split()[0]}: {len(recordings)} bags equal the recordings")
 
 
 main()

@@ -1,19 +1,18 @@
-"""Holds the joint signals of episode files against each other and against
-Pinocchio (PyPI `pin`), which knows nothing of the simulator but the URDF in the
-file.
+"""Compares the joint signals of episode files with each other and with Pinocchio (PyPI `pin`),
+which uses only the URDF in the file.
 
 Usage: check_signals.py FILE...
 
-- The velocities' integral (trapezoids) is the way: for every joint that moves,
-  the slope of the one over the other is 1.000 +- 0.005; for the wheels and for
-  joints 2, 3 and 5 the lag is below 1 ms. Fingers start and stop within a sample,
-  and the other joints seldom move far: their lag is printed only.
-- The arm's efforts are the torques that recursive Newton-Euler asks for, with
-  the chair's motion and the mass in the hand. Velocities and accelerations are
-  those of the recorded positions (Savitzky-Golay). Left out are samples within
-  0.1 s of a contact of the robot other than a grasp.
-- The first sample has an effort already.
-Exits with 1 when a file falls short.
+- The integral of the velocities (trapezoids) equals the change of position: for every moving
+  joint the slope is 1.000 +- 0.005; for the wheels and for joints 2, 3 and 5 the lag is below
+  1 ms. Fingers start and stop within a sample, and the other joints move little: their lag is
+  only printed.
+- The efforts of the arm equal the torques of recursive Newton-Euler, with the chair's motion and
+  the mass in the hand. Velocities and accelerations are derivatives of the recorded positions
+  (Savitzky-Golay). Samples within 0.1 s of a contact of the robot other than a grasp are
+  excluded.
+- The first sample has an effort.
+Exit code 1 when a file fails a check.
 """
 
 import json
@@ -28,7 +27,7 @@ ARM = [f"joint_{i}" for i in range(1, 7)]
 RMS = [0.3, 0.3, 0.3, 0.1, 0.1, 0.1]
 SLOPE, LAG = 0.005, 1e-3
 LAGGING = ["joint_2", "joint_3", "joint_5"]
-# Samples on either side of the one that a derivative is of, and order of the fit.
+# Samples on both sides of a derivative's sample, and order of the fit.
 REACH, ORDER = 3, 3
 AROUND = 0.1
 problems = []
@@ -51,27 +50,27 @@ def motion(file, names, q, v, dt):
     """Velocity against position, for every joint that moves."""
     judged = set()
     way = np.diff(q, axis=0)
-    told = (v[1:] + v[:-1]) / 2 * dt
+    velocity_way = (v[1:] + v[:-1]) / 2 * dt
     for j, name in enumerate(names):
         moving = np.abs(way[:, j]) > 0.05 * dt
         rate = v[1:, j] - v[:-1, j]
-        # Where a joint jerks between two samples nobody can say how far it went:
-        # rows in which the rule of four points differs from the trapezoid by more
-        # than a quarter of what a lag of 1 ms does.
+        # With a jerk between two samples the integral is unknown: such rows are excluded, in
+        # which the rule of four points differs from the trapezoid by more than a quarter of
+        # the effect of a lag of 1 ms.
         around = np.pad(v[:, j], 1, mode="edge")
         four = (13 * (v[1:, j] + v[:-1, j]) - around[:-3] - around[3:]) / 24 * dt
-        known = np.abs(four - told[:, j]) <= LAG * np.abs(rate) / 4 + 1e-6
+        known = np.abs(four - velocity_way[:, j]) <= LAG * np.abs(rate) / 4 + 1e-6
         moving &= known
         if moving.sum() < 60:
             continue
-        # way = slope * told + lag * its rate of change: a velocity that is told
-        # late is that of a time before.
-        columns = np.stack([told[:, j][moving], rate[moving]], axis=1)
+        # way = slope * velocity_way + lag * rate: a lagging velocity is that of an earlier
+        # time.
+        columns = np.stack([velocity_way[:, j][moving], rate[moving]], axis=1)
         (slope, lag), *_ = np.linalg.lstsq(columns, way[:, j][moving], rcond=None)
-        left = np.abs(np.cumsum(way[:, j] - told[:, j])).max() * 1e3
+        left = np.abs(np.cumsum(way[:, j] - velocity_way[:, j])).max() * 1e3
         print(
             f"  {name:38} slope {slope:.4f}  lag {lag * 1e3:+.2f} ms in {moving.sum()} steps,"
-            f" off by {left:.2f} mrad at most"
+            f" largest error {left:.2f} mrad"
         )
         judged.add(name)
         late = abs(lag) > LAG and ("wheel" in name or name in LAGGING)
@@ -82,18 +81,18 @@ def motion(file, names, q, v, dt):
 
 
 def touching(f, links):
-    """What the hand holds at each sample (None, or a name), and which samples
-    have a contact of the robot that is no grasp."""
+    """The held object at each sample (a name, or None), and which samples have a contact of the
+    robot other than a grasp."""
     held, other = [], []
     for text in f["streams/contact/pairs"][()]:
         pairs = json.loads(text)
         with_robot = [p for p in pairs if p[0] in links or p[1] in links]
-        things = {name for pair in with_robot for name in pair if name not in links}
+        objects = {name for pair in with_robot for name in pair if name not in links}
         fingers = {name for pair in with_robot for name in pair if name in links}
-        grasp = len(things) == 1 and len(fingers) >= 2 and all("finger_tip" in n for n in fingers)
-        thing = next(iter(things)) if grasp else None
-        free = all(thing not in pair or pair in with_robot for pair in pairs)
-        held.append(thing if free else None)
+        grasp = len(objects) == 1 and len(fingers) >= 2 and all("finger_tip" in n for n in fingers)
+        object_name = next(iter(objects)) if grasp else None
+        free = all(object_name not in pair or pair in with_robot for pair in pairs)
+        held.append(object_name if free else None)
         other.append(bool(with_robot) and not (grasp and free))
     return held, np.array(other)
 
@@ -118,7 +117,7 @@ def efforts(file, f, names, q, effort, dt):
     poses = f["streams/object_pose/pose"][()]
     masses = {o["name"]: o.get("mass", o.get("mass_kg")) for o in json.loads(f["scenario/text"].asstr()[()])["objects"]}
     held, other = touching(f, links)
-    # A drawer in the hand pushes back with a force that no mass tells.
+    # The force of a held drawer does not follow from a mass.
     for i, name in enumerate(held):
         if name is not None and name not in objects:
             held[i], other[i] = None, True
@@ -137,7 +136,7 @@ def efforts(file, f, names, q, effort, dt):
     near = np.convolve(other, np.ones(2 * around + 1), "same") > 0
     changed = np.array([a != b for a, b in zip(held, held[1:])] + [False])
     near |= np.convolve(changed, np.ones(2 * around + 1), "same") > 0
-    asked = np.full((len(q), len(ARM)), np.nan)
+    expected = np.full((len(q), len(ARM)), np.nan)
     rows = [model.joints[model.getJointId(name)].idx_v for name in ARM]
     for i in range(len(q)):
         state, v, a = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
@@ -161,23 +160,23 @@ def efforts(file, f, names, q, effort, dt):
             arm = way[i] - data.oMf[hand].translation
             force = masses[held[i]] * (change[i] - model.gravity.linear)
             torque += jacobian[:3].T @ force + jacobian[3:].T @ np.cross(arm, force)
-        asked[i] = torque[rows]
+        expected[i] = torque[rows]
 
-    told = effort[:, [names.index(name) for name in ARM]]
-    error = told - asked
+    measured = effort[:, [names.index(name) for name in ARM]]
+    error = measured - expected
     taken = ~near & ~np.isnan(error).any(axis=1)
     taken[0] = False
     holding = taken & np.array([h is not None for h in held])
-    print(f"  effort: {taken.sum()} samples, {holding.sum()} of them holding something")
+    print(f"  effort: {taken.sum()} samples, {holding.sum()} of them with a held object")
     for j, name in enumerate(ARM):
         part = error[taken, j]
         rms, worst = np.sqrt((part**2).mean()), np.abs(part).max()
         first = error[0, j]
-        print(f"  {name}  rms {rms:.3f}  worst {worst:.3f}  first sample {told[0, j]:+.3f}, off by {first:+.3f} N.m")
+        print(f"  {name}  rms {rms:.3f}  worst {worst:.3f}  first sample {measured[0, j]:+.3f}, error {first:+.3f} N.m")
         if rms > RMS[j]:
-            problems.append(f"{file}: effort of {name} is off by {rms:.3f} N.m rms")
+            problems.append(f"{file}: effort of {name} has an error of {rms:.3f} N.m rms")
         if abs(first) > 0.1:
-            problems.append(f"{file}: first effort of {name} is off by {first:.3f} N.m")
+            problems.append(f"{file}: first effort of {name} has an error of {first:.3f} N.m")
 
 
 def check(file):
@@ -189,7 +188,7 @@ def check(file):
         steps = np.diff(stamps) * 1e-9
         dt = steps.mean()
         if np.abs(steps - dt).max() > 1e-6:
-            problems.append(f"{file}: stamps are not even")
+            problems.append(f"{file}: the timestamps are not equidistant")
             return
         print(file)
         motion(file, names, q, v, dt)

@@ -1,8 +1,8 @@
-"""A LeRobot export with videos, read by LeRobot: every picture asked for is that
-of the recording, by each of its decoders, and so is depth where it reads depth.
+"""Checks a LeRobot export with videos in LeRobot: with each of its decoders, every image equals
+that of the recording, and depth too if LeRobot reads it.
 
 Usage: check_videos.py [--language] DATA_SET RECORDING...
-Prints PSNR in dB (mean over the pictures of a camera) and depth errors in mm.
+Prints PSNR in dB (mean over the images of a camera) and depth errors in mm.
 """
 
 import importlib
@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 import torch
 
-LEAST_DB = 38.0     # mean over a camera's pictures
-WORST_DB = 30.0     # of one picture: another one, or one shifted, is far below
+LEAST_DB = 38.0     # mean over the images of a camera
+WORST_DB = 30.0     # of one image: a wrong or shifted image is far below
 HALF_STEP = 0.165   # of LeRobot's 12-bit codes, mm per m of depth and shift (3.5 m)
 ROWS = 24           # of each episode
 
@@ -34,9 +34,8 @@ def stamps(stream):
 
 
 def source(file, camera, what, nanos):
-    """What the robot saw: the newest picture of a sensor of the camera that had
-    arrived by then, or the exact colour of that instant. LeRobot gives times as 32
-    bits: half a tick is let go."""
+    """Expected image: the newest image of a sensor of the camera that had arrived, or the exact
+    color at that time. LeRobot's 32-bit times need a tolerance of half a tick."""
     nanos += 2_000_000
     for sensor in file.get("streams/sensor", {}).values():
         name = sensor.attrs["camera"]
@@ -77,46 +76,46 @@ def main():
                 nanos = round(float(item["simulation_time"]) * 1e9)
                 for key, feature in videos.items():
                     camera = key.removeprefix("observation.images.")
-                    picture = item[key].numpy()
+                    image = item[key].numpy()
                     if feature["info"]["is_depth_map"]:
                         depth = source(file, camera.removesuffix("_depth"), "depth", nanos).astype(float)
-                        assert picture.shape == (1, *depth.shape), picture.shape
-                        read, seen = picture[0], (depth >= 10) & (depth <= 10_000)
-                        # No return reads as the least depth there is.
+                        assert image.shape == (1, *depth.shape), image.shape
+                        read, valid = image[0], (depth >= 10) & (depth <= 10_000)
+                        # Pixels without depth are read as the smallest depth.
                         assert (read[depth == 0] == 10).all(), (key, row, np.unique(read[depth == 0]))
-                        off, far = np.abs(read - depth)[seen], depth[seen] / 1e3
+                        off, far = np.abs(read - depth)[valid], depth[valid] / 1e3
                         # LeRobot rounds to millimetres at the end.
                         assert (off <= HALF_STEP * (far + 3.5) + 0.51).all(), (key, off.max())
                         found.setdefault(key, []).append(off)
                     else:
-                        colour = source(file, camera, "rgb", nanos)
-                        picture = (picture * 255).round().transpose(1, 2, 0)
-                        assert picture.shape == colour.shape, picture.shape
-                        found.setdefault(key, []).append(decibel(picture, colour))
+                        color = source(file, camera, "rgb", nanos)
+                        image = (image * 255).round().transpose(1, 2, 0)
+                        assert image.shape == color.shape, image.shape
+                        found.setdefault(key, []).append(decibel(image, color))
         for key, values in found.items():
             if videos[key]["info"]["is_depth_map"]:
                 off = np.concatenate(values)
-                words = f"off by {off.mean():.2f} mm in the mean, {off.max():.2f} mm at most"
+                text = f"error {off.mean():.2f} mm mean, {off.max():.2f} mm maximum"
             else:
                 assert np.mean(values) >= LEAST_DB and min(values) >= WORST_DB, (key, np.mean(values), min(values))
-                words = f"{np.mean(values):.2f} dB in the mean, {min(values):.2f} dB at least"
-            print(f"lerobot {version('lerobot')} {backend} {key}: {words}")
-    # A window of rows at once, as a policy asks for it.
+                text = f"{np.mean(values):.2f} dB mean, {min(values):.2f} dB minimum"
+            print(f"lerobot {version('lerobot')} {backend} {key}: {text}")
+    # A window of rows, as requested by policies.
     step = 1 / info["fps"]
     key = next(iter(videos))
     data = reader()("local/wheelarm", root=root, delta_timestamps={key: [-step, 0.0, step]})
     assert data[5][key].shape[0] == 3
-    # Lists of what is said differ in length: LeRobot's training keeps them as lists.
+    # Language columns differ in length: LeRobot's training keeps them as lists.
     collate = importlib.import_module("lerobot.utils.collate").lerobot_collate_fn if language else None
     batch = next(iter(torch.utils.data.DataLoader(data, batch_size=4, shuffle=True, collate_fn=collate)))
     assert batch[key].shape[:2] == (4, 3)
     if language:
         assert new, "LeRobot reads language from 0.6 on"
-        said = [row for i in range(len(data)) for row in data.hf_dataset[i]["language_events"]]
+        events = [row for i in range(len(data)) for row in data.hf_dataset[i]["language_events"]]
         always = data.hf_dataset[0]["language_persistent"]
-        styles = {row["style"] for row in [*said, *always]}
+        styles = {row["style"] for row in [*events, *always]}
         assert {"plan", "subtask", "vqa", "trace"} <= styles, styles
-        print(f"lerobot {version('lerobot')} reads {len(always)} persistent rows and {len(said)} events: {', '.join(sorted(styles))}")
+        print(f"lerobot {version('lerobot')} reads {len(always)} persistent rows and {len(events)} events: {', '.join(sorted(styles))}")
 
 
 main()

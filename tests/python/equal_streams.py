@@ -1,7 +1,7 @@
-"""Two recordings of the same scenario hold the same samples, bit for bit.
+"""Checks that two recordings of the same scenario have the same samples, bit for bit.
 
 Usage: equal_streams.py FIRST.h5 SECOND.h5
-Compares every dataset below /streams, except what tells wall time.
+Compares every dataset below /streams, except those that depend on wall time.
 """
 
 import sys
@@ -9,8 +9,8 @@ import sys
 import h5py
 import numpy as np
 
-# Simulated seconds per wall second differ from run to run; raw messages hold
-# the names of the run.
+# Simulated seconds per wall second differ from run to run; raw messages contain the id of the
+# run.
 WALL = {"real_time_factor", "message"}
 
 
@@ -32,7 +32,7 @@ def main():
     for name in sorted(a):
         x, y = a[name][...], b[name][...]
         assert x.shape == y.shape, f"{name}: shape {x.shape} and {y.shape}"
-        # Stream numbers count from the start of a server, so they are equal too.
+        # Sequence numbers count from the start of a server, so they are equal too.
         same = (x == y) | ((x != x) & (y != y)) if x.dtype.kind == "f" else x == y
         assert np.all(same), f"{name}: {np.size(same) - np.count_nonzero(same)} values differ"
     print(f"{len(a)} datasets are equal")

@@ -1,13 +1,13 @@
-"""Guesses the task from what a scene draws, without picture and sentence.
+"""Guesses the task from the sampled values of a scene, without image and sentence.
 
-A scene that tells the task teaches a policy to ignore the sentence. Three
-classifiers (logistic regression, nearest centroid, random forest; five folds) see
-what `wheelarm-server --draws` prints: presence, pose, mass and friction of every
-object of the home, all drawers, the robot's start. They guess within each area, and over
-the areas among the scenes that sampled the same areas: no other table or drawer may tell. The best of them may be right no more
-often than by chance, plus --margin. With --before they see the table of the draws
-as they were when every task drew a scene of its own, where they must be right far
-more often: so the same code is known to bite.
+A scene that reveals the task teaches a policy to ignore the sentence. Three classifiers
+(logistic regression, nearest centroid, random forest; five folds) use the output of
+`wheelarm-server --draws`: presence, pose, mass and friction of every object of the home, all
+drawers, the robot's start. They guess within each area, and over the areas among the scenes that
+sampled the same areas, so that no other table or drawer may reveal the task. The best of them
+may exceed chance by at most --margin. With --before they use the table of an old version, in
+which every task sampled its own scene; there they must be right far more often, which shows
+that the check detects a leak.
 
 Usage: guess_task.py --server PROGRAM --assets DIR [--seeds N] [--starts near]
        guess_task.py --before tests/data/draws-before.csv.gz
@@ -29,13 +29,13 @@ from sklearn.neighbors import NearestCentroid
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-# Columns that never change say nothing, and that is fine.
+# Constant columns have no information, which is allowed.
 warnings.filterwarnings("ignore", message="self.within_class_std_dev_ has at least 1 zero")
 
 LABELS = {"task", "target", "variant", "home", "seed"}
-# Draws of a task without which it takes no part in the guesses over areas.
-LEAST = 50
-# Least share of right guesses on the old draws, by area.
+# Smallest number of scenes of a task for the guesses over areas.
+MIN_SCENES = 50
+# Smallest share of right guesses on the old table, by area.
 BEFORE = {"coffee_table": 0.60, "kitchen_table": 0.75}
 
 
@@ -64,15 +64,15 @@ def best(values, labels, folds=5):
     return sorted(found.items(), key=lambda item: -item[1])
 
 
-def tell(what, values, labels, low=0.0, high=1.0):
-    """Prints the guesses and whether the best lies where it must."""
+def check(what, values, labels, low=0.0, high=1.0):
+    """Prints the shares of right guesses; returns whether the best one is within its limit."""
     counts = numpy.unique(labels, return_counts=True)[1]
     chance = counts.max() / counts.sum()
     shares = best(values, labels)
-    words = ", ".join(f"{name} {share:.1%}" for name, share in shares)
+    text = ", ".join(f"{name} {share:.1%}" for name, share in shares)
     limit = f"at least {low:.0%}" if low else f"at most {chance + high:.1%}"
     fine = shares[0][1] >= low if low else shares[0][1] <= chance + high
-    print(f"{what}: {len(labels)} draws, chance {chance:.1%}, {limit}: {words}"
+    print(f"{what}: {len(labels)} scenes, chance {chance:.1%}, {limit}: {text}"
           f"{'' if fine else '  FAILED'}", flush=True)
     return fine
 
@@ -84,7 +84,7 @@ def before(path):
         area, lines = part.split("\n", 1)
         rows, values = table(lines.splitlines())
         labels = numpy.array([row["task"] for row in rows])
-        fine &= tell(f"before, {area}", values, labels, low=BEFORE[area])
+        fine &= check(f"before, {area}", values, labels, low=BEFORE[area])
     return fine
 
 
@@ -98,7 +98,7 @@ def now(args):
     for area, of_area in sorted(areas.items()):
         lines = []
         for task in of_area:
-            # No two tasks share a seed.
+            # Tasks have disjoint seeds.
             first = 10_000 + tasks.index(task) * args.seeds
             command = [args.server, "--assets", args.assets, "--task", task["name"],
                        "--starts", args.starts, "--draws", f"{first}..{first + args.seeds}"]
@@ -112,7 +112,7 @@ def now(args):
         labels = numpy.array([row["task"] for row in rows])
         variants = numpy.array([row["variant"] for row in rows])
         for variant in sorted(set(variants)):
-            # The laws hold inside each variant: the bear's own task has but one.
+            # The check holds within each variant; the task of the bear has only one.
             inside = variants == variant
             if len(set(labels[inside])) > 1:
                 name = f"{area} {variant}".strip()
@@ -121,25 +121,25 @@ def now(args):
             own = labels == task["name"]
             targets = numpy.array([row["target"] for row in rows])[own]
             if len(set(targets)) > 1:
-                fine &= tell(f"{area}, {task['name']}, which", values[own], targets, high=args.margin)
+                fine &= check(f"{area}, {task['name']}, which", values[own], targets, high=args.margin)
         if len(of_area) > 1 and any(len(task["targets"]) > 1 for task in of_area):
             both = numpy.array([f"{row['task']} {row['target']}" for row in rows])
-            fine &= tell(f"{area}, task and which", values, both, high=args.margin)
+            fine &= check(f"{area}, task and which", values, both, high=args.margin)
     for home, lines in sorted(homes.items()):
         rows, values = table([header, *lines])
         labels = numpy.array([row["task"] for row in rows])
         names, counts = numpy.unique(labels, return_counts=True)
-        frequent = numpy.isin(labels, names[counts >= LEAST])
+        frequent = numpy.isin(labels, names[counts >= MIN_SCENES])
         if len(set(labels[frequent])) > 1 and len(rows) >= args.least_home:
             fine &= balanced(f"{home}, task", values[frequent], labels[frequent], args)
     return fine
 
 
 def balanced(what, values, labels, args):
-    """As many draws of every task: else the most frequent one would be chance."""
+    """Checks with equally many scenes of every task, so that frequency does not help."""
     names, counts = numpy.unique(labels, return_counts=True)
     keep = numpy.concatenate([numpy.flatnonzero(labels == name)[: counts.min()] for name in names])
-    return tell(what, values[keep], labels[keep], high=args.margin)
+    return check(what, values[keep], labels[keep], high=args.margin)
 
 
 def main():
@@ -150,7 +150,7 @@ def main():
     parser.add_argument("--starts", default="near")
     parser.add_argument("--margin", type=float, default=0.03)
     parser.add_argument("--least-home", type=int, default=1000,
-                        help="scenes with the same areas that make a guess over areas")
+                        help="smallest number of scenes with the same areas for a guess over areas")
     parser.add_argument("--before")
     args = parser.parse_args()
     fine = True

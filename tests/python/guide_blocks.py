@@ -1,4 +1,4 @@
-"""Prints the code blocks of one language of a guide chapter.
+"""Prints the code blocks of one language in a chapter of the guide.
 
 Usage: guide_blocks.py CHAPTER.md LANGUAGE
 """

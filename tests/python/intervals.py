@@ -1,5 +1,5 @@
-"""Writes client/campaign/src/evaluate/intervals.csv: intervals of shares and p values of pairs, by
-scipy and statsmodels, against which `cargo test -p wheelarm-campaign` holds ours.
+"""Writes client/campaign/src/evaluate/intervals.csv: intervals of shares and p values of pairs by
+scipy and statsmodels, with which `cargo test -p wheelarm-campaign` compares ours.
 
     pip install scipy statsmodels
     python tests/python/intervals.py > client/campaign/src/evaluate/intervals.csv
@@ -27,7 +27,7 @@ def main() -> None:
             low, high = proportion_confint(k, n, 0.05, "wilson")
             out.writerow(["wilson", k, n, repr(float(low)), repr(float(high))])
             low, high = proportion_confint(k, n, 0.05, "beta")
-            # The same by scipy alone.
+            # The same with scipy alone.
             own = [0.0 if k == 0 else beta.ppf(0.025, k, n - k + 1), 1.0 if k == n else beta.ppf(0.975, k + 1, n - k)]
             assert np.allclose([low, high], own, rtol=0, atol=1e-12), (k, n)
             out.writerow(["clopper_pearson", k, n, repr(float(low)), repr(float(high))])
@@ -35,7 +35,7 @@ def main() -> None:
         for c in PAIRS:
             p = mcnemar([[9, b], [c, 9]], exact=True).pvalue
             if b + c:
-                # statsmodels says more than 1 where the two are equal.
+                # statsmodels returns more than 1 for equal counts.
                 other = binomtest(min(b, c), b + c, 0.5).pvalue
                 assert abs(min(p, 1.0) - other) < 1e-12, (b, c)
             else:

@@ -1,7 +1,7 @@
-"""A policy behind openpi's protocol, with the message code of the real `openpi-client`: it
-checks what it is sent and holds the robot. Ends after an episode of so many questions.
+"""A policy with openpi's protocol and the message code of the real `openpi-client`: it checks the
+observations and holds the robot. It ends after COUNT observations of an episode.
 
-    python openpi_server.py PORT_FILE QUESTIONS [roboarena]
+    python openpi_server.py PORT_FILE COUNT [roboarena]
 """
 
 import os
@@ -15,14 +15,14 @@ from openpi_client import image_tools, msgpack_numpy
 HAND, KNUCKLE, ROWS = slice(14, 23), 12, 10
 
 
-def answer(observation, roboarena):
+def infer(observation, roboarena):
     image = observation["observation/image"]
     assert image.shape == (224, 224, 3) and image.dtype == np.uint8, (image.shape, image.dtype)
     assert observation["observation/wrist_image"].shape == (224, 224, 3)
     state = observation["observation/state"]
     assert state.shape == (27,) and state.dtype == np.float32, (state.shape, state.dtype)
     assert isinstance(observation["prompt"], str) and observation["prompt"]
-    # The picture stands in the middle, as openpi's own clients put it there.
+    # The image is centred, as by openpi's own clients.
     inner = image[49:175]
     assert inner.any() and not image[:49].any() and not image[175:].any()
     again = image_tools.resize_with_pad(inner, 224, 224)
@@ -34,8 +34,8 @@ def answer(observation, roboarena):
 
 
 def main():
-    port_file, questions, roboarena = Path(sys.argv[1]), int(sys.argv[2]), "roboarena" in sys.argv
-    asked, resets = [], []
+    port_file, count, roboarena = Path(sys.argv[1]), int(sys.argv[2]), "roboarena" in sys.argv
+    observations, resets = [], []
 
     def handle(connection):
         packer = msgpack_numpy.Packer()
@@ -47,21 +47,21 @@ def main():
                 resets.append(observation["session_id"])
                 connection.send("reset successful")
                 continue
-            asked.append(observation)
-            if len(asked) > questions:
+            observations.append(observation)
+            if len(observations) > count:
                 connection.send("Traceback (most recent call last):\nRuntimeError: that is enough")
                 connection.close()
                 server.shutdown()
                 return
-            rows = answer(observation, roboarena)
+            rows = infer(observation, roboarena)
             connection.send(packer.pack(rows if roboarena else {"actions": rows, "server_timing": {"infer_ms": 1.0}}))
 
     server = websockets.sync.server.serve(handle, "127.0.0.1", 0, compression=None, max_size=None)
     port_file.write_text(str(server.socket.getsockname()[1]))
     server.serve_forever()
-    assert len(asked) == questions + 1 and bool(resets) == roboarena, (len(asked), resets)
-    print(f"{questions} observations were read by openpi-client's own code, {len(resets)} resets", flush=True)
-    # Threads of websockets 17 that wait for the other end would hold the program up.
+    assert len(observations) == count + 1 and bool(resets) == roboarena, (len(observations), resets)
+    print(f"{count} observations were read by openpi-client's own code, {len(resets)} resets", flush=True)
+    # Threads of websockets 17 that wait for the peer would keep the program alive.
     os._exit(0)
 
 

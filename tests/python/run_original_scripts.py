@@ -1,4 +1,4 @@
-"""Runs WheelArm-Sim's processing scripts on files of ours.
+"""Runs WheelArm-Sim's processing scripts on our files.
 
 run_original_scripts.py SCRIPTS SAMPLES.hdf5 FINAL.csv WORK
 
@@ -8,14 +8,13 @@ SAMPLES    an episode from `wheelarm dataset export --format wheelarm-sim`, at 1
 FINAL      the same episode's final_data.csv from `--format csv`
 WORK       an empty folder
 
-The scripts are copied; what is written into them for one machine is adapted and
-every change is printed: folders before `organization/`, and the number or the
-range of experiments, of which one is laid out. They were saved from Google
-Colab and mount a drive: a module `google.colab` that mounts nothing stands in
-WORK. The experiment is number 6, whose label counts the shipped script states
-(249 rows). Then they run in the order that works, each output is counted, and
-the final table is compared with ours.
-Exit code 77 when something that they need is not there.
+Copies the scripts and adapts the parts that are specific to one machine, printing every change:
+folders before `organization/`, and the number or the range of experiments, of which there is
+one. The scripts were saved from Google Colab and mount a drive, so WORK has a module
+`google.colab` that mounts nothing. The experiment is number 6, for which the script states the
+label counts (249 rows). Then the scripts run in their order, each output is counted, and the
+final table is compared with ours.
+Exit code 77 when a requirement is missing.
 """
 
 import ast
@@ -32,7 +31,7 @@ import h5py
 NUMBER = 6
 ROWS = 249
 TRIAL = Path("organization/picking/pick_mustard") / f"Experiment{NUMBER}"
-# Script, and what it leaves: file or folder, columns or pictures, rows.
+# Script and its outputs: file or folder, columns, rows or images.
 STEPS = [
     ("hdf5_to_csv.py", [(f"experiment{NUMBER}.csv", 57, None)]),
     ("save_images.py", [(f, None, ROWS) for f in ("wheelchair_rgb", "gen3_rgb", "gen3_depth", "wheelchair_depth")]),
@@ -41,8 +40,8 @@ STEPS = [
     ("synchronization.py", [("synchronised_data.csv", 113, ROWS)]),
     ("final_data_and_label.py", [("final_data.csv", 117, ROWS)]),
 ]
-# The scripts compute velocities of bodies anew from positions, and start the
-# clock at 0; labels are counts that were typed in, frames and trials numbers.
+# The scripts compute velocities of bodies from positions, and start the clock at 0; labels are
+# typed counts, frames and trials are numbers.
 NOT_COMPARED = re.compile(r"(robot_arm_.*|wheelchair)_vel_[xyz]|instructions|trial_id|image_frame_id|state_labels")
 
 
@@ -52,7 +51,7 @@ def skip(why):
 
 
 def adapt(name, text, work):
-    """What is written for one machine, and the changed text."""
+    """Adapts the parts of a script that are specific to one machine."""
 
     def folder(match):
         changed = f"{match[1]}{work}/organization/"
@@ -75,10 +74,10 @@ def adapt(name, text, work):
 
 
 def mount_nothing(work):
-    """A `google.colab` for scripts that were saved from there."""
+    """Writes a `google.colab` that mounts nothing."""
     google = work / "google"
     (google / "colab").mkdir(parents=True)
-    # Other modules of the name `google` stay within reach.
+    # Other modules of the name `google` remain importable.
     (google / "__init__.py").write_text('__path__ = __import__("pkgutil").extend_path(__path__, __name__)\n')
     (google / "colab/__init__.py").write_text(
         "class drive:\n    @staticmethod\n    def mount(where, *args, **more):\n"
@@ -98,8 +97,8 @@ def modules(name, text):
 
 
 def is_there(module):
-    """Whether a module is found by its full name: `google` alone says nothing
-    of `google.colab`."""
+    """Whether a module can be found by its full name: `google` may exist without
+    `google.colab`."""
     try:
         return importlib.util.find_spec(module) is not None
     except ModuleNotFoundError:
@@ -107,8 +106,8 @@ def is_there(module):
 
 
 def first_samples(source, target):
-    """Moves the file, gigabytes, and leaves the first ROWS samples, as if the
-    original's recorder had been stopped then."""
+    """Moves the file (gigabytes) and keeps the first ROWS samples, as if the recorder had stopped
+    then."""
     source.rename(target)
     with h5py.File(target, "r+") as file:
         count = len(file["data"])
@@ -127,8 +126,8 @@ def table(path):
 def check(path, columns, rows):
     if columns is None:
         found = len(list(path.glob("frame_*.png")))
-        assert found == rows, f"{path} holds {found} pictures, expected {rows}"
-        return f"{found} pictures"
+        assert found == rows, f"{path} has {found} images, expected {rows}"
+        return f"{found} images"
     head, body = table(path)
     assert len(head) == columns, f"{path} has {len(head)} columns, expected {columns}"
     # The first table ends with two empty rows for the groups "data" and "/".
@@ -156,7 +155,7 @@ def compare(theirs, ours):
         for i in range(count):
             worst = max(worst, (abs(float(rows[i][k]) - float(our_rows[first + i][k]) + zero), f"{name}, row {i + 1}"))
     assert worst[0] < 1e-6, f"the final tables differ by {worst[0]} in {worst[1]}"
-    print(f"final_data.csv: {count} rows as in ours, greatest difference {worst[0]:.1e}")
+    print(f"final_data.csv: {count} rows as in ours, largest difference {worst[0]:.1e}")
 
 
 def main():
@@ -167,7 +166,7 @@ def main():
     (work / TRIAL).mkdir(parents=True)
     mount_nothing(work)
     sys.path[0] = str(work)
-    # Plots go nowhere: nobody closes their windows.
+    # Plots need no display.
     environment = {**os.environ, "MPLBACKEND": "Agg"}
     first_samples(samples, work / TRIAL / f"experiment{NUMBER}.hdf5")
     for name, outputs in STEPS:

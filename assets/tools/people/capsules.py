@@ -9,7 +9,7 @@ OUTSIDE = 6.0
 
 
 def rows():
-    """(part, joint that carries it, joints whose vertices it is fitted to, what of them)."""
+    """(part, its joint, joints whose vertices it is fitted to, selection of the vertices)."""
     out = [
         ("head", "head", ["head"], "upper"),
         ("face", "head", ["head", "jaw"], "lower"),
@@ -44,8 +44,8 @@ def distance(points, a, b, radius):
     return np.linalg.norm(points - a - t[:, None] * along, axis=1) - radius
 
 
-def fitted(points, across=False):
-    """Ends and radius of a capsule near points (N, 3); `across`: lies along y, symmetric."""
+def fit_capsule(points, across=False):
+    """Ends and radius of a capsule near points (N, 3); `across`: parallel to y, symmetric."""
     if across:
         points = np.concatenate([points, points * [1, -1, 1]])
     middle = points.mean(axis=0)
@@ -79,23 +79,23 @@ def fitted(points, across=False):
     return a, b, radius
 
 
-def all_of(points, main, pose):
+def body_capsules(points, main, pose):
     """[(part, joint, a, b, radius)]: ends in the joint's frame, m, of a seated body (N, 3)."""
     out = []
-    for part, joint, joints, what in rows():
+    for part, joint, joints, selection in rows():
         own = points[np.isin(main, [INDEX[j] for j in joints])]
         k = INDEX[joint]
         rotation, at = pose.rotations[k], pose.at[k]
         local = (own - at) @ rotation
-        if what in ("upper", "lower"):
+        if selection in ("upper", "lower"):
             split = np.percentile(local[:, 2], 45)
-            local = local[local[:, 2] > split] if what == "upper" else local[local[:, 2] < split + 0.02]
-        if what in ("near", "far"):
+            local = local[local[:, 2] > split] if selection == "upper" else local[local[:, 2] < split + 0.02]
+        if selection in ("near", "far"):
             # Down the thigh at rest is -z.
             split = local[:, 2].min() * 0.48
-            local = local[local[:, 2] > split] if what == "near" else local[local[:, 2] < split + 0.02]
-        across = what == "across" or part in ("head", "face", "neck")
-        a, b, radius = fitted(local, across)
+            local = local[local[:, 2] > split] if selection == "near" else local[local[:, 2] < split + 0.02]
+        across = selection == "across" or part in ("head", "face", "neck")
+        a, b, radius = fit_capsule(local, across)
         out.append((part, joint, a, b, radius))
     return out
 

@@ -1,4 +1,4 @@
-"""The wheelchair as solids, read from its URDF: where a seated person must not be."""
+"""The wheelchair as solids, read from its URDF, to keep a seated person out of them."""
 
 import pathlib
 import xml.etree.ElementTree as xml
@@ -7,7 +7,7 @@ import numpy as np
 
 from rig import turn
 
-# Links whose solids stand near the person; all hang fixed or turn about their own axis.
+# Links with solids near the person; all are fixed or rotate about their own axis.
 LINKS = ["wheelchair_root", "front_left_wheel", "front_right_wheel", "arm_mount_link", "base_link"]
 
 
@@ -59,7 +59,7 @@ class Chair:
         return next(link for link in self.urdf.findall("link") if link.get("name") == name)
 
     def _links(self, angles):
-        """World pose of every link, joints at `angles` (rad) by name, 0 where none is told."""
+        """World pose of every link, joints at `angles` (rad) by name, default 0."""
         poses = {"wheelchair_root": (np.eye(3), np.zeros(3))}
         joints = list(self.urdf.findall("joint"))
         while joints:
@@ -78,7 +78,7 @@ class Chair:
                     local = local @ turn(direction, np.degrees(angle))
                 poses[joint.find("child").get("link")] = (rotation @ local, at + rotation @ xyz)
             if len(rest) == len(joints):
-                raise ValueError("the URDF's joints do not hang together")
+                raise ValueError("URDF has joints that are not connected to wheelchair_root")
             joints = rest
         return poses
 
@@ -117,7 +117,7 @@ class Chair:
                 points = (points @ local.T + xyz) @ rotation.T + at
                 yield points, triangles, visual.find("material").get("name")
 
-    def colours(self):
+    def colors(self):
         return {
             m.get("name"): [float(w) for w in m.find("color").get("rgba").split()][:3]
             for m in self.urdf.findall("material")
@@ -137,7 +137,7 @@ def load_obj(path):
 
 
 def depth(solid, points):
-    """How deep points (N, 3) lie in a solid, m; 0 outside."""
+    """Depth of points (N, 3) in a solid, m; 0 outside."""
     _, kind, rotation, at, half = solid
     local = (points - at) @ rotation
     if kind == "box":

@@ -1,23 +1,23 @@
-"""A small z-buffer rasteriser for looking at people: numpy only."""
+"""A small z-buffer rasterizer to view people; needs only numpy."""
 
 import numpy as np
 
 
-class Picture:
-    """Colour (H, W, 3), depth (H, W) along the optical axis, and the id of what is seen (H, W)."""
+class Canvas:
+    """Color (H, W, 3), depth (H, W) along the optical axis, and id of the visible triangle (H, W)."""
 
     def __init__(self, width, height, background=(0.93, 0.94, 0.95)):
-        self.colour = np.empty((height, width, 3))
-        self.colour[:] = background
+        self.color = np.empty((height, width, 3))
+        self.color[:] = background
         self.depth = np.full((height, width), np.inf)
         self.id = np.full((height, width), -1)
 
     def bytes(self):
-        return (np.clip(self.colour, 0, 1) * 255 + 0.5).astype(np.uint8)
+        return (np.clip(self.color, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
 class Camera:
-    """A pinhole at `eye` that looks along `ahead` (x forward, y left, z up); `focal` in pixels."""
+    """A pinhole camera at `eye` with direction `ahead` (x forward, y left, z up); `focal` in pixels."""
 
     def __init__(self, eye, ahead, focal, up=(0, 0, 1), near=0.05):
         self.eye, self.focal, self.near = np.asarray(eye, float), focal, near
@@ -26,7 +26,7 @@ class Camera:
         x /= np.linalg.norm(x)
         self.axes = np.stack([x, np.cross(z, x), z])
 
-    def of(self, points):
+    def project(self, points):
         return (points - self.eye) @ self.axes.T
 
 
@@ -34,24 +34,24 @@ def at(eye, target):
     return np.asarray(target, float) - np.asarray(eye, float)
 
 
-def draw(picture, camera, points, triangles, colours, ids, normals=None, light=(0.35, 0.5, 0.8)):
-    """Draws triangles (T, 3) with a colour (T, 3) and an id (T,) each; both sides are seen."""
-    height, width = picture.depth.shape
+def draw(canvas, camera, points, triangles, colors, ids, normals=None, light=(0.35, 0.5, 0.8)):
+    """Renders triangles (T, 3) with a color (T, 3) and an id (T,) each; both sides are visible."""
+    height, width = canvas.depth.shape
     light = np.asarray(light) / np.linalg.norm(light)
-    seen = camera.of(points)
+    projected = camera.project(points)
     corner = points[triangles]
     flat = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, None]
     for t, index in enumerate(triangles):
-        p = seen[index]
-        for poly, weights in _clipped(p, camera.near):
+        p = projected[index]
+        for poly, weights in _clip(p, camera.near):
             _fill(
-                picture, camera, poly, weights, index, colours[t], ids[t], flat[t], normals, light,
+                canvas, camera, poly, weights, index, colors[t], ids[t], flat[t], normals, light,
                 width, height,
             )
 
 
-def _clipped(p, near):
+def _clip(p, near):
     """The part of a triangle beyond the near plane, as triangles with barycentric corners."""
     inside = p[:, 2] > near
     if inside.all():
@@ -73,7 +73,7 @@ def _clipped(p, near):
     return [(ring[[0, k, k + 1]], weights[[0, k, k + 1]]) for k in range(1, len(ring) - 1)]
 
 
-def _fill(picture, camera, p, weights, index, colour, ident, flat, normals, light, width, height):
+def _fill(canvas, camera, p, weights, index, color, ident, flat, normals, light, width, height):
     z = p[:, 2]
     u = p[:, 0] / z * camera.focal + width / 2
     v = p[:, 1] / z * camera.focal + height / 2
@@ -92,7 +92,7 @@ def _fill(picture, camera, p, weights, index, colour, ident, flat, normals, ligh
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = 1 / inverse
     window = (slice(y0, y1), slice(x0, x1))
-    hit = (b0 >= 0) & (b1 >= 0) & (b2 >= 0) & (depth < picture.depth[window])
+    hit = (b0 >= 0) & (b1 >= 0) & (b2 >= 0) & (depth < canvas.depth[window])
     if not hit.any():
         return
     if normals is None:
@@ -104,10 +104,10 @@ def _fill(picture, camera, p, weights, index, colour, ident, flat, normals, ligh
         normal = mix @ normals[index]
         normal = normal / np.maximum(np.linalg.norm(normal, axis=-1), 1e-9)[..., None]
     shade = normal @ light
-    # Wrapped light, so that what turns away keeps some shape.
+    # Wrapped light, so that surfaces away from the light keep some shading.
     bright = 0.42 + 0.58 * np.clip((shade + 0.35) / 1.35, 0, 1)
-    picture.depth[window] = np.where(hit, depth, picture.depth[window])
-    picture.id[window] = np.where(hit, ident, picture.id[window])
-    picture.colour[window] = np.where(
-        hit[..., None], np.asarray(colour) * bright[..., None], picture.colour[window]
+    canvas.depth[window] = np.where(hit, depth, canvas.depth[window])
+    canvas.id[window] = np.where(hit, ident, canvas.id[window])
+    canvas.color[window] = np.where(
+        hit[..., None], np.asarray(color) * bright[..., None], canvas.color[window]
     )

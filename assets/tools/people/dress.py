@@ -1,7 +1,7 @@
-"""Skin, hair, clothes and eyes on a body: one topology for everybody.
+"""Skin, hair, clothes and eyes on a body, with one topology for all bodies.
 
-The body under the clothes is left out; the clothes are MakeHuman's shell `tights` pushed
-outwards, hair is the scalp pushed outwards, with the shell `hair` where it is long.
+The body under the clothes is left out. The clothes are MakeHuman's shell `tights` pushed
+outwards, hair is the scalp pushed outwards, and long hair also the shell `hair`.
 """
 
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig import FINGERS, INDEX, NAMES, forward, from_vector, places, skin
-from shape import shaped
-from simplify import simplified
+from shape import make_body
+from simplify import simplify_mesh
 from source import BODY_VERTICES
 
 MATERIALS = [
@@ -37,16 +37,16 @@ BUDGET = {
     "long_hair": 260,
     "eyes": 150,
 }
-# A vertex of the mouth's inside, behind the upper lip.
+# A vertex inside the mouth, behind the upper lip.
 INSIDE_MOUTH = 588
-# How far clothes are pushed out of their shell, m, which stands 8 mm off the skin. [choice]
+# Outward offset of clothes from their shell, m; the shell is 8 mm from the skin. [choice]
 SHIRT, TROUSERS, SHOES = 0.003, 0.002, 0.006
 HAIR = {"cropped": 0.004, "short": 0.013, "long": 0.016, "bun": 0.012}
 
 
 @dataclass
 class Part:
-    """A piece of surface: triangles over the vertices of the source, pushed out along its normals."""
+    """A part of the surface: triangles over the vertices of the source, pushed out along the normals."""
 
     name: str
     triangles: np.ndarray
@@ -56,7 +56,7 @@ class Part:
 
 
 def normals(points, triangles):
-    """Vertex normals (N, 3), weighted by area; zero where no triangle is."""
+    """Vertex normals (N, 3), weighted by area; zero for vertices without triangle."""
     face = np.cross(
         points[triangles[:, 1]] - points[triangles[:, 0]],
         points[triangles[:, 2]] - points[triangles[:, 0]],
@@ -68,12 +68,12 @@ def normals(points, triangles):
 
 
 class Wardrobe:
-    """What everybody wears, found on a body of reference and simplified once."""
+    """Clothes, hair and eyes of all bodies, computed on a reference body and simplified once."""
 
     def __init__(self, source, table):
         self.source, self.table = source, table
         reference = {"sex": "male", "age": 0.72}
-        self.reference = shaped(source, reference, 0.6, 0.4)
+        self.reference = make_body(source, reference, 0.6, 0.4)
         self.parts = self._parts()
         self._simplify()
 
@@ -153,10 +153,10 @@ class Wardrobe:
         self.eye = reference[np.unique(source.triangles("helper-l-eye"))].mean(axis=0)
         x, y, z = (_middle(reference, triangles) - jaw).T
         y = np.abs(y)
-        # Numbers of the body of reference, m, from the jaw's joint.
+        # Positions on the reference body, m, relative to the jaw joint.
         lips = ((y / 0.028) ** 2 + ((z + 0.0425) / 0.0120) ** 2 < 1) & (x > 0.0955 - 12 * y**2)
         labels[lips] = MATERIAL["lips"]
-        # The mouth's inside: what hangs together behind the lips.
+        # The inside of the mouth: the connected triangles behind the lips.
         region = (y < 0.037) & (z > -0.08) & (z < 0.012) & ~lips & (x < 0.0975)
         inside = {INSIDE_MOUTH}
         grown = True
@@ -185,25 +185,25 @@ class Wardrobe:
         return chosen & ~ears
 
     def _simplify(self):
-        """Every part's triangles once for all, judged on three bodies at rest and seated."""
+        """Simplifies each part once, with the error of three bodies at rest and seated."""
         source = self.source
         bodies = [
             self.reference,
-            shaped(source, {"sex": "female", "age": 0.7}, 0.9, 0.3),
-            shaped(source, {"sex": "male", "age": 0.8}, 1.0, 0.5, 1.3),
+            make_body(source, {"sex": "female", "age": 0.7}, 0.9, 0.3),
+            make_body(source, {"sex": "male", "age": 0.8}, 1.0, 0.5, 1.3),
         ]
-        at_rest = [self._pushed(v) for v in bodies]
+        at_rest = [self._push(v) for v in bodies]
         for part in self.parts:
             shapes = []
-            for vertices, pushed in zip(bodies, at_rest):
-                points = pushed[part.name]
+            for vertices, moved_out in zip(bodies, at_rest):
+                points = moved_out[part.name]
                 rest = places(source, vertices)
                 rotations, at = forward(rest, rest[0], _trial_turns())
                 shapes += [points, skin(points, self.table, rest, rotations, at)]
             used = np.unique(part.triangles)
             renumber = np.full(len(self.reference), -1)
             renumber[used] = np.arange(len(used))
-            triangles, labels = simplified(
+            triangles, labels = simplify_mesh(
                 np.array(shapes)[:, used],
                 renumber[part.triangles],
                 part.labels,
@@ -213,7 +213,7 @@ class Wardrobe:
             part.simple, part.simple_labels = used[triangles], labels
 
     def _importance(self, part):
-        """Where an error counts more: face."""
+        """Weight of the simplification error per vertex; higher on the face."""
         out = np.ones(len(self.reference))
         if part.name == "head":
             face = self.reference[:, 0] > self.eye[0] - 0.045
@@ -222,7 +222,7 @@ class Wardrobe:
             out[neck] = 0.5
         return out
 
-    def _pushed(self, vertices, hair=0.013):
+    def _push(self, vertices, hair=0.013):
         """Vertices of each part of a dressed body at rest, {name: (N, 3)}."""
         out = {}
         for part in self.parts:
@@ -231,9 +231,9 @@ class Wardrobe:
             out[part.name] = vertices + normal * offset[:, None]
         return out
 
-    def dressed(self, vertices, hair):
-        """Mesh of a dressed body at rest: vertices, normals, source vertex of each, triangles, labels."""
-        pushed = self._pushed(vertices, HAIR[hair])
+    def dress(self, vertices, hair):
+        """Mesh of a dressed body at rest: vertices, normals, source vertices, triangles, labels."""
+        moved_out = self._push(vertices, HAIR[hair])
         points, directions, origin, triangles, labels = [], [], [], [], []
         start = 0
         for part in self.parts:
@@ -243,8 +243,8 @@ class Wardrobe:
             renumber = np.full(len(vertices), -1)
             renumber[used] = np.arange(len(used)) + start
             start += len(used)
-            points.append(pushed[part.name][used])
-            directions.append(normals(pushed[part.name], part.triangles)[used])
+            points.append(moved_out[part.name][used])
+            directions.append(normals(moved_out[part.name], part.triangles)[used])
             origin.append(used)
             triangles.append(renumber[part.simple])
             labels.append(part.simple_labels)
@@ -252,12 +252,12 @@ class Wardrobe:
 
 
 def _middle(points, triangles):
-    """Middle of each triangle's quad; triangles come in pairs, (T, 3)."""
+    """Middle of each triangle's quad, (T, 3); triangles are in pairs."""
     return points[triangles].mean(axis=1).reshape(-1, 2, 3).mean(axis=1).repeat(2, axis=0)
 
 
 def _whole(chosen):
-    """Chosen triangles with the other half of their quads."""
+    """The chosen triangles and the other halves of their quads."""
     return chosen.reshape(-1, 2).any(axis=1).repeat(2)
 
 
@@ -266,7 +266,7 @@ def _is_hand(name):
 
 
 def _trial_turns():
-    """A rough seated posture with bent fingers and an open mouth, to judge simplification by."""
+    """A rough seated posture with bent fingers and an open mouth, for the simplification error."""
     turns = np.repeat(np.eye(3)[None], len(NAMES), axis=0)
     for side, sign in (("left", 1), ("right", -1)):
         turns[INDEX[f"{side}_thigh"]] = from_vector([0, np.radians(-85), 0])

@@ -16,8 +16,8 @@ def to_gltf(points):
     return points[..., [1, 2, 0]]
 
 
-def written(path, name, points, normals, weights, triangles, labels, rest, materials, extras):
-    """Writes the file. `materials`: [(name, linear base colour, roughness)] by label."""
+def write_glb(path, name, points, normals, weights, triangles, labels, rest, materials, extras):
+    """Writes the file. `materials`: [(name, linear base color, roughness)] by label."""
     blob, views, accessors = bytearray(), [], []
 
     def add(array, kind, component, target=None, bounds=False):
@@ -54,12 +54,12 @@ def written(path, name, points, normals, weights, triangles, labels, rest, mater
     primitives, described = [], []
     for label in np.unique(labels):
         index = add(triangles[labels == label].astype("<u2").ravel(), "SCALAR", SHORT, ELEMENTS)
-        material, colour, roughness = materials[label]
+        material, color, roughness = materials[label]
         described.append(
             {
                 "name": material,
                 "pbrMetallicRoughness": {
-                    "baseColorFactor": [round(float(c), 4) for c in colour] + [1.0],
+                    "baseColorFactor": [round(float(c), 4) for c in color] + [1.0],
                     "metallicFactor": 0.0,
                     "roughnessFactor": roughness,
                 },

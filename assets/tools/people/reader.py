@@ -1,4 +1,4 @@
-"""Reads what make_people.py wrote, with numpy and the standard library: for checks and pictures."""
+"""Reads the output of make_people.py with numpy and the standard library, for checks and images."""
 
 import json
 import pathlib
@@ -43,7 +43,7 @@ def load(folder):
     data = (folder / facts["mesh"]).read_bytes()
     magic, version, length = struct.unpack_from("<4sII", data)
     if (magic, version, length) != (b"glTF", 2, len(data)):
-        raise ValueError(f"{folder / facts['mesh']} is no binary glTF 2.0 of {len(data)} bytes")
+        raise ValueError(f"{folder / facts['mesh']} is not a binary glTF 2.0 file of {len(data)} bytes")
     size, kind = struct.unpack_from("<I4s", data, 12)
     document = json.loads(data[20 : 20 + size])
     blob = data[28 + size :]
@@ -67,7 +67,7 @@ def load(folder):
     rest = np.zeros((len(joints), 3))
     for k, node in enumerate(skin["joints"]):
         if parents[k] >= k:
-            raise ValueError(f"joint {joints[k]} comes before its parent")
+            raise ValueError(f"joint {joints[k]} is before its parent")
         own = from_gltf(np.array(nodes[node]["translation"]))
         rest[k] = own + (rest[parents[k]] if parents[k] >= 0 else 0)
     primitives = document["meshes"][0]["primitives"]
@@ -109,20 +109,20 @@ def rotation(vector):
 
 def pose(asset, posture, extra={}):
     """Rotations (48, 3, 3) and places (48, 3) of the joints; `extra`: rotation matrices on top, by joint."""
-    told = asset.postures[posture] if isinstance(posture, str) else posture
+    values = asset.postures[posture] if isinstance(posture, str) else posture
     count = len(asset.joints)
     rotations, at = np.empty((count, 3, 3)), np.empty((count, 3))
     for k, (joint, parent) in enumerate(zip(asset.joints, asset.parents)):
-        own = rotation(told["joints"].get(joint, [0.0, 0.0, 0.0])) @ extra.get(joint, np.eye(3))
+        own = rotation(values["joints"].get(joint, [0.0, 0.0, 0.0])) @ extra.get(joint, np.eye(3))
         if parent < 0:
-            rotations[k], at[k] = own, told["root"]
+            rotations[k], at[k] = own, values["root"]
         else:
             rotations[k] = rotations[parent] @ own
             at[k] = at[parent] + rotations[parent] @ (asset.rest[k] - asset.rest[parent])
     return rotations, at
 
 
-def skinned(asset, rotations, at):
+def skin(asset, rotations, at):
     """Vertices (N, 3) and normals (N, 3) moved with the joints."""
     turned = np.einsum("vk,kij->vij", asset.weights, rotations)
     shift = at + np.einsum("kij,kj->ki", rotations, asset.inverse_bind)

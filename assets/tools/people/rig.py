@@ -1,8 +1,8 @@
 """The skeleton of a person: 48 joints made of MakeHuman's 163 bones, weights and posing.
 
-At rest every joint's axes are those of the person (x forward, y left, z up), so a joint
-has a place and no turn of its own. A posture turns joints; `skin` moves vertices with
-them by linear blend skinning.
+At rest every joint has the axes of the person (x forward, y left, z up), so a joint has
+a position and no rotation. A posture rotates joints; `skin` moves vertices with them by
+linear blend skinning.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ FINGERS = ["thumb", "index", "middle", "ring", "little"]
 
 
 def _joints():
-    """(name, parent, bones whose weights it takes, bone at whose head it stands)."""
+    """(name, parent, bones whose weights it gets, bone whose head is its position)."""
     rows = [
         ("pelvis", None, ["root", "pelvis.L", "pelvis.R"], "root"),
         ("spine_1", "pelvis", ["spine05"], "spine05"),
@@ -106,13 +106,13 @@ def four(table):
     np.put_along_axis(table, order[:, 4:], 0.0, axis=1)
     table /= table.sum(axis=1, keepdims=True)
     steps = np.floor(table * 255)
-    # What is left over goes to the greatest.
+    # The remainder is added to the greatest.
     steps[np.arange(len(steps)), order[:, 0]] += 255 - steps.sum(axis=1)
     return steps / 255
 
 
 def places(source, vertices):
-    """Where the joints of a shaped mesh stand, (48, 3) m."""
+    """Positions of the joints of a shaped mesh, (48, 3) m."""
     return np.array([source.place(source.bones[row[3]]["head"], vertices) for row in ROWS])
 
 
@@ -124,7 +124,7 @@ def tip(source, vertices, bone):
 def forward(rest, root, turns):
     """World rotations (48, 3, 3) and places (48, 3) of the joints.
 
-    `rest`: places at rest; `root`: where the pelvis stands; `turns`: rotation of each
+    `rest`: places at rest; `root`: position of the pelvis; `turns`: rotation of each
     joint against its parent (48, 3, 3).
     """
     rotations, at = np.empty((len(rest), 3, 3)), np.empty((len(rest), 3))
@@ -182,7 +182,7 @@ def turn(axis, degrees):
 
 
 def between(a, b):
-    """The least rotation that takes direction `a` to direction `b`."""
+    """The smallest rotation from direction `a` to direction `b`."""
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     axis, cos = np.cross(a, b), float(a @ b)
     x, y, z = axis

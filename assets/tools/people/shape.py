@@ -1,8 +1,8 @@
-"""Bodies from a few words: sex, age, mass and stature to a shaped mesh.
+"""Makes a shaped mesh from sex, age, mass and stature.
 
 A phenotype is a product of linear weights over MakeHuman's macro targets; stature and
-mass are met by bisection over the `height` and `weight` axes. What the weight axis
-cannot reach is added by targets of girth (`extra`), again by bisection.
+mass are reached by bisection over the `height` and `weight` axes. Mass beyond the
+weight axis is added by targets of girth (GIRTH), again by bisection.
 """
 
 import itertools
@@ -13,7 +13,7 @@ from source import BODY_VERTICES
 
 # Mean density of a human body, kg/m³. [source: about 985 with full and 1,070 with empty lungs]
 DENSITY = 1010.0
-# Girth where the weight axis ends, targets with weights. [choice]
+# Targets of girth beyond the weight axis, with weights. [choice]
 GIRTH = {
     "torso/measure-waist-circ-incr": 0.7,
     "stomach/stomach-pregnant-incr": 0.16,
@@ -34,14 +34,14 @@ GIRTH = {
 
 
 def _between(value, names):
-    """Linear weights of `names`, which stand evenly from 0 to 1."""
+    """Linear interpolation weights of `names`, evenly spaced from 0 to 1."""
     value = min(max(value, 0.0), 1.0) * (len(names) - 1)
     low = min(int(value), len(names) - 2)
     part = value - low
     return {n: w for n, w in ((names[low], 1 - part), (names[low + 1], part)) if w > 1e-6}
 
 
-def shaped(source, wanted, weight, height, girth=0.0):
+def make_body(source, wanted, weight, height, girth=0.0):
     """Vertices (N, 3) in the rest pose for a phenotype.
 
     `wanted`: sex ("female" or "male"), age (0 baby, 1/3 child, 2/3 young, 1 old), muscle
@@ -79,12 +79,12 @@ def shaped(source, wanted, weight, height, girth=0.0):
                 add(f"breast/{kind}-averagecup-averagefirmness", part)
     for name, part in sorted(wanted.get("targets", {}).items()):
         if source.target(name) is None:
-            raise SystemExit(f"no target {name} in the wheel")
+            raise SystemExit(f"no shape target {name} in the wheel; use a name of its mpfb2/targets folder")
         add(name, part)
     if girth:
         for name, part in sorted(GIRTH.items()):
             if source.target(name) is None:
-                raise SystemExit(f"no target {name} in the wheel")
+                raise SystemExit(f"no shape target {name} in the wheel; use a name of its mpfb2/targets folder")
             add(name, girth * part)
     return vertices
 
@@ -107,7 +107,7 @@ def volume_moments(vertices, triangles):
     return float(volume), centroid, np.eye(3) * np.trace(second) - second
 
 
-def fitted(source, wanted):
+def fit(source, wanted):
     """Vertices whose stature (m) and mass (kg, by volume) are those of `wanted`, and the axes found."""
     body = source.triangles("body")
 
@@ -117,17 +117,17 @@ def fitted(source, wanted):
     weight, height, girth = 0.5, 0.5, 0.0
     for _ in range(4):
         height = _bisect(
-            -0.6, 1.8, lambda h: stature(shaped(source, wanted, weight, h, girth)), wanted["stature"]
+            -0.6, 1.8, lambda h: stature(make_body(source, wanted, weight, h, girth)), wanted["stature"]
         )
         weight = _bisect(
-            0.0, 1.0, lambda w: mass(shaped(source, wanted, w, height)), wanted["mass"]
+            0.0, 1.0, lambda w: mass(make_body(source, wanted, w, height)), wanted["mass"]
         )
         girth = 0.0
         if weight > 0.999:
             girth = _bisect(
-                0.0, 3.0, lambda g: mass(shaped(source, wanted, weight, height, g)), wanted["mass"]
+                0.0, 3.0, lambda g: mass(make_body(source, wanted, weight, height, g)), wanted["mass"]
             )
-    vertices = shaped(source, wanted, weight, height, girth)
+    vertices = make_body(source, wanted, weight, height, girth)
     return vertices, {
         "height": height,
         "weight": weight,

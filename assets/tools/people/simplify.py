@@ -1,9 +1,9 @@
-"""Fewer triangles, the same choice for all bodies and postures.
+"""Reduces the triangles of a mesh, with the same choice for all bodies and postures.
 
 Edges are collapsed onto one of their ends in the order of the quadric error (Garland and
 Heckbert 1997), summed over several shapes of the same mesh: bodies, at rest and seated.
-So the vertices that stay are vertices of the source, with their weights, and knees and
-fingers keep what they need to bend.
+So the remaining vertices are vertices of the source, with their weights, and knees and
+fingers keep enough vertices to bend.
 """
 
 import heapq
@@ -18,7 +18,7 @@ FLIP = 0.35
 SLENDER = 0.04
 
 
-def simplified(shapes, triangles, labels, budget, importance=None):
+def simplify_mesh(shapes, triangles, labels, budget, importance=None):
     """Triangles (M, 3) with labels (M,), at most about `budget`, on the same vertices.
 
     `shapes`: places of the vertices in each shape (K, N, 3). `labels`: material of each
@@ -70,7 +70,7 @@ def simplified(shapes, triangles, labels, budget, importance=None):
         if len(neighbours(u) & neighbours(v)) != len(shared):
             continue
         moved = [k for k in around[u] if k not in shared]
-        if not _stays_right(places, [faces[k] for k in moved], u, v):
+        if not _keeps_shape(places, [faces[k] for k in moved], u, v):
             continue
         for k in shared:
             for w in faces[k]:
@@ -97,8 +97,8 @@ def simplified(shapes, triangles, labels, budget, importance=None):
     return np.array([faces[k] for k in keys]), np.asarray(labels)[keys]
 
 
-def _stays_right(places, faces, u, v):
-    """Whether no triangle turns over or becomes a needle in any shape."""
+def _keeps_shape(places, faces, u, v):
+    """Whether no triangle flips or becomes too slender in any shape."""
     if not faces:
         return True
     old = np.array(faces)
@@ -141,14 +141,14 @@ def _edges(triangles):
 
 def _borders(triangles, labels):
     """Edges with one triangle, or between two materials."""
-    seen = {}
+    by_edge = {}
     for t, face in enumerate(triangles):
         for i in range(3):
             a, b = int(face[i]), int(face[(i + 1) % 3])
-            seen.setdefault((min(a, b), max(a, b)), []).append(t)
+            by_edge.setdefault((min(a, b), max(a, b)), []).append(t)
     return {
         edge: of
-        for edge, of in sorted(seen.items())
+        for edge, of in sorted(by_edge.items())
         if len(of) != 2 or labels[of[0]] != labels[of[1]]
     }
 

@@ -1,9 +1,9 @@
-"""Puts a body into the wheelchair: pelvis on the seat, feet on the plate, hands where a posture wants them.
+"""Seats a body in the wheelchair: pelvis on the seat, feet on the plate, hands as in the posture.
 
-Everything is in the frame `wheelchair_root`: on the floor under the rear axle, x forward,
-y left, z up. Legs and arms are two-bone chains with closed solutions; where the elbow
-points, and how high the hand lies, is searched so that nothing goes through the chair or
-the body and the hand touches what it rests on.
+All positions are in the frame `wheelchair_root`: on the floor under the rear axle, x
+forward, y left, z up. Legs and arms are two-bone chains with closed solutions. The
+direction of the elbow and the height of the hand are searched, so that the arm does not
+penetrate the chair or the body and the hand touches its support.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ import rig
 from chair import depth
 from rig import FINGERS, INDEX, NAMES, between, turn
 
-# How far flesh and upholstery give way together, m. [choice]
+# Compression of body and upholstery together, m. [choice]
 SINK_SEAT, SINK_BACK = 0.025, 0.012
 # Thickest cushion that raises a long-legged person, m. [choice]
 CUSHION = 0.03
@@ -24,7 +24,7 @@ TOES = 0.785
 TRUNK = ["pelvis", "spine_1", "spine_2", "spine_3", "spine_4", "spine_5", "neck_1", "neck_2", "head"]
 UPRIGHT = np.array([-12.0, -12, -11, -10, -9, -7, 0, 2, 4])
 STOOPED = np.array([-16.0, -13, -8, 1, 10, 18, 28, 28, 13])
-# Part of lean and turn that each of them takes, and of the head's own motion.
+# Share of lean and turn of each of TRUNK, and share of the head motion.
 LEAN = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 1.0])
 HEAD = np.array([0.0, 0, 0, 0, 0, 0, 0.35, 0.7, 1.0])
 # Fingers: bend of near and far joint, degrees.
@@ -34,7 +34,7 @@ CELL = 0.006
 
 @dataclass
 class Person:
-    """A dressed body at rest: mesh, weights of its vertices, joints, and how it holds itself."""
+    """A dressed body at rest: mesh, vertex weights, joints, and posture parameters."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -73,7 +73,7 @@ def _among(person, *names):
 
 
 def seat(person, chair, cushion, spec):
-    """Trunk, head and legs; arms hang as at rest. Pose with facts about the legs."""
+    """Pose of trunk, head and legs, with facts about the legs; arms as at rest."""
     pitch = (1 - person.stoop) * UPRIGHT + person.stoop * STOOPED
     pitch = pitch + LEAN * spec.get("lean_forward", 0.0) * person.lean + HEAD * spec.get("head_down", 0.0)
     roll = -LEAN * spec.get("lean_left", 0.0) - HEAD * spec.get("head_tilt_left", 0.0)
@@ -82,7 +82,7 @@ def seat(person, chair, cushion, spec):
         name: turn([0, 0, 1], y) @ turn([0, 1, 0], p) @ turn([1, 0, 0], r)
         for name, p, r, y in zip(TRUNK, pitch, roll, yaw)
     }
-    # Shoulders hang a little lower than with the arms held out.
+    # Shoulders are slightly lower than with raised arms.
     for side, sign in (("left", 1), ("right", -1)):
         world[f"{side}_clavicle"] = world["spine_5"] @ turn([1, 0, 0], -5 * sign)
     rest = person.rest
@@ -96,7 +96,7 @@ def seat(person, chair, cushion, spec):
     bottom = _among(person, "pelvis", "left_thigh", "right_thigh")
     back = _among(person, *TRUNK[:6])
     for _ in range(8):
-        # Where the pelvis goes is found upright: leaning does not move it.
+        # The position of the pelvis is found upright: leaning does not move it.
         rotations, at = _bodily(person, {**upright, **_legs(person, tilt, lower)}, np.zeros(3))
         points = rig.skin(person.points, person.weights, rest, rotations, at)
         lowest = np.percentile(points[bottom, 2], 1.5)
@@ -119,7 +119,7 @@ def seat(person, chair, cushion, spec):
 
 
 def cushion_for(person, chair):
-    """Thickness of the cushion, m in steps of 5 mm, that keeps the thighs near the level."""
+    """Thickness of the cushion, m in steps of 5 mm, that keeps the thighs nearly level."""
     facts = seat(person, chair, 0.0, {}).facts
     excess = facts["thigh"] * (np.sin(np.radians(facts["thigh_tilt"])) - np.sin(np.radians(7.0)))
     return round(min(max(excess, 0.0), CUSHION) / 0.005) * 0.005
@@ -141,7 +141,7 @@ def _legs(person, tilt, lower):
 
 
 def _bodily(person, world, offset):
-    """Rotations and places of all joints; joints that `world` does not name follow their parents."""
+    """Rotations and positions of all joints; joints that are not in `world` follow their parents."""
     count = len(NAMES)
     rotations, at = np.empty((count, 3, 3)), np.empty((count, 3))
     for k, parent in enumerate(rig.PARENTS):
@@ -155,14 +155,14 @@ def _bodily(person, world, offset):
 
 
 class Support:
-    """What a hand can lie on, as a height map over x and y, and how deep a point is in the body."""
+    """Height map over x and y of the surfaces for a hand, and depth of points in the body."""
 
     def __init__(self, points, triangles, chair, legs_top):
         self.low = np.array([-0.2, -0.4])
         shape = (int(1.0 / CELL), int(0.8 / CELL))
         self.body = np.full(shape, -1.0)
         self._splat(self.body, points, triangles)
-        # How far forward the belly comes between the thighs' middles.
+        # Foremost x of the belly between the middles of the thighs.
         middle = np.abs(self.low[1] + CELL * (np.arange(shape[1]) + 0.5)) < 0.12
         high = np.nonzero((self.body[:, middle] > legs_top).any(axis=1))[0]
         self.belly = self.low[0] + CELL * (high.max() + 1) if len(high) else 0.0
@@ -196,11 +196,11 @@ class Support:
         return cell[:, 0], cell[:, 1]
 
     def gap(self, points):
-        """Height of points over what is below them, m; negative within."""
+        """Height of points over the surface below them, m; negative inside."""
         return points[:, 2] - self.top[self._cells(points)]
 
     def inside(self, points):
-        """How deep points are in the body, m: down from its upper side, or sideways out of it."""
+        """Depth of points in the body, m: down from its upper side, or sideways to its outside."""
         deep = self.body[self._cells(points)] - points[:, 2]
         out = np.maximum(deep, 0.0)
         todo = np.nonzero(out > 0.004)[0]
@@ -216,10 +216,10 @@ class Support:
         return out
 
 
-def posed(person, chair, cushion, spec, before=()):
-    """The whole posture: a Pose with facts about how well it fits.
+def make_pose(person, chair, cushion, spec, before=()):
+    """The complete posture: a Pose with facts about its fit.
 
-    `before`: poses of the same person; one with the same trunk and hands lends its arms.
+    `before`: poses of the same person; the arms of one with the same trunk and hands are reused.
     """
     pose = seat(person, chair, cushion, spec)
     solids = chair.raised(cushion)
@@ -238,14 +238,14 @@ def posed(person, chair, cushion, spec, before=()):
 
 
 def _search(person, pose, chair, solids, side, sign, place):
-    """The pose with one arm where it fits best; the right arm minds the left."""
+    """The pose with the best fit of one arm; the right arm avoids the left."""
     arm = [INDEX[n] for n in NAMES if n.startswith(side) and _of_arm(n)]
     both = [INDEX[n] for n in NAMES if _of_arm(n)]
     points = rig.skin(person.points, person.weights, person.rest, pose.rotations, pose.at)
     legs = _among(person, "left_thigh", "right_thigh")
     ahead = legs & (points[:, 0] > pose.facts["hip"][0] + 0.5 * pose.facts["thigh"])
     legs_top = points[ahead, 2].max() + 0.035
-    # The chest overhangs the lap: a hand lies below it.
+    # The chest overhangs the lap: a hand is below it.
     above = [INDEX[n] for n in ("spine_4", "spine_5", "neck_1", "neck_2", "head", "jaw")]
     clear = ~np.isin(person.main, (arm if side == "right" else both) + above)
     faces = person.triangles[clear[person.triangles].all(axis=1)]
@@ -253,7 +253,7 @@ def _search(person, pose, chair, solids, side, sign, place):
     support = Support(points, faces, solids, legs_top)
     moving = np.nonzero(np.isin(person.main, arm))[0]
 
-    def tried(swivel, lift):
+    def evaluate(swivel, lift):
         trial = _arm(person, pose, support, chair, side, sign, place, swivel, lift)
         cost, found = _judge(person, trial, support, solids, side, moving, swivel)
         return cost, swivel, lift, trial, found
@@ -261,12 +261,12 @@ def _search(person, pose, chair, solids, side, sign, place):
     best = None
     for swivel in (5, 15, 25, 35, 45, 55, 65, 75):
         for lift in np.arange(-0.03, 0.13, 0.0125):
-            found = tried(swivel, lift)
+            found = evaluate(swivel, lift)
             if best is None or found[0] < best[0]:
                 best = found
     _, swivel, lift, _, _ = best
     for fine in lift + np.array([-0.009, -0.006, -0.003, 0.003, 0.006, 0.009]):
-        found = tried(swivel, fine)
+        found = evaluate(swivel, fine)
         if found[0] < best[0]:
             best = found
     cost, swivel, lift, pose, found = best
@@ -279,7 +279,7 @@ def _of_arm(name):
 
 
 def _judge(person, pose, support, solids, side, moving, swivel):
-    """How bad an arm's pose is, and why: in the chair, in the body, hand in the air, wrist bent."""
+    """Cost of an arm's pose, and its parts: in the chair, in the body, gap to the support, wrist bend."""
     points = rig.skin(
         person.points[moving], person.weights[moving], person.rest, pose.rotations, pose.at
     )
@@ -301,7 +301,7 @@ def _is_hand(name):
 
 
 def _arm(person, pose, support, chair, side, sign, place, swivel, lift):
-    """The pose with one arm's wrist over its place, elbow turned outwards by `swivel` degrees."""
+    """The pose with one arm's wrist over its place, elbow rotated outwards by `swivel` degrees."""
     rest, rotations, at = person.rest, pose.rotations.copy(), pose.at.copy()
 
     def joint(name):
@@ -337,8 +337,8 @@ def _arm(person, pose, support, chair, side, sign, place, swivel, lift):
         fingers, bend = np.array([1.0, 0.04, -0.10]), GRIP
         palm_side = np.array([0.0, 0.0, 1.0])
     else:
-        raise SystemExit(f"no place {place} for a hand; lap, thigh, armrest and joystick are")
-    # Shorter arms reach less far forward.
+        raise SystemExit(f"unknown hand place {place}; use lap, thigh, armrest or joystick")
+    # Shorter arms do not reach as far forward.
     flat = wrist[:2] - shoulder[:2]
     drop = max(shoulder[2] - 0.76, 0.0)
     most = np.sqrt(max(reach**2 - drop**2, 0.01))
@@ -364,7 +364,7 @@ def _arm(person, pose, support, chair, side, sign, place, swivel, lift):
     angle = np.radians(swivel)
     elbow = shoulder + along * toward + aside * (np.cos(angle) * down + np.sin(angle) * out)
     wrist = shoulder + distance * toward
-    # Upper arm: its own axis and the elbow's hinge; half of its turn comes before the elbow.
+    # Upper arm: its own axis and the elbow's hinge; half of its turn is above the elbow.
     hinge_rest, hinge = np.cross(upper, fore), np.cross(elbow - shoulder, wrist - elbow)
     full = _frame(elbow - shoulder, hinge) @ _frame(upper, hinge_rest).T
     parent = rotations[joint("clavicle")]
@@ -375,15 +375,15 @@ def _arm(person, pose, support, chair, side, sign, place, swivel, lift):
     rotations[joint("upper_arm_turn")] = full
     forearm = _frame(wrist - elbow, hinge) @ _frame(fore, hinge_rest).T
     rotations[joint("forearm")] = forearm
-    # Hand: fingers and back of the hand as wanted; the forearm takes part of the turn.
+    # Hand: fingers and back of the hand as wanted; the forearm does part of the turn.
     knuckles = rest[joint("middle_1")] - rest[joint("hand")]
     back = sign * np.cross(
         rest[joint("index_1")] - rest[joint("hand")], rest[joint("little_1")] - rest[joint("hand")]
     )
     fore_axis = (wrist - elbow) / np.linalg.norm(wrist - elbow)
-    # A wrist bends sideways by 25 degrees at most here; fingers follow the forearm so far.
+    # The fingers deviate from the forearm by at most 38 degrees.
     fingers = fingers / np.linalg.norm(fingers)
-    fingers = _limited(fore_axis, fingers, 38.0)
+    fingers = _limit(fore_axis, fingers, 38.0)
     hand = _frame(fingers, _level(palm_side, fingers)) @ _frame(knuckles, _level(back, knuckles)).T
     turned = _twist(hand @ forearm.T, fore_axis)
     rotations[joint("forearm_turn")] = rig.from_vector(fore_axis * turned * 0.6) @ forearm
@@ -421,7 +421,7 @@ def _level(up, along):
 
 
 def _frame(along, up):
-    """Right-handed axes: `along`, and `up` made square to it."""
+    """Right-handed axes: `along`, and `up` orthogonal to it."""
     along = along / np.linalg.norm(along)
     up = _level(up, along)
     up = up / np.linalg.norm(up)
@@ -437,8 +437,8 @@ def _twist(matrix, axis):
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def _limited(axis, wanted, degrees):
-    """`wanted`, or as near to it as `degrees` from `axis` allow."""
+def _limit(axis, wanted, degrees):
+    """`wanted`, or the nearest direction within `degrees` of `axis`."""
     angle = np.degrees(np.arccos(np.clip(axis @ wanted, -1, 1)))
     if angle <= degrees:
         return wanted

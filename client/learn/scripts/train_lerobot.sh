@@ -1,26 +1,26 @@
 #!/usr/bin/env bash
-# Trains LeRobot's own diffusion policy on recordings, by lerobot-train (lerobot 0.4.4) on
-# an export, and says how it is evaluated. Every stage goes on where it was interrupted; run
-# it again until it says that all is done. Nothing is fetched from the internet.
+# Trains LeRobot's diffusion policy on recordings with lerobot-train (lerobot 0.4.4) on an
+# export, and prints the command of its evaluation. Every stage continues after an
+# interruption; run it again until it prints that all is done. It downloads nothing.
 #   client/learn/scripts/train_lerobot.sh RECORDINGS... OUT
-# RECORDINGS are folders of episodes (.h5). Comes of it: OUT/set, the data set, and
+# RECORDINGS are folders of episodes (.h5). Results: OUT/set, the data set, and
 # OUT/train/checkpoints/last/pretrained_model, the policy.
-# Needs python3 with lerobot 0.4.4, eclipse-zenoh and protobuf.
-#   SECONDS_OF_TRAINING  in all, from the start of the training to the last checkpoint but
-#             for the time that this one takes to write (900)
+# Requires python3 with lerobot 0.4.4, eclipse-zenoh and protobuf.
+#   SECONDS_OF_TRAINING  in total, from the start of the training until the last checkpoint is
+#             written (900)
 #   SAVE_EVERY  seconds between checkpoints (120)
-#   WITHOUT_STATE  numbers of the state that it does not learn from, by name, or nothing
-#             (*.velocity,odometry.*): who is told its speed learns to keep it, and stands still
-#   SIZE      of the pictures, WxH (as they were recorded)
-#   TRIM_IDLE  seconds of the idle rows at the ends of an episode that are kept (0.5)
-#   BATCH     rows in a step (256: a step of 64 took as long on an H200)
-#   LR        learning rate, which goes down to 0 with the time (3e-4)
+#   WITHOUT_STATE  names of state numbers to ignore, or empty (*.velocity,odometry.*): a policy
+#             with its speed as input learns to keep it, and stops
+#   SIZE      of the images, WxH (as recorded)
+#   TRIM_IDLE  seconds of idle rows that are kept at both ends of an episode (0.5)
+#   BATCH     rows of a step (256: a step of 64 needed the same time on an H200)
+#   LR        initial learning rate, which decreases to 0 over the time (3e-4)
 #   PRECISION  bf16, fp16 or no (bf16)
-#   WORKERS   processes that make batches (8 or a processor each, the fewer)
-#   POLICY    more options of lerobot-train, behind those of this script; these win
+#   WORKERS   processes that load batches (8, at most one per core)
+#   POLICY    more options of lerobot-train, which override those of this script
 #   PROGRAMS  folder of wheelarm and its programs (target/release)
-#   PYTHON    with lerobot (python3); packages that lie elsewhere are named by PYTHONPATH
-#   CACHE     folder of what LeRobot unpacks, as large as the data set (OUT/cache)
+#   PYTHON    Python with lerobot (python3); PYTHONPATH can add other packages
+#   CACHE     folder for LeRobot's cache, as large as the data set (OUT/cache)
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
 [ $# -ge 2 ] || { sed -n '2,/^set -/s/^# \{0,1\}//p' "$0" && exit 2; }
@@ -42,7 +42,7 @@ export ACCELERATE_MIXED_PRECISION=${PRECISION:-bf16}
 mkdir -p "$out"
 out=$(realpath "$out")
 export HF_HOME=${CACHE:-$out/cache}
-# The state has 27 numbers whatever is learned from, so that the policy is served as any.
+# The state keeps 27 numbers with WITHOUT_STATE, so that the policy is served like any other.
 read -ra policy <<<"--policy.type=diffusion --policy.push_to_hub=false --policy.crop_shape=null --policy.use_separate_rgb_encoder_per_camera=true --policy.noise_scheduler_type=DDIM --policy.num_inference_steps=10 --policy.n_obs_steps=1 --policy.horizon=16 --policy.n_action_steps=8 --policy.drop_n_last_frames=8 --policy.down_dims=[256,512,1024] --policy.optimizer_lr=$lr --policy.scheduler_warmup_steps=300 ${POLICY:-}"
 last=$out/train/checkpoints/last/pretrained_model
 
@@ -51,14 +51,14 @@ die() { say "failed: $*" && exit 1; }
 done_before() { [ -e "$out/$1.done" ]; }
 mark() { touch "$out/$1.done" && say "done: $1"; }
 
-# What is missing is said before an hour of work.
+# Reports missing files and packages before an hour of work.
 check() {
     local what
     done_before export || for what in wheelarm wheelarm-dataset; do
-        command -v "$what" >/dev/null || die "the program $what is not in PATH; PROGRAMS names its folder"
+        command -v "$what" >/dev/null || die "the program $what is not in PATH: set PROGRAMS to its folder"
     done
     done_before export || for what in "${recordings[@]}"; do
-        [ -e "$what" ] || die "there are no recordings $what"
+        [ -e "$what" ] || die "cannot read the recordings $what: they do not exist"
     done
     "$python" - <<'PYTHON' || die "$python lacks a package: pip install lerobot==0.4.4 eclipse-zenoh protobuf"
 import importlib
@@ -70,8 +70,8 @@ for name in ("torch", "torchvision", "numpy", "safetensors", "accelerate", "data
              "wheelarm.lerobot_policy"):
     try:
         importlib.import_module(name)
-    except ImportError as problem:
-        missing.append(f"{name}: {problem}")
+    except ImportError as error:
+        missing.append(f"{name}: {error}")
 if missing:
     sys.exit("\n".join(missing))
 import torch
@@ -83,7 +83,7 @@ export_set() {
     done_before export && return
     say "export of ${recordings[*]}"
     rm -rf "$out/set.part" "$out/set"
-    # PNG is read back without ffmpeg, and decoded once.
+    # PNG needs no ffmpeg to decode, and is decoded once.
     wheelarm-dataset export --format lerobot --pictures png --trim-idle "$trim_idle" ${size:+--size "$size"} \
         "${recordings[@]}" --out "$out/set.part" >"$out/export.log" 2>&1 || die "export: $(tail -n 3 "$out/export.log")"
     mv "$out/set.part" "$out/set"
@@ -92,17 +92,17 @@ export_set() {
 }
 train() {
     done_before train && return
-    local status=0 ours=(--within "$seconds" --save-every "$save_every" --without-state "$without_state")
+    local status=0 options=(--within "$seconds" --save-every "$save_every" --without-state "$without_state")
     if [ -e "$last/train_config.json" ]; then
-        say "training goes on after $(cat "$last/../seconds.json")"
-        ours+=(--resume=true "--config_path=$last/train_config.json")
+        say "training continues after $(cat "$last/../seconds.json")"
+        options+=(--resume=true "--config_path=$last/train_config.json")
     else
         say "training, $seconds s"
         rm -rf "$out/train"
-        ours+=(--dataset.repo_id=local/wheelarm "--dataset.root=$out/set" "--output_dir=$out/train"
+        options+=(--dataset.repo_id=local/wheelarm "--dataset.root=$out/set" "--output_dir=$out/train"
             --batch_size="$batch" --num_workers="$workers" --wandb.enable=false --log_freq=100 "${policy[@]}")
     fi
-    "$python" client/learn/python/train_lerobot.py "${ours[@]}" >>"$out/train.log" 2>&1 || status=$?
+    "$python" client/learn/python/train_lerobot.py "${options[@]}" >>"$out/train.log" 2>&1 || status=$?
     [ $status -eq 0 ] || die "training ended with $status: $(tail -n 3 "$out/train.log")"
     say "$(grep 'step:' "$out/train.log" | tail -n 1 | sed 's/.*step:/step:/')"
     mark train

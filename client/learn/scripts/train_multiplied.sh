@@ -1,32 +1,32 @@
 #!/usr/bin/env bash
-# What multiplied demonstrations are worth to a policy: the same training three times, on
-# ten episodes, on what `wheelarm multiply` makes of these ten, and on as many episodes of
-# the scripted operator; each evaluated on seeds that nothing was trained on. On a machine
-# with one big GPU. Every stage goes on where it was interrupted.
+# Measures the value of multiplied demonstrations: the same training three times, on ten
+# episodes, on their multiplication by `wheelarm multiply`, and on as many episodes of the
+# scripted operator; each evaluated on unseen seeds. For a machine with one large GPU. Every
+# stage continues after an interruption.
 #   client/learn/scripts/train_multiplied.sh OUT [STAGE...]
-# Stages, all in this order where none is said: sources operator multiplied, then
-# train-ten train-operator train-multiplied, evaluate-ten evaluate-operator
-# evaluate-multiplied, table. Those of several calls may run at one time, for another
-# card (CUDA_VISIBLE_DEVICES for what trains and serves, ADAPTERS for what draws) or
-# beside another program.
-# Needs python3 with torch, numpy, safetensors, eclipse-zenoh and protobuf.
+# Stages, by default all in this order: sources operator multiplied, then train-ten
+# train-operator train-multiplied, evaluate-ten evaluate-operator evaluate-multiplied, table.
+# Several calls may run in parallel, for example on another GPU (CUDA_VISIBLE_DEVICES for
+# training and serving, ADAPTERS for rendering).
+# Requires python3 with torch, numpy, safetensors, eclipse-zenoh and protobuf.
 #   PLAN      campaign of the operator's episodes (assets/campaigns/mustard-near.toml); the
-#             sources are of the same, from seed 30000 on, and nothing hinders them
+#             sources use the same plan without disturbances, from seed 30000 on
 #   TASK      its task (pick_mustard)
-#   EPISODES  of the operator, and of what is multiplied (1000)
+#   EPISODES  episodes of the operator, and of the multiplication (1000)
 #   SOURCES   episodes that are multiplied (10)
-#   DISTURB   what hinders the multiplied ones: as the plan (noise=2,pushes=1,slips=1,share=0.8)
-#   JOBS      programs at work at one time (a processor each)
-#   SECONDS_OF_TRAINING   of each of the three (350)
+#   DISTURB   disturbances of the multiplied episodes: those of the plan
+#             (noise=2,pushes=1,slips=1,share=0.8)
+#   JOBS      programs in parallel (one per core)
+#   SECONDS_OF_TRAINING   of each of the three policies (350)
 #   SEEDS     seeds of assets/splits/policy-claim.toml that are evaluated (100)
 #   NETWORK   more options of train.py
 #   DEVICE_OPTIONS   of train.py for another device (--precision bf16 --store device)
-#   ADAPTERS  graphics cards that draw, as --adapters takes them (all)
+#   ADAPTERS  GPUs for rendering, as in --adapters (all)
 #   TENSORS   folder of the exported episodes, 60 GB (OUT/tensors)
 #   PROGRAMS  folder of wheelarm and its programs (target/release)
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
-out=${1:?say a folder}
+out=${1:?give a folder}
 shift
 plan=${PLAN:-assets/campaigns/mustard-near.toml}
 task=${TASK:-pick_mustard}
@@ -52,23 +52,23 @@ die() { say "failed: $*" && exit 1; }
 done_before() { [ -e "$out/$1.done" ]; }
 mark() { touch "$out/$1.done" && say "done: $1"; }
 
-# By several processes: HDF5 lets one thread of each read at a time.
+# With several processes: in one process HDF5 serves one thread at a time.
 export_rows() { # recordings, name
     local recordings exported
-    # Put in place whole: an interrupted one is made anew.
+    # Moved when complete: an interrupted export starts again.
     rm -rf "${tensors:?}/${2:?}" "$tensors/.$2.part"
     find "$1" -name '*.h5' -print0 | sort -z | xargs -0 -r -P $(((jobs + 1) / 2)) -n 25 sh -c \
         'out=$0; exec wheelarm-dataset export --format tensors --trim-idle 0.5 "$@" --out "$out"' "$tensors/.$2.part" >"$out/export-$2.log" 2>&1 ||
         say "export of $2: $(tail -n 2 "$out/export-$2.log")"
     recordings=$(find "$1" -name '*.h5' | wc -l) exported=$(find "$tensors/.$2.part" -name '*.safetensors' 2>/dev/null | wc -l)
-    # A file that cannot be read is left out; a full disk leaves out more than one in twenty.
+    # An unreadable file is skipped; more than one in twenty missing means a full disk.
     [ $((exported * 20)) -ge $((recordings * 19)) ] && [ "$exported" -gt 0 ] || die "$exported of $recordings episodes of $2 were exported"
     mv "$tensors/.$2.part" "$tensors/$2"
     say "$2: $exported episodes, $(du -sh "$tensors/$2" | cut -f1)"
 }
 collect() { # name, plan
     local status=0
-    say "episodes by $2"
+    say "episodes of $2"
     wheelarm collect "$2" --out "$out/$1" --workers "$jobs" --adapters "$adapters" >"$out/collect-$1.log" 2>&1 || status=$?
     # 3: some episodes are missing.
     [ $status -eq 0 ] || [ $status -eq 3 ] || die "collect: $(tail -n 3 "$out/collect-$1.log")"
@@ -76,7 +76,7 @@ collect() { # name, plan
     export_rows "$out/$1/episodes" "$1"
 }
 make_sources() {
-    # Whatever is multiplied is done well, with nothing in the way.
+    # The sources are recorded without disturbances.
     sed -e "s/^name = \"mustard-near\"/name = \"sources\"/" -e 's/^first_seed = .*/first_seed = 30000/' \
         -e "s/^episodes = .*/episodes = $sources/" -e '/^\[disturb\]/,/^$/d' "$plan" >"$out/sources.toml"
     collect ten "$out/sources.toml"
@@ -85,9 +85,9 @@ make_operator() {
     sed -e "s/^episodes = .*/episodes = $episodes/" "$plan" >"$out/operator.toml"
     collect operator "$out/operator.toml"
 }
-# Tries without pictures; those that succeed are drawn as the plan's cameras see them.
+# Attempts without images; successful ones are rendered with the plan's cameras.
 make_multiplied() {
-    local status=0 cards=("") cameras=() name size rate
+    local status=0 gpus=("") cameras=() name size rate
     say "multiplying $sources episodes into $episodes"
     wheelarm multiply "$out/ten" --task "$task" --episodes "$episodes" --out "$out/multiplied" --jobs "$jobs" \
         ${disturb:+--disturb "$disturb"} >"$out/multiply.log" 2>&1 || status=$?
@@ -98,34 +98,34 @@ make_multiplied() {
     done < <("$python" -c 'import sys, tomllib
 for c in tomllib.load(open(sys.argv[1], "rb"))["camera"]:
     print(c["name"], "x".join(map(str, c["size"])), c["rate"], sep="|")' "$plan")
-    [ "$adapters" = all ] || mapfile -t cards < <(tr , '\n' <<<"$adapters")
-    draw() { # number, file, card, cameras
-        local file=$1 card=$2
+    [ "$adapters" = all ] || mapfile -t gpus < <(tr , '\n' <<<"$adapters")
+    render() { # file, GPU, cameras
+        local file=$1 gpu=$2
         shift 2
         local name
         name=$(basename "$file" .h5)
-        [ ! -e "$out/drawn/$name-replay.h5" ] || return 0
-        # What an interrupted one leaves is not taken for a whole one.
-        rm -rf "$out/drawing/$name"
-        if wheelarm replay "$file" --out "$out/drawing/$name" ${card:+--adapter "$card"} "$@" >>"$out/draw.log" 2>&1; then
-            mv "$out/drawing/$name"/*-replay.h5 "$out/drawn/" && rm -rf "$out/drawing/$name"
+        [ ! -e "$out/rendered/$name-replay.h5" ] || return 0
+        # Deletes the remains of an interrupted rendering.
+        rm -rf "$out/rendering/$name"
+        if wheelarm replay "$file" --out "$out/rendering/$name" ${gpu:+--adapter "$gpu"} "$@" >>"$out/render.log" 2>&1; then
+            mv "$out/rendering/$name"/*-replay.h5 "$out/rendered/" && rm -rf "$out/rendering/$name"
         else
-            echo "not drawn: $file" >>"$out/draw.log"
+            echo "not rendered: $file" >>"$out/render.log"
         fi
     }
-    export -f draw
+    export -f render
     export out
-    mkdir -p "$out/drawn" "$out/drawing"
-    : >"$out/draw.log"
-    # The cards in turn.
+    mkdir -p "$out/rendered" "$out/rendering"
+    : >"$out/render.log"
+    # The GPUs in turn.
     local number=0 file
     for file in "$out"/multiplied/*.h5; do
         [ -e "$file" ] || die "nothing was multiplied: $(tail -n 2 "$out/multiply.log")"
-        printf '%s\0%s\0' "$file" "${cards[number % ${#cards[@]}]}"
+        printf '%s\0%s\0' "$file" "${gpus[number % ${#gpus[@]}]}"
         number=$((number + 1))
-    done | xargs -0 -r -n 2 -P "$jobs" bash -c 'draw "${@: -2:1}" "${@: -1:1}" "${@:1:$#-2}"' draw "${cameras[@]}"
-    say "drawn: $(find "$out/drawn" -name '*.h5' | wc -l); not drawn: $(grep -c '^not drawn' "$out/draw.log" || true)"
-    export_rows "$out/drawn" multiplied
+    done | xargs -0 -r -n 2 -P "$jobs" bash -c 'render "${@: -2:1}" "${@: -1:1}" "${@:1:$#-2}"' render "${cameras[@]}"
+    say "rendered: $(find "$out/rendered" -name '*.h5' | wc -l); not rendered: $(grep -c '^not rendered' "$out/render.log" || true)"
+    export_rows "$out/rendered" multiplied
 }
 train() { # name
     say "training on $1, $training s"
@@ -135,20 +135,20 @@ train() { # name
 }
 evaluate() { # name
     local status=0
-    say "evaluation of what learned from $1"
+    say "evaluation of the policy trained on $1"
     wheelarm evaluate --task "$task" --split assets/splits/policy-claim.toml --episodes "$seeds" --jobs "$jobs" --no-grid \
         --adapters "$adapters" --policy "exec:$python $learn/serve.py $out/policy-$1/policy.safetensors" \
         --out "$out/evaluation-$1" >"$out/evaluate-$1.log" 2>&1 </dev/null || status=$?
-    # It fails where not all seeds succeed; it is over when all are there.
-    local there
-    there=$(grep -c '"seed"' "$out/evaluation-$1/episodes.jsonl" 2>/dev/null || true)
-    [ "${there:-0}" -ge "$seeds" ] || die "evaluation of $1 ended with $status, ${there:-0} of $seeds seeds: $(tail -n 3 "$out/evaluate-$1.log")"
+    # The command fails when a seed fails; the evaluation is complete when it has all seeds.
+    local count
+    count=$(grep -c '"seed"' "$out/evaluation-$1/episodes.jsonl" 2>/dev/null || true)
+    [ "${count:-0}" -ge "$seeds" ] || die "evaluation of $1 ended with $status, ${count:-0} of $seeds seeds: $(tail -n 3 "$out/evaluate-$1.log")"
     say "$1: $(grep -c '"success":true' "$out/evaluation-$1/episodes.jsonl") of $(wc -l <"$out/evaluation-$1/episodes.jsonl")"
 }
 table() {
     local name
     {
-        echo "| learned from | episodes | success, of $seeds seeds |"
+        echo "| trained on | episodes | success, of $seeds seeds |"
         echo "|---|---|---|"
         for name in ten multiplied operator; do
             [ -e "$out/evaluation-$name/episodes.jsonl" ] || continue
@@ -156,7 +156,7 @@ table() {
         done
         for name in ten multiplied; do
             if done_before "evaluate-$name" && done_before evaluate-operator; then
-                echo && echo "$name beside operator:"
+                echo && echo "$name compared with operator:"
                 wheelarm evaluate compare "$out/evaluation-$name" "$out/evaluation-operator" --out "$out/compared-$name"
             fi
         done
@@ -167,8 +167,8 @@ table() {
 for program in wheelarm wheelarm-server wheelarm-worker wheelarm-dataset; do
     command -v "$program" >/dev/null || die "the program $program is not in PATH"
 done
-[ -e "$plan" ] || die "there is no $plan"
-need() { done_before "$1" || die "the stage $1 comes before $stage and is not done"; }
+[ -e "$plan" ] || die "cannot read the plan $plan: it does not exist"
+need() { done_before "$1" || die "the stage $stage needs the stage $1, which is not done"; }
 for stage in "$@"; do
     if done_before "$stage"; then continue; fi
     case $stage in
@@ -183,7 +183,7 @@ for stage in "$@"; do
     train-ten | train-operator | train-multiplied) train "${stage#train-}" ;;
     evaluate-ten | evaluate-operator | evaluate-multiplied) evaluate "${stage#evaluate-}" ;;
     table) table && continue ;;
-    *) die "no stage is called $stage" ;;
+    *) die "unknown stage $stage" ;;
     esac
     mark "$stage"
 done

@@ -8,7 +8,8 @@ import wheelarm
 
 
 def make_env(n_envs: int = 1, use_async_envs: bool = False, cfg: Any = None) -> dict[str, Any]:
-    """Environments by suite and task; they compute side by side either way."""
+    """Environments by suite and task. They compute in parallel, also without
+    `use_async_envs`."""
     task = getattr(cfg, "task", None) or "pick_mustard"
     size = {"gen3": (320, 180), "wheelchair": (320, 180)}
     envs = wheelarm.WheelArmVectorEnv(

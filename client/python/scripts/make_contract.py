@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Makes from the .proto files what the package needs of the contract.
+"""Generates the package's files of the contract from the .proto files.
 
     python scripts/make_contract.py           writes the three files
-    python scripts/make_contract.py --check   fails when they are not in date
+    python scripts/make_contract.py --check   fails when they are out of date
 
-`src/wheelarm/contract.fds` holds the descriptors (the classes are made of it when the
-package is imported), `src/wheelarm/_contract.py` the tables of queries, topics and
-tasks, `src/wheelarm/v1.pyi` the types for editors and type checkers, with the
-contract's own comments and units. Needs `grpcio-tools`.
+`src/wheelarm/contract.fds` contains the descriptors, from which the package creates its
+classes at import; `src/wheelarm/_contract.py` the constants and the tables of queries,
+topics and tasks; `src/wheelarm/v1.pyi` the types for editors and type checkers, with the
+contract's comments and units. Requires `grpcio-tools`.
 """
 
 from __future__ import annotations
@@ -24,6 +24,16 @@ PACKAGE = pathlib.Path(__file__).resolve().parents[1]
 ROOT = PACKAGE.parents[1]
 OUT = PACKAGE / "src" / "wheelarm"
 SOURCES = "wheelarm/v1"
+#: Constants of the crate `wheelarm-proto` that the package uses.
+CONSTANTS = (
+    "CONTRACT_VERSION",
+    "PHYSICS_VERSION",
+    "PHYSICS_HZ",
+    "CONTROL_HZ",
+    "ARM_JOINTS",
+    "PREFIX",
+    "MEDIA_TYPE",
+)
 
 FieldProto = descriptor_pb2.FieldDescriptorProto
 SCALARS = {
@@ -35,24 +45,24 @@ SCALARS = {
 }
 
 
-def compiled() -> descriptor_pb2.FileDescriptorSet:
-    """The descriptors of every file of the contract, with comments."""
+def compile_protos() -> descriptor_pb2.FileDescriptorSet:
+    """Compiles every file of the contract to descriptors, with comments."""
     files = sorted((ROOT / "proto" / SOURCES).glob("*.proto"))
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "all.fds"
         arguments = ["protoc", f"-I{ROOT / 'proto'}", "--include_imports"]
         arguments += ["--include_source_info", f"--descriptor_set_out={out}"]
-        # Only protoc knows where its own descriptor.proto lies.
+        # protoc does not find its own descriptor.proto without this path.
         import grpc_tools
 
         arguments.insert(2, f"-I{pathlib.Path(grpc_tools.__file__).parent / '_proto'}")
         if protoc.main(arguments + [str(file) for file in files]) != 0:
-            raise SystemExit("the .proto files do not compile")
+            raise SystemExit("cannot compile the .proto files: see the errors of protoc above")
         return descriptor_pb2.FileDescriptorSet.FromString(out.read_bytes())
 
 
 def with_options(everything: descriptor_pb2.FileDescriptorSet) -> descriptor_pb2.FileDescriptorSet:
-    """The same set read by a class that knows the contract's own options."""
+    """Decodes the set again with a class that has the contract's own options."""
     pool = descriptor_pool.DescriptorPool()
     for file in everything.file:
         pool.Add(file)
@@ -60,15 +70,16 @@ def with_options(everything: descriptor_pb2.FileDescriptorSet) -> descriptor_pb2
     return message_factory.GetMessageClass(name).FromString(everything.SerializeToString())
 
 
-def ours(everything):
-    """The files of the contract itself."""
+def contract_files(everything):
+    """The files of the package `wheelarm.v1`."""
     return [file for file in everything.file if file.package == "wheelarm.v1"]
 
 
 def descriptors(everything: descriptor_pb2.FileDescriptorSet) -> bytes:
-    """What the package loads: no comments, and no options that need an extension."""
+    """The content of `contract.fds`: without comments, and without options that need an
+    extension."""
     slim = descriptor_pb2.FileDescriptorSet()
-    for file in ours(everything):
+    for file in contract_files(everything):
         kept = slim.file.add()
         kept.CopyFrom(file)
         kept.ClearField("source_code_info")
@@ -81,16 +92,16 @@ def descriptors(everything: descriptor_pb2.FileDescriptorSet) -> bytes:
     return slim.SerializeToString(deterministic=True)
 
 
-def snake(name: str) -> str:
+def to_snake(name: str) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
 
 
-def word(enum, number: int) -> str:
+def enum_word(enum, number: int) -> str:
     name = next(value.name for value in enum.value if value.number == number)
     return name.split("_", 1)[1].lower()
 
 
-def limit(task: pathlib.Path) -> float:
+def time_limit(task: pathlib.Path) -> float:
     """Time limit of a task, its own or its template's, simulated seconds."""
     text = task.read_text()
     template = re.search(r'^template\s*=\s*"(\w+)"', text, re.M).group(1)
@@ -100,12 +111,12 @@ def limit(task: pathlib.Path) -> float:
 
 
 def tables(everything) -> str:
-    """Queries and topics as Python."""
-    told = with_options(everything)
-    options = next(file for file in told.file if file.package == "wheelarm.options")
+    """Constants, queries, topics and tasks as Python source."""
+    decoded = with_options(everything)
+    options = next(file for file in decoded.file if file.package == "wheelarm.options")
     enums = {enum.name: enum for enum in options.enum_type}
     queries, topics = [], []
-    for file in ours(told):
+    for file in contract_files(decoded):
         for service in file.service:
             for rpc in service.method:
                 request, reply = (
@@ -115,7 +126,7 @@ def tables(everything) -> str:
                     (value for key, value in rpc.options.ListFields() if key.name == "key_field"),
                     "",
                 )
-                queries.append((snake(rpc.name), request, reply, field))
+                queries.append((to_snake(rpc.name), request, reply, field))
         for message in file.message_type:
             for key, value in message.options.ListFields():
                 if key.name != "topic":
@@ -126,37 +137,48 @@ def tables(everything) -> str:
                         name,
                         value.key,
                         message.name,
-                        word(enums["Rate"], value.rate),
+                        enum_word(enums["Rate"], value.rate),
                         value.unit,
                         value.frame,
-                        word(enums["Role"], getattr(value, "from")),
+                        enum_word(enums["Role"], getattr(value, "from")),
                     )
                 )
-    library = (ROOT / "proto/src/lib.rs").read_text()
-    constants = dict(re.findall(r"pub const (\w+): u(?:32|64) = (\d+);", library))
-    tasks = {file.stem: limit(file) for file in sorted((ROOT / "assets/tasks").glob("*.toml"))}
+    tasks = {file.stem: time_limit(file) for file in sorted((ROOT / "assets/tasks").glob("*.toml"))}
     lines = [
-        '"""The contract as tables. Made by `scripts/make_contract.py`; do not edit."""',
+        '"""The contract as tables. Generated by `scripts/make_contract.py`; do not edit."""',
         "",
-        f"CONTRACT_VERSION = {constants['CONTRACT_VERSION']}",
-        f"PHYSICS_VERSION = {constants['PHYSICS_VERSION']}",
+        "# Constants of the crate wheelarm-proto.",
+        *(f"{name} = {value}" for name, value in constants().items()),
         "",
-        "# Name, request, reply, field of the request that stands in the key.",
+        "# Name, request, reply, field of the request that is part of the key.",
         "QUERIES = [",
         *(f"    {query!r}," for query in queries),
         "]",
         "",
-        "# Name, key below `wheelarm/{sim}/`, message, rate, units, frame, who publishes it.",
+        "# Name, key below `wheelarm/{sim}/`, message, rate, units, frame, publisher.",
         "TOPICS = [",
         *(f"    {topic!r}," for topic in topics),
         "]",
         "",
-        "# Tasks that ship, with their time limit in simulated seconds.",
+        "# Tasks of the assets, with their time limits in simulated seconds.",
         "TASKS = {",
         *(f"    {name!r}: {seconds!r}," for name, seconds in tasks.items()),
         "}",
     ]
     return "\n".join(lines).replace("'", '"') + "\n"
+
+
+def constants() -> dict[str, str]:
+    """The constants of the crate `wheelarm-proto` in `CONSTANTS`, as Python literals."""
+    pattern = re.compile(r'pub const (\w+): (?:u32|u64|usize|&str) = (\d+|"[^"]*");')
+    found: dict[str, set[str]] = {}
+    for file in sorted((ROOT / "proto/src").rglob("*.rs")):
+        for name, value in pattern.findall(file.read_text()):
+            found.setdefault(name, set()).add(value)
+    wrong = [name for name in CONSTANTS if len(found.get(name, ())) != 1]
+    if wrong:
+        raise SystemExit(f"proto/src must define {', '.join(wrong)} exactly once, with a literal")
+    return {name: found[name].pop() for name in CONSTANTS}
 
 
 class Stub:
@@ -165,7 +187,7 @@ class Stub:
     def __init__(self, everything) -> None:
         self.comments: dict[str, str] = {}
         self.out = [
-            '"""Messages of the contract `wheelarm.v1`. Made by `scripts/make_contract.py`."""',
+            '"""Messages of the contract `wheelarm.v1`. Generated by `scripts/make_contract.py`."""',
             "",
             "from collections.abc import Iterable as _Iterable",
             "from collections.abc import Mapping as _Mapping",
@@ -179,15 +201,15 @@ class Stub:
             "from google.protobuf.message import Message as _Message",
             "",
         ]
-        for file in ours(everything):
-            for place in file.source_code_info.location:
-                text = " ".join(place.leading_comments.split())
+        for file in contract_files(everything):
+            for location in file.source_code_info.location:
+                text = " ".join(location.leading_comments.split())
                 if text:
-                    self.comments[f"{file.name}:{'.'.join(map(str, place.path))}"] = text
-        for file in ours(everything):
+                    self.comments[f"{file.name}:{'.'.join(map(str, location.path))}"] = text
+        for file in contract_files(everything):
             for i, enum in enumerate(file.enum_type):
                 self.enum(file, enum, f"5.{i}")
-        for file in ours(everything):
+        for file in contract_files(everything):
             for i, message in enumerate(file.message_type):
                 self.message(file, message, f"4.{i}")
 
@@ -251,27 +273,25 @@ class Stub:
 
 
 def main() -> None:
-    everything = compiled()
-    made = {
+    everything = compile_protos()
+    generated = {
         "contract.fds": descriptors(everything),
         "_contract.py": tables(everything).encode(),
         "v1.pyi": Stub(everything).text().encode(),
     }
     if "--check" not in sys.argv[1:]:
-        for name, content in made.items():
+        for name, content in generated.items():
             (OUT / name).write_bytes(content)
         return
-    for name, content in made.items():
-        there = (OUT / name).read_bytes() if (OUT / name).is_file() else b""
-        same = there == content
-        if name.endswith(".fds") and there:
+    for name, content in generated.items():
+        present = (OUT / name).read_bytes() if (OUT / name).is_file() else b""
+        same = present == content
+        if name.endswith(".fds") and present:
             # Two compilers may write the same descriptors in another order.
             parse = descriptor_pb2.FileDescriptorSet.FromString
-            same = parse(there) == parse(content)
+            same = parse(present) == parse(content)
         if not same:
-            raise SystemExit(
-                f"{name} is not in date with the .proto files: run `make contract-python`"
-            )
+            raise SystemExit(f"{name} is out of date: run `make contract-python`")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Fixtures: a server of the tests' own, found as users find theirs."""
+"""Fixtures: a server for each test, found in the same way as by users."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def pytest_configure() -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """`make test` sets this: what was skipped has not passed."""
+    """A skipped test is a failure with WHEELARM_NO_SKIPS, which `make test` sets."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     if os.environ.get("WHEELARM_NO_SKIPS") and reporter.stats.get("skipped"):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
@@ -26,7 +26,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def program() -> pathlib.Path:
-    """The server; without one nothing here can be tested, which is no skip but an error."""
+    """The server program. Its absence is an error of every test, not a skip."""
     return wheelarm.find_program()
 
 

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Holds the plugins against LeRobot itself; run by tests/lerobot.sh.
+"""Checks the plugins with LeRobot itself; run by tests/lerobot.sh.
 
     python lerobot_check.py EXPORTED_SET RECORDED_SET SEED
 
-EXPORTED_SET is what `wheelarm dataset export` made of the episode of SEED, RECORDED_SET
-what `lerobot-record` made of playing it. Checks that LeRobot counts a success where one
-is, that the two sets speak of the same numbers, and that the recorded one lacks nothing.
+EXPORTED_SET is the export of the episode of SEED by `wheelarm dataset export`,
+RECORDED_SET the recording of its replay by `lerobot-record`. Checks that LeRobot counts
+the success, that both sets have the same names and numbers, and that the recording is
+complete.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from lerobot.utils.import_utils import register_third_party_plugins
 from pyarrow import parquet
 
 
-def rows_of(folder: pathlib.Path, seed: int):
+def read_rows(folder: pathlib.Path, seed: int):
     """State and action of the episode of a seed, and the numbers' names."""
     info = json.loads((folder / "meta/info.json").read_text())
     data = parquet.read_table(sorted(folder.glob("data/**/*.parquet")))
@@ -45,7 +46,7 @@ def rows_of(folder: pathlib.Path, seed: int):
 
 
 class Rows(torch.nn.Module):
-    """A policy that answers recorded rows."""
+    """A policy that returns recorded rows."""
 
     def __init__(self, action: np.ndarray) -> None:
         super().__init__()
@@ -68,7 +69,7 @@ def main() -> None:
         pathlib.Path(sys.argv[2]),
         int(sys.argv[3]),
     )
-    state, action, names = rows_of(exported, seed)
+    state, action, names = read_rows(exported, seed)
     register_third_party_plugins()
     config = EnvConfig.get_choice_class("wheelarm")(
         task="PickMustard-v0", observation_width=128, observation_height=96
@@ -81,31 +82,31 @@ def main() -> None:
     def same() -> PolicyProcessorPipeline:
         return PolicyProcessorPipeline(steps=[], to_transition=lambda x: x, to_output=lambda x: x)
 
-    told = rollout(envs, Rows(action), empty(), same(), same(), same(), seeds=[seed])
+    result = rollout(envs, Rows(action), empty(), same(), same(), same(), seeds=[seed])
     envs.close()
-    success = told["success"].any().item()
-    print(f"rollout of recorded rows: {told['action'].shape[1]} steps, success {success}")
+    success = result["success"].any().item()
+    print(f"rollout of recorded rows: {result['action'].shape[1]} steps, success {success}")
     assert success, "LeRobot counts no success"
 
-    # As LeRobot does it with a repository of its hub, the download left out.
+    # As in LeRobot for a repository of its hub, without the download.
     file = pathlib.Path(__file__).resolve().parents[1] / "envhub/env.py"
     module = _load_module_from_path(str(file))
     hub = _normalize_hub_result(_call_make_env(module, n_envs=1, use_async_envs=False, cfg=None))
     shape = hub["wheelarm"][0].reset(seed=0)[0]["pixels"]["gen3"].shape
     hub["wheelarm"][0].close()
-    print(f"EnvHub: pictures {shape}")
+    print(f"EnvHub: images {shape}")
     assert shape == (1, 180, 320, 3), shape
 
     data = LeRobotDataset("me/wheelarm", root=recorded)
     item = data[0]
-    again_state, again_action, again_names = rows_of(recorded, seed)
+    again_state, again_action, again_names = read_rows(recorded, seed)
     assert again_names == names, (again_names, names)
     assert item["observation.images.gen3"].shape == (3, 96, 128), item.keys()
     count = min(len(action), len(again_action))
     assert count > 0.8 * len(action), (count, len(action))
     assert np.array_equal(again_action[:count], action[:count])
     off = np.abs(again_state[0] - state[0]).max()
-    assert off < 1e-6, f"the first state is off by {off}"
+    assert off < 1e-6, f"the first state differs by {off}"
     stamps = np.array([data[i]["timestamp"].item() for i in range(len(data))])
     assert np.allclose(np.diff(stamps), 1.0 / data.fps, atol=1e-4), "frames are missing"
     print(f"recorded set: {len(data)} frames at {data.fps} Hz, names and actions as exported")

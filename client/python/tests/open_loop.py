@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""Plays the rows of a LeRobot set through the environment, open loop.
+"""Executes the rows of a LeRobot data set in the environment, open loop.
 
     python tests/open_loop.py SET [--obs-mode pixels] [--most N]
 
-For every episode of the set: a new environment state from the episode's seed, whose
-names and first observation must be those of the set, then its actions one by one. Tells
-how many are successes, and how far `agent_pos` is from the recorded
-``observation.state``. Pictures are compared where the set has them as PNG. Exit status
-1 when names differ, or fewer than nine in ten succeed.
+For every episode of the set: a reset with the episode's seed, whose names and first
+observation must equal those of the set, then its actions one by one. Prints the number of
+successes, and the difference between `agent_pos` and the recorded ``observation.state``.
+Exit status 1 when names differ, or fewer than nine in ten succeed.
 """
 
 from __future__ import annotations
@@ -23,16 +22,16 @@ from pyarrow import parquet
 import wheelarm
 from wheelarm.rows import action_names
 
-#: The last row is held for so many steps while the task is not done.
+#: Steps that repeat the last row while the task is not done.
 HELD = 30
 
 
 def main() -> None:
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("set", type=pathlib.Path)
-    asked.add_argument("--obs-mode", default="state")
-    asked.add_argument("--most", type=int, default=1000)
-    args = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("set", type=pathlib.Path)
+    parser.add_argument("--obs-mode", default="state")
+    parser.add_argument("--most", type=int, default=1000)
+    args = parser.parse_args()
     info = json.loads((args.set / "meta/info.json").read_text())
     features = info["features"]
     names = features["action"]["names"]
@@ -71,21 +70,21 @@ def main() -> None:
         assert env.action_names == names, (env.action_names, names)
         assert env.state_names == features["observation.state"]["names"]
         first = np.abs(observation["agent_pos"] - states[0]).max()
-        assert first < 1e-6, f"{label}: the first state is off by {first}"
+        assert first < 1e-6, f"{label}: the first state differs by {first}"
         off = []
         for i in range(len(actions) + HELD):
             if i < len(states):
                 off.append(np.abs(observation["agent_pos"] - states[i]).max())
             action = actions[min(i, len(actions) - 1)]
-            observation, _, terminated, truncated, told = env.step(action)
+            observation, _, terminated, truncated, last = env.step(action)
             if terminated or truncated:
                 break
-        done += told["is_success"]
+        done += last["is_success"]
         furthest = max(furthest, *off)
         print(
-            f"{label}: {'success' if told['is_success'] else told['failure'] or 'not done'} after "
-            f"{i + 1} of {len(actions)} rows, state off by {np.mean(off):.4f} in the mean, "
-            f"{max(off):.4f} at most",
+            f"{label}: {'success' if last['is_success'] else last['failure'] or 'not done'} after "
+            f"{i + 1} of {len(actions)} rows, difference of the state {np.mean(off):.4f} mean, "
+            f"{max(off):.4f} maximum",
             flush=True,
         )
     env.close()

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""How many steps per second environments make, alone and side by side.
+"""Steps per second of one environment, and of several in parallel.
 
     python tests/steps.py [--most 4] [--obs-mode state] [--seconds 5]
 
-Prints only: the figures are those of this machine as busy as it is.
+Prints only: the figures depend on the machine and its load.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ import wheelarm
 
 
 def main() -> None:
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--most", type=int, default=2)
-    asked.add_argument("--obs-mode", default="state")
-    asked.add_argument("--seconds", type=float, default=5.0)
-    args = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--most", type=int, default=2)
+    parser.add_argument("--obs-mode", default="state")
+    parser.add_argument("--seconds", type=float, default=5.0)
+    args = parser.parse_args()
     more = (
         {}
         if args.obs_mode == "state"
         else {"cameras": {"gen3": (320, 180), "wheelchair": (320, 180)}}
     )
-    alone = 0.0
+    single = 0.0
     for count in range(1, args.most + 1):
         envs = wheelarm.WheelArmVectorEnv(
             count, task="pick_mustard", obs_mode=args.obs_mode, control_mode="ee_delta", **more
@@ -40,10 +40,10 @@ def main() -> None:
             envs.step(action)
             steps += count
         rate = steps / (time.monotonic() - begun)
-        alone = alone or rate
+        single = single or rate
         print(
             f"{args.obs_mode}: {count} environments, {rate:.1f} steps/s of 0.1 s "
-            f"({rate / 10:.1f} simulated seconds per second), {rate / alone:.2f} x one",
+            f"({rate / 10:.1f} simulated seconds per second), {rate / single:.2f} x one",
             flush=True,
         )
         envs.close()

@@ -1,4 +1,4 @@
-"""The contract in the package is that of the .proto files."""
+"""The package contains the contract of the .proto files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wheelarm import _contract, _wire, v1
 SCRIPT = pathlib.Path(__file__).resolve().parents[1] / "scripts/make_contract.py"
 
 
-def test_the_package_is_in_date_with_the_proto_files():
+def test_generated_files_are_up_to_date():
     pytest.importorskip("grpc_tools", reason="grpcio-tools compiles the .proto files")
     found = subprocess.run(
         [sys.executable, str(SCRIPT), "--check"], capture_output=True, text=True, check=False
@@ -23,15 +23,15 @@ def test_the_package_is_in_date_with_the_proto_files():
 
 def test_every_query_and_topic_has_its_messages():
     for name, request, reply, field in _contract.QUERIES:
-        asked = getattr(v1, request)()
-        assert not field or hasattr(asked, field), name
+        message = getattr(v1, request)()
+        assert not field or hasattr(message, field), name
         assert getattr(v1, reply)() is not None
     assert len(_contract.TOPICS) > 20
     for row in _contract.TOPICS:
         assert "header" in getattr(v1, row[2]).DESCRIPTOR.fields_by_name, row
 
 
-def test_messages_are_in_a_pool_of_their_own():
+def test_messages_have_their_own_descriptor_pool():
     from google.protobuf import descriptor_pool
 
     with pytest.raises(KeyError):
@@ -41,7 +41,7 @@ def test_messages_are_in_a_pool_of_their_own():
     assert v1.Pacing.Name(v1.PACING_LOCK_STEP) == "PACING_LOCK_STEP"
 
 
-def test_another_version_of_the_contract_is_told_with_both_numbers():
+def test_error_for_another_contract_version_has_both_numbers():
     own = _wire.encoding("Clock")
     assert own == f"application/protobuf;wheelarm.v1.Clock@{_contract.CONTRACT_VERSION}"
     _wire.check_encoding(own)
@@ -50,5 +50,5 @@ def test_another_version_of_the_contract_is_told_with_both_numbers():
         "application/protobuf",
         "application/protobuf;wheelarm.v1.Clock@99",
     ):
-        with pytest.raises(_wire.OtherVersion, match="version"):
+        with pytest.raises(_wire.OtherVersionError, match="version"):
             _wire.check_encoding(other)

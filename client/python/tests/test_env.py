@@ -1,4 +1,4 @@
-"""The environments: Gymnasium's own checks, seeds bit for bit, and what cannot be."""
+"""The environments: Gymnasium's checks, equal bits for equal seeds, and errors."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def equal(a, b):
 
 
 def quiet_check(env):
-    """`check_env`, of whose words only those are taken that our spaces ask for."""
-    with warnings.catch_warnings(record=True) as said:
+    """`check_env` without warnings but those that our spaces cause on purpose."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         check_env(env)
     allowed = ("infinity", "symmetric and normalized")
-    other = [str(one.message) for one in said if not any(w in str(one.message) for w in allowed)]
+    other = [str(one.message) for one in caught if not any(w in str(one.message) for w in allowed)]
     assert not other, other
 
 
@@ -76,7 +76,7 @@ def test_a_task_passes_check_env():
     env.close()
 
 
-def test_nothing_is_started_before_reset():
+def test_no_server_starts_before_reset():
     env = gymnasium.make(MUSTARD)
     assert env.unwrapped._server is None and env.unwrapped._client is None
     with pytest.raises(gymnasium.error.ResetNeeded):
@@ -84,8 +84,8 @@ def test_nothing_is_started_before_reset():
     env.close()
 
 
-def holding(env):
-    """The row that holds what is."""
+def hold_row(env):
+    """The row that keeps the present pose."""
     row = np.zeros(12)
     pos = env.unwrapped._observation["agent_pos"]
     row[:9] = pos[14:23]
@@ -93,11 +93,11 @@ def holding(env):
     return row
 
 
-def test_seeds_give_the_same_bits_in_one_server_and_in_another():
+def test_equal_seeds_give_equal_bits_in_every_server():
     def run(env, seed):
         out = [env.reset(seed=seed)]
         for i in range(8):
-            row = holding(env)
+            row = hold_row(env)
             row[2] += 0.01 * i
             row[10] = 0.2
             out.append(env.step(row))
@@ -113,22 +113,22 @@ def test_seeds_give_the_same_bits_in_one_server_and_in_another():
     second.close()
 
 
-def test_a_scenario_seed_is_that_of_the_other_tools():
+def test_scenario_seed_equals_that_of_the_other_programs():
     env = gymnasium.make(MUSTARD, scenario={"starts": "anywhere"})
     _, info = env.reset(options={"scenario_seed": 7, "lerobot_new_rollout": True})
     assert info["scenario_seed"] == 7
     with wheelarm.Server(task="pick_mustard", seed=7, starts="anywhere") as server:
         with server.connect() as client:
-            wanted = client.status().scenario
+            expected = client.status().scenario
     found = env.unwrapped.client.status().scenario
-    assert found.start == wanted.start and found.objects == wanted.objects
-    assert info["instruction"] == wanted.instruction == env.unwrapped.task_description
+    assert found.start == expected.start and found.objects == expected.objects
+    assert info["instruction"] == expected.instruction == env.unwrapped.task_description
     _, info = env.reset(options={"scenario_seed": 7, "scenario": {"starts": "near"}})
-    assert env.unwrapped.client.status().scenario.start != wanted.start
+    assert env.unwrapped.client.status().scenario.start != expected.start
     env.close()
 
 
-def test_a_field_of_one_episode_is_not_that_of_the_next():
+def test_fields_of_one_episode_do_not_affect_the_next():
     more = {
         "person": {"body": "woman_p50", "posture": "hands_in_lap"},
         "look": {"seed": 3, "light": 2},
@@ -143,7 +143,7 @@ def test_a_field_of_one_episode_is_not_that_of_the_next():
     def scenario(**options):
         observation, _ = env.reset(options={"scenario_seed": 7, **options})
         found = env.unwrapped.client.status().scenario
-        # Of a time limit the server tells no more where it came from.
+        # The server does not report whether a time limit is that of the task.
         if found.time_limit_seconds == wheelarm.TASKS["pick_mustard"]:
             found.ClearField("time_limit_seconds")
         return observation, found
@@ -155,15 +155,15 @@ def test_a_field_of_one_episode_is_not_that_of_the_next():
     again = scenario()
     assert again[1] == first[1] and equal(again[0], first[0])
     assert env.unwrapped._server is server
-    # What no reset takes back goes with its server.
-    said = scenario(scenario={"language": {"seed": 3}})
-    assert said[1].HasField("language")
+    # A field that no reset can undo needs a new server.
+    changed = scenario(scenario={"language": {"seed": 3}})
+    assert changed[1].HasField("language")
     again = scenario()
     assert again[1] == first[1] and equal(again[0], first[0])
     env.close()
 
 
-def test_what_a_running_server_keeps_is_told(server):
+def test_persistent_field_of_a_running_server_raises(server):
     env = gymnasium.make(MUSTARD, endpoint=server.endpoint, sim=server.sim)
     _, before = env.reset(seed=0), env.unwrapped.client.status().scenario
     env.reset(seed=0, options={"scenario": {"language": {"seed": 3}, "time_limit_seconds": 5.0}})
@@ -175,7 +175,7 @@ def test_what_a_running_server_keeps_is_told(server):
     env.close()
 
 
-def test_what_it_tells_is_what_the_server_tells():
+def test_privileged_state_equals_the_scenario():
     env = gymnasium.make(MUSTARD)
     observation, info = env.reset(seed=1)
     names, values = env.unwrapped.privileged_names, observation["privileged_state"]
@@ -190,17 +190,17 @@ def test_what_it_tells_is_what_the_server_tells():
     env.close()
 
 
-def test_actions_that_are_none_are_refused_and_the_episode_goes_on():
+def test_invalid_actions_raise_and_the_episode_continues():
     env = gymnasium.make(MUSTARD)
     env.reset(seed=0)
     for wrong in (np.zeros(11), np.full(12, np.nan), np.zeros(12)):
         with pytest.raises(ValueError):
             env.step(wrong)
-    assert env.step(holding(env))[4]["tick"] == 24
+    assert env.step(hold_row(env))[4]["tick"] == 24
     env.close()
 
 
-def test_the_hand_goes_where_a_step_says():
+def test_hand_moves_by_the_commanded_step():
     env = gymnasium.make(MUSTARD, control_mode="ee_delta")
     observation, _ = env.reset(seed=0)
     before = observation["agent_pos"][14:17]
@@ -210,9 +210,9 @@ def test_the_hand_goes_where_a_step_says():
         observation = env.step(up)[0]
     for _ in range(5):
         observation = env.step(np.zeros(9))[0]
-    moved = observation["agent_pos"][14:17] - before
-    # Ten steps of half the greatest speed, 0.5 m/s, over 0.1 s.
-    assert np.allclose(moved, [0, 0, 0.25], atol=0.02), moved
+    translation = observation["agent_pos"][14:17] - before
+    # Ten steps of 0.1 s at half the maximum speed, 0.5 m/s.
+    assert np.allclose(translation, [0, 0, 0.25], atol=0.02), translation
     env.close()
 
 
@@ -226,11 +226,11 @@ def test_keys_drive_and_close_the_gripper():
     env.close()
 
 
-def test_time_that_is_over_truncates():
+def test_time_limit_truncates():
     env = gymnasium.make(MUSTARD, scenario={"time_limit_seconds": 0.5})
     env.reset(seed=0)
     for _ in range(10):
-        _, reward, terminated, truncated, info = env.step(holding(env))
+        _, reward, terminated, truncated, info = env.step(hold_row(env))
         if terminated or truncated:
             break
     assert (terminated, truncated, info["failure"], reward) == (False, True, "timeout", 0.0)
@@ -238,7 +238,7 @@ def test_time_that_is_over_truncates():
     env.close()
 
 
-def test_an_environment_uses_a_server_that_runs(server):
+def test_environment_uses_a_running_server(server):
     env = gymnasium.make(MUSTARD, endpoint=server.endpoint, sim=server.sim)
     _, info = env.reset(options={"scenario_seed": 2})
     assert env.unwrapped._server is None and info["scenario_seed"] == 2
@@ -248,18 +248,18 @@ def test_an_environment_uses_a_server_that_runs(server):
         assert client.status().holder == "" and not client.status().HasField("episode")
 
 
-def test_bad_arguments_name_what_there_is():
-    for wrong, words in (
+def test_error_for_an_invalid_argument_lists_valid_values():
+    for wrong, text in (
         ({"obs_mode": "smell"}, "pixels"),
         ({"control_mode": "mind"}, "ee_delta"),
         ({"control_rate": 7}, "divide"),
         ({"render_mode": "human"}, "rgb_array"),
         ({"obs_mode": "pixels", "cameras": {"gen3": (0, 4)}}, "width"),
     ):
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(ValueError, match=text):
             wheelarm.WheelArmEnv("pick_mustard", **wrong)
     env = wheelarm.WheelArmEnv("pick_the_moon")
-    with pytest.raises(wheelarm.NoServer, match="pick_the_moon"):
+    with pytest.raises(wheelarm.NoServerError, match="pick_the_moon"):
         env.reset()
 
 
@@ -278,17 +278,17 @@ if __name__ == "__main__":
         envs = gymnasium.vector.AsyncVectorEnv([one] * 2, context=sys.argv[1])
         print("reset", envs.reset(seed=0)[0]["agent_pos"].shape)
         envs.close()
-    except wheelarm.Forked as told:
-        print("forked", told)
+    except wheelarm.ForkedError as error:
+        print("forked", error)
     env.close()
 """
 
 
 @pytest.mark.parametrize(
-    ("context", "said"),
+    ("context", "output"),
     [("fork", "forkserver"), ("forkserver", "reset (2, 27)"), ("spawn", "reset (2, 27)")],
 )
-def test_a_fork_after_a_connection_is_told_and_does_not_hang(context, said, tmp_path):
+def test_fork_after_a_connection_raises_and_does_not_hang(context, output, tmp_path):
     script = tmp_path / "fork.py"
     script.write_text(FORK)
     found = subprocess.run(
@@ -298,7 +298,7 @@ def test_a_fork_after_a_connection_is_told_and_does_not_hang(context, said, tmp_
         timeout=120,
         check=False,
     )
-    assert said in found.stdout, found
+    assert output in found.stdout, found
     assert ("forked" in found.stdout) == (context == "fork"), found
 
 
@@ -310,7 +310,7 @@ def hold_all(observation):
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_many_in_one_process_are_the_same_as_one_by_one(mode):
+def test_vector_environment_equals_gymnasiums(mode):
     more = {"scenario": {"time_limit_seconds": 0.55}}
     ours = gymnasium.make_vec(
         "wheelarm:" + MUSTARD,
@@ -344,17 +344,17 @@ def test_many_in_one_process_are_the_same_as_one_by_one(mode):
     theirs.close()
 
 
-def test_a_seed_that_is_not_whole_is_refused():
+def test_seed_that_is_not_an_integer_raises():
     env = wheelarm.WheelArmEnv("pick_mustard")
     for bad in (1.5, "7", float("nan")):
-        with pytest.raises(ValueError, match="scenario_seed=.* is not a whole number"):
+        with pytest.raises(ValueError, match=r"scenario_seed=.*: it must be an integer"):
             env.reset(options={"scenario_seed": bad})
     assert env._client is None
-    with pytest.raises(ValueError, match="control_rate=7.5 is not a whole number"):
+    with pytest.raises(ValueError, match=r"control_rate=7\.5: it must be an integer"):
         wheelarm.WheelArmEnv("pick_mustard", control_rate=7.5)
 
 
-def test_an_environment_goes_on_after_its_server_has_died_and_keeps_nothing_that_was_closed():
+def test_environment_continues_after_its_server_died_and_keeps_no_closed_subscription():
     envs = wheelarm.WheelArmVectorEnv(2, task="pick_mustard", control_mode="keys")
     envs.reset(seed=1)
     dead, alive = (env.unwrapped for env in envs.envs)
@@ -370,12 +370,12 @@ def test_an_environment_goes_on_after_its_server_has_died_and_keeps_nothing_that
     assert truncated.tolist() == [True, False]
     assert not terminated.any()
     assert info["failure"][0] == "server"
-    # The next step begins the dead one anew, in another server.
+    # The next step resets the dead environment, in a new server.
     observation, _, terminated, truncated, _ = envs.step(rest)
     assert not truncated.any()
     assert not terminated.any()
     assert np.isfinite(observation["agent_pos"]).all()
-    # Between two episodes it is noticed at once.
+    # `reset` notices a dead server at once.
     dead._server.process.kill()
     dead._server.process.wait()
     dead.reset(seed=3)

@@ -1,4 +1,4 @@
-"""A server of a program's own ends with it, however it goes."""
+"""A local server ends together with its program, also after SIGKILL."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pytest
 import wheelarm
 
 
-def gone(pid: int, within: float) -> bool:
-    """Whether a process has ended within so many seconds."""
+def has_ended(pid: int, within: float) -> bool:
+    """Whether a process ends within so many seconds."""
     deadline = time.monotonic() + within
     while time.monotonic() < deadline:
         try:
@@ -42,7 +42,7 @@ if "wait" in sys.argv:
 
 
 @pytest.mark.parametrize("how", [["wait"], ["wait", "fork"], []])
-def test_a_server_ends_with_its_parent(how):
+def test_server_ends_with_its_parent(how):
     parent = subprocess.Popen(
         [sys.executable, "-c", PARENT, *how], stdout=subprocess.PIPE, text=True
     )
@@ -50,25 +50,25 @@ def test_a_server_ends_with_its_parent(how):
     if "wait" in how:
         parent.send_signal(signal.SIGKILL)
     parent.wait(30)
-    assert gone(pid, within=10.0), f"the server {pid} outlived its parent"
+    assert has_ended(pid, within=10.0), f"the server {pid} outlived its parent"
 
 
-def test_a_server_that_does_not_start_says_why():
-    with pytest.raises(wheelarm.NoServer, match="pick_the_moon"):
+def test_error_of_a_failed_start_contains_the_cause():
+    with pytest.raises(wheelarm.NoServerError, match="pick_the_moon"):
         wheelarm.Server(task="pick_the_moon")
-    with pytest.raises(wheelarm.NoServer, match="assets"):
+    with pytest.raises(wheelarm.NoServerError, match="assets"):
         wheelarm.Server(assets="/nonexistent")
 
 
-def test_a_missing_program_is_told_with_the_cure(monkeypatch, tmp_path):
+def test_error_for_a_missing_program_contains_the_fix(monkeypatch, tmp_path):
     monkeypatch.setenv("WHEELARM_SERVER", str(tmp_path / "nothing"))
-    with pytest.raises(wheelarm.NoServer, match="WHEELARM_SERVER"):
+    with pytest.raises(wheelarm.NoServerError, match="WHEELARM_SERVER"):
         wheelarm.find_program()
-    with pytest.raises(wheelarm.NoServer, match="PATH"):
+    with pytest.raises(wheelarm.NoServerError, match="PATH"):
         wheelarm.find_program("wheelarm-ghost")
 
 
-def test_fields_of_a_scenario_are_those_of_the_contract():
+def test_server_starts_with_the_scenario_fields():
     with (
         wheelarm.Server(
             task="pick_bowl", seed=4, pacing="lock-step", starts="anywhere", time_limit_seconds=12.0
@@ -78,13 +78,13 @@ def test_fields_of_a_scenario_are_those_of_the_contract():
         scenario = client.status().scenario
         assert scenario.time_limit_seconds == 12.0 and scenario.seed == 4
         pid = server.process.pid
-    assert gone(pid, within=1.0)
+    assert has_ended(pid, within=1.0)
     server.close()
 
 
-def test_a_server_that_may_open_few_files_says_so(program):
-    asked = ["sh", "-c", 'ulimit -n 20; exec "$0" --no-cameras', str(program)]
-    ended = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=False)
+def test_server_with_a_low_file_limit_reports_it(program):
+    line = ["sh", "-c", 'ulimit -n 20; exec "$0" --no-cameras', str(program)]
+    ended = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 1, ended.stderr
     assert "at most 20 files may be open" in ended.stderr
     assert "panicked" not in ended.stderr

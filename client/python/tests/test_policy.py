@@ -1,4 +1,4 @@
-"""A policy as a process: what it raises reaches its log and whoever asked."""
+"""A policy as a process: its exceptions reach its log and the client."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wheelarm import policy, v1
 
 
 class Broken:
-    """Raises in `infer`, or gives an exception in the place of rows."""
+    """Raises in `infer`, or returns an exception in the place of rows."""
 
     def __init__(self, raises: bool) -> None:
         self.raises = raises
@@ -24,17 +24,17 @@ class Broken:
     def infer(self, observations):
         try:
             self.fail_in_my_code()
-        except ValueError as problem:
+        except ValueError as error:
             if self.raises:
                 raise
-            return [problem]
+            return [error]
 
     def fail_in_my_code(self):
         raise ValueError("no such shape")
 
 
 @pytest.mark.parametrize("raises", [True, False])
-def test_traceback_of_a_policy_is_in_its_log_and_in_the_answer(raises, capfd):
+def test_traceback_of_a_policy_is_in_its_log_and_in_the_reply(raises, capfd):
     request = v1.InferRequest()
     request.observations.add(episode_key="e")
     sent = {}
@@ -45,13 +45,13 @@ def test_traceback_of_a_policy_is_in_its_log_and_in_the_answer(raises, capfd):
         reply=lambda key, payload, encoding: sent.update(reply=payload),
         reply_err=lambda payload, encoding: sent.update(failure=payload),
     )
-    policy._answer(Broken(raises), query)
+    policy._reply_to(Broken(raises), query)
     if raises:
-        told = v1.Failure.FromString(sent["failure"]).message
+        problem = v1.Failure.FromString(sent["failure"]).message
     else:
-        told = v1.InferReply.FromString(sent["reply"]).chunks[0].problem
-    assert told.splitlines()[0] == "ValueError: no such shape"
+        problem = v1.InferReply.FromString(sent["reply"]).chunks[0].problem
+    assert problem.splitlines()[0] == "ValueError: no such shape"
     log = capfd.readouterr().err
-    for text in (told, log):
+    for text in (problem, log):
         assert "Traceback (most recent call last)" in text
         assert "in fail_in_my_code" in text

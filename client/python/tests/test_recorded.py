@@ -1,4 +1,4 @@
-"""What Python hears is what the recorder wrote, sample by sample."""
+"""Samples received in Python equal those in the recording, one by one."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ h5py = pytest.importorskip("h5py", reason="recorded files are HDF5")
 def recorder_program():
     try:
         return wheelarm.find_program("wheelarm")
-    except wheelarm.NoServer:
-        beside = wheelarm.find_program().with_name("wheelarm")
-        assert beside.is_file(), "the recorder `wheelarm` is neither on PATH nor beside the server"
-        return beside
+    except wheelarm.NoServerError:
+        neighbor = wheelarm.find_program().with_name("wheelarm")
+        assert neighbor.is_file(), (
+            "the recorder `wheelarm` is neither on PATH nor next to the server"
+        )
+        return neighbor
 
 
 TOPICS = [
@@ -40,7 +42,7 @@ TOPICS = [
 ]
 
 
-def test_streams_and_pictures_equal_the_file(tmp_path):
+def test_streams_and_images_equal_the_recording(tmp_path):
     cameras = {"gen3": (64, 36, 10.0), "wheelchair": (64, 36, 10.0)}
     with (
         wheelarm.Server(
@@ -48,8 +50,8 @@ def test_streams_and_pictures_equal_the_file(tmp_path):
         ) as server,
         server.connect() as client,
         client.streams(*TOPICS) as streams,
-        client.camera("gen3", kept=1000) as gen3,
-        client.camera("wheelchair", kept=1000) as wheelchair,
+        client.camera("gen3", queue_size=1000) as gen3,
+        client.camera("wheelchair", queue_size=1000) as wheelchair,
     ):
         recorder = subprocess.Popen(
             [
@@ -74,29 +76,29 @@ def test_streams_and_pictures_equal_the_file(tmp_path):
                     wheelarm.command(linear=0.2, angular=0.1 * i, knuckle=0.02 * i, over_ticks=6)
                 )
             number, stopped = episode.episode, episode.stop()
-        # Its words must not fill the pipe.
-        words: list[str] = []
-        reader = threading.Thread(target=lambda: words.extend(recorder.stdout), daemon=True)
+        # The recorder's output must not fill the pipe.
+        output: list[str] = []
+        reader = threading.Thread(target=lambda: output.extend(recorder.stdout), daemon=True)
         reader.start()
-        assert recorder.wait(60) == 0, words
+        assert recorder.wait(60) == 0, output
         wanted = {one.stream: one.count for one in stopped.manifest}
-        heard: dict[str, list[wheelarm.Sample]] = {topic: [] for topic in TOPICS}
+        received: dict[str, list[wheelarm.Sample]] = {topic: [] for topic in TOPICS}
         while (sample := streams.next(timeout=2.0)) is not None:
             if sample.header.episode == number:
-                heard[sample.topic].append(sample)
-            if all(len(heard[topic]) == wanted.get(topic, 0) for topic in TOPICS):
+                received[sample.topic].append(sample)
+            if all(len(received[topic]) == wanted.get(topic, 0) for topic in TOPICS):
                 break
-        pictures = {}
+        images = {}
         for camera in (gen3, wheelchair):
             frames = []
             while (frame := camera.next(timeout=0.5)) is not None:
                 if frame.header.episode == number:
                     frames.append(frame)
-            pictures[frames[0].camera] = frames
+            images[frames[0].camera] = frames
     compared = 0
     with h5py.File(tmp_path / "both.h5") as file:
         for topic in TOPICS:
-            group, samples = file["streams"][topic], heard[topic]
+            group, samples = file["streams"][topic], received[topic]
             assert len(samples) == wanted.get(topic, 0) == len(group["tick"]), topic
             for name in ("tick", "sequence", "stamp_nanos"):
                 assert [getattr(one.header, name) for one in samples] == group[name][:].tolist()
@@ -106,7 +108,7 @@ def test_streams_and_pictures_equal_the_file(tmp_path):
                     ours = np.array([column[name] for column in columns])
                     assert np.array_equal(ours, group[name][:], equal_nan=True), (topic, name)
                     compared += 1
-        for camera, frames in pictures.items():
+        for camera, frames in images.items():
             group = file["streams/camera"][camera]
             assert len(frames) == wanted[f"camera/{camera}"] == 11
             for name in ("rgb", "depth", "ids"):

@@ -1,4 +1,4 @@
-"""Rows are those of the crate wheelarm-policy: the same cases as in its tests."""
+"""Rows equal those of the crate wheelarm-policy: the same cases as in its tests."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def yawed(x, y, yaw):
     return [x, y, 0.0, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)]
 
 
-def test_names_are_those_of_exports():
+def test_names_equal_those_of_exports():
     names = rows.state_names(rows.arm_joint_names(robot()))
     assert len(names) == rows.STATE and names[0] == "joint_1.position"
     assert names[12:15] == ["knuckle.position", "knuckle.velocity", "hand.x"]
@@ -42,7 +42,7 @@ def test_names_are_those_of_exports():
         rows.action_names("next")
 
 
-def test_odometry_is_told_from_where_the_policy_began():
+def test_odometry_is_relative_to_the_first_row():
     row = rows.state(
         [1, 2, 3, 4, 5, 6],
         [0.1] * 6,
@@ -54,32 +54,32 @@ def test_odometry_is_told_from_where_the_policy_began():
     assert row[:6].tolist() == [1, 2, 3, 4, 5, 6]
     assert row[12:17].tolist() == [0.3, 0.4, 0.5, 0.6, 0.7]
     assert row[17:23].tolist() == [1, 0, 0, 0, 1, 0]
-    # Two metres ahead of a chair that looked along y.
+    # Two metres in front of a chair that faced +y.
     turned = 2.5 - np.pi / 2
     assert np.allclose(row[23:], [2.0, 0.0, np.cos(turned), np.sin(turned)], atol=1e-12)
 
 
-def test_six_numbers_hold_every_rotation():
+def test_six_numbers_represent_every_rotation():
     for _ in range(200):
         q = RNG.normal(size=4)
         q /= np.linalg.norm(q)
         six = rows.to_six(q)
         back = rows.from_six(six)
         assert abs(abs(back @ q) - 1.0) < 1e-12 and back[3] >= 0.0
-        # What a network answers has no unit columns and no right angle.
+        # The columns of a network's output are neither unit vectors nor orthogonal.
         rough = np.concatenate([six[:3] * 3.0, six[3:] + 0.2 * six[:3]])
         assert abs(abs(rows.from_six(rough) @ q) - 1.0) < 1e-12
     for bad in ([0.0] * 6, [1, 0, 0, 2, 0, 0], [np.nan, 0, 0, 0, 1, 0]):
         assert rows.from_six(bad) is None
 
 
-def test_quaternions_turn_as_rotation_vectors_say():
+def test_quaternions_from_rotation_vectors_rotate_by_their_length():
     half = rows.from_vector([0.0, 0.0, np.pi / 2])
     assert np.allclose(rows.multiply(half, half), [0, 0, 1, 0])
     assert np.allclose(rows.from_vector([1e-12, 0, 0]), [5e-13, 0, 0, 1])
 
 
-def test_every_kind_is_one_command_until_the_next_picture():
+def test_every_kind_of_row_is_one_command_until_the_next_image():
     pose = rows.Player("next-pose", robot(), 10.0).command(
         [0.1, 0.2, 0.3, 1, 0, 0, 0, 1, 0, 0.4, 0.5, 0.6]
     )
@@ -94,26 +94,26 @@ def test_every_kind_is_one_command_until_the_next_picture():
     assert abs(wheels.base.linear - 0.09) < 1e-12 and abs(wheels.base.angular - 0.04) < 1e-12
 
 
-def test_a_hair_beyond_what_the_robot_can_is_cut():
+def test_values_slightly_beyond_the_limits_are_clipped():
     player = rows.Player("next-joints", robot(), 10.0)
 
-    def cut(*rest):
-        told = player.command([0.0] * 6 + list(rest))
-        return [told.gripper.knuckle, told.base.linear, told.base.angular]
+    def clip(*rest):
+        command = player.command([0.0] * 6 + list(rest))
+        return [command.gripper.knuckle, command.base.linear, command.base.angular]
 
-    assert cut(-0.01, 1.1, -2.1) == [0.0, 1.0, -2.0]
-    assert cut(0.81, -0.6, 2.1) == [0.8, -0.5, 2.0]
-    assert cut(0.4, 0.3, 0.2) == [0.4, 0.3, 0.2]
+    assert clip(-0.01, 1.1, -2.1) == [0.0, 1.0, -2.0]
+    assert clip(0.81, -0.6, 2.1) == [0.8, -0.5, 2.0]
+    assert clip(0.4, 0.3, 0.2) == [0.4, 0.3, 0.2]
 
 
-def test_a_hostile_row_is_an_error_and_no_command():
+def test_invalid_row_raises():
     player = rows.Player("next-pose", robot(), 10.0)
     row = np.zeros(12)
     with pytest.raises(ValueError, match="spans no plane"):
         player.command(row)
-    for value, words in ((np.inf, "not finite"), (np.nan, "not finite"), (1e9, "100")):
+    for value, text in ((np.inf, "not finite"), (np.nan, "not finite"), (1e9, "100")):
         row[11] = value
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(ValueError, match=text):
             player.command(row)
     with pytest.raises(ValueError, match="12"):
         player.command(row[:9])

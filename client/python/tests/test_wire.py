@@ -1,4 +1,4 @@
-"""Pictures are read where they lie, and what is damaged is an error."""
+"""Images are read without a copy, and damaged messages are errors."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import wheelarm
-from wheelarm import Frame, Garbled, _wire, v1
+from wheelarm import Frame, GarbledError, _wire, v1
 
 
-def picture(**more):
+def camera_frame(**more):
     depth = np.array([2.0, np.inf], "<f4")
     fields = {
         "header": v1.Header(tick=24, stamp_nanos=100_000_000, episode=3),
@@ -28,9 +28,9 @@ def picture(**more):
     return v1.CameraFrame(**{**fields, **more})
 
 
-def test_planes_are_views_into_the_bytes_that_came():
-    data = picture().SerializeToString()
-    frame = Frame.of(data)
+def test_planes_are_views_of_the_received_bytes():
+    data = camera_frame().SerializeToString()
+    frame = Frame.from_bytes(data)
     assert (frame.camera, frame.tick, frame.header.episode) == ("gen3", 24, 3)
     assert frame.pose.position.x == 1.5
     assert frame.rgb.tolist() == [[[1, 2, 3], [4, 5, 6]]]
@@ -39,24 +39,24 @@ def test_planes_are_views_into_the_bytes_that_came():
     whole = np.frombuffer(data, np.uint8)
     for plane in (frame.rgb, frame.depth_raw, frame.ids):
         assert np.shares_memory(plane, whole) and not plane.flags.writeable
-    # Counted from the middle of the first pixel, as OpenCV does.
+    # Counted from the centre of the first pixel, as in OpenCV.
     assert frame.matrix.tolist() == [[2.0, 0.0, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
 
 
-def test_millimetres_and_small_ids_are_read_too():
-    coarse = picture(
+def test_depth_in_millimetres_and_8_bit_ids_are_read():
+    coarse = camera_frame(
         depth=np.array([2000, 0], "<u2").tobytes(),
         depth_format=v1.PIXEL_FORMAT_DEPTH_MILLIMETRES_U16,
         ids=bytes([3, 9]),
         ids_format=v1.PIXEL_FORMAT_ID_U8,
     )
-    frame = Frame.of(coarse.SerializeToString())
+    frame = Frame.from_bytes(coarse.SerializeToString())
     assert frame.depth.tolist() == [[2.0, np.inf]] and frame.depth.dtype == np.float32
     assert frame.ids.tolist() == [[3, 9]]
 
 
-def test_the_walker_reads_what_protobuf_reads():
-    frame = Frame.of(
+def test_sensor_frame_without_color_and_ids_is_read():
+    frame = Frame.from_bytes(
         v1.SensorFrame(
             header=v1.Header(tick=7),
             sensor="gen3_depth",
@@ -81,27 +81,27 @@ def test_the_walker_reads_what_protobuf_reads():
         {"intrinsics": v1.Intrinsics(width=2**32 - 1, height=2**32 - 1)},
     ],
 )
-def test_a_picture_that_is_not_as_it_says_is_refused(change):
-    with pytest.raises(Garbled):
-        Frame.of(picture(**change).SerializeToString())
+def test_plane_that_does_not_match_its_format_raises(change):
+    with pytest.raises(GarbledError):
+        Frame.from_bytes(camera_frame(**change).SerializeToString())
 
 
-def test_damaged_bytes_are_an_error_and_never_another():
-    good, draw = picture().SerializeToString(), random.Random(0)
-    refused = 0
+def test_damaged_bytes_raise_only_garbled_or_unicode_errors():
+    good, random_ = camera_frame().SerializeToString(), random.Random(0)
+    rejected = 0
     for _ in range(3000):
         data = bytearray(good)
-        for _ in range(draw.randint(1, 4)):
-            data[draw.randrange(len(data))] = draw.randrange(256)
-        cut = bytes(data[: draw.randint(0, len(data))])
+        for _ in range(random_.randint(1, 4)):
+            data[random_.randrange(len(data))] = random_.randrange(256)
+        damaged = bytes(data[: random_.randint(0, len(data))])
         try:
-            Frame.of(cut)
-        except (Garbled, UnicodeDecodeError):
-            refused += 1
-    assert refused > 1000
+            Frame.from_bytes(damaged)
+        except (GarbledError, UnicodeDecodeError):
+            rejected += 1
+    assert rejected > 1000
 
 
-def test_numbers_of_messages_become_arrays_under_the_names_of_files():
+def test_arrays_have_the_column_names_of_recordings():
     joints = v1.JointState(positions=[1.0, 2.0], velocities=[3.0, 4.0])
     columns = wheelarm.arrays(joints)
     assert columns["position"].tolist() == [1.0, 2.0]
@@ -115,7 +115,7 @@ def test_numbers_of_messages_become_arrays_under_the_names_of_files():
     assert wheelarm.arrays(v1.Deformable(vertices=[0, 1, 2]))["vertex"].shape == (1, 3)
 
 
-def test_names_that_would_break_a_key_are_refused():
+def test_invalid_names_raise():
     for bad in ("", "a/b", "*", "ü", "x" * 65):
         with pytest.raises(ValueError, match="letters"):
             _wire.check_name(bad)

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""What pictures cost: a test publisher, two cameras of 1280x720 with depth and ids.
+"""Cost of images: a test publisher, two cameras of 1280x720 with depth and ids.
 
     python tests/throughput.py [--seconds 20] [--rate 30] [--endpoint unixsock-stream/…]
 
-A second process stands in for a server: it publishes 7.4 MB per picture and camera.
-This one takes every picture to numpy as users do. Prints how many came, how many sequence
-numbers are missing, the delay, and this process's share of a core, the transport's
-threads included. Exit status 1 when a picture is missing.
+A second process replaces a server: it publishes 7.4 MB per image and camera. This one
+converts every image to numpy as users do. Prints the number of images, the missing
+sequence numbers, the latency, and this process's share of a core with the transport's
+threads. Exit status 1 when an image is missing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SIZE = (1280, 720)
 
 
 def publish(endpoint: str, rate: float, go, over) -> None:
-    """Stands in for a server."""
+    """Publishes the images in the place of a server."""
     config = zenoh.Config()
     for key, value in {
         "mode": '"peer"',
@@ -51,17 +51,17 @@ def publish(endpoint: str, rate: float, go, over) -> None:
         session.liveliness().declare_token(f"wheelarm/bench/alive/{session.zid()}"),
     ]
     width, height = SIZE
-    draw = np.random.default_rng(0)
+    random = np.random.default_rng(0)
     plain = {
         "intrinsics": v1.Intrinsics(width=width, height=height, fx=900, fy=900, cx=640, cy=360),
-        "rgb": draw.integers(0, 255, width * height * 3, np.uint8).tobytes(),
-        "depth": draw.random(width * height, np.float32).tobytes(),
-        "ids": draw.integers(0, 99, width * height).astype("<u2").tobytes(),
+        "rgb": random.integers(0, 255, width * height * 3, np.uint8).tobytes(),
+        "depth": random.random(width * height, np.float32).tobytes(),
+        "ids": random.integers(0, 99, width * height).astype("<u2").tobytes(),
         "rgb_format": 1,
         "depth_format": 2,
         "ids_format": 5,
     }
-    # Encoded once but for the header, which may stand before: fields may come in any order.
+    # Encoded once without the header: fields may have any order, so it can precede the rest.
     rest = {name: v1.CameraFrame(camera=name, **plain).SerializeToString() for name in CAMERAS}
     publishers = {
         name: session.declare_publisher(
@@ -89,11 +89,11 @@ def publish(endpoint: str, rate: float, go, over) -> None:
 
 
 def main() -> None:
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--seconds", type=float, default=20.0)
-    asked.add_argument("--rate", type=float, default=30.0)
-    asked.add_argument("--endpoint")
-    args = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--rate", type=float, default=30.0)
+    parser.add_argument("--endpoint")
+    args = parser.parse_args()
     spawn = multiprocessing.get_context("spawn")
     go, over = spawn.Event(), spawn.Event()
     with tempfile.TemporaryDirectory() as folder:
@@ -101,7 +101,7 @@ def main() -> None:
         other = spawn.Process(target=publish, args=(endpoint, args.rate, go, over), daemon=True)
         other.start()
         client = wheelarm.connect(endpoint, "bench", timeout=20.0)
-        cameras = {name: client.camera(name, kept=8) for name in CAMERAS}
+        cameras = {name: client.camera(name, queue_size=8) for name in CAMERAS}
         found: dict[str, list[int]] = {name: [] for name in CAMERAS}
         delays, mean = [], 0.0
         go.set()
@@ -113,7 +113,7 @@ def main() -> None:
                     continue
                 delays.append(time.monotonic_ns() - frame.header.stamp_nanos)
                 found[name].append(frame.header.sequence)
-                # A look at every plane, as whoever uses it would take.
+                # Reads every plane, as a user would.
                 mean += float(frame.rgb[::64, ::64].mean() + frame.depth[::64, ::64].mean())
                 assert frame.ids.shape == SIZE[::-1]
         wall, busy = time.monotonic() - begun, time.process_time() - busy
@@ -124,8 +124,8 @@ def main() -> None:
     count = sum(map(len, found.values()))
     p50, p99 = np.percentile(delays, [50, 99]) * 1e-6
     print(
-        f"{count} pictures in {wall:.1f} s ({count / 2 / wall:.1f} Hz of each camera), {missing} "
-        f"missing; delay p50 {p50:.1f} ms, p99 {p99:.1f} ms; {100 * busy / wall:.1f} % of a core"
+        f"{count} images in {wall:.1f} s ({count / 2 / wall:.1f} Hz of each camera), {missing} "
+        f"missing; latency p50 {p50:.1f} ms, p99 {p99:.1f} ms; {100 * busy / wall:.1f} % of a core"
     )
     if missing:
         raise SystemExit(1)

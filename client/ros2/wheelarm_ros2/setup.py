@@ -1,4 +1,4 @@
-"""Builds the package with colcon (ament_python)."""
+"""Build of the package with colcon (ament_python)."""
 
 from setuptools import setup
 
@@ -19,7 +19,7 @@ setup(
     author="WheelArm",
     maintainer="WheelArm",
     maintainer_email="wheelarm@users.noreply.github.com",
-    description="The node that speaks for a WheelArm server in ROS 2",
+    description="A ROS 2 node for a WheelArm server",
     license="Apache-2.0",
     entry_points={"console_scripts": [f"node = {NAME}.node:main"]},
 )

@@ -1,5 +1,5 @@
-"""Stand-in, written here after a description of WheelArm-Sim's step: bytes become
-text, and rows with an empty cell go."""
+"""Replacement for WheelArm-Sim's step, written from its description: converts bytes to text and
+removes rows with an empty cell."""
 
 from google.colab import drive
 drive.mount('/content/drive')

@@ -1,5 +1,5 @@
-"""Stand-in, written here after a description of WheelArm-Sim's step: the names and
-the order of the final table, velocities anew, labels by typed counts."""
+"""Replacement for WheelArm-Sim's step, written from its description: names and order of the final
+table, velocities from positions, labels from typed counts."""
 
 from google.colab import drive
 drive.mount('/content/drive')

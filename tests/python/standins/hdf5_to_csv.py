@@ -1,6 +1,5 @@
-"""Stand-in, written here after a description of WheelArm-Sim's step: one row per
-sample, arrays as text, pictures left out. It mounts a drive and numbers its
-experiment as a notebook of Google Colab does."""
+"""Replacement for WheelArm-Sim's step, written from its description: one row per sample, arrays as
+text, without images. Like a Google Colab notebook it mounts a drive and numbers its experiment."""
 
 from google.colab import drive
 drive.mount('/content/drive')
@@ -12,13 +11,13 @@ import csv
 import h5py
 
 FOLDER = f'/content/drive/MyDrive/data/organization/picking/pick_mustard/Experiment{n}/'
-PICTURES = [f"processed_data_cameras_{kind}_{camera}" for kind in ("rgb", "depth") for camera in ("gen3", "wheelchair")]
+IMAGES = [f"processed_data_cameras_{kind}_{camera}" for kind in ("rgb", "depth") for camera in ("gen3", "wheelchair")]
 
 
 def row(group, name):
     cells = {"Group Name": name}
     for key, item in group.items():
-        if isinstance(item, h5py.Dataset) and key not in PICTURES:
+        if isinstance(item, h5py.Dataset) and key not in IMAGES:
             value = item[()]
             cells[key] = value.tolist() if hasattr(value, "tolist") else value
     return cells

@@ -1,5 +1,5 @@
-"""Stand-in, written here after a description of WheelArm-Sim's step: every
-picture as PNG, depth in grey between its own least and greatest value."""
+"""Replacement for WheelArm-Sim's step, written from its description: every image as PNG, depth in
+grey between its smallest and largest value."""
 
 from google.colab import drive
 drive.mount('/content/drive')
@@ -43,8 +43,8 @@ for n in range(1, 21):
                 for number, sample in file["data"].items():
                     bytes_ = sample[f"processed_data_cameras_{kind}_{camera}"][...].astype(np.uint8)
                     if kind == "rgb":
-                        picture = bytes_.reshape(HEIGHT, WIDTH, 3)
+                        image = bytes_.reshape(HEIGHT, WIDTH, 3)
                     else:
-                        picture = grey(bytes_.view("<f4").reshape(HEIGHT, WIDTH))
+                        image = grey(bytes_.view("<f4").reshape(HEIGHT, WIDTH))
                     with open(f"{folder}/{camera}_{kind}/frame_{number}.png", "wb") as out:
-                        out.write(png(picture))
+                        out.write(png(image))

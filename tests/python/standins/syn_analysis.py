@@ -1,5 +1,5 @@
-"""Stand-in, written here after a description of WheelArm-Sim's step: the stamp of
-every topic gets a column of its own."""
+"""Replacement for WheelArm-Sim's step, written from its description: a column for the timestamp of
+every topic."""
 
 from google.colab import drive
 drive.mount('/content/drive')

@@ -1,5 +1,5 @@
-"""Stand-in, written here after a description of WheelArm-Sim's step: straight
-lines onto the stamps of the gen3 pictures, number by number."""
+"""Replacement for WheelArm-Sim's step, written from its description: linear interpolation to the
+timestamps of the gen3 images, number by number."""
 
 from google.colab import drive
 drive.mount('/content/drive')

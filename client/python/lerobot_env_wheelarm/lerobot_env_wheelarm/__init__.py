@@ -1,9 +1,9 @@
-"""Environments of WheelArm for LeRobot.
+"""WheelArm environments for LeRobot.
 
     lerobot-eval --policy.path=DIR --env.type=wheelarm --env.task=pick_mustard
 
-LeRobot imports this module because of its distribution's name (from 0.6 on; before, by
-way of ``lerobot_robot_wheelarm``).
+LeRobot 0.6 and newer import this module by the name of its distribution; older versions
+import it through ``lerobot_robot_wheelarm``.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from wheelarm.env import WheelArmEnv
 from wheelarm.rows import STATE
 
 ACTION = "action"
-#: Numbers of an action, by control mode.
+#: Size of an action, by control mode.
 ACTIONS = {"row": 12, "joint_pos": 9, "applied": 9, "ee_pose": 10, "ee_delta": 9}
 
 
 def task_name(text: str) -> str:
-    """A task by its name or by its environment's: ``PickMustard-v0`` is ``pick_mustard``.
+    """The name of a task, from its name or its environment's: ``PickMustard-v0`` is
+    ``pick_mustard``.
 
     Raises:
-        ValueError: with the tasks that ship.
+        ValueError: for an unknown task; the message lists the tasks.
     """
     for task in wheelarm.TASKS:
         if text in (task, wheelarm.env_id(task), wheelarm.env_id(task).split("/")[1]):
             return task
     if text.islower():
-        return text  # one of the user's own; the server knows
-    raise ValueError(f"there is no task {text!r}; choose of {', '.join(wheelarm.TASKS)}")
+        return text  # possibly a task of the user; the server checks it
+    raise ValueError(f"unknown task {text!r}; available: {', '.join(wheelarm.TASKS)}")
 
 
 @EnvConfig.register_subclass("wheelarm")
@@ -43,26 +44,26 @@ def task_name(text: str) -> str:
 class WheelArmEnvConfig(EnvConfig):  # type: ignore[misc]
     """Configuration of an environment; every field is an option ``--env.NAME``."""
 
-    #: Task, or several with commas between them (LeRobot 0.6).
+    #: Task, or several separated by commas (LeRobot 0.6).
     task: str | None = "pick_mustard"
     #: Steps per simulated second; must divide 60.
     fps: int = 10
-    #: Steps until an episode is over; the task's own time where 0.
+    #: Steps of an episode; 0 for the time limit of the task.
     episode_length: int = 0
-    #: `pixels` or `state`: the row of state alone, without pictures.
+    #: `pixels`, or `state` for the row of state without images.
     obs_mode: str = "pixels"
-    #: What the policy's action is; see `wheelarm.WheelArmEnv`.
+    #: Kind of the policy's action; see `wheelarm.WheelArmEnv`.
     control_mode: str = "row"
-    #: Cameras, with commas between them.
+    #: Cameras, separated by commas.
     cameras: str = "gen3,wheelchair"
     observation_width: int = 320
     observation_height: int = 180
     #: Camera of the videos.
     render_camera: str = "wheelchair"
     render_mode: str = "rgb_array"
-    #: Where the robot starts: `near` or `anywhere`.
+    #: Start of the robot: `near` or `anywhere`.
     starts: str = "near"
-    #: Graphics adapter by a part of its name; the server's choice where empty.
+    #: Graphics adapter by a part of its name; empty for the server's choice.
     adapter: str = ""
     features: dict[str, PolicyFeature] = field(default_factory=dict)
     features_map: dict[str, str] = field(default_factory=dict)
@@ -70,19 +71,19 @@ class WheelArmEnvConfig(EnvConfig):  # type: ignore[misc]
     def __post_init__(self) -> None:
         if self.control_mode not in ACTIONS:
             raise ValueError(
-                f"control_mode={self.control_mode!r} is no row of numbers; choose of {list(ACTIONS)}"
+                f"invalid control_mode={self.control_mode!r}: choose one of {list(ACTIONS)}"
             )
         for task in self.tasks:
             task_name(task)
-        told = {
+        inputs = {
             ACTION: (FeatureType.ACTION, (ACTIONS[self.control_mode],), ACTION),
             "agent_pos": (FeatureType.STATE, (STATE,), "observation.state"),
         }
         if self.obs_mode != "state":
             size = (self.observation_height, self.observation_width, 3)
             for name in self.camera_names:
-                told[f"pixels/{name}"] = (FeatureType.VISUAL, size, f"observation.images.{name}")
-        for key, (kind, shape, name) in told.items():
+                inputs[f"pixels/{name}"] = (FeatureType.VISUAL, size, f"observation.images.{name}")
+        for key, (kind, shape, name) in inputs.items():
             self.features.setdefault(key, PolicyFeature(type=kind, shape=shape))
             self.features_map.setdefault(key, name)
 
@@ -98,14 +99,17 @@ class WheelArmEnvConfig(EnvConfig):  # type: ignore[misc]
 
     @property
     def package_name(self) -> str:
-        """Module that registers the environments."""
+        """Module that registers the environments with Gymnasium."""
         return "lerobot_env_wheelarm"
 
     @property
     def gym_id(self) -> str:
-        """Id of the environment that LeRobot 0.4 and 0.5 make by themselves."""
+        """Id of the environment that LeRobot 0.4 and 0.5 create."""
         if len(self.tasks) != 1:
-            raise ValueError("several tasks at a time need LeRobot 0.6 or newer")
+            raise ValueError(
+                "cannot create environments of several tasks: this needs LeRobot 0.6 or newer; "
+                "give one task"
+            )
         return "wheelarm/LeRobot-v0"
 
     @property
@@ -130,13 +134,13 @@ class WheelArmEnvConfig(EnvConfig):  # type: ignore[misc]
             "render_size": size,
             "scenario": scenario,
             "server": {"adapter": self.adapter} if self.adapter else {},
-            # The same episodes as `wheelarm evaluate --seeds` has.
+            # The same episodes as `wheelarm evaluate --seeds`.
             "scenario_seeds": True,
         }
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, Any]:
-        """Environments by suite and task (LeRobot 0.6): several servers side by side in this
-        process, with or without `use_async_envs`."""
+        """Environments by suite and task (LeRobot 0.6). The servers compute in parallel, with
+        and without `use_async_envs`."""
         suites: dict[str, dict[int, Any]] = {}
         for task in self.tasks:
             envs = wheelarm.WheelArmVectorEnv(
@@ -146,15 +150,15 @@ class WheelArmEnvConfig(EnvConfig):  # type: ignore[misc]
         return suites
 
 
-def _one(**arguments: Any) -> WheelArmEnv:
+def _make_env(**arguments: Any) -> WheelArmEnv:
     return WheelArmEnv(**arguments)
 
 
 if "wheelarm/LeRobot-v0" not in gymnasium.registry:
-    # Bare: LeRobot 0.4 looks for the sentence of the task on the outermost environment.
+    # Without wrappers: LeRobot 0.4 reads the instruction from the outermost environment.
     gymnasium.register(
         id="wheelarm/LeRobot-v0",
-        entry_point="lerobot_env_wheelarm:_one",
+        entry_point="lerobot_env_wheelarm:_make_env",
         order_enforce=False,
         disable_env_checker=True,
     )

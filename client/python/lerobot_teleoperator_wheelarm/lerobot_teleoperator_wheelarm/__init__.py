@@ -1,4 +1,4 @@
-"""A teleoperator of LeRobot that plays what the scripted operator did.
+"""A LeRobot teleoperator that replays a recording of the scripted operator.
 
 lerobot-record --teleop.type=wheelarm --teleop.recording=data/pick_mustard-seed0.h5 …
 """

@@ -10,12 +10,11 @@ from lerobot.teleoperators.config import TeleoperatorConfig
 @TeleoperatorConfig.register_subclass("wheelarm")
 @dataclass(kw_only=True)
 class WheelArmTeleoperatorConfig(TeleoperatorConfig):  # type: ignore[misc]
-    """What is played."""
+    """Recording and rows."""
 
-    #: A recording (`.h5`), or the folder of a set that `wheelarm dataset export --format
-    #: lerobot` wrote.
+    #: A recording (`.h5`), or the folder of a set of `wheelarm dataset export --format lerobot`.
     recording: str = ""
     #: Number of the episode in the set.
     episode: int = 0
-    #: What the rows are, where a recording is read: `next-pose`, `next-joints` or `applied`.
+    #: Kind of the rows of a recording: `next-pose`, `next-joints` or `applied`.
     action: str = "next-pose"

@@ -20,8 +20,7 @@ from .config_wheelarm import WheelArmTeleoperatorConfig
 
 
 class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
-    """Gives the rows of an episode, then its last one again and again: there the robot
-    holds."""
+    """Returns the rows of an episode, then repeats the last one, which holds the robot."""
 
     config_class = WheelArmTeleoperatorConfig
     name = "wheelarm"
@@ -40,37 +39,37 @@ class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
 
     @property
     def feedback_features(self) -> dict[str, Any]:
-        """None."""
+        """Always empty: the simulator sends none."""
         return {}
 
     @property
     def is_connected(self) -> bool:
-        """Whether the episode is read."""
+        """Whether the episode is loaded."""
         return self._rows is not None
 
     @property
     def is_calibrated(self) -> bool:
-        """Always: there is nothing to calibrate."""
+        """Always true: the teleoperator needs no calibration."""
         return True
 
     def connect(self, calibrate: bool = True) -> None:
-        """Reads the episode.
+        """Loads the episode.
 
         Raises:
-            ValueError: when there is none.
+            ValueError: when the episode does not exist, or cannot be exported.
         """
         path = pathlib.Path(self.config.recording)
         if not self.config.recording or not path.exists():
             raise ValueError(
-                f"there is no recording {self.config.recording!r}: name a .h5 file or an exported "
-                "set with --teleop.recording"
+                f"cannot read the recording {self.config.recording!r}: it does not exist; name a .h5 "
+                "file or an exported set with --teleop.recording"
             )
         if path.is_dir():
             self._read(path, self.config.episode)
             return
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "set"
-            words = [
+            line = [
                 str(wheelarm.find_program("wheelarm")),
                 "dataset",
                 "export",
@@ -84,9 +83,9 @@ class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
                 "--out",
                 str(out),
             ]
-            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            done = subprocess.run(line, capture_output=True, text=True, check=False)
             if done.returncode != 0:
-                raise ValueError(f"{path} cannot be made into rows: {done.stderr.strip()}")
+                raise ValueError(f"cannot convert {path} to rows: {done.stderr.strip()}")
             self._read(out, 0)
 
     def _read(self, folder: pathlib.Path, episode: int) -> None:
@@ -97,16 +96,16 @@ class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
         chosen = np.array(data["episode_index"]) == episode
         if not chosen.any():
             raise ValueError(
-                f"{folder} has no episode {episode}: 0 to {info['total_episodes'] - 1}"
+                f"{folder} has no episode {episode}; available: 0 to {info['total_episodes'] - 1}"
             )
         self._rows = np.stack(data["action"].to_numpy()[chosen])
         self._names, self._next = info["features"]["action"]["names"], 0
 
     def calibrate(self) -> None:
-        """Nothing."""
+        """Does nothing."""
 
     def configure(self) -> None:
-        """Nothing."""
+        """Does nothing."""
 
     def get_action(self) -> dict[str, Any]:
         """The next row."""
@@ -117,8 +116,8 @@ class WheelArmTeleoperator(Teleoperator):  # type: ignore[misc]
         return dict(zip(self._names, row.tolist(), strict=True))
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Nothing."""
+        """Does nothing."""
 
     def disconnect(self) -> None:
-        """Lets the episode go."""
+        """Releases the episode."""
         self._rows = None

@@ -7,7 +7,7 @@
             moment = episode.step(wheelarm.command(linear=0.3, over_ticks=6))
             print(moment.samples["joint_state"].arrays()["position"])
 
-SI units, radians, z up, quaternions x y z w. `wheelarm.v1` holds the messages.
+SI units, radians, z up, quaternions x y z w. `wheelarm.v1` contains the messages.
 """
 
 from __future__ import annotations
@@ -17,27 +17,28 @@ from importlib.metadata import version as _version
 
 from . import v1
 from ._contract import CONTRACT_VERSION, TASKS
-from .client import Client, camera_setting, connect, scenario_of
+from .client import Client, camera_setting, connect, make_scenario
 from .commander import Commander, command
 from .errors import (
-    Forked,
-    Garbled,
-    Gone,
-    NoServer,
-    OtherName,
-    OtherVersion,
-    Refused,
-    Silent,
+    EpisodeEndedError,
+    ForkedError,
+    GarbledError,
+    GoneError,
+    NoServerError,
+    OtherNameError,
+    OtherVersionError,
+    RefusedError,
+    SilentError,
     WheelArmError,
 )
 from .frame import Frame
 from .local import Server, find_program
-from .lockstep import Ended, LockStep, Moment
+from .lockstep import LockStep, Moment
 from .streams import Camera, Sample, Streams, arrays, pose, quaternion, twist, vector
 
 try:
     __version__ = _version("wheelarm")
-except PackageNotFoundError:  # beside a checkout, not installed
+except PackageNotFoundError:  # used from a checkout without installation
     __version__ = "0.0.0"
 
 __all__ = [
@@ -46,20 +47,20 @@ __all__ = [
     "Camera",
     "Client",
     "Commander",
-    "Ended",
-    "Forked",
+    "EpisodeEndedError",
+    "ForkedError",
     "Frame",
-    "Garbled",
-    "Gone",
+    "GarbledError",
+    "GoneError",
     "LockStep",
     "Moment",
-    "NoServer",
-    "OtherName",
-    "OtherVersion",
-    "Refused",
+    "NoServerError",
+    "OtherNameError",
+    "OtherVersionError",
+    "RefusedError",
     "Sample",
     "Server",
-    "Silent",
+    "SilentError",
     "Streams",
     "WheelArmError",
     "__version__",
@@ -68,9 +69,9 @@ __all__ = [
     "command",
     "connect",
     "find_program",
+    "make_scenario",
     "pose",
     "quaternion",
-    "scenario_of",
     "twist",
     "v1",
     "vector",
@@ -80,7 +81,7 @@ _ENVIRONMENTS = ["WheelArmEnv", "WheelArmVectorEnv", "env_id", "register_task"]
 
 try:
     import gymnasium as _gymnasium  # noqa: F401
-except ImportError:  # the environments are an extra
+except ImportError:  # the environments are an optional extra
 
     def __getattr__(name: str) -> object:
         if name in _ENVIRONMENTS:

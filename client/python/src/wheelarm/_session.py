@@ -1,6 +1,6 @@
-"""The zenoh session: one client of one server, never across a fork.
+"""The Zenoh session of one client, its guard against forks, and the server's identity.
 
-Nothing here knows what is simulated.
+This module does not depend on the simulation.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -16,17 +17,17 @@ from typing import Any
 
 import zenoh
 
+from ._contract import PREFIX
 from ._wire import check_name
-from .errors import Forked, NoServer, OtherName
+from .errors import ForkedError, NoServerError, OtherNameError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-PREFIX = "wheelarm"
 
-#: By what the transport learns how many threads it has, and one for both directions.
+#: Variable that sets the number of the transport's threads; one thread for both directions.
 THREADS_VARIABLE = "ZENOH_RUNTIME"
 ONE_THREAD = "(rx: (worker_threads: 1), tx: (handover: rx))"
 
-#: This process has opened a session; a child of it that was forked can open none.
+#: This process has opened a session, so a forked child of it cannot open one.
 _opened = False
 _forked = False
 
@@ -41,39 +42,66 @@ if hasattr(os, "register_at_fork"):
 
 
 def refuse_fork(owner: int | None = None) -> None:
-    """Refuses to go on in a forked child, where the transport would hang for ever.
+    """Rejects use in a forked child, where the transport would hang forever.
+
+    Args:
+        owner: Process id of the session's owner.
 
     Raises:
-        Forked: with the cure.
+        ForkedError: in a forked child.
     """
     if _forked or (owner is not None and owner != os.getpid()):
-        raise Forked(
-            "this process was forked after a connection to a server had been opened, and the "
+        raise ForkedError(
+            "this process was forked after it had opened a connection to a server, and the "
             "transport's threads do not survive a fork: start workers with another method, "
             'for example AsyncVectorEnv(..., context="forkserver") or '
             'multiprocessing.get_context("spawn"), or open no connection before the fork; '
-            "wheelarm.WheelArmVectorEnv needs no workers at all"
+            "wheelarm.WheelArmVectorEnv needs no workers"
         )
 
 
-def words(cause: BaseException) -> str:
-    """The transport's words without the place in its source."""
+def transport_message(cause: BaseException) -> str:
+    """The transport's error message without the location in its source code."""
     return str(cause).split(" at /", maxsplit=1)[0]
 
 
-def keys_of_environment(endpoint: str) -> dict[str, Any]:
-    """The settings for an endpoint that takes keys, which ``WHEELARM_KEYS`` names, and
-    ``WHEELARM_USER`` where that is a folder of several users' keys.
+def check_endpoint(endpoint: str) -> None:
+    """Checks the syntax: ``tcp/HOST:PORT``, ``tls/HOST:PORT`` or ``unixsock-stream/PATH``,
+    optionally with transport settings after ``#`` or ``?``.
 
     Raises:
-        NoServer: when the endpoint takes keys, and there are none.
+        ValueError: when it is another text.
+    """
+    transport, _, rest = re.split("[#?]", endpoint)[0].partition("/")
+    if transport in ("tcp", "tls"):
+        host, _, port = rest.rpartition(":")
+        bracketed = host.startswith("[") and host.endswith("]")
+        named = host and "/" not in host and " " not in host and (bracketed or ":" not in host)
+        valid = bool(named and re.fullmatch("[0-9]{1,5}", port) and int(port) < 1 << 16)
+    else:
+        valid = transport == "unixsock-stream" and rest != ""
+    if not valid:
+        # The text of `wheelarm_proto::endpoint::BadEndpoint`.
+        raise ValueError(
+            f"{endpoint!r} is not an endpoint: an endpoint is tcp/HOST:PORT, for example "
+            "tcp/127.0.0.1:7447, tls/HOST:PORT with keys, or unixsock-stream/PATH"
+        )
+
+
+def tls_settings(endpoint: str) -> dict[str, Any]:
+    """The TLS settings of an endpoint that requires keys, from the folder that
+    ``WHEELARM_KEYS`` names. If that folder has several users, ``WHEELARM_USER`` selects one.
+
+    Raises:
+        NoServerError: when the endpoint requires keys, and a file is missing.
     """
     if not endpoint.startswith("tls/"):
         return {}
     folder, user = os.environ.get("WHEELARM_KEYS"), os.environ.get("WHEELARM_USER")
     if folder is None:
-        raise NoServer(
-            f"{endpoint} takes keys: name the folder that you were given with WHEELARM_KEYS"
+        raise NoServerError(
+            f"{endpoint} takes keys: name the folder that you were given with WHEELARM_KEYS, or on "
+            "the server's host its folder of keys with WHEELARM_KEYS and WHEELARM_USER"
         )
     path = pathlib.Path(folder)
     if user is not None and (path / "users").is_dir():
@@ -85,7 +113,11 @@ def keys_of_environment(endpoint: str) -> dict[str, Any]:
     }
     for file in files.values():
         if not file.is_file():
-            raise NoServer(f"{path} holds no {file.name}: name the folder that you were given")
+            raise NoServerError(
+                f"{path} holds no {file.name}: name the folder that you were given "
+                "(WHEELARM_KEYS), or on the server's host its folder of keys with "
+                "WHEELARM_USER, after `wheelarm keys user NAME`"
+            )
     names = {name: str(file) for name, file in files.items()}
     return {"transport/link/tls": {**names, "enable_mtls": True, "verify_name_on_connect": True}}
 
@@ -93,17 +125,23 @@ def keys_of_environment(endpoint: str) -> dict[str, Any]:
 def open_session(endpoint: str, timeout: float) -> zenoh.Session:
     """Connects to an endpoint.
 
+    Args:
+        endpoint: See `check_endpoint`.
+        timeout: Time limit, s.
+
     Raises:
-        NoServer: when nobody listens until the time is over.
-        Forked: in a forked child.
+        ValueError: when the endpoint is invalid.
+        NoServerError: when no server accepts the connection within the time limit.
+        ForkedError: in a forked child.
     """
     global _opened
     refuse_fork()
+    check_endpoint(endpoint)
     wait = min(max(timeout, 0.1), 86_400.0) if math.isfinite(timeout) else 86_400.0
     config = zenoh.Config()
     settings = {
         "mode": "client",
-        # Signs of life come every two and a half seconds either way.
+        # Both sides send a keep-alive every 2.5 s.
         "transport/link/tx/lease": 10_000,
         "transport/link/tx/keep_alive": 4,
         "connect/endpoints": [endpoint],
@@ -116,45 +154,46 @@ def open_session(endpoint: str, timeout: float) -> zenoh.Session:
         },
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
-        **keys_of_environment(endpoint),
+        **tls_settings(endpoint),
     }
     try:
         for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as cause:
         raise ValueError(
-            f"{endpoint!r} is no endpoint: write it as tcp/127.0.0.1:7447 ({words(cause)})"
+            f"the endpoint {endpoint!r} has invalid settings ({transport_message(cause)}): "
+            "write it as tcp/127.0.0.1:7447"
         ) from None
-    # One thread sends and receives where TLS is spoken: from two the transport breaks its
-    # memory when a connection ends (eclipse-zenoh/zenoh#2557). It looks once, before a
-    # process's first session.
-    speaks_tls = endpoint.startswith("tls/") or "WHEELARM_KEYS" in os.environ
-    tells = speaks_tls and not _opened and THREADS_VARIABLE not in os.environ
-    if tells:
+    # With TLS, one thread must send and receive: with two, the transport corrupts its memory
+    # when a connection ends (eclipse-zenoh/zenoh#2557). Zenoh reads the variable once,
+    # before the first session of a process.
+    uses_tls = endpoint.startswith("tls/") or "WHEELARM_KEYS" in os.environ
+    sets_variable = uses_tls and not _opened and THREADS_VARIABLE not in os.environ
+    if sets_variable:
         os.environ[THREADS_VARIABLE] = ONE_THREAD
     _opened = True
     try:
         return zenoh.open(config)
     except zenoh.ZError as cause:
-        raise NoServer(
+        raise NoServerError(
             f"no server answers at {endpoint} (waited {wait:.1f} s): start one with "
             "`wheelarm-server` or `wheelarm.Server()`, or name its address "
-            f"({words(cause)})"
+            f"({transport_message(cause)})"
         ) from None
     finally:
-        if tells:
+        if sets_variable:
             os.environ.pop(THREADS_VARIABLE, None)
 
 
-def direct(taken: Callable[[Any], Any]) -> Any:
-    """A callback on the thread that receives: what comes keeps its order over all
-    subscribers. It must not work."""
-    return zenoh.handlers.Callback(taken, indirect=False)
+def direct_callback(function: Callable[[Any], Any]) -> Any:
+    """A callback on the receiving thread, so that samples keep their order across
+    subscribers. It must return at once."""
+    return zenoh.handlers.Callback(function, indirect=False)
 
 
-class Speaker:
-    """Who speaks for a server: the session whose id stands in its liveliness token.
-    What others publish or answer under its keys is not taken."""
+class ServerIdentity:
+    """Server identity: the Zenoh session id carried in the server's liveliness token.
+    Samples and replies from any other session are dropped."""
 
     def __init__(self, session: zenoh.Session, sim: str) -> None:
         self._session, self._sim = session, check_name(sim)
@@ -163,10 +202,10 @@ class Speaker:
         self._chosen: str | None = None
         self._direct = False
         self._subscriber = session.liveliness().declare_subscriber(
-            f"{PREFIX}/{sim}/alive/*", direct(self._heard), history=True
+            f"{PREFIX}/{sim}/alive/*", direct_callback(self._update), history=True
         )
 
-    def _heard(self, sample: zenoh.Sample) -> None:
+    def _update(self, sample: zenoh.Sample) -> None:
         zid = str(sample.key_expr).rsplit("/", 1)[1]
         with self._lock:
             if zid in self._tokens:
@@ -174,34 +213,34 @@ class Speaker:
             if sample.kind == zenoh.SampleKind.PUT:
                 self._tokens.append(zid)
 
-    def look(self) -> None:
-        """Looks again who the server is, after it came, went or was restarted."""
-        if self.is_there():
+    def refresh(self) -> None:
+        """Selects the server's session again after the server started, ended or restarted."""
+        if self.is_alive():
             return
         info = self._session.info
         connected = {str(zid) for zid in [*info.routers_zid(), *info.peers_zid()]}
         with self._lock:
-            dialled = next((zid for zid in self._tokens if zid in connected), None)
-            if dialled is not None:
-                self._chosen, self._direct = dialled, True
+            neighbor = next((zid for zid in self._tokens if zid in connected), None)
+            if neighbor is not None:
+                self._chosen, self._direct = neighbor, True
             elif len(self._tokens) == 1 and not self._direct:
-                # Behind a router, the only one there is.
+                # Behind a router: the only server with this name.
                 self._chosen = self._tokens[0]
 
-    def is_there(self) -> bool:
-        """Whether the server's token is there."""
+    def is_alive(self) -> bool:
+        """Whether the liveliness token of the server exists."""
         with self._lock:
             return self._chosen is not None and self._chosen in self._tokens
 
     def wait(self, endpoint: str, deadline: float) -> None:
-        """Waits for the server's token.
+        """Waits for the server's liveliness token until the monotonic time `deadline`, s.
 
         Raises:
-            OtherName: when there is none of that name, or more than one.
+            OtherNameError: when no server, or more than one, has the name.
         """
         while True:
-            self.look()
-            if self.is_there():
+            self.refresh()
+            if self.is_alive():
                 return
             if time.monotonic() >= deadline:
                 break
@@ -209,25 +248,26 @@ class Speaker:
         with self._lock:
             tokens = list(self._tokens)
         if len(tokens) > 1:
-            raise OtherName(
+            # The text of `LinkError::Several` of the Rust SDK.
+            raise OtherNameError(
                 f"{len(tokens)} sessions behind {endpoint} say that they are the server "
-                f"{self._sim!r} ({', '.join(tokens)}): connect to the server itself, or end "
-                "the other"
+                f"{self._sim!r} ({', '.join(tokens)}): one of them is a stranger or a second "
+                "server of the same name; connect to the server itself, or end the other"
             )
         replies = self._session.liveliness().get(f"{PREFIX}/*/alive/*", timeout=1.0)
         found = {str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok}
-        raise OtherName(
-            f"somebody answers at {endpoint}, but no server is named {self._sim!r} (found: "
-            f"{', '.join(sorted(found)) or 'none'}): choose one with sim=; where none is found, "
+        raise OtherNameError(
+            f"a server answers at {endpoint}, but none is named {self._sim!r} (found: "
+            f"{', '.join(sorted(found)) or 'none'}): choose one with sim=; if none is found, "
             "another program listens there, for example a ROS 2 router"
         )
 
-    def sent(self, sample: zenoh.Sample) -> bool:
+    def published(self, sample: zenoh.Sample) -> bool:
         """Whether the server published a sample."""
         source = sample.source_info
         return source is not None and str(source.source_id.zid) == self._chosen
 
-    def answered(self, reply: zenoh.Reply) -> bool:
-        """Whether the server gave a reply."""
+    def sent(self, reply: zenoh.Reply) -> bool:
+        """Whether the server sent a reply."""
         replier = reply.replier_id
         return replier is not None and str(replier.zid) == self._chosen

@@ -1,8 +1,7 @@
-"""How messages travel: encodings, and pictures without a copy.
+"""Encoding of messages, and access to image data without a copy.
 
-Small messages are read by protobuf. A picture has megabytes, which protobuf would
-copy twice; `walk` finds where its planes lie in the bytes that came, and numpy looks
-at them there.
+protobuf decodes small messages. A camera frame has megabytes, which protobuf would copy
+twice; `walk` yields views of its planes in the received bytes, which numpy uses directly.
 """
 
 from __future__ import annotations
@@ -12,10 +11,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from . import v1
-from ._contract import CONTRACT_VERSION, TOPICS
-from .errors import Garbled, OtherVersion
+from ._contract import CONTRACT_VERSION, MEDIA_TYPE, TOPICS
+from .errors import GarbledError, OtherVersionError
 
-MEDIA_TYPE = "application/protobuf"
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 #: Topic by name: its row of the table.
@@ -25,12 +23,29 @@ MESSAGE = {row[0]: getattr(v1, row[2]) for row in TOPICS}
 
 
 def check_name(name: str) -> str:
-    """A name that may stand in a key: 1 to 64 letters, digits, ``-`` or ``_``."""
+    """Checks a name for use in a key: 1 to 64 letters, digits, ``-`` or ``_``.
+
+    Raises:
+        ValueError: when it has another length or character.
+    """
     if not NAME.fullmatch(name):
+        # The text of `wheelarm_proto::keys::BadName`.
         raise ValueError(
             f"the name {name!r} must be 1 to 64 letters, digits, `-` or `_` "
-            "(it stands in a key expression)"
+            "(it is part of a key expression), and `policy` is taken"
         )
+    return name
+
+
+def check_topic(name: str) -> str:
+    """Checks the name of a topic that a server publishes under one key.
+
+    Raises:
+        ValueError: for an unknown topic; the message lists all topics.
+    """
+    valid = [topic for topic, row in TOPIC.items() if row[6] == "server" and "{" not in row[1]]
+    if name not in valid:
+        raise ValueError(f"unknown topic {name!r}; available: {', '.join(sorted(valid))}")
     return name
 
 
@@ -39,41 +54,48 @@ def encoding(message: str) -> str:
     return f"{MEDIA_TYPE};wheelarm.v1.{message}@{CONTRACT_VERSION}"
 
 
-def check_encoding(told: str) -> None:
-    """Refuses an encoding of another version of the contract.
+def check_encoding(received: str) -> None:
+    """Rejects an encoding of another version of the contract.
 
     Raises:
-        OtherVersion: with both versions.
+        OtherVersionError: with both versions.
     """
-    theirs = "1"
-    if told.startswith(MEDIA_TYPE) and "@" in told:
-        theirs = told.rsplit("@", 1)[1]
+    theirs = "1"  # the first version sent none
+    if received.startswith(MEDIA_TYPE) and "@" in received:
+        theirs = received.rsplit("@", 1)[1]
     if theirs != str(CONTRACT_VERSION):
-        raise OtherVersion(
-            f"the other side speaks version {theirs} of the contract, this package version "
-            f"{CONTRACT_VERSION}: use the server and the Python package of one release "
-            "(`wheelarm-server --version` and `wheelarm.__version__`)"
+        # The text of `wheelarm_proto::schema::OtherVersion`.
+        raise OtherVersionError(
+            f"the other side speaks version {theirs} of the contract, this program version "
+            f"{CONTRACT_VERSION}: use server and clients of one build (`wheelarm --version` and "
+            "`wheelarm-server --version` tell it; messages carry the encoding "
+            f"`{MEDIA_TYPE};MESSAGE@{CONTRACT_VERSION}`)"
         )
 
 
 def read(kind: Any, payload: bytes, what: str) -> Any:
-    """A message from its bytes.
+    """Decodes a message of the class `kind`.
 
     Raises:
-        Garbled: when it cannot be read.
+        GarbledError: when the bytes are not such a message.
     """
     message = kind()
     try:
         message.ParseFromString(payload)
     except Exception as cause:  # protobuf's DecodeError differs between its versions
-        raise Garbled(
-            f"`{what}` cannot be read ({cause}): are server and package of one release?"
+        # The text of `LinkError::Garbled` of the Rust SDK.
+        raise GarbledError(
+            f"{what} cannot be read ({cause}): client and server differ in version?"
         ) from cause
     return message
 
 
-def varint(data: bytes | memoryview, at: int) -> tuple[int, int]:
-    """A number of variable length and the place behind it."""
+def read_varint(data: bytes | memoryview, at: int) -> tuple[int, int]:
+    """The variable-length integer at the offset `at`, and the offset after it.
+
+    Raises:
+        IndexError: when it has no end.
+    """
     value = shift = 0
     while True:
         byte = data[at]
@@ -83,28 +105,28 @@ def varint(data: bytes | memoryview, at: int) -> tuple[int, int]:
             return value, at
         shift += 7
         if shift > 63:
-            raise IndexError("a number without an end")
+            raise IndexError("an integer without an end")
 
 
 def walk(data: bytes) -> Iterator[tuple[int, int | memoryview]]:
-    """Field numbers and values of an encoded message, in their order.
+    """Field numbers and values of an encoded message, in the order of the bytes.
 
-    A value is a number where the wire has one, else a view into `data`: nothing is
+    A value is an integer for the wire type varint, else a view of `data`: nothing is
     copied.
 
     Raises:
-        Garbled: when it is cut off or no message.
+        GarbledError: when the message is truncated or damaged.
     """
     view, at, end = memoryview(data), 0, len(data)
     try:
         while at < end:
-            tag, at = varint(view, at)
+            tag, at = read_varint(view, at)
             field, kind = tag >> 3, tag & 7
             value: int | memoryview
             if kind == 0:
-                value, at = varint(view, at)
+                value, at = read_varint(view, at)
             elif kind == 2:
-                length, at = varint(view, at)
+                length, at = read_varint(view, at)
                 if at + length > end:
                     raise IndexError(f"field {field} has {length} bytes, {end - at} are left")
                 value = view[at : at + length]
@@ -112,11 +134,11 @@ def walk(data: bytes) -> Iterator[tuple[int, int | memoryview]]:
             elif kind in (1, 5):
                 length = 8 if kind == 1 else 4
                 if at + length > end:
-                    raise IndexError(f"field {field} is cut off")
+                    raise IndexError(f"field {field} is truncated")
                 value = view[at : at + length]
                 at += length
             else:
-                raise IndexError(f"field {field} has the unknown type {kind}")
+                raise IndexError(f"field {field} has the unknown wire type {kind}")
             yield field, value
     except IndexError as cause:
-        raise Garbled(f"a message is damaged: {cause or 'it is cut off'}") from cause
+        raise GarbledError(f"a message is damaged: {cause or 'it is truncated'}") from cause

@@ -1,4 +1,4 @@
-"""What can go wrong between a program and a server, in words that name the cure."""
+"""Errors of the package. Every message states what failed, why, and the fix."""
 
 from __future__ import annotations
 
@@ -6,44 +6,44 @@ from . import v1
 
 
 class WheelArmError(Exception):
-    """Every error of this package."""
+    """Base class of every error of this package."""
 
 
-class NoServer(WheelArmError):
-    """Nobody listens at the endpoint, or no program can be started."""
+class NoServerError(WheelArmError):
+    """No server listens at the endpoint, or the server program cannot start."""
 
 
-class OtherName(WheelArmError):
-    """Somebody listens, but no server of that name; or several of it."""
+class OtherNameError(WheelArmError):
+    """A peer listens at the endpoint, but no server, or several servers, have the name."""
 
 
-class OtherVersion(WheelArmError):
-    """The server speaks another version of the contract than this package."""
+class OtherVersionError(WheelArmError):
+    """The server uses another version of the contract than this package."""
 
 
-class Silent(WheelArmError):
-    """The server did not answer, or nothing came in time."""
+class SilentError(WheelArmError):
+    """The server sent no reply or no data within the time limit."""
 
 
-class Gone(WheelArmError):
+class GoneError(WheelArmError):
     """The server, or the connection to it, has ended."""
 
 
-class Garbled(WheelArmError):
-    """A message is not as the contract says."""
+class GarbledError(WheelArmError):
+    """A message does not follow the contract."""
 
 
-class Forked(WheelArmError):
-    """The process was forked after a connection had been opened."""
+class ForkedError(WheelArmError):
+    """The process was forked after it had opened a connection."""
 
 
-class Refused(WheelArmError):
-    """The server answered that it will not, or did not take a command.
+class RefusedError(WheelArmError):
+    """The server rejected a request or a command.
 
     Attributes:
         query: Name of the query; ``command`` for a command.
-        code: Why: a ``FailureCode`` of queries, a ``RefusalCode`` of commands (no unit).
-        message: The server's own words.
+        code: A ``FailureCode`` for queries, a ``RefusalCode`` for commands (no unit).
+        message: Explanation by the server.
     """
 
     def __init__(self, query: str, code: int, message: str) -> None:
@@ -52,7 +52,20 @@ class Refused(WheelArmError):
 
     @property
     def reason(self) -> str:
-        """The code as a word, for example ``CONTROL_HELD``."""
+        """The name of the code, for example ``CONTROL_HELD``."""
         kind = v1.RefusalCode if self.query == "command" else v1.FailureCode
         prefix = "REFUSAL_CODE_" if self.query == "command" else "FAILURE_CODE_"
         return str(kind.Name(self.code)).replace(prefix, "")
+
+
+class EpisodeEndedError(WheelArmError):
+    """The episode has ended without a request of this program.
+
+    Attributes:
+        stopped: The end of the episode as the server published it, with its `cause`.
+    """
+
+    def __init__(self, stopped: v1.EpisodeStopped) -> None:
+        why = stopped.anomalies[-1] if stopped.anomalies else "another client ended it"
+        super().__init__(f"the episode has ended: {why}")
+        self.stopped = stopped

@@ -1,4 +1,4 @@
-"""Pictures of cameras as numpy arrays."""
+"""Camera images as numpy arrays."""
 
 from __future__ import annotations
 
@@ -10,39 +10,46 @@ from numpy.typing import NDArray
 
 from . import v1
 from ._wire import read, walk
-from .errors import Garbled
+from .errors import GarbledError
 
-#: Pixel format: what is stored, bytes of a pixel.
+#: Pixel format: plane, type of a value, values of a pixel.
 _FORMATS: dict[int, tuple[str, Any, int]] = {
-    1: ("rgb", np.dtype("u1"), 3),
-    2: ("depth", np.dtype("<f4"), 1),
-    3: ("depth", np.dtype("<u2"), 1),
-    4: ("ids", np.dtype("u1"), 1),
-    5: ("ids", np.dtype("<u2"), 1),
+    int(v1.PIXEL_FORMAT_RGB8): ("rgb", np.dtype("u1"), 3),
+    int(v1.PIXEL_FORMAT_DEPTH_METRES_F32): ("depth", np.dtype("<f4"), 1),
+    int(v1.PIXEL_FORMAT_DEPTH_MILLIMETRES_U16): ("depth", np.dtype("<u2"), 1),
+    int(v1.PIXEL_FORMAT_ID_U8): ("ids", np.dtype("u1"), 1),
+    int(v1.PIXEL_FORMAT_ID_U16): ("ids", np.dtype("<u2"), 1),
 }
-_FIRST = {"rgb": 1, "depth": 2, "ids": 4}
-_MILLIMETRES = 3
+#: Formats of planes without one.
+_DEFAULTS = {
+    "rgb": int(v1.PIXEL_FORMAT_RGB8),
+    "depth": int(v1.PIXEL_FORMAT_DEPTH_METRES_F32),
+    "ids": int(v1.PIXEL_FORMAT_ID_U8),
+}
+#: Field numbers of `CameraFrame`; `SensorFrame` has the same, with `sensor` for `camera`.
+_NUMBER = {field.name: field.number for field in v1.CameraFrame.DESCRIPTOR.fields}
+_PLANES = {_NUMBER[name]: name for name in _DEFAULTS}
+_PLANE_FORMATS = {_NUMBER[f"{name}_format"]: name for name in _DEFAULTS}
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture of one camera: colour, depth and instance ids, registered.
+    """One image of one camera: color, depth and instance ids of the same pixels.
 
-    The arrays are read-only views into the message as it came; ``.copy()`` gives one
-    that may be changed.
+    The arrays are read-only views of the received message; ``.copy()`` makes a writable one.
 
     Attributes:
         camera: Name of the camera or sensor.
-        header: Stamp of the exposure (of a sensor, of the arrival).
-        intrinsics: Pinhole intrinsics, pixels; the middle of the first pixel is at
-            (0.5, 0.5). OpenCV and ROS count from its middle: subtract 0.5 from cx and cy.
+        header: Header of the exposure (of a sensor: of the arrival).
+        intrinsics: Pinhole intrinsics, pixels; the centre of the first pixel is at
+            (0.5, 0.5). OpenCV and ROS count from this centre: subtract 0.5 from cx and cy.
         pose: Pose of the optical frame (z forward, x right, y down) in `house`, metres.
-        rgb: Colour, (height, width, 3) uint8, sRGB. None where a sensor has none.
-        depth_raw: Depth along the optical axis as it was sent, (height, width): float32
-            in metres, infinite where nothing is hit, or uint16 in millimetres, 0 where
-            nothing is hit. None where a sensor has none.
-        ids: Instance ids, (height, width) uint16 or uint8; 0 where nothing is hit. The
-            scene query tells what they stand for. None where a sensor has none.
+        rgb: Color, (height, width, 3) uint8, sRGB. None for a sensor without color.
+        depth_raw: Depth along the optical axis as sent, (height, width): float32 in metres,
+            infinite without a surface, or uint16 in millimetres, 0 without a surface. None
+            for a sensor without depth.
+        ids: Instance ids, (height, width) uint16 or uint8; 0 without a surface. The scene
+            query lists their bodies. None for a sensor.
     """
 
     camera: str
@@ -55,18 +62,18 @@ class Frame:
 
     @property
     def tick(self) -> int:
-        """Physics tick of the stamp, 240 per second of simulation time."""
+        """Physics tick of the timestamp, 240 per second of simulation time."""
         return int(self.header.tick)
 
     @property
     def stamp(self) -> float:
-        """Simulation time of the stamp, s."""
+        """Simulation time of the timestamp, s."""
         return float(self.header.stamp_nanos) * 1e-9
 
     @property
     def depth(self) -> NDArray[np.float32] | None:
-        """Depth along the optical axis, (height, width) float32, metres; infinite where
-        nothing is hit. No copy where it was sent so."""
+        """Depth along the optical axis, (height, width) float32, metres; infinite without a
+        surface. Not a copy if it was sent in this format."""
         raw = self.depth_raw
         if raw is None or raw.dtype == np.float32:
             return raw
@@ -76,49 +83,50 @@ class Frame:
 
     @property
     def matrix(self) -> NDArray[np.float64]:
-        """Intrinsics as a matrix, (3, 3), pixels, counted from the middle of the first
-        pixel as OpenCV does."""
+        """Intrinsics as a matrix, (3, 3), pixels, counted from the centre of the first pixel,
+        as in OpenCV."""
         i = self.intrinsics
         return np.array([[i.fx, 0.0, i.cx - 0.5], [0.0, i.fy, i.cy - 0.5], [0.0, 0.0, 1.0]])
 
     @classmethod
-    def of(cls, data: bytes) -> Frame:
-        """Reads an encoded `CameraFrame` or `SensorFrame` without copying its planes.
+    def from_bytes(cls, data: bytes) -> Frame:
+        """Decodes a `CameraFrame` or `SensorFrame` without a copy of its planes.
 
         Raises:
-            Garbled: when a plane has another length than size and format say.
+            GarbledError: when a plane does not match its size and format.
         """
         camera, header, intrinsics, pose = "", v1.Header(), v1.Intrinsics(), v1.Pose()
         planes: dict[str, memoryview] = {}
-        formats = dict(_FIRST)
+        formats = dict(_DEFAULTS)
         for field, value in walk(data):
             if isinstance(value, int):
-                if field in (8, 9, 10) and value:
-                    formats[("rgb", "depth", "ids")[field - 8]] = value
-            elif field == 1:
+                if field in _PLANE_FORMATS and value:
+                    formats[_PLANE_FORMATS[field]] = value
+            elif field == _NUMBER["header"]:
                 header = read(v1.Header, value.tobytes(), "header")
-            elif field == 2:
+            elif field == _NUMBER["camera"]:
                 camera = value.tobytes().decode()
-            elif field == 3:
+            elif field == _NUMBER["intrinsics"]:
                 intrinsics = read(v1.Intrinsics, value.tobytes(), "intrinsics")
-            elif field == 4:
+            elif field == _NUMBER["pose"]:
                 pose = read(v1.Pose, value.tobytes(), "pose")
-            elif field in (5, 6, 7):
-                planes[("rgb", "depth", "ids")[field - 5]] = value
+            elif field in _PLANES:
+                planes[_PLANES[field]] = value
         width, height = intrinsics.width, intrinsics.height
 
         def plane(name: str) -> NDArray[Any] | None:
             if name not in planes:
                 return None
-            wanted, dtype, channels = _FORMATS.get(formats[name], ("", None, 0))
-            if wanted != name:
-                raise Garbled(
+            stored, dtype, channels = _FORMATS.get(formats[name], ("", None, 0))
+            if stored != name:
+                # This text and the next are those of `BadFrame` of the Rust SDK.
+                raise GarbledError(
                     f"the plane `{name}` has the pixel format {formats[name]}, which this "
-                    "package cannot read: use server and package of one release"
+                    "version cannot read: use client and server of one build"
                 )
             found, expected = len(planes[name]), width * height * channels * dtype.itemsize
             if found != expected:
-                raise Garbled(
+                raise GarbledError(
                     f"the plane `{name}` has {found} bytes, expected {expected} for {width}x{height}"
                 )
             shape = (height, width, 3) if channels == 3 else (height, width)

@@ -15,8 +15,9 @@
 
     policy.serve(Hold())
 
-It answers three queries below `wheelarm/policy/{name}/` and knows no server; whoever
-evaluates it shows it what its spec asks for and carries its rows out.
+The process replies to three queries below `wheelarm/policy/{name}/` and has no connection
+to a simulator. The evaluation sends the observations that the spec requires, and executes
+the rows.
 """
 
 from __future__ import annotations
@@ -31,15 +32,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from . import v1
-from ._session import PREFIX, direct, open_session
+from ._contract import PREFIX
+from ._session import direct_callback, open_session
 from ._wire import check_encoding, check_name, encoding, read
 
-#: Environment variables that tell a policy where to connect, and its name in the keys.
+#: Environment variables with the endpoint, and with the name of the policy in the keys.
 ENDPOINT_VARIABLE = "WHEELARM_POLICY_ENDPOINT"
 NAME_VARIABLE = "WHEELARM_POLICY_NAME"
-#: Questions that may wait.
-WAITING = 64
-#: What is asked, and what answers.
+#: Capacity of the request queue (count).
+MAX_QUEUED = 64
+#: Query: class of the request, name of the reply.
 QUERIES = {
     "describe": (v1.PolicyDescribeRequest, "PolicySpec"),
     "reset": (v1.PolicyResetRequest, "PolicyResetReply"),
@@ -49,25 +51,25 @@ QUERIES = {
 
 @dataclass(frozen=True)
 class Observation:
-    """What one episode sees."""
+    """Observation of one episode."""
 
-    #: Names the episode among those that run at one time.
+    #: Id of the episode among those that run at the same time.
     episode_key: str
-    #: Seed of its scenario; a policy that draws random numbers draws them from this
-    #: and the tick.
+    #: Seed of the scenario. A policy with random numbers samples them from this seed and the
+    #: tick.
     seed: int
-    #: It is the first of its episode.
+    #: Whether it is the first observation of its episode.
     first: bool
     #: Tick of the newest moment, 1/240 s.
     tick: int
-    #: What the person says.
+    #: Instruction sentence.
     instruction: str
     #: Rows of state, the newest last: [history, 27] float64; rad, rad/s, m.
     states: np.ndarray
-    #: Colours by camera, the newest last: [height, width, 3] uint8.
-    pictures: list[dict[str, np.ndarray]]
-    #: Depth by camera where the spec asks for it: [height, width] float32, m, infinite
-    #: where nothing is.
+    #: Color images by camera, the newest last: [height, width, 3] uint8.
+    images: list[dict[str, np.ndarray]]
+    #: Depth images by camera if the spec requests them: [height, width] float32, m, infinite
+    #: without a surface.
     depths: list[dict[str, np.ndarray]]
 
     @property
@@ -76,19 +78,19 @@ class Observation:
         return self.states[-1]
 
     @staticmethod
-    def read(message: Any) -> Observation:
-        """Of a `PolicyObservation`."""
+    def from_proto(message: Any) -> Observation:
+        """Converts a `PolicyObservation`."""
 
-        def planes(moment: Any, plane: str) -> dict[str, np.ndarray]:
+        def images_of(moment: Any, plane: str) -> dict[str, np.ndarray]:
             out: dict[str, np.ndarray] = {}
-            for picture in moment.pictures:
-                data = getattr(picture, plane)
+            for image in moment.pictures:
+                data = getattr(image, plane)
                 if plane == "rgb":
                     pixels = np.frombuffer(data, np.uint8)
-                    out[picture.camera] = pixels.reshape(picture.height, picture.width, 3)
+                    out[image.camera] = pixels.reshape(image.height, image.width, 3)
                 elif data:
                     metres = np.frombuffer(data, "<f4")
-                    out[picture.camera] = metres.reshape(picture.height, picture.width)
+                    out[image.camera] = metres.reshape(image.height, image.width)
             return out
 
         return Observation(
@@ -98,64 +100,67 @@ class Observation:
             tick=message.tick,
             instruction=message.instruction,
             states=np.array([list(moment.state_values) for moment in message.moments]),
-            pictures=[planes(moment, "rgb") for moment in message.moments],
-            depths=[planes(moment, "depth") for moment in message.moments],
+            images=[images_of(moment, "rgb") for moment in message.moments],
+            depths=[images_of(moment, "depth") for moment in message.moments],
         )
 
 
 class Policy(Protocol):
-    """What answers for a robot."""
+    """Interface of a policy."""
 
     def spec(self) -> Any:
-        """What it wants and answers: a `v1.PolicySpec`."""
+        """Inputs and outputs of the policy, a `v1.PolicySpec`."""
 
     def reset(self, request: Any) -> None:
-        """An episode begins: a `v1.PolicyResetRequest`."""
+        """Called at the start of an episode with a `v1.PolicyResetRequest`."""
 
     def infer(self, observations: list[Observation]) -> list[Any]:
-        """Rows for every observation, [rows, 12] (or 9) in the units of the spec; an
-        exception in the place of an array ends that episode alone, with its words."""
+        """Rows for every observation, [rows, 12] (or 9) in the units of the spec. An
+        exception in the place of an array ends only that episode, with its message."""
 
 
 def serve(policy: Policy, endpoint: str | None = None, name: str | None = None) -> None:
-    """Answers whoever asks, until the process is ended.
+    """Replies to queries until the process ends.
 
     Args:
-        endpoint: Zenoh endpoint of whoever asks; told by `WHEELARM_POLICY_ENDPOINT`
-            when `wheelarm evaluate` starts this program.
-        name: its name in the keys; told by `WHEELARM_POLICY_NAME`, else `policy`.
+        policy: The policy.
+        endpoint: Zenoh endpoint to connect to; the value of `WHEELARM_POLICY_ENDPOINT` if
+            absent, which `wheelarm evaluate` sets.
+        name: Name in the keys; the value of `WHEELARM_POLICY_NAME` if absent, else `policy`.
 
     Raises:
-        NoServer: when nobody listens at the endpoint.
-        ValueError: when no endpoint is told.
+        NoServerError: when no process listens at the endpoint.
+        ValueError: without an endpoint.
     """
     endpoint = endpoint or os.environ.get(ENDPOINT_VARIABLE)
     if not endpoint:
         raise ValueError(
-            f"say where to connect: serve(policy, endpoint=...), or {ENDPOINT_VARIABLE}; "
-            "`wheelarm evaluate --policy exec:COMMAND` sets it"
+            f"no endpoint to connect to: give serve(policy, endpoint=...), or set "
+            f"{ENDPOINT_VARIABLE}; `wheelarm evaluate --policy exec:COMMAND` sets it"
         )
     name = check_name(name or os.environ.get(NAME_VARIABLE) or "policy")
     session = open_session(endpoint, timeout=10.0)
-    asked: queue.Queue[Any] = queue.Queue(WAITING)
+    requests: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
 
-    def take(query: Any) -> None:
-        # Whoever asks more than waits here is not answered.
+    def enqueue(query: Any) -> None:
+        # A full queue drops further queries.
         try:
-            asked.put_nowait(query)
+            requests.put_nowait(query)
         except queue.Full:
             query.drop()
 
     prefix = f"{PREFIX}/policy/{name}"
-    queryables = [session.declare_queryable(f"{prefix}/{q}", direct(take)) for q in QUERIES]
+    queryables = [
+        session.declare_queryable(f"{prefix}/{q}", direct_callback(enqueue)) for q in QUERIES
+    ]
     token = session.liveliness().declare_token(f"{prefix}/alive")
     try:
         while not session.is_closed():
             try:
-                query = asked.get(timeout=1.0)
+                query = requests.get(timeout=1.0)
             except queue.Empty:
                 continue
-            _answer(policy, query)
+            _reply_to(policy, query)
             query.drop()
     finally:
         token.undeclare()
@@ -164,7 +169,7 @@ def serve(policy: Policy, endpoint: str | None = None, name: str | None = None) 
         session.close()
 
 
-def _answer(policy: Policy, query: Any) -> None:
+def _reply_to(policy: Policy, query: Any) -> None:
     key = str(query.key_expr)
     which = key.rsplit("/", 1)[1]
     request_class, reply_class = QUERIES[which]
@@ -173,41 +178,44 @@ def _answer(policy: Policy, query: Any) -> None:
             check_encoding(str(query.encoding))
         payload = query.payload.to_bytes() if query.payload is not None else b""
         request = read(request_class, payload, which)
-        reply = _reply(policy, which, request)
-    except Exception as problem:
-        failure = v1.Failure(message=_told(problem))
+        reply = _make_reply(policy, which, request)
+    except Exception as error:
+        failure = v1.Failure(message=_log_error(error))
         query.reply_err(failure.SerializeToString(), encoding=encoding("Failure"))
         return
     query.reply(key, reply.SerializeToString(), encoding=encoding(reply_class))
 
 
-def _told(problem: BaseException) -> str:
-    """An exception in one line, and its traceback below, which also goes to standard error:
-    the `policy.log` of `wheelarm evaluate`."""
-    trace = "".join(traceback.format_exception(problem)).rstrip()
+def _log_error(error: BaseException) -> str:
+    """Writes the traceback of an exception to standard error, the `policy.log` of
+    `wheelarm evaluate`. Returns the exception in one line, followed by the traceback."""
+    trace = "".join(traceback.format_exception(error)).rstrip()
     print(trace, file=sys.stderr, flush=True)
-    return f"{type(problem).__name__}: {problem}\n{trace}"
+    return f"{type(error).__name__}: {error}\n{trace}"
 
 
-def _reply(policy: Policy, which: str, request: Any) -> Any:
+def _make_reply(policy: Policy, which: str, request: Any) -> Any:
     if which == "describe":
         return policy.spec()
     if which == "reset":
         policy.reset(request)
         return v1.PolicyResetReply()
-    observations = [Observation.read(message) for message in request.observations]
+    observations = [Observation.from_proto(message) for message in request.observations]
     answers = policy.infer(observations)
     if len(answers) != len(observations):
-        raise ValueError(f"{len(answers)} answers to {len(observations)} observations")
+        raise ValueError(
+            f"infer returned {len(answers)} results for {len(observations)} observations: return "
+            "one for each"
+        )
     reply = v1.InferReply()
     for observation, rows in zip(observations, answers, strict=True):
         chunk = reply.chunks.add(episode_key=observation.episode_key, tick=observation.tick)
         if isinstance(rows, Exception):
-            chunk.problem = _told(rows)
+            chunk.problem = _log_error(rows)
             continue
         rows = np.asarray(rows, np.float32)
         if rows.ndim != 2:
-            chunk.problem = f"the answer has the shape {rows.shape}, expected [rows, numbers]"
+            chunk.problem = f"infer returned the shape {rows.shape}: expected [rows, numbers]"
             continue
         chunk.rows = len(rows)
         chunk.values.extend(rows.ravel().tolist())

@@ -1,8 +1,8 @@
-"""What a policy sees and answers: rows of state and of action, as the exports make them.
+"""Rows of state and of action of a policy, as in the exports.
 
-The twin of the crate `wheelarm-policy`: the same numbers in the same order under the
-same names. Pure: recorded values in, rows out; a row in, one command out that stands
-for all control ticks until the next picture.
+The counterpart of the crate `wheelarm-policy`: the same numbers in the same order with
+the same names. Pure functions: they convert recorded values to rows, and a row to one
+command that covers all control ticks until the next image.
 """
 
 from __future__ import annotations
@@ -14,22 +14,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import v1
+from ._contract import ARM_JOINTS, CONTROL_HZ
 from .streams import pose as pose_of
 
-#: Joints of the arm.
-ARM_JOINTS = 6
-#: Values of a row of state.
+#: Values of a row of state (count).
 STATE = 27
-#: Control ticks per second.
-CONTROL_HZ = 60
 #: Names of the six numbers of a rotation: the first two columns of its matrix.
 SIX = ("xx", "xy", "xz", "yx", "yy", "yz")
-#: Names of a robot's arm joints, where nothing else is known.
-USUAL_JOINTS = tuple(f"joint_{i}" for i in range(1, ARM_JOINTS + 1))
+#: Default names of a robot's arm joints.
+DEFAULT_JOINTS = tuple(f"joint_{i}" for i in range(1, ARM_JOINTS + 1))
 #: Kinds of action rows, with their sizes.
 KINDS = {"next-pose": 12, "next-joints": 9, "applied": 9}
-#: No value of a row, in SI units, is as great as this: what is, is no answer.
-ABSURD = 100.0
+#: Values of a row, in SI units, are smaller than this; larger ones are errors of the policy.
+VALUE_LIMIT = 100.0
 
 
 def arm_joint_names(robot: v1.RobotDescription) -> list[str]:
@@ -38,7 +35,7 @@ def arm_joint_names(robot: v1.RobotDescription) -> list[str]:
     return [joint.name for joint in sorted(arm, key=lambda joint: joint.arm_index)]
 
 
-def state_names(joints: Sequence[str] = USUAL_JOINTS) -> list[str]:
+def state_names(joints: Sequence[str] = DEFAULT_JOINTS) -> list[str]:
     """Names of the 27 values of a row of state."""
     return [
         *(f"{joint}.position" for joint in joints),
@@ -53,14 +50,14 @@ def state_names(joints: Sequence[str] = USUAL_JOINTS) -> list[str]:
     ]
 
 
-def action_names(kind: str = "next-pose", joints: Sequence[str] = USUAL_JOINTS) -> list[str]:
+def action_names(kind: str = "next-pose", joints: Sequence[str] = DEFAULT_JOINTS) -> list[str]:
     """Names of the values of a row of action."""
     arm = [f"{joint}.target" for joint in joints]
     chair = ["knuckle.target", "chair.linear", "chair.angular"]
     wheels = ["wheel_left.target_velocity", "wheel_right.target_velocity", "knuckle.target"]
     hand = [f"hand.{part}" for part in ("x", "y", "z", *SIX)]
     if kind not in KINDS:
-        raise ValueError(f"{kind!r} is no kind of action; there are {', '.join(KINDS)}")
+        raise ValueError(f"unknown kind of action {kind!r}; available: {', '.join(KINDS)}")
     return {"next-pose": hand + chair, "next-joints": arm + chair, "applied": arm + wheels}[kind]
 
 
@@ -86,7 +83,7 @@ def to_six(quaternion: ArrayLike) -> NDArray[np.float64]:
 
 def from_six(six: ArrayLike) -> NDArray[np.float64] | None:
     """The unit quaternion x y z w, w not negative, whose matrix is nearest in the first
-    column and then in the second (Gram-Schmidt); None where the two span no plane."""
+    column and then in the second (Gram-Schmidt). None if the columns are parallel or zero."""
     values = np.asarray(six, dtype=np.float64)
     a = _unit(values[:3])
     if a is None:
@@ -98,7 +95,7 @@ def from_six(six: ArrayLike) -> NDArray[np.float64] | None:
     m00, m10, m20 = a
     m01, m11, m21 = b
     m02, m12, m22 = c
-    # Of the four ways to a quaternion the one with the largest divisor.
+    # Of the four formulas for the quaternion, the one with the largest divisor.
     q = np.array(
         [
             [1.0 + m00 - m11 - m22, m01 + m10, m02 + m20, m21 - m12],
@@ -135,7 +132,7 @@ def from_vector(rotation: ArrayLike) -> NDArray[np.float64]:
     """The quaternion x y z w of a rotation vector, radians."""
     v = np.asarray(rotation, dtype=np.float64)
     angle = float(np.sqrt((v * v).sum()))
-    # sin(a / 2) / a, also where a is next to nothing.
+    # sin(a / 2) / a, with its limit for small a.
     scale = 0.5 if angle < 1e-9 else float(np.sin(angle / 2.0)) / angle
     return np.array([*(v * scale), float(np.cos(angle / 2.0))])
 
@@ -156,15 +153,15 @@ def state(
     odometry: ArrayLike,
     start: ArrayLike,
 ) -> NDArray[np.float64]:
-    """A row of state, (27,): what the real robot knows of itself.
+    """A row of state, (27,): values that the real robot measures.
 
     Args:
         joints: Positions of the arm's joints, (6,), radians.
         velocities: Their velocities, (6,), rad/s.
         knuckle: Position, radians, and velocity, rad/s, of the knuckle, (2,).
         hand: End effector in `base_link`, (7,): x y z, metres, and qx qy qz qw.
-        odometry: Pose by odometry, (7,).
-        start: That pose where the policy began, (7,).
+        odometry: Pose by odometry, (7,): x y z, metres, and qx qy qz qw.
+        start: That pose at the first row of the policy, (7,).
     """
     hand_, now, begun = (np.asarray(v, dtype=np.float64) for v in (hand, odometry, start))
     cos, sin = _heading(begun)
@@ -177,10 +174,14 @@ def state(
 
 @dataclass
 class Observer:
-    """Makes rows of state of what a server publishes.
+    """Converts samples of a server to rows of state.
 
     Attributes:
-        start: Odometry where the policy began; set by the first row.
+        arm: Indices of the arm's joints in `JointState`, from base to hand.
+        knuckle: Index of the knuckle in `JointState`.
+        hand: Index of the end effector in `PoseSet`.
+        chair: Index of the chair in `PoseSet`.
+        start: Odometry of the first row, (7,); set by the first row.
     """
 
     arm: list[int]
@@ -190,8 +191,8 @@ class Observer:
     start: NDArray[np.float64] | None = field(default=None)
 
     @classmethod
-    def of(cls, robot: v1.RobotDescription) -> Observer:
-        """Finds where a robot's joints and frames stand in the samples.
+    def for_robot(cls, robot: v1.RobotDescription) -> Observer:
+        """Finds the indices of a robot's joints and frames in the samples.
 
         Raises:
             ValueError: when one is missing.
@@ -212,7 +213,7 @@ class Observer:
     def row(
         self, joints: v1.JointState, poses: v1.PoseSet, odometry: v1.Odometry
     ) -> NDArray[np.float64]:
-        """The row of state of samples of one tick, (27,)."""
+        """The row of state, (27,), from samples of one tick."""
         positions, velocities = joints.positions, joints.velocities
         now = pose_of(odometry.pose)
         if self.start is None:
@@ -228,8 +229,8 @@ class Observer:
 
 
 class Player:
-    """Makes one command of a row of action. What a network answers may lie a hair beyond
-    what the robot can: speeds and the knuckle are cut to their limits.
+    """Converts a row of action to one command. A network may exceed the robot's limits
+    slightly: speeds and the knuckle are clipped to them.
 
     Args:
         kind: ``next-pose``, ``next-joints`` or ``applied``.
@@ -238,15 +239,17 @@ class Player:
 
     Attributes:
         over_ticks: Control ticks of a row (count).
-        max_force: Force cap at each pad, N; the robot's usual one where None.
-        device: Said of the commands.
+        max_force: Force limit at each pad, N; the robot's usual one if None.
+        device: Input device stated in the commands.
     """
 
     def __init__(self, kind: str, robot: v1.RobotDescription, rate_hz: float) -> None:
         self.kind, self.size = kind, len(action_names(kind))
         ticks = CONTROL_HZ / rate_hz
         if not 1.0 <= ticks <= CONTROL_HZ or ticks != int(ticks):
-            raise ValueError(f"{rate_hz} rows per second do not divide {CONTROL_HZ}")
+            raise ValueError(
+                f"invalid rate of {rate_hz} rows per second: it must divide {CONTROL_HZ}"
+            )
         self.over_ticks = int(ticks)
         self.max_force: float | None = None
         self.device: int = v1.DEVICE_POLICY
@@ -265,8 +268,8 @@ class Player:
         """The command of a row.
 
         Raises:
-            ValueError: when it has a wrong length, a number that is not finite or no
-                robot's, or a rotation that is none.
+            ValueError: when the row has a wrong length, a number that is not finite or too
+                large, or an invalid rotation.
         """
         values = np.asarray(row, dtype=np.float64)
         if values.shape != (self.size,):
@@ -276,9 +279,9 @@ class Player:
         for i, value in enumerate(values):
             if not np.isfinite(value):
                 raise ValueError(f"number {i} of the row is {value}, which is not finite")
-            if abs(value) >= ABSURD:
+            if abs(value) >= VALUE_LIMIT:
                 raise ValueError(
-                    f"number {i} of the row is {value}; allowed is less than {ABSURD} "
+                    f"number {i} of the row is {value}; allowed is less than {VALUE_LIMIT:g} "
                     "(m, rad, m/s, rad/s)"
                 )
         numbers = values.tolist()
@@ -320,7 +323,8 @@ class Player:
 
 
 def force_cap(scene: v1.SceneReply) -> float | None:
-    """Cap of the pads' force where the task's object is soft, N; no part of a row."""
+    """Force limit of the pads for grasps of the task's object, N; None without a limit. It is
+    not part of a row."""
     caps = [
         grasp.force
         for grasp in scene.grasps

@@ -1,4 +1,4 @@
-"""What a server publishes: samples of topics, pictures of cameras."""
+"""Subscriptions: samples of topics, images of cameras."""
 
 from __future__ import annotations
 
@@ -7,23 +7,20 @@ import queue
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import zenoh
 from numpy.typing import NDArray
 
 from . import v1
-from ._session import direct
-from ._wire import MESSAGE, TOPIC, read
-from .errors import Gone
+from ._connection import Connection
+from ._session import direct_callback
+from ._wire import MESSAGE, read
+from .errors import GoneError
 from .frame import Frame
 
-if TYPE_CHECKING:
-    import zenoh
-
-    from .client import Client
-
-#: Names of columns where they are not the field's own; as in recorded files.
+#: Column names that differ from the field's; the same as in recorded files.
 _SINGULAR = {
     "positions": "position",
     "velocities": "velocity",
@@ -67,13 +64,13 @@ _PARTS = {"Vector3": vector, "Quaternion": quaternion, "Pose": pose, "Twist": tw
 def arrays(message: Any) -> dict[str, NDArray[Any]]:
     """The numbers of a message as arrays, under the names of the columns in recorded
     files: ``arrays(joint_state)["position"]`` is (joints,), of `pose` ``["pose"]`` is
-    (frames, 7), of `object_pose` (objects, 7). Texts, codes and commands stay in the
-    message. Units stand in `wheelarm.v1`. What a message does not carry is NaN.
+    (frames, 7), of `object_pose` (objects, 7). Texts, codes and commands are left out.
+    `wheelarm.v1` documents the units. A value that the message lacks is NaN.
     """
     out: dict[str, NDArray[Any]] = {}
     for field in message.DESCRIPTOR.fields:
         name = _SINGULAR.get(field.name, field.name)
-        # 1 double, 2 float, 8 bool, 11 message, 13 and 4 and 6 unsigned.
+        # 1 double, 2 float, 8 bool, 11 message, 4, 6 and 13 unsigned integers.
         kind, many = field.type, _is_repeated(field)
         value = getattr(message, field.name)
         if kind == 11 and field.name != "header":
@@ -101,12 +98,12 @@ def arrays(message: Any) -> dict[str, NDArray[Any]]:
 
 
 def _is_repeated(field: Any) -> bool:
-    told = getattr(field, "is_repeated", None)  # protobuf 6.31 and later
-    return bool(told) if told is not None else field.label == field.LABEL_REPEATED
+    repeated = getattr(field, "is_repeated", None)  # protobuf 6.31 and later
+    return bool(repeated) if repeated is not None else field.label == field.LABEL_REPEATED
 
 
 def part_size(part: Any) -> int:
-    """Numbers of a vector, quaternion, pose or twist."""
+    """Length of a vector, quaternion, pose or twist (count)."""
     return {vector: 3, quaternion: 4, pose: 7, twist: 6}[part]
 
 
@@ -126,26 +123,25 @@ class Sample:
 
     @property
     def message(self) -> Any:
-        """The message, decoded when it is asked for: of ``joint_state`` a
-        `v1.JointState`."""
+        """The message, decoded at the first access: a `v1.JointState` for ``joint_state``."""
         if self._message is None:
             self._message = read(MESSAGE[self.topic], self._payload, self.topic)
         return self._message
 
     @property
     def encoded(self) -> bytes:
-        """The message as it came, to the bit."""
+        """The received bytes."""
         return self._payload
 
     @property
     def header(self) -> v1.Header:
-        """Its stamp: run, episode, sequence, nanoseconds, tick."""
+        """Header: run, episode, sequence number, nanoseconds, tick."""
         header: v1.Header = self.message.header
         return header
 
     @property
     def tick(self) -> int:
-        """Physics tick of the stamp, 240 per second of simulation time."""
+        """Physics tick of the timestamp, 240 per second of simulation time."""
         return int(self.header.tick)
 
     @property
@@ -162,62 +158,62 @@ class Sample:
 
 
 class Streams:
-    """Subscribed topics in one queue, in the order in which they came.
+    """Subscribed topics in one queue, in the order of arrival.
 
-    A tick's ``clock`` comes after its other samples. What is not taken waits in memory.
-    Iterating ends when the client is closed.
+    The ``clock`` of a tick arrives after its other samples. The queue has no limit.
+    Iteration ends when the client is closed.
     """
 
-    def __init__(self, client: Client, topics: Sequence[str]) -> None:
-        self._client = client
+    def __init__(self, connection: Connection, topics: Sequence[str]) -> None:
+        self._connection = connection
         self._queue: queue.SimpleQueue[tuple[str, zenoh.Sample] | None] = queue.SimpleQueue()
         self._subscribers = [self._subscribe(topic) for topic in topics]
-        client._opened(self)
+        connection._register(self)
 
     def _subscribe(self, topic: str) -> Any:
         put = self._queue.put
-        key = self._client._topic_key(topic)
-        return self._client._session.declare_subscriber(
-            key, direct(lambda sample: put((topic, sample)))
+        key = self._connection._topic_key(topic)
+        return self._connection._session.declare_subscriber(
+            key, direct_callback(lambda sample: put((topic, sample)))
         )
 
     def next(self, timeout: float | None = None) -> Sample | None:
-        """The next sample; None when nothing came for `timeout` seconds.
+        """The next sample; None when none arrived within `timeout` seconds.
 
         Raises:
-            Gone: when the client is closed.
+            GoneError: when the client is closed.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
-            # Short waits, so that Ctrl-C and a closed client are seen.
+            # Short waits, so that the loop notices Ctrl-C and a closed client.
             left = 0.5 if deadline is None else min(deadline - time.monotonic(), 0.5)
             try:
                 found = self._queue.get(timeout=max(left, 0.0))
             except queue.Empty:
-                if self._client.is_closed:
-                    raise Gone("the client is closed") from None
+                if self._connection.is_closed:
+                    raise GoneError("the client is closed") from None
                 if deadline is not None and time.monotonic() >= deadline:
                     return None
                 continue
             if found is None:
                 self._queue.put(None)
-                raise Gone("the client is closed")
+                raise GoneError("the client is closed")
             topic, sample = found
-            if self._client._speaker.sent(sample):
+            if self._connection._server.published(sample):
                 return Sample(topic, sample.payload.to_bytes())
 
     def __iter__(self) -> Iterator[Sample]:
         while True:
             try:
                 sample = self.next()
-            except Gone:
+            except GoneError:
                 return
             if sample is not None:
                 yield sample
 
     def close(self) -> None:
         """Ends the subscriptions."""
-        self._client._closed(self)
+        self._connection._unregister(self)
         for subscriber in self._subscribers:
             subscriber.undeclare()
         self._subscribers = []
@@ -231,60 +227,62 @@ class Streams:
 
 
 class Camera:
-    """Pictures of one camera or sensor; the newest few are kept, older ones are let go,
-    which the sequence numbers of the headers tell."""
+    """Images of one camera or sensor. The queue has a limited size and drops the oldest
+    images; the sequence numbers of the headers show the gaps."""
 
-    def __init__(self, client: Client, key: str, kept: int) -> None:
-        self._client = client
-        self._kept: collections.deque[zenoh.Sample] = collections.deque(maxlen=max(kept, 1))
-        self._came = threading.Condition()
-        self._subscriber = client._session.declare_subscriber(key, direct(self._take))
+    def __init__(self, connection: Connection, key: str, queue_size: int) -> None:
+        self._connection = connection
+        self._queue: collections.deque[zenoh.Sample] = collections.deque(maxlen=max(queue_size, 1))
+        self._arrived = threading.Condition()
+        self._subscriber = connection._session.declare_subscriber(
+            key, direct_callback(self._append)
+        )
         self._closed = False
-        client._opened(self)
+        connection._register(self)
 
-    def _take(self, sample: zenoh.Sample) -> None:
-        with self._came:
-            self._kept.append(sample)
-            self._came.notify()
+    def _append(self, sample: zenoh.Sample) -> None:
+        with self._arrived:
+            self._queue.append(sample)
+            self._arrived.notify()
 
     def next(self, timeout: float | None = None) -> Frame | None:
-        """The next picture; None when none came for `timeout` seconds.
+        """The next image; None when none arrived within `timeout` seconds.
 
         Raises:
-            Garbled: when it is not as it says.
-            Gone: when the client is closed.
+            GarbledError: when a plane does not match its size and format.
+            GoneError: when the client is closed.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
-            with self._came:
-                while not self._kept:
+            with self._arrived:
+                while not self._queue:
                     if self._closed:
-                        raise Gone("the camera's subscription is closed")
+                        raise GoneError("the subscription of the camera is closed")
                     left = 0.5 if deadline is None else deadline - time.monotonic()
                     if left <= 0.0:
                         return None
-                    self._came.wait(min(left, 0.5))
-                sample = self._kept.popleft()
-            if self._client._speaker.sent(sample):
-                return Frame.of(sample.payload.to_bytes())
+                    self._arrived.wait(min(left, 0.5))
+                sample = self._queue.popleft()
+            if self._connection._server.published(sample):
+                return Frame.from_bytes(sample.payload.to_bytes())
 
     def __iter__(self) -> Iterator[Frame]:
         while True:
             try:
                 frame = self.next()
-            except Gone:
+            except GoneError:
                 return
             if frame is not None:
                 yield frame
 
     def close(self) -> None:
         """Ends the subscription."""
-        with self._came:
+        with self._arrived:
             if self._closed:
                 return
             self._closed = True
-            self._came.notify_all()
-        self._client._closed(self)
+            self._arrived.notify_all()
+        self._connection._unregister(self)
         self._subscriber.undeclare()
 
     def __enter__(self) -> Camera:
@@ -292,15 +290,3 @@ class Camera:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def known_topic(name: str) -> str:
-    """A topic that a server publishes under one key.
-
-    Raises:
-        ValueError: with those that there are.
-    """
-    fit = [topic for topic, row in TOPIC.items() if row[6] == "server" and "{" not in row[1]]
-    if name not in fit:
-        raise ValueError(f"there is no topic {name!r}; choose of {', '.join(sorted(fit))}")
-    return name

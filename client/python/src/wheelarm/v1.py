@@ -4,10 +4,10 @@
     command = v1.Command(base=v1.BaseCommand(linear=0.2))
     scenario = v1.Scenario(task="pick_mustard", pacing=v1.PACING_LOCK_STEP)
 
-They are ordinary protobuf messages, made when this module is imported from
-descriptors that lie in the package, in a pool of their own. So they work with every
-protobuf from 3.20 to 7 and clash with nobody's messages. SI units, radians, z up,
-quaternions x y z w; `v1.pyi` tells the unit of every field.
+They are ordinary protobuf messages, created at import from the descriptors in
+`contract.fds`, in a descriptor pool of their own. So they work with every protobuf from
+3.20 to 7 and do not clash with messages of other packages. SI units, radians, z up,
+quaternions x y z w; `v1.pyi` documents the unit of every field.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.internal import enum_type_wrapper
 
 
-def _made() -> dict[str, Any]:
+def _build_classes() -> dict[str, Any]:
     resource = importlib.resources.files(__package__).joinpath("contract.fds")
     files = {
         file.name: file
@@ -29,7 +29,7 @@ def _made() -> dict[str, Any]:
     added: set[str] = set()
 
     def add(name: str) -> None:
-        """A file is known to the pool after those that it names."""
+        """Adds a file after its dependencies."""
         if name not in added:
             added.add(name)
             for needed in files[name].dependency:
@@ -42,17 +42,17 @@ def _made() -> dict[str, Any]:
         class_of = message_factory.GetMessageClass
     else:  # protobuf before 4.22
         class_of = message_factory.MessageFactory(pool).GetPrototype
-    made: dict[str, Any] = {}
+    built: dict[str, Any] = {}
     for name in files:
         file = pool.FindFileByName(name)
         for short, message in file.message_types_by_name.items():
-            made[short] = class_of(message)
+            built[short] = class_of(message)
         for short, enum in file.enum_types_by_name.items():
-            made[short] = enum_type_wrapper.EnumTypeWrapper(enum)
-            made.update((value.name, value.number) for value in enum.values)
-    return made
+            built[short] = enum_type_wrapper.EnumTypeWrapper(enum)
+            built.update((value.name, value.number) for value in enum.values)
+    return built
 
 
-_MADE = _made()
-globals().update(_MADE)
-__all__ = sorted(_MADE)  # noqa: PLE0605
+_CLASSES = _build_classes()
+globals().update(_CLASSES)
+__all__ = sorted(_CLASSES)  # noqa: PLE0605

@@ -1,4 +1,4 @@
-"""Several environments in one process, each with a server of its own."""
+"""Several environments in one process, each with its own server."""
 
 from __future__ import annotations
 
@@ -15,23 +15,21 @@ from .env import WheelArmEnv
 
 
 class WheelArmVectorEnv(SyncVectorEnv):
-    """N environments side by side: N servers compute at the same time, and no worker
-    processes are needed.
+    """N environments with N servers that compute in parallel, without worker processes.
 
         envs = gymnasium.make_vec("wheelarm:wheelarm/PickMustard-v0", num_envs=4,
                                   vectorization_mode="vector_entry_point")
 
-    The same as `gymnasium.vector.SyncVectorEnv` in all that it tells; a step sends all
-    actions before it waits for the first result.
+    All results equal those of `gymnasium.vector.SyncVectorEnv`; a step sends all actions
+    before it waits for the first result.
 
     Args:
-        num_envs: How many.
-        max_episode_steps: Steps until an episode is cut off; no limit but the task's own
-            where absent.
+        num_envs: Number of environments.
+        max_episode_steps: Steps until an episode is truncated; only the task's limit if absent.
         autoreset_mode: `AutoresetMode.NEXT_STEP` (the default), ``SAME_STEP`` or
             ``DISABLED``.
-        observation_mode: As of `SyncVectorEnv`.
-        copy: Whether observations are the caller's own.
+        observation_mode: As in `SyncVectorEnv`.
+        copy: Whether observations are copies.
         more: Arguments of `WheelArmEnv`.
     """
 
@@ -45,11 +43,11 @@ class WheelArmVectorEnv(SyncVectorEnv):
         copy: bool = True,
         **more: Any,
     ) -> None:
-        def one() -> gymnasium.Env[Any, Any]:
+        def make_env() -> gymnasium.Env[Any, Any]:
             env: gymnasium.Env[Any, Any] = WheelArmEnv(**more)
             return TimeLimit(env, max_episode_steps) if max_episode_steps else env
 
-        makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [one] * num_envs
+        makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [make_env] * num_envs
         super().__init__(
             makers,
             copy=copy,
@@ -57,18 +55,18 @@ class WheelArmVectorEnv(SyncVectorEnv):
             autoreset_mode=autoreset_mode,
         )
 
-    def reset(self, **asked: Any) -> Any:
-        """As of `SyncVectorEnv`; the servers are started side by side."""
+    def reset(self, **arguments: Any) -> Any:
+        """As in `SyncVectorEnv`; the servers start in parallel."""
         with ThreadPoolExecutor(self.num_envs) as pool:
             list(pool.map(lambda env: env.unwrapped.start(), self.envs))
-        return super().reset(**asked)
+        return super().reset(**arguments)
 
     def step(self, actions: Any) -> Any:
-        """As of `SyncVectorEnv`; all servers compute at the same time."""
+        """As in `SyncVectorEnv`; the servers compute in parallel."""
         for env, over, action in zip(
             self.envs, self._autoreset_envs, iterate(self.action_space, actions), strict=True
         ):
-            # One that is reset in this step takes no action.
+            # An environment that is reset in this step needs no action.
             if not over:
                 single: Any = env.unwrapped
                 single.send(action)

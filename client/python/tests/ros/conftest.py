@@ -1,8 +1,8 @@
-"""A real server, the node as a program of its own, and a ROS 2 peer beside it.
+"""A real server, the node as a separate program, and a ROS 2 peer.
 
-The tests run with the Python of an environment that `setup.sh` made; elsewhere,
-without rclpy, there is nothing to collect here. They need the program
-`wheelarm-server`: WHEELARM_SERVER names it, and WHEELARM_ASSETS the assets.
+The tests run with the Python of an environment from `setup.sh`; without rclpy none of them
+is collected. They require the program `wheelarm-server` (WHEELARM_SERVER) and the assets
+(WHEELARM_ASSETS).
 """
 
 import importlib.util
@@ -15,16 +15,16 @@ if importlib.util.find_spec("rclpy") is None:
     collect_ignore_glob = ["*"]
 else:
     import rclpy
-    from peer import ASSETS, PROGRAM, ROOT, Ear, Peer, Program
+    from peer import ASSETS, PROGRAM, ROOT, ClientProbe, Peer, Program
 
 
 @pytest.fixture
 def programs():
-    """Starts programs and ends them, the newest first."""
+    """Starts programs and ends them in reverse order."""
     started = []
 
-    def start(*words, **options):
-        started.append(Program(words, **options))
+    def start(*line, **options):
+        started.append(Program(line, **options))
         return started[-1]
 
     yield start
@@ -34,7 +34,7 @@ def programs():
 
 @pytest.fixture
 def server(programs):
-    """`server(*flags)` is the endpoint of a new server."""
+    """`server(*flags)` starts a server and returns its endpoint."""
 
     def start(*flags):
         line = programs(
@@ -47,26 +47,26 @@ def server(programs):
 
 @pytest.fixture
 def bridge(programs):
-    """`bridge(endpoint, *words)` is the node as a program."""
+    """`bridge(endpoint, *arguments)` starts the node as a program."""
 
-    def start(endpoint, *words):
+    def start(endpoint, *arguments):
         env = {**os.environ, "PYTHONPATH": str(ROOT / "client/python/src")}
         program = programs(
-            sys.executable, "-m", "wheelarm.ros", "--endpoint", endpoint, *words, env=env
+            sys.executable, "-m", "wheelarm.ros", "--endpoint", endpoint, *arguments, env=env
         )
-        program.wait_for("speaks for")
+        program.wait_for("connected to")
         return program
 
     return start
 
 
 @pytest.fixture
-def ear():
-    """`ear(endpoint)` is a client of our own."""
+def probe():
+    """`probe(endpoint)` connects a WheelArm client."""
     opened = []
 
     def start(endpoint):
-        opened.append(Ear(endpoint))
+        opened.append(ClientProbe(endpoint))
         return opened[-1]
 
     yield start
@@ -83,7 +83,7 @@ def ros():
 
 @pytest.fixture
 def peer(ros):
-    """A peer on the same domain as the node."""
+    """A ROS 2 node in the same domain."""
     one = Peer()
     yield one
     one.close()

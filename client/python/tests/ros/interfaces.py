@@ -1,12 +1,11 @@
 """Builds the two interface packages that the wheels of rclpy on PyPI lack.
 
-Every ROS 2 installation has ``tf2_msgs`` and offers ``simulation_interfaces``.
-The tests run on wheels without them, so this program writes their fields, as far
-as the node speaks them, and builds them into the virtual environment whose
-Python runs it. ``test_types.py`` holds the hash of each type against that of the
-published package.
+Every ROS 2 installation has ``tf2_msgs`` and offers ``simulation_interfaces``. The tests run
+on wheels without them, so this program writes the fields that the node uses, and builds the
+packages into the virtual environment of the Python that runs it. ``test_types.py`` compares
+the hash of each type with that of the published package.
 
-Use: VENV/bin/python interfaces.py [PACKAGE...]     all of them without a name
+Use: VENV/bin/python interfaces.py [PACKAGE...]     default: all packages
 """
 
 import os
@@ -20,7 +19,7 @@ from pathlib import Path
 RESULT = "Result result"
 FILTERS = "EntityFilters filters"
 
-# Package -> (what it needs, file -> lines).
+# Package -> (dependencies, file -> lines).
 PACKAGES = {
     "tf2_msgs": (
         ["geometry_msgs"],
@@ -179,7 +178,7 @@ ament_package()
   <name>{package}</name>
   <version>0.0.0</version>
   <description>Fields of {package}, for tests.</description>
-  <maintainer email="nobody@example.com">nobody</maintainer>
+  <maintainer email="tests@example.com">tests</maintainer>
   <license>Apache-2.0</license>
   <buildtool_depend>ament_cmake</buildtool_depend>
   <buildtool_depend>rosidl_default_generators</buildtool_depend>
@@ -192,8 +191,8 @@ ament_package()
     )
 
 
-def mend_paths(prefix: Path) -> None:
-    """Turns the paths of the machine that built the wheels into those of this one."""
+def rewrite_paths(prefix: Path) -> None:
+    """Replaces the paths of the machine that built the wheels with those of this machine."""
     import numpy
 
     here = {
@@ -202,11 +201,11 @@ def mend_paths(prefix: Path) -> None:
         r"/[\w./-]*/cp\d+-cp\d+": sys.base_prefix,
     }
     for path in (prefix / "share").glob("*/cmake/*.cmake"):
-        text = mended = path.read_text()
-        for there, replacement in here.items():
-            mended = re.sub(there, replacement, mended)
-        if mended != text:
-            path.write_text(mended)
+        text = rewritten = path.read_text()
+        for pattern, replacement in here.items():
+            rewritten = re.sub(pattern, replacement, rewritten)
+        if rewritten != text:
+            path.write_text(rewritten)
 
 
 def build(prefix: Path, package: str) -> None:
@@ -243,8 +242,8 @@ def main() -> None:
     wanted = sys.argv[1:] or list(PACKAGES)
     unknown = set(wanted) - set(PACKAGES)
     if unknown:
-        sys.exit(f"{', '.join(sorted(unknown))}: what can be built is {', '.join(PACKAGES)}")
-    mend_paths(prefix)
+        sys.exit(f"unknown package {', '.join(sorted(unknown))}; available: {', '.join(PACKAGES)}")
+    rewrite_paths(prefix)
     for package in wanted:
         mark = prefix / "share" / package / "package.xml"
         source = prefix / "share" / package / "written_by_tests.txt"

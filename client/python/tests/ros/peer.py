@@ -1,4 +1,4 @@
-"""What stands beside the node in its tests: programs, a ROS 2 node, a client."""
+"""Peers of the node in its tests: programs, a ROS 2 node, a WheelArm client."""
 
 import os
 import random
@@ -21,17 +21,17 @@ import wheelarm  # noqa: E402
 
 PROGRAM = os.environ.get("WHEELARM_SERVER", str(ROOT / "target/release/wheelarm-server"))
 ASSETS = os.environ.get("WHEELARM_ASSETS", str(ROOT / "assets"))
-#: Patience with a busy machine, s; no test is about time.
+#: Time limit of every wait, s; no test asserts a duration.
 PATIENCE = 240.0
 
 
 class Program:
-    """A program that is ended with the test; its words are kept."""
+    """A program that ends with the test; its output is kept."""
 
-    def __init__(self, words, **options):
+    def __init__(self, line, **options):
         self.lines: list[str] = []
         self.process = subprocess.Popen(
-            list(map(str, words)),
+            list(map(str, line)),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -45,7 +45,7 @@ class Program:
             self.lines.append(line.rstrip("\n"))
 
     def wait_for(self, part: str) -> str:
-        """The first line that holds `part`."""
+        """Waits for a line that contains `part`, and returns it."""
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
             for line in list(self.lines):
@@ -54,7 +54,7 @@ class Program:
             if self.process.poll() is not None:
                 break
             time.sleep(0.02)
-        raise AssertionError(f"no line with {part!r} among:\n" + "\n".join(self.lines))
+        raise AssertionError(f"no line contains {part!r}:\n" + "\n".join(self.lines))
 
     def close(self):
         if self.process.poll() is None:
@@ -77,25 +77,25 @@ class Peer:
         self._thread = threading.Thread(target=self.executor.spin, daemon=True)
         self._thread.start()
 
-    def hear(self, topic, kind, qos=10) -> list:
-        """The growing list of what comes."""
-        heard = []
-        self.node.create_subscription(kind, topic, heard.append, qos)
-        return heard
+    def subscribe(self, topic, kind, qos=10) -> list:
+        """Subscribes to a topic; returns the list to which messages are appended."""
+        received = []
+        self.node.create_subscription(kind, topic, received.append, qos)
+        return received
 
     def call(self, name, kind, request=None, patience=PATIENCE):
-        """The answer of a service."""
+        """Calls a service and returns its response."""
         client = self.node.create_client(kind, name)
-        assert client.wait_for_service(patience), f"there is no service {name}"
+        assert client.wait_for_service(patience), f"the service {name} does not exist"
         future = client.call_async(request or kind.Request())
-        until(future.done, f"no answer of {name}", patience)
+        until(future.done, f"{name} sent no response", patience)
         self.node.destroy_client(client)
         return future.result()
 
     def publisher(self, topic, kind):
-        """A publisher that the node hears."""
+        """A publisher to which the node has subscribed."""
         publisher = self.node.create_publisher(kind, topic, 10)
-        until(lambda: publisher.get_subscription_count() > 0, f"nobody hears {topic}")
+        until(lambda: publisher.get_subscription_count() > 0, f"{topic} has no subscriber")
         return publisher
 
     def close(self):
@@ -104,43 +104,43 @@ class Peer:
         self.node.destroy_node()
 
 
-def until(is_so, otherwise="it never happened", patience=PATIENCE):
-    """Waits until `is_so()` is true and returns what it gives."""
+def until(condition, message="the condition never held", patience=PATIENCE):
+    """Waits until `condition()` is true and returns its value."""
     deadline = time.monotonic() + patience
     while True:
-        found = is_so()
+        found = condition()
         if found:
             return found
-        assert time.monotonic() < deadline, otherwise
+        assert time.monotonic() < deadline, message
         time.sleep(0.01)
 
 
-class Ear:
-    """A client of our own beside ROS, with all that it hears."""
+class ClientProbe:
+    """A WheelArm client without ROS that stores all received samples."""
 
     def __init__(self, endpoint):
         self.client = wheelarm.connect(endpoint, timeout=PATIENCE)
 
-    def _each(self, source, taken):
+    def _for_each(self, source, store):
         def run():
             for one in source:
-                taken(one)
+                store(one)
 
         threading.Thread(target=run, daemon=True).start()
 
-    def hear(self, *topics) -> dict:
-        """Messages by topic and stamp, growing."""
-        heard = {topic: {} for topic in topics}
+    def subscribe(self, *topics) -> dict:
+        """Subscribes to topics; returns the dict of messages by topic and timestamp."""
+        received = {topic: {} for topic in topics}
 
-        def taken(sample):
-            heard[sample.topic][sample.header.stamp_nanos] = sample.message
+        def store(sample):
+            received[sample.topic][sample.header.stamp_nanos] = sample.message
 
-        self._each(self.client.streams(*topics), taken)
-        return heard
+        self._for_each(self.client.streams(*topics), store)
+        return received
 
-    def see(self, camera) -> dict:
-        """Pictures by stamp, growing."""
-        seen = {}
-        pictures = self.client.camera(camera, kept=64)
-        self._each(pictures, lambda frame: seen.update({frame.header.stamp_nanos: frame}))
-        return seen
+    def subscribe_camera(self, camera) -> dict:
+        """Subscribes to a camera; returns the dict of images by timestamp."""
+        received = {}
+        images = self.client.camera(camera, queue_size=64)
+        self._for_each(images, lambda frame: received.update({frame.header.stamp_nanos: frame}))
+        return received

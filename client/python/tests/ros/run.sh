@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# The tests of the ROS 2 node against the real rclpy of Kilted and Jazzy.
+# Runs the tests of the ROS 2 node with the real rclpy of Kilted and Jazzy.
 #   run.sh [PYTEST ARGUMENTS]
-# Environments are kept in .venv-ros-DISTRO of the checkout, or where WHEELARM_ROS_ENVS
-# says. A distribution whose wheels cannot be had is skipped, loudly.
+# The environments are .venv-ros-DISTRO in the checkout, or in the folder WHEELARM_ROS_ENVS.
+# A distribution whose wheels cannot be installed is skipped with a message.
 set -uo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../../../.." && pwd)
-# Of another such environment: it would take the libraries of that one.
+# Variables of another such environment would select its libraries.
 unset _ROS_WHEELS_BOOTSTRAP_COMPLETE LD_LIBRARY_PATH AMENT_PREFIX_PATH PYTHONPATH
 export PYTHONPATH=$root/client/python/src
 status=0 ran=0
@@ -25,5 +25,5 @@ for distro in ${WHEELARM_ROS_DISTROS:-kilted jazzy}; do
     "$folder/bin/python" -m pytest -q -p no:cacheprovider "$here" "$@" || status=1
     ran=$((ran + 1))
 done
-[ "$ran" -gt 0 ] || echo "############ NOTHING WAS TESTED: no wheels of rclpy ############" >&2
+[ "$ran" -gt 0 ] || echo "############ NOTHING WAS TESTED: the wheels of rclpy cannot be installed ############" >&2
 exit $status

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Makes a virtual environment with the real rclpy of a ROS 2 distribution, from
-# wheels on PyPI, and builds into it the two interface packages that they lack.
+# Creates a virtual environment with the real rclpy of a ROS 2 distribution from wheels on
+# PyPI, and builds the two interface packages that they lack.
 #   setup.sh kilted|jazzy FOLDER
-# The wheels are a third party's; exit code 3 says that they cannot be had here.
+# The wheels are by a third party. Exit code 3: they cannot be installed on this machine.
 set -euo pipefail
 distro=$1 folder=$2
 here=$(cd "$(dirname "$0")" && pwd)
 
-# They are there for CPython 3.10 to 3.13 on x86-64 Linux.
+# The wheels exist for CPython 3.10 to 3.13 on x86-64 Linux.
 find_python() {
     local one
     for one in python3.11 python3.12 python3.13 python3.10 python3; do
@@ -16,7 +16,7 @@ find_python() {
             return
         fi
     done
-    echo "no Python 3.10 to 3.13 is on PATH" >&2
+    echo "PATH has no Python 3.10 to 3.13: install one" >&2
     return 3
 }
 
@@ -27,7 +27,7 @@ jazzy)
     extra=(ros-jazzy-ament-cmake-ros ros-jazzy-ament-cmake-gmock ros-jazzy-ament-cmake-gtest ros-jazzy-ament-cmake-pytest)
     ;;
 *)
-    echo "there is no $distro here: kilted or jazzy" >&2
+    echo "unknown distribution $distro; available: kilted, jazzy" >&2
     exit 2
     ;;
 esac
@@ -41,14 +41,14 @@ for name in sensor-msgs nav-msgs trajectory-msgs rosgraph-msgs diagnostic-msgs s
 done
 
 [ -x "$folder/bin/python" ] || "$(find_python)" -m venv "$folder"
-# What the environment holds already is not asked for again.
+# The mark avoids a second installation of the same packages.
 mark="$folder/wheelarm-$distro.txt"
 wanted="$(printf '%s\n' "${packages[@]}" "${extra[@]}")"
 if [ "$(cat "$mark" 2>/dev/null)" != "$wanted" ]; then
     if ! "$folder/bin/pip" install --quiet --disable-pip-version-check \
         "${packages[@]}" "${extra[@]}" catkin_pkg 'setuptools<80' 'cmake<4' ninja \
         'eclipse-zenoh>=1.10,<1.11' protobuf numpy pytest; then
-        echo "the wheels of rclpy for $distro cannot be installed" >&2
+        echo "cannot install the wheels of rclpy for $distro: see the errors of pip above" >&2
         exit 3
     fi
     echo "$wanted" >"$mark"

@@ -1,4 +1,4 @@
-"""What ROS asks moves the robot, for as long as it is asked, and one at a time."""
+"""Commands of ROS topics move the robot, under the control of one commander."""
 
 import itertools
 import math
@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from test_streams import stamp
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from wheelarm import Refused
+from wheelarm import RefusedError
 from wheelarm.ros import mapping
 
 ARM = [f"joint_{number}" for number in range(1, 7)]
@@ -29,9 +29,9 @@ def joint(message, name):
 
 
 @pytest.mark.parametrize("stamped", [False, True])
-def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, stamped):
+def test_chair_drives_by_cmd_vel_and_stops_without_it(server, bridge, peer, stamped):
     bridge(server("--no-cameras"), "--ros-args", "-p", f"cmd_vel_stamped:={str(stamped).lower()}")
-    odom = peer.hear("odom", Odometry, 1000)
+    odom = peer.subscribe("odom", Odometry, 1000)
     kind = TwistStamped if stamped else Twist
     drive, message = peer.publisher("cmd_vel", kind), kind()
     (message.twist if stamped else message).linear.x = 0.3
@@ -40,13 +40,13 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     sent = []
 
     def driven():
-        # 0.4 s is longer than the server's own limit of 0.25 s: the node keeps the
-        # chair going. A machine that is too busy for that gets messages more often.
+        # 0.4 s is longer than the server's limit of 0.25 s: the node repeats the command.
+        # Later messages have shorter gaps, for a busy machine.
         time.sleep(0.4 if len(sent) < 12 else 0.1)
         drive.publish(message)
         sent.append(time.monotonic())
-        long = stamp(odom[-1]) > begin + 3_000_000_000
-        return long and odom[-1].twist.twist.linear.x > 0.29
+        long_enough = stamp(odom[-1]) > begin + 3_000_000_000
+        return long_enough and odom[-1].twist.twist.linear.x > 0.29
 
     until(driven)
     last = stamp(odom[-1])
@@ -58,10 +58,10 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     print(f"up to {max(driving):.4f} m/s, falls by {loss:.5f} m/s at most from sample to sample")
     late = max(b - a for a, b in itertools.pairwise(sent))
     if late < 0.45:
-        assert loss < 2e-3, "it stutters between messages that come 0.4 s apart"
+        assert loss < 2e-3, "the speed drops between messages 0.4 s apart"
     else:
-        print(f"a message was {late:.2f} s behind the last: this machine is too busy to tell")
-    # 0.5 s of the node and 0.7 s in which the chair comes to rest.
+        print(f"a gap of {late:.2f} s between messages: this machine is too busy for the check")
+    # 0.5 s of the node and 0.7 s of braking.
     still = [abs(v) for at, v in speeds.items() if at > last + 1_200_000_000]
     rest = min(at for at, v in speeds.items() if at > last and abs(v) < 1e-3)
     print(f"at rest {1e-9 * (rest - last):.3f} s after the last message")
@@ -69,48 +69,51 @@ def test_the_chair_drives_by_cmd_vel_and_stops_in_silence(server, bridge, peer, 
     assert abs(samples[-1].pose.pose.position.x) > 0.5
 
 
-def test_a_second_commander_is_refused_in_words(server, bridge, peer, ear):
+def test_commands_without_control_are_ignored_with_a_message(server, bridge, peer, probe):
     endpoint = server("--no-cameras")
-    other = ear(endpoint).client.commander("anna")
+    other = probe(endpoint).client.commander("anna")
     program = bridge(endpoint)
-    told, odom = peer.hear("/diagnostics", DiagnosticArray), peer.hear("odom", Odometry)
+    diagnostics, odom = (
+        peer.subscribe("/diagnostics", DiagnosticArray),
+        peer.subscribe("odom", Odometry),
+    )
     drive, message = peer.publisher("cmd_vel", Twist), Twist()
     message.linear.x = 0.3
-    until(lambda: told and odom)
+    until(lambda: diagnostics and odom)
 
     def refused():
         drive.publish(message)
-        return [one for one in list(told) if "anna" in one.status[0].message]
+        return [one for one in list(diagnostics) if "anna" in one.status[0].message]
 
-    words = until(refused)[0].status[0].message
-    assert "no command is taken" in words
-    assert "anna" in program.wait_for("no command is taken")
+    text = until(refused)[0].status[0].message
+    assert "commands are ignored without control" in text
+    assert "anna" in program.wait_for("commands are ignored without control")
     answer = peer.call("wheelarm/take_control", Trigger)
     assert not answer.success and "anna" in answer.message
     assert all(abs(one.twist.twist.linear.x) < 0.01 for one in odom)
     other.close()
     until(lambda: drive.publish(message) or odom[-1].twist.twist.linear.x > 0.1)
-    # And the other way round.
-    with pytest.raises(Refused, match="ros"):
-        ear(endpoint).client.commander("anna")
+    # The node's control excludes another client likewise.
+    with pytest.raises(RefusedError, match="ros"):
+        probe(endpoint).client.commander("anna")
 
 
-def test_control_is_given_back_when_nothing_is_wished(server, bridge, peer, ear):
+def test_control_is_released_after_a_time_without_commands(server, bridge, peer, probe):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--ros-args", "-p", "lease_timeout:=0.5")
-    client = ear(endpoint).client
+    client = probe(endpoint).client
     peer.publisher("gripper", Float64).publish(Float64(data=0.04))
     until(lambda: client.status().holder == "ros")
     until(lambda: client.status().holder == "")
 
 
-def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, ear):
+def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, probe):
     endpoint = server("--no-cameras")
     bridge(endpoint)
-    states, clock = peer.hear("joint_states", JointState), peer.hear("/clock", Clock)
+    states, clock = peer.subscribe("joint_states", JointState), peer.subscribe("/clock", Clock)
     until(lambda: states and clock)
     begin = [joint(states[-1], name) for name in ARM]
-    # Some joints alone, twice in a row: the others keep their place, the first goal too.
+    # Two messages with some joints each: other joints keep their position or first goal.
     arm = peer.publisher("joint_command", JointState)
     arm.publish(JointState(name=["joint_1"], position=[begin[0] + 0.3]))
     arm.publish(JointState(name=["joint_6", KNUCKLE], position=[begin[5] + 0.4, 0.2]))
@@ -124,10 +127,10 @@ def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, ea
 
     until(at(goal))
     until(lambda: abs(joint(states[-1], KNUCKLE) - 0.2) < 0.01)
-    # The gripper by metres.
+    # The gripper, in metres.
     peer.publisher("gripper", Float64).publish(Float64(data=0.085))
     until(lambda: joint(states[-1], KNUCKLE) < 0.02)
-    # A trajectory over 1 s, by position and speed.
+    # A trajectory of 1 s.
     planned, message = peer.publisher("joint_trajectory", JointTrajectory), JointTrajectory()
     message.joint_names = ["joint_6", "joint_1"]
     for seconds, part in ((0.5, 0.5), (1.0, 1.0)):
@@ -139,15 +142,15 @@ def test_joints_pose_gripper_and_trajectory_are_reached(server, bridge, peer, ea
     sent = mapping.nanos(clock[-1].clock)
     planned.publish(message)
     until(at(begin))
-    took = (mapping.nanos(clock[-1].clock) - sent) * 1e-9
-    assert took > 0.9, "it was on the way for as long as it was to be"
-    # A pose in metres in the arm's base: 4 cm up from where the hand is.
-    heard = ear(endpoint).hear("pose")["pose"]
+    elapsed = (mapping.nanos(clock[-1].clock) - sent) * 1e-9
+    assert elapsed > 0.9, "the trajectory lasts as long as planned"
+    # A pose in the base of the arm, metres: 4 cm above the hand.
+    received = probe(endpoint).subscribe("pose")["pose"]
 
     def hand():
-        return list(heard.values())[-1].frames[6].pose
+        return list(received.values())[-1].frames[6].pose
 
-    until(lambda: heard)
+    until(lambda: received)
     here = hand()
     wanted = PoseStamped(pose=mapping.pose(here))
     wanted.header.frame_id = "base_link"
@@ -182,33 +185,33 @@ BAD = {
         JointState(name=[KNUCKLE, "robotiq_85_right_knuckle_joint"], position=[0.2, 0.2]),
         "move together",
     ),
-    # The server's own words.
+    # The text of the server.
     "wider than it opens": ("gripper", Float64(data=0.5), "refused"),
 }
 BAD["no unit quaternion"][1].pose.orientation.w = 0.0
 
 
-def test_what_cannot_be_done_is_refused_in_words(server, bridge, peer):
+def test_invalid_commands_are_rejected_with_a_message(server, bridge, peer):
     program = bridge(server("--no-cameras"))
-    states = peer.hear("joint_states", JointState)
-    told = peer.hear("/diagnostics", DiagnosticArray, 100)
-    until(lambda: states and told)
+    states = peer.subscribe("joint_states", JointState)
+    diagnostics = peer.subscribe("/diagnostics", DiagnosticArray, 100)
+    until(lambda: states and diagnostics)
     before = [joint(states[-1], name) for name in ARM]
     publishers = {}
-    for name, (topic, message, words) in BAD.items():
+    for name, (topic, message, text) in BAD.items():
         if topic not in publishers:
             publishers[topic] = peer.publisher(topic, type(message))
-        told.clear()
+        diagnostics.clear()
         publishers[topic].publish(message)
         until(
-            lambda: [one for one in list(told) if words in one.status[0].message],
-            f"{name}: {words!r} was not told",
+            lambda: [one for one in list(diagnostics) if text in one.status[0].message],
+            f"{name}: no diagnostic contains {text!r}",
         )
     assert program.process.poll() is None
     assert all(abs(joint(states[-1], n) - v) < 1e-3 for n, v in zip(ARM, before, strict=False))
 
 
-def test_a_server_that_comes_back_is_spoken_for_again(programs, bridge, peer, ear):
+def test_node_continues_with_a_restarted_server(programs, bridge, peer, probe):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
@@ -222,35 +225,35 @@ def test_a_server_that_comes_back_is_spoken_for_again(programs, bridge, peer, ea
 
     first = start()
     bridge(endpoint)
-    clock, odom = peer.hear("/clock", Clock, 100), peer.hear("odom", Odometry, 100)
+    clock, odom = peer.subscribe("/clock", Clock, 100), peer.subscribe("odom", Odometry, 100)
     gripper = peer.publisher("gripper", Float64)
     gripper.publish(Float64(data=0.05))
-    until(lambda: ear(endpoint).client.status().holder == "ros")
+    until(lambda: probe(endpoint).client.status().holder == "ros")
     until(lambda: clock and clock[-1].clock.sec >= 1)
     first.close()
     start()
     clock.clear()
     odom.clear()
-    until(lambda: len(clock) > 10 and len(odom) > 10, "nothing comes from the second server")
-    client = ear(endpoint).client
+    until(lambda: len(clock) > 10 and len(odom) > 10, "the second server sends nothing")
+    client = probe(endpoint).client
     until(lambda: gripper.publish(Float64(data=0.05)) or client.status().holder == "ros")
 
 
-def test_topics_that_others_publish_are_left_to_them(server, bridge, peer, ear):
+def test_node_is_silent_on_topics_with_another_publisher(server, bridge, peer, probe):
     bridge(server("--no-cameras"), "--seed-topics")
-    heard = peer.hear("processed_data/desired_pose", Pose)
-    steps = peer.hear("processed_data/timesteps", Clock)
-    until(lambda: len(heard) > 3)
+    received = peer.subscribe("processed_data/desired_pose", Pose)
+    steps = peer.subscribe("processed_data/timesteps", Clock)
+    until(lambda: len(received) > 3)
     other = peer.node.create_publisher(Pose, "processed_data/desired_pose", 10)
 
     def quiet():
-        heard.clear()
+        received.clear()
         steps.clear()
         until(lambda: len(steps) > 30)
-        return not heard
+        return not received
 
     until(quiet)
     mine = Pose()
     mine.position.x = 123.0
-    until(lambda: other.publish(mine) or heard)
-    assert {one.position.x for one in heard} == {123.0}
+    until(lambda: other.publish(mine) or received)
+    assert {one.position.x for one in received} == {123.0}

@@ -1,4 +1,4 @@
-"""What the node publishes is what the server tells, beside a client of our own."""
+"""Messages of the node equal the samples of a WheelArm client."""
 
 import array
 import math
@@ -16,7 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from wheelarm.ros import mapping, tree
 from wheelarm.ros.node import Options, WheelArmNode
-from wheelarm.ros.outputs import LATCHED, PICTURES, TRANSFORMS
+from wheelarm.ros.outputs import IMAGES, LATCHED, TRANSFORMS
 
 
 def stamp(message) -> int:
@@ -27,24 +27,24 @@ def by_stamp(messages) -> dict:
     return {stamp(one): one for one in list(messages)}
 
 
-def both(sent: dict, heard, count=5):
-    """Pairs of what our client saw and what came over ROS, by stamp."""
+def pairs(sent: dict, messages, count=5):
+    """Pairs of the client's samples and the ROS messages with the same timestamp."""
 
-    def pairs():
-        came = by_stamp(heard)
-        common = sorted(set(sent) & came.keys())
-        return [(sent[one], came[one]) for one in common] if len(common) >= count else None
+    def find():
+        received = by_stamp(messages)
+        common = sorted(set(sent) & received.keys())
+        return [(sent[one], received[one]) for one in common] if len(common) >= count else None
 
-    return until(pairs, "ROS and our client have no samples in common")
+    return until(find, "ROS and the WheelArm client have no timestamps in common")
 
 
 @pytest.mark.parametrize("encoding", ["32FC1", "16UC1"])
-def test_pictures_are_those_our_own_client_sees(server, bridge, peer, ear, encoding):
+def test_images_equal_those_of_a_wheelarm_client(server, bridge, peer, probe, encoding):
     endpoint = server("--camera", "*=64x36@10")
     bridge(endpoint, "--seed-topics", "--ros-args", "-p", f"depth_encoding:={encoding}")
-    own, sent, heard = ear(endpoint), {}, {}
+    client_probe, sent, received = probe(endpoint), {}, {}
     for camera in ("gen3", "wheelchair"):
-        sent[camera] = own.see(camera)
+        sent[camera] = client_probe.subscribe_camera(camera)
         topics = {
             "color": (f"camera/{camera}/color/image_raw", Image),
             "depth": (f"camera/{camera}/depth/image_raw", Image),
@@ -52,17 +52,17 @@ def test_pictures_are_those_our_own_client_sees(server, bridge, peer, ear, encod
             "seed_color": (f"processed_data/cameras/rgb/{camera}", Image),
             "seed_depth": (f"processed_data/cameras/depth/{camera}", Image),
         }
-        heard[camera] = {
-            name: peer.hear(topic, kind, PICTURES) for name, (topic, kind) in topics.items()
+        received[camera] = {
+            name: peer.subscribe(topic, kind, IMAGES) for name, (topic, kind) in topics.items()
         }
-    for camera, topics in heard.items():
-        for frame, image in both(sent[camera], topics["color"]):
+    for camera, topics in received.items():
+        for frame, image in pairs(sent[camera], topics["color"]):
             assert (image.encoding, image.is_bigendian) == ("rgb8", 0)
             assert (image.height, image.width, image.step) == (36, 64, 3 * 64)
             assert image.header.frame_id == f"{camera}_optical_frame"
             assert image.data.tobytes() == frame.rgb.tobytes()
-            assert len(set(image.data)) > 10, "a picture of nothing proves nothing"
-        for frame, image in both(sent[camera], topics["depth"]):
+            assert len(set(image.data)) > 10, "an empty image proves nothing"
+        for frame, image in pairs(sent[camera], topics["depth"]):
             assert (image.encoding, image.is_bigendian) == (encoding, 0)
             if encoding == "32FC1":
                 assert image.step == 4 * 64
@@ -72,11 +72,11 @@ def test_pictures_are_those_our_own_client_sees(server, bridge, peer, ear, encod
                 hit = np.isfinite(frame.depth)
                 assert np.all(np.abs(millimetres[hit] / 1e3 - frame.depth[hit]) <= 0.51e-3)
                 assert np.all(millimetres[~hit] == 0)
-        for frame, image in both(sent[camera], topics["seed_color"]):
+        for frame, image in pairs(sent[camera], topics["seed_color"]):
             assert image.data.tobytes() == frame.rgb.tobytes()
-        for frame, image in both(sent[camera], topics["seed_depth"]):
+        for frame, image in pairs(sent[camera], topics["seed_depth"]):
             assert (image.encoding, image.data.tobytes()) == ("32FC1", frame.depth.tobytes())
-        for frame, info in both(sent[camera], topics["info"]):
+        for frame, info in pairs(sent[camera], topics["info"]):
             lens = frame.intrinsics
             assert (info.height, info.width, info.distortion_model) == (36, 64, "plumb_bob")
             assert list(info.d) == [0.0] * 5
@@ -89,59 +89,66 @@ def test_pictures_are_those_our_own_client_sees(server, bridge, peer, ear, encod
             assert info.header.frame_id == f"{camera}_optical_frame"
 
 
-def test_states_are_those_our_own_client_sees(server, bridge, peer, ear):
+def test_states_equal_those_of_a_wheelarm_client(server, bridge, peer, probe):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--seed-topics")
-    sent = ear(endpoint).hear("joint_state", "pose", "imu", "odometry", "clock", "applied")
-    joints, imu = peer.hear("joint_states", JointState), peer.hear("imu/data", Imu, 50)
-    seed_imu, odom = peer.hear("imu", Imu, 50), peer.hear("odom", Odometry)
-    clock, steps = peer.hear("clock", Clock, 50), peer.hear("processed_data/timesteps", Clock, 50)
-    desired = peer.hear("processed_data/desired_pose", Pose)
+    sent = probe(endpoint).subscribe("joint_state", "pose", "imu", "odometry", "clock", "applied")
+    joints, imu = peer.subscribe("joint_states", JointState), peer.subscribe("imu/data", Imu, 50)
+    seed_imu, odom = peer.subscribe("imu", Imu, 50), peer.subscribe("odom", Odometry)
+    clock, steps = (
+        peer.subscribe("clock", Clock, 50),
+        peer.subscribe("processed_data/timesteps", Clock, 50),
+    )
+    desired = peer.subscribe("processed_data/desired_pose", Pose)
     one_joint = {
-        name: peer.hear(f"processed_data/joint_state/{name}", JointState) for name in JOINTS
+        name: peer.subscribe(f"processed_data/joint_state/{name}", JointState) for name in JOINTS
     }
     poses = {
-        name: peer.hear(f"processed_data/cartesian_pose/{name}", PoseStamped) for name in FRAMES
-    }
-    twists = {
-        name: peer.hear(f"processed_data/cartesian_velocity/{name}", TwistStamped)
+        name: peer.subscribe(f"processed_data/cartesian_pose/{name}", PoseStamped)
         for name in FRAMES
     }
-    for sample, message in both(sent["joint_state"], joints):
+    twists = {
+        name: peer.subscribe(f"processed_data/cartesian_velocity/{name}", TwistStamped)
+        for name in FRAMES
+    }
+    for sample, message in pairs(sent["joint_state"], joints):
         assert list(message.name) == JOINTS
         assert message.position == array.array("d", sample.positions)
         assert message.velocity == array.array("d", sample.velocities)
         assert message.effort == array.array("d", sample.efforts)
     for index, name in enumerate(JOINTS):
-        for sample, message in both(sent["joint_state"], one_joint[name]):
+        for sample, message in pairs(sent["joint_state"], one_joint[name]):
             assert list(message.name) == [name] and not len(message.effort)
             assert message.position[0] == sample.positions[index]
             assert message.velocity[0] == sample.velocities[index]
-    for heard in (imu, seed_imu):
-        for sample, message in both(sent["imu"], heard):
+    for messages in (imu, seed_imu):
+        for sample, message in pairs(sent["imu"], messages):
             assert message.header.frame_id == "imu_link"
-            told = message.linear_acceleration
-            want = sample.linear_acceleration
-            assert (told.x, told.y, told.z) == (want.x, want.y, want.z)
-            assert 9.0 < told.z < 10.6
+            found = message.linear_acceleration
+            expected = sample.linear_acceleration
+            assert (found.x, found.y, found.z) == (expected.x, expected.y, expected.z)
+            assert 9.0 < found.z < 10.6
             assert message.orientation.w == sample.orientation.w
             assert message.angular_velocity.z == sample.angular_velocity.z
-    for sample, message in both(sent["odometry"], odom):
+    for sample, message in pairs(sent["odometry"], odom):
         assert (message.header.frame_id, message.child_frame_id) == ("odom", "wheelchair_root")
         assert message.pose.pose.position.x == sample.pose.position.x
         assert message.twist.twist.linear.x == sample.twist.linear.x
     for index, name in enumerate(FRAMES):
         parent = "house" if name == "wheelchair" else "base_link"
-        for sample, message in both(sent["pose"], poses[name]):
-            want, told = sample.frames[index].pose, message.pose
+        for sample, message in pairs(sent["pose"], poses[name]):
+            expected, found = sample.frames[index].pose, message.pose
             assert message.header.frame_id == parent
-            assert (told.position.x, told.position.z) == (want.position.x, want.position.z)
-            assert told.orientation.w == want.orientation.w
-        for sample, message in both(sent["pose"], twists[name]):
+            assert (found.position.x, found.position.z) == (
+                expected.position.x,
+                expected.position.z,
+            )
+            assert found.orientation.w == expected.orientation.w
+        for sample, message in pairs(sent["pose"], twists[name]):
             assert message.twist.linear.x == sample.frames[index].twist.linear.x
-    for heard in (clock, steps):
-        until(lambda: len(heard) >= 5)
-        times = [mapping.nanos(one.clock) for one in list(heard)]
+    for messages in (clock, steps):
+        until(lambda: len(messages) >= 5)
+        times = [mapping.nanos(one.clock) for one in list(messages)]
         assert times == sorted(set(times))
         assert set(times) & set(sent["clock"])
     until(lambda: len(desired) >= 5)
@@ -153,21 +160,21 @@ def test_states_are_those_our_own_client_sees(server, bridge, peer, ear):
 
 
 def chain(transforms: dict, frame: str, root: str = "house"):
-    """Where `frame` is in `root`, along a tree of child -> (parent, transform)."""
+    """Pose of `frame` in `root`, from a tree of child -> (parent, transform)."""
     found = tree.IDENTITY
     while frame != root:
         parent, step = transforms[frame]
-        found, frame = tree.chained(step, found), parent
+        found, frame = tree.compose(step, found), parent
     return found
 
 
-def of_message(message):
+def from_message(message):
     place, turn = message.transform.translation, message.transform.rotation
     return (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
 
 
-def apart(first, second) -> float:
-    """Greatest difference of two transforms; the sign of a quaternion is free."""
+def difference(first, second) -> float:
+    """Largest difference of two transforms; the sign of a quaternion does not count."""
     sign = 1.0 if sum(a * b for a, b in zip(first[1], second[1], strict=False)) > 0 else -1.0
     turns = [a - sign * b for a, b in zip(first[1], second[1], strict=False)]
     places = [a - b for a, b in zip(first[0], second[0], strict=False)]
@@ -175,18 +182,18 @@ def apart(first, second) -> float:
 
 
 @pytest.mark.parametrize("odom", [True, False])
-def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
+def test_chain_of_tf_equals_the_recorded_pose(server, bridge, peer, probe, odom):
     endpoint = server("--camera", "*=64x36@10", "--calibration-seed", "5")
     bridge(endpoint, "--ros-args", "-p", f"odom_frame:={str(odom).lower()}")
-    own = ear(endpoint)
-    sent = own.hear("pose")["pose"]
-    pictures = {camera: own.see(camera) for camera in ("gen3", "wheelchair")}
-    robot = own.client.scene().robot
+    client_probe = probe(endpoint)
+    sent = client_probe.subscribe("pose")["pose"]
+    images = {camera: client_probe.subscribe_camera(camera) for camera in ("gen3", "wheelchair")}
+    robot = client_probe.client.scene().robot
     moving, static = (
-        peer.hear("tf", TFMessage, TRANSFORMS),
-        peer.hear("tf_static", TFMessage, LATCHED),
+        peer.subscribe("tf", TFMessage, TRANSFORMS),
+        peer.subscribe("tf_static", TFMessage, LATCHED),
     )
-    # All that can move moves meanwhile.
+    # Chair, arm and gripper move during the test.
     drive, arm = peer.publisher("cmd_vel", Twist), peer.publisher("joint_command", JointState)
     gripper = peer.publisher("gripper", Float64)
     until(lambda: static and len(moving) > 2)
@@ -201,9 +208,9 @@ def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
         return len(moving) > begin + 90
 
     until(enough)
-    fixed = {t.child_frame_id: (t.header.frame_id, of_message(t)) for t in static[-1].transforms}
+    fixed = {t.child_frame_id: (t.header.frame_id, from_message(t)) for t in static[-1].transforms}
     names = [frame.name for frame in robot.frames]
-    mount, worst, seen, travelled = tree.of_pose(robot.arm_mount), 0.0, 0, set()
+    mount, worst, count, travelled = tree.from_pose(robot.arm_mount), 0.0, 0, set()
     lens_worst, lenses = 0.0, 0
     for message in list(moving):
         at = stamp(message.transforms[0])
@@ -213,47 +220,47 @@ def test_the_chain_of_tf_is_the_recorded_pose(server, bridge, peer, ear, odom):
         for one in message.transforms:
             assert stamp(one) == at
             assert one.child_frame_id not in transforms, "a frame has two parents"
-            transforms[one.child_frame_id] = (one.header.frame_id, of_message(one))
-        poses = {n: tree.of_pose(f.pose) for n, f in zip(names, sent[at].frames, strict=False)}
-        base = tree.chained(poses["wheelchair"], mount)
+            transforms[one.child_frame_id] = (one.header.frame_id, from_message(one))
+        poses = {n: tree.from_pose(f.pose) for n, f in zip(names, sent[at].frames, strict=False)}
+        base = tree.compose(poses["wheelchair"], mount)
         for frame in robot.frames:
             want = poses[frame.name]
             if frame.parent != "house":
-                want = tree.chained(base, want)
-            worst = max(worst, apart(chain(transforms, frame.link), want))
-        for camera, frames in pictures.items():
+                want = tree.compose(base, want)
+            worst = max(worst, difference(chain(transforms, frame.link), want))
+        for camera, frames in images.items():
             if at in frames:
-                want = tree.of_pose(frames[at].pose)
-                told = chain(transforms, f"{camera}_optical_frame")
-                lens_worst, lenses = max(lens_worst, apart(told, want)), lenses + 1
+                expected = tree.from_pose(frames[at].pose)
+                found = chain(transforms, f"{camera}_optical_frame")
+                lens_worst, lenses = max(lens_worst, difference(found, expected)), lenses + 1
         travelled.add(round(poses["wheelchair"][0][0], 4))
-        seen += 1
-    print(f"{seen} stamps, worst {worst:.3g}; {lenses} pictures, worst {lens_worst:.3g}")
-    assert seen >= 60 and lenses >= 5 and len(travelled) > 10
+        count += 1
+    print(f"{count} timestamps, worst {worst:.3g}; {lenses} images, worst {lens_worst:.3g}")
+    assert count >= 60 and lenses >= 5 and len(travelled) > 10
     assert worst < 1e-9
     assert lens_worst < 1e-9
     assert ("odom" in transforms) == odom
 
 
-def test_the_robot_description_is_there_for_who_comes_late(server, bridge, peer, ear):
+def test_robot_description_reaches_late_subscribers(server, bridge, peer, probe):
     endpoint = server("--no-cameras")
     bridge(endpoint, "--ros-args", "-p", "mesh_folder:=file:///somewhere")
-    heard = peer.hear("robot_description", String, LATCHED)
-    text = until(lambda: heard)[0].data
-    urdf = ear(endpoint).client.scene().robot.urdf_text
+    received = peer.subscribe("robot_description", String, LATCHED)
+    text = until(lambda: received)[0].data
+    urdf = probe(endpoint).client.scene().robot.urdf_text
     assert tree.joints(text) == tree.joints(urdf)
     assert 'filename="file:///somewhere/meshes/chair_body.obj"' in text
 
 
-def test_a_camera_is_received_only_while_somebody_subscribes(server, peer):
+def test_camera_is_received_only_with_a_subscriber(server, peer):
     node = WheelArmNode(Options(endpoint=server("--camera", "*=64x36@10")))
     peer.executor.add_node(node)
     try:
-        pictures = []
+        images = []
         subscription = peer.node.create_subscription(
-            Image, "camera/gen3/color/image_raw", pictures.append, PICTURES
+            Image, "camera/gen3/color/image_raw", images.append, IMAGES
         )
-        until(lambda: len(pictures) >= 3)
+        until(lambda: len(images) >= 3)
         assert node.cameras["gen3"].is_open
         assert not node.cameras["wheelchair"].is_open
         peer.node.destroy_subscription(subscription)
@@ -263,13 +270,13 @@ def test_a_camera_is_received_only_while_somebody_subscribes(server, peer):
         node.close()
 
 
-def test_a_transform_and_its_inverse_are_none():
+def test_transform_and_its_inverse_compose_to_the_identity():
     import random
 
-    draw = random.Random(3)
+    generator = random.Random(3)
     for _ in range(100):
-        axis = [draw.gauss(0, 1) for _ in range(3)]
+        axis = [generator.gauss(0, 1) for _ in range(3)]
         length = math.hypot(*axis)
-        turn = tree.about(tuple(part / length for part in axis), draw.uniform(-3, 3))
-        one = (tuple(draw.uniform(-2, 2) for _ in range(3)), turn)
-        assert apart(tree.chained(one, tree.inverse(one)), tree.IDENTITY) < 1e-12
+        turn = tree.axis_rotation(tuple(part / length for part in axis), generator.uniform(-3, 3))
+        one = (tuple(generator.uniform(-2, 2) for _ in range(3)), turn)
+        assert difference(tree.compose(one, tree.invert(one)), tree.IDENTITY) < 1e-12

@@ -9,7 +9,7 @@ from peer import until
 
 SHARE = Path(sys.prefix) / "share"
 
-# Asked of running Jazzy and Kilted, which agree.
+# Printed by Jazzy and Kilted, which agree.
 MESSAGES = {
     "sensor_msgs/msg/Image": "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
     "sensor_msgs/msg/CameraInfo": "b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275",
@@ -29,7 +29,7 @@ MESSAGES = {
     "std_msgs/msg/Header": "f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01",
     "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
 }
-# Of the published package, version 2.1.0.
+# From the published package, version 2.1.0.
 SIMULATION_INTERFACES = {
     "simulation_interfaces/msg/Bounds": "e8624fe51f0f5548197542697d924c5699ac7198f1e4c68e50c3ca2af73f5b3f",
     "simulation_interfaces/msg/EntityCategory": "43bdf7933fddf75f6970f7a8fe7078524355d821d390b3954bb46ac36c03dfe1",
@@ -50,7 +50,7 @@ SIMULATION_INTERFACES = {
 }
 
 
-def test_hashes_are_those_of_the_published_packages():
+def test_hashes_equal_those_of_the_published_packages():
     found = {}
     for path in SHARE.glob("*/*/*.json"):
         described = json.loads(path.read_text())
@@ -99,7 +99,7 @@ FRAMES = [
     "spherical_wrist_2",
     "end_effector",
 ]
-#: What WheelArm-Sim's recorder subscribes to.
+#: Topics to which WheelArm-Sim's recorder subscribes.
 SEED_TOPICS = {
     **{f"/processed_data/joint_state/{joint}": "sensor_msgs/msg/JointState" for joint in JOINTS},
     **{
@@ -124,22 +124,22 @@ SEED_TOPICS = {
 
 
 @pytest.mark.parametrize("stamped", [False, True])
-def test_the_node_offers_every_topic_with_its_type(server, bridge, peer, stamped):
+def test_node_offers_every_topic_with_its_type(server, bridge, peer, stamped):
     endpoint = server("--camera", "*=64x36@10")
-    words = ["--ros-args", "-p", f"cmd_vel_stamped:={str(stamped).lower()}"]
-    bridge(endpoint, "--seed-topics", *words)
+    arguments = ["--ros-args", "-p", f"cmd_vel_stamped:={str(stamped).lower()}"]
+    bridge(endpoint, "--seed-topics", *arguments)
     assert len(SEED_TOPICS) == 39
     twist = "geometry_msgs/msg/TwistStamped" if stamped else "geometry_msgs/msg/Twist"
 
-    def told(topic, look):
-        found = [one for one in look(topic) if one.node_name == "wheelarm"]
+    def types_of(topic, list_endpoints):
+        found = [one for one in list_endpoints(topic) if one.node_name == "wheelarm"]
         return [(one.topic_type, str(one.topic_type_hash)) for one in found]
 
     node = peer.node
-    for expected, look in (
+    for expected, list_endpoints in (
         ({**TOPICS, **SEED_TOPICS}, node.get_publishers_info_by_topic),
         ({**INPUTS, "/cmd_vel": twist}, node.get_subscriptions_info_by_topic),
     ):
         for topic, kind in expected.items():
-            found = until(lambda: told(topic, look), f"the node does not offer {topic}")
+            found = until(lambda: types_of(topic, list_endpoints), f"the node lacks {topic}")
             assert found == [(kind, f"RIHS01_{MESSAGES[kind]}")], topic

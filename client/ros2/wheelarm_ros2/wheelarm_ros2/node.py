@@ -4,12 +4,12 @@ import sys
 
 
 def main() -> int:
-    """Runs until it is interrupted; 1 when it could not begin."""
+    """Runs until it is interrupted; returns 1 when the start fails."""
     try:
         from wheelarm.ros.__main__ import main as run
-    except ImportError as problem:
+    except ImportError as error:
         print(
-            f"the Python package wheelarm cannot be imported ({problem}): install its wheel "
+            f"cannot import the Python package wheelarm: {error}; install its wheel "
             f"for {sys.executable}, for example "
             "`pip install --break-system-packages wheelarm-*-py3-none-any.whl`",
             file=sys.stderr,

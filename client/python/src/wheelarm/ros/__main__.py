@@ -8,18 +8,18 @@ import sys
 
 
 def arguments(words: list[str]) -> argparse.Namespace:
-    """The program's own arguments; those behind ``--ros-args`` are not among them."""
+    """Arguments of the program, without those after ``--ros-args``."""
     parser = argparse.ArgumentParser(
         prog="python -m wheelarm.ros",
-        description="Speaks for a WheelArm server in ROS 2.",
-        epilog="Every option is a parameter of the node as well, and remappings work as "
-        "usual: --ros-args -p cmd_vel_stamped:=true -r cmd_vel:=/teleop/cmd_vel",
+        description="A ROS 2 node for a WheelArm server.",
+        epilog="Every option is also a parameter of the node, and remappings work: "
+        "--ros-args -p cmd_vel_stamped:=true -r cmd_vel:=/teleop/cmd_vel",
     )
     parser.add_argument("--endpoint", default="tcp/127.0.0.1:7447", help="endpoint of the server")
     parser.add_argument("--sim", default="sim", help="name of the server")
-    parser.add_argument("--commander", default="ros", help="name under which it commands")
+    parser.add_argument("--commander", default="ros", help="name of this commander")
     parser.add_argument(
-        "--take", action="store_true", help="take control over from whoever holds it"
+        "--take", action="store_true", help="take control over from the client that holds it"
     )
     parser.add_argument(
         "--seed-topics",
@@ -30,15 +30,15 @@ def arguments(words: list[str]) -> argparse.Namespace:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Runs until it is interrupted; 1 when it could not begin."""
+    """Runs until it is interrupted; returns 1 when the start fails."""
     try:
         import rclpy
         from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
         from rclpy.utilities import remove_ros_args
-    except ImportError as problem:
+    except ImportError as error:
         print(
-            f"rclpy cannot be imported ({problem}): this node runs with the Python of a ROS 2 "
-            "installation (Humble or newer); source its setup file first, for example "
+            f"cannot import rclpy: {error}; this node needs the Python of a ROS 2 installation "
+            "(Humble or newer): source its setup file first, for example "
             "`source /opt/ros/jazzy/setup.bash`",
             file=sys.stderr,
         )
@@ -55,14 +55,14 @@ def main(words: list[str] | None = None) -> int:
         executor = MultiThreadedExecutor(num_threads=4)
         executor.add_node(node)
         node.get_logger().info(
-            f"speaks for {node.options.sim!r} at {node.options.endpoint}: "
+            f"connected to {node.options.sim!r} at {node.options.endpoint}: "
             f"{node.robot.name}, cameras {', '.join(node.cameras) or 'none'}"
         )
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (WheelArmError, ValueError) as problem:
-        print(problem, file=sys.stderr)
+    except (WheelArmError, ValueError) as error:
+        print(error, file=sys.stderr)
         return 1
     finally:
         if node is not None:

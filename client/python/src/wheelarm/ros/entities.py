@@ -1,7 +1,7 @@
-"""What stands in the home, as ``simulation_interfaces`` asks for it.
+"""Entities of the home, for ``simulation_interfaces``.
 
-Entities are the robot, the objects and the furniture that slides; what is fixed
-cannot be interacted with and is not among them. Nothing here knows a node.
+Entities are the robot, the objects and the movable furniture. Fixed furniture allows no
+interaction and is excluded. This module does not import ROS.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from .. import v1
 from .robot import Robot
-from .tree import IDENTITY, Transform, Vector, chained, inverse, of_pose, turned
+from .tree import IDENTITY, Transform, Vector, compose, from_pose, invert, rotate
 
 #: Categories of ``simulation_interfaces/EntityCategory``.
 ROBOT, OBJECT = 1, 4
@@ -20,12 +20,12 @@ ROBOT, OBJECT = 1, 4
 
 @dataclass(frozen=True)
 class State:
-    """Where an entity is and how it moves, in the world."""
+    """Pose and velocity of an entity in the world."""
 
     pose: Transform
-    #: m/s.
+    #: Linear velocity, m/s.
     linear: Vector = (0.0, 0.0, 0.0)
-    #: rad/s.
+    #: Angular velocity, rad/s.
     angular: Vector = (0.0, 0.0, 0.0)
     #: Simulation time, nanoseconds.
     stamp_nanos: int = 0
@@ -37,19 +37,19 @@ class Entities:
 
     robot: Robot
     objects: tuple[str, ...]
-    #: Furniture that slides: body, pose at position 0, axis in the world, is a slide.
+    #: Movable furniture: body, pose at position 0, axis in the world, whether it slides.
     furniture: tuple[tuple[str, Transform, Vector, bool], ...]
     #: Boxes around each entity in its own frame: centre and half extents, metres.
     boxes: dict[str, list[tuple[Transform, Vector]]]
     states: dict[str, State] = field(default_factory=dict)
 
     @staticmethod
-    def of(scene, robot: Robot) -> Entities:
-        """Entities of a ``wheelarm.v1.SceneReply``."""
+    def from_scene(scene, robot: Robot) -> Entities:
+        """Creates the entities of a ``wheelarm.v1.SceneReply``."""
         furniture = tuple(
             (
                 joint.body,
-                of_pose(joint.rest),
+                from_pose(joint.rest),
                 (joint.axis.x, joint.axis.y, joint.axis.z),
                 joint.type == v1.JOINT_TYPE_PRISMATIC,
             )
@@ -58,12 +58,12 @@ class Entities:
         names = {*scene.objects, *(body for body, *_ in furniture)}
         boxes = {
             body.name: [
-                (of_pose(box.pose), (box.half.x, box.half.y, box.half.z)) for box in body.boxes
+                (from_pose(box.pose), (box.half.x, box.half.y, box.half.z)) for box in body.boxes
             ]
             for body in scene.bodies
             if body.name in names
         }
-        # The robot by height, with its arm at home.
+        # Outlines of the robot from bottom to top, with its arm at home.
         bottom, outlines = 0.0, []
         for outline in scene.robot.outlines:
             area, top = outline.footprint, outline.top
@@ -84,26 +84,26 @@ class Entities:
 
     @property
     def names(self) -> list[str]:
-        """Every entity: the robot, the objects, then the furniture."""
+        """Names of the entities: the robot, the objects, then the furniture."""
         return [self.robot.name, *self.objects, *(body for body, *_ in self.furniture)]
 
     def category(self, name: str) -> int:
-        """Its category of ``simulation_interfaces/EntityCategory``."""
+        """Category of an entity in ``simulation_interfaces/EntityCategory``."""
         return ROBOT if name == self.robot.name else OBJECT
 
     def poses(self, sample) -> None:
-        """Takes a ``wheelarm.v1.PoseSet``: the chair in the world."""
+        """Stores the chair's pose in the world from a ``wheelarm.v1.PoseSet``."""
         for (_, parent, link), frame in zip(self.robot.frames, sample.frames, strict=False):
             if parent == self.robot.world and link == self.robot.root:
                 self.states[self.robot.name] = _state(frame.pose, frame.twist, sample)
 
     def object_poses(self, sample) -> None:
-        """Takes a ``wheelarm.v1.ObjectPoses``."""
+        """Stores the poses of a ``wheelarm.v1.ObjectPoses``."""
         for name, pose, twist in zip(self.objects, sample.poses, sample.twists, strict=False):
             self.states[name] = _state(pose, twist, sample)
 
     def furniture_joints(self, sample) -> None:
-        """Takes a ``wheelarm.v1.FurnitureJoints``."""
+        """Stores the joint positions of a ``wheelarm.v1.FurnitureJoints``."""
         moved = zip(self.furniture, sample.positions, sample.velocities, strict=False)
         for (body, rest, axis, slides), position, speed in moved:
             along = tuple(position * part for part in axis)
@@ -117,7 +117,7 @@ class Entities:
                 half = math.sin(position / 2)
                 turn = (*(half * part for part in axis), math.cos(position / 2))
                 place, rotation = rest
-                pose = (place, chained(((0.0, 0.0, 0.0), turn), ((0.0, 0.0, 0.0), rotation))[1])
+                pose = (place, compose(((0.0, 0.0, 0.0), turn), ((0.0, 0.0, 0.0), rotation))[1])
                 self.states[body] = State(pose, angular=velocity, stamp_nanos=stamp)
 
     def matching(
@@ -126,17 +126,17 @@ class Entities:
         categories: list[int] | None = None,
         sphere: tuple[Vector, float] | None = None,
     ) -> list[str]:
-        """Entities whose name holds the regular expression ``pattern``, of one of
-        the ``categories``, whose boxes overlap the ``sphere`` (centre, radius, m).
+        """Entities whose name matches the regular expression ``pattern``, whose category is in
+        ``categories``, and whose boxes overlap the ``sphere`` (centre, radius, m).
 
-        Raises ``ValueError`` when the expression cannot be read.
+        Raises ``ValueError`` when the expression is invalid.
         """
         try:
             search = re.compile(pattern).search
-        except re.error as problem:
+        except re.error as error:
             raise ValueError(
-                f"the filter {pattern!r} is no regular expression: {problem}"
-            ) from problem
+                f"the filter {pattern!r} is not a regular expression: {error}"
+            ) from error
         found = [name for name in self.names if search(name)]
         if categories:
             found = [name for name in found if self.category(name) in categories]
@@ -149,8 +149,8 @@ class Entities:
         if state is None:
             return False
         for box, half in self.boxes.get(name, []):
-            place, rotation = inverse(chained(state.pose, box))
-            turned_centre = turned(rotation, centre)
+            place, rotation = invert(compose(state.pose, box))
+            turned_centre = rotate(rotation, centre)
             inside = tuple(a + b for a, b in zip(place, turned_centre, strict=False))
             beyond = [
                 max(0.0, abs(part) - reach) for part, reach in zip(inside, half, strict=False)
@@ -163,7 +163,7 @@ class Entities:
 def _state(pose, twist, sample) -> State:
     linear, angular = twist.linear, twist.angular
     return State(
-        of_pose(pose),
+        from_pose(pose),
         (linear.x, linear.y, linear.z),
         (angular.x, angular.y, angular.z),
         sample.header.stamp_nanos,

@@ -1,9 +1,9 @@
-"""WheelArm's messages as ROS 2 messages: pure functions, no node and no network.
+"""Conversion of WheelArm messages to ROS 2 messages: pure functions.
 
-Both sides use SI units, radians, z up and quaternions x y z w, so numbers stay as
-they are, with two exceptions: ROS counts pixels from the middle of the first one,
-WheelArm from its edge (``camera_info``), and depth may be asked in millimetres
-(``depth_image``). Stamps are simulation time.
+Both sides use SI units, radians, z up and quaternions x y z w, so numbers are equal, with
+two exceptions: ROS counts pixels from the centre of the first pixel, WheelArm from its edge
+(``camera_info``), and depth may be in millimetres (``depth_image``). Timestamps are
+simulation time.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ DEPTH_ENCODINGS = ("32FC1", "16UC1")
 
 
 def time(stamp_nanos: int) -> Time:
-    """A stamp of simulation time, nanoseconds."""
+    """A timestamp from simulation time, nanoseconds."""
     seconds, nanos = divmod(int(stamp_nanos), 1_000_000_000)
     return Time(sec=seconds, nanosec=nanos)
 
 
 def nanos(stamp: Time) -> int:
-    """Nanoseconds of a stamp."""
+    """Nanoseconds of a timestamp."""
     return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
@@ -65,7 +65,7 @@ def vector(vector) -> Vector3:
 
 
 def quaternion(value) -> Quaternion:
-    """``wheelarm.v1.Quaternion``; one that was left out is no rotation."""
+    """``wheelarm.v1.Quaternion``; an absent one is the identity."""
     if value.x == value.y == value.z == value.w == 0.0:
         return Quaternion(w=1.0)
     return Quaternion(x=value.x, y=value.y, z=value.z, w=value.w)
@@ -82,8 +82,8 @@ def twist(value) -> Twist:
 
 
 def pose_in_millimetres(value) -> Pose:
-    """``wheelarm.v1.Pose`` with its position in millimetres, as WheelArm-Sim's
-    ``processed_data/desired_pose`` has it."""
+    """``wheelarm.v1.Pose`` with its position in millimetres, as in WheelArm-Sim's
+    ``processed_data/desired_pose``."""
     place = value.position
     return Pose(
         position=Point(x=1e3 * place.x, y=1e3 * place.y, z=1e3 * place.z),
@@ -97,8 +97,8 @@ def clock(stamp_nanos: int) -> Clock:
 
 
 def joint_state(sample, names: Sequence[str]) -> JointState:
-    """``wheelarm.v1.JointState``, rad, rad/s and N·m; ``names`` are the joints of
-    the robot's description, in its order."""
+    """``wheelarm.v1.JointState``, rad, rad/s and N·m; ``names`` are the joints of the robot's
+    description, in its order."""
     return JointState(
         header=header(sample.header.stamp_nanos, ""),
         name=list(names),
@@ -109,8 +109,8 @@ def joint_state(sample, names: Sequence[str]) -> JointState:
 
 
 def one_joint(sample, names: Sequence[str], index: int) -> JointState:
-    """One joint of ``wheelarm.v1.JointState``, without effort, as WheelArm-Sim's
-    ``processed_data/joint_state/{joint}`` has it."""
+    """One joint of ``wheelarm.v1.JointState``, without effort, as in WheelArm-Sim's
+    ``processed_data/joint_state/{joint}``."""
     return JointState(
         header=header(sample.header.stamp_nanos, ""),
         name=[names[index]],
@@ -121,7 +121,7 @@ def one_joint(sample, names: Sequence[str], index: int) -> JointState:
 
 def imu(sample, frame: str) -> Imu:
     """``wheelarm.v1.Imu`` of the link ``frame``; at rest +9.81 m/s² along z.
-    Covariances are 0, which says that they are not known."""
+    Covariances of 0 mean unknown."""
     return Imu(
         header=header(sample.header.stamp_nanos, frame),
         orientation=quaternion(sample.orientation),
@@ -132,7 +132,7 @@ def imu(sample, frame: str) -> Imu:
 
 def odometry(sample, frame: str, child: str) -> Odometry:
     """``wheelarm.v1.Odometry``: the pose of ``child`` in ``frame``, its twist in
-    ``child``. Covariances are 0, which says that they are not known."""
+    ``child``. Covariances of 0 mean unknown."""
     message = Odometry(header=header(sample.header.stamp_nanos, frame), child_frame_id=child)
     message.pose.pose = pose(sample.pose)
     message.twist.twist = twist(sample.twist)
@@ -150,19 +150,19 @@ def twist_stamped(value, stamp_nanos: int, frame: str) -> TwistStamped:
 
 
 def quaternion_stamped(value, stamp_nanos: int, frame: str) -> QuaternionStamped:
-    """``wheelarm.v1.Quaternion`` with a stamp and a frame."""
+    """``wheelarm.v1.Quaternion`` with a timestamp and a frame."""
     return QuaternionStamped(header=header(stamp_nanos, frame), quaternion=quaternion(value))
 
 
 def vector_stamped(value, stamp_nanos: int, frame: str) -> Vector3Stamped:
-    """``wheelarm.v1.Vector3`` with a stamp and a frame."""
+    """``wheelarm.v1.Vector3`` with a timestamp and a frame."""
     return Vector3Stamped(header=header(stamp_nanos, frame), vector=vector(value))
 
 
 def transform_stamped(
     transform: TreeTransform, stamp_nanos: int, parent: str, child: str
 ) -> TransformStamped:
-    """Where ``child`` is in ``parent``."""
+    """Pose of ``child`` in ``parent``."""
     (x, y, z), (qx, qy, qz, qw) = transform
     return TransformStamped(
         header=header(stamp_nanos, parent),
@@ -175,8 +175,8 @@ def transform_stamped(
 
 
 def _bytes(pixels: np.ndarray) -> array.array:
-    # rclpy takes an `array.array` as it is; a numpy array it would walk element by
-    # element, which takes 0.4 s per picture.
+    # rclpy copies an `array.array` at once, but a numpy array element by element, which needs
+    # 0.4 s per image.
     data = array.array("B")
     data.frombytes(memoryview(np.ascontiguousarray(pixels)).cast("B"))
     return data
@@ -197,19 +197,19 @@ def _image(pixels: np.ndarray, encoding: str, stamp_nanos: int, frame: str) -> I
 
 
 def color_image(rgb: np.ndarray, stamp_nanos: int, frame: str) -> Image:
-    """``rgb8`` from colours of shape (height, width, 3), uint8."""
+    """``rgb8`` from color of shape (height, width, 3), uint8."""
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
         raise ValueError(
-            f"colours are {rgb.dtype} of shape {rgb.shape}, expected uint8 of (height, width, 3)"
+            f"color is {rgb.dtype} of shape {rgb.shape}, expected uint8 of (height, width, 3)"
         )
     return _image(rgb, "rgb8", stamp_nanos, frame)
 
 
 def depth_image(depth: np.ndarray, encoding: str, stamp_nanos: int, frame: str) -> Image:
-    """Depth from metres of shape (height, width), float32, +inf where nothing is.
+    """Depth from metres of shape (height, width), float32, +inf without a surface.
 
-    ``32FC1`` keeps metres and +inf; ``16UC1`` is millimetres, rounded, and 0 where
-    nothing is, or where it is further than 65.535 m (REP 117, REP 118).
+    ``32FC1`` keeps metres and +inf; ``16UC1`` is millimetres, rounded, and 0 without a surface
+    within 65.535 m (REP 117, REP 118).
     """
     if depth.dtype != np.float32 or depth.ndim != 2:
         raise ValueError(
@@ -222,14 +222,16 @@ def depth_image(depth: np.ndarray, encoding: str, stamp_nanos: int, frame: str) 
         fits = millimetres <= 65535
         pixels = np.where(fits, millimetres, 0).astype("<u2")
         return _image(pixels, encoding, stamp_nanos, frame)
-    raise ValueError(f"depth encoding {encoding!r} is none of {', '.join(DEPTH_ENCODINGS)}")
+    raise ValueError(
+        f"unknown depth encoding {encoding!r}; available: {', '.join(DEPTH_ENCODINGS)}"
+    )
 
 
 def camera_info(intrinsics, stamp_nanos: int, frame: str) -> CameraInfo:
     """``wheelarm.v1.Intrinsics`` as a pinhole without distortion (``plumb_bob``).
 
-    The middle of the first pixel is (0.5, 0.5) there and (0, 0) here, so 0.5 goes
-    from the principal point.
+    The centre of the first pixel is (0.5, 0.5) in WheelArm and (0, 0) in ROS, so the
+    principal point is reduced by 0.5.
     """
     fx, fy = intrinsics.fx, intrinsics.fy
     cx, cy = intrinsics.cx - 0.5, intrinsics.cy - 0.5

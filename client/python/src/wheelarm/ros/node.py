@@ -1,4 +1,4 @@
-"""The node: topics in and out, and what holds them together."""
+"""The node: its inputs, outputs, parameters and threads."""
 
 from __future__ import annotations
 
@@ -22,128 +22,128 @@ from trajectory_msgs.msg import JointTrajectory
 
 from .. import v1
 from ..client import Client
-from ..errors import Gone, WheelArmError
+from ..errors import GoneError, WheelArmError
 from ..streams import Camera, Sample
 from . import mapping, tree
-from .command import CMD_VEL_TIMEOUT, Wishes
+from .command import CMD_VEL_TIMEOUT, PendingCommands
+from .controller import Controller
 from .entities import Entities
-from .outputs import LATCHED, PICTURES, TRANSFORMS, Outputs
-from .pilot import Pilot
+from .outputs import IMAGES, LATCHED, TRANSFORMS, Outputs
 from .robot import ODOM, WORLD, Robot, optical_frame
-from .seed import IMU_TOPICS, SeedTopics, picture_topics
+from .seed import IMU_TOPICS, SeedTopics, image_topics
 from .services import HAS_STANDARD, StandardServices, trigger_services
 from .simulation import EpisodeOptions, Simulation
 
 STREAMS = ["joint_state", "pose", "imu", "odometry", "applied", "object_pose", "furniture_joint"]
-#: Told by the server's own topics, in the order of arrival behind the streams.
+#: Other topics of the server, in the same queue.
 OTHERS = ["clock", "refusal", "episode_stop"]
-#: Seconds of silence after which the server is asked whether it is there.
+#: Seconds of silence after which the server's status is requested.
 SILENCE = 1.0
 
 
 def color_topic(camera: str) -> str:
-    """Where a camera's colours are published; its ``camera_info`` lies beside."""
+    """Topic of a camera's color images."""
     return f"camera/{camera}/color/image_raw"
 
 
 def depth_topic(camera: str) -> str:
-    """Where a camera's depth is published; its ``camera_info`` lies beside."""
+    """Topic of a camera's depth images."""
     return f"camera/{camera}/depth/image_raw"
 
 
 def info_topic(image_topic: str) -> str:
-    """``camera_info`` beside a picture."""
+    """Topic of the ``camera_info`` of an image topic."""
     return image_topic.rsplit("/", 1)[0] + "/camera_info"
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """What is decided before the node starts; each is a parameter as well."""
+    """Options of the node; each is also a parameter."""
 
-    #: Endpoint of the server, as Zenoh writes it.
+    #: Endpoint of the server, in Zenoh's notation.
     endpoint: str = "tcp/127.0.0.1:7447"
     #: Name of the server.
     sim: str = "sim"
     #: Name of this commander.
     commander: str = "ros"
-    #: Takes control over from whoever holds it.
+    #: Takes control over from the client that holds it.
     take: bool = False
-    #: Also the 39 topics of WheelArm-Sim's recorder.
+    #: Publishes the 39 topics of WheelArm-Sim's recorder too.
     seed_topics: bool = False
     #: ``cmd_vel`` is a TwistStamped.
     cmd_vel_stamped: bool = False
-    #: Seconds of silence after which the chair stops.
+    #: Seconds without ``cmd_vel`` after which the chair stops.
     cmd_vel_timeout: float = CMD_VEL_TIMEOUT
-    #: Seconds without a command after which control is given back; 0 keeps it.
+    #: Seconds without a command after which control is released; 0 keeps it.
     lease_timeout: float = 5.0
-    #: Simulated seconds per second while lock-step time is played; 0 is no limit.
+    #: Simulated seconds per second while lock-step time is played; 0 for unlimited.
     play_rate: float = 1.0
     #: Encoding of depth, 32FC1 (metres) or 16UC1 (millimetres).
     depth_encoding: str = "32FC1"
-    #: Publishes /tf and /tf_static; off where robot_state_publisher does.
+    #: Publishes /tf and /tf_static; disable it with robot_state_publisher.
     publish_tf: bool = True
-    #: Chair below ``odom``, and ``odom`` below ``house`` (REP 105); off: the chair
-    #: stands below ``house``.
+    #: Chair below ``odom``, and ``odom`` below ``house`` (REP 105); off: the chair below
+    #: ``house``.
     odom_frame: bool = True
-    #: URI that is put before the paths of meshes in /robot_description.
+    #: URI prefix of the mesh paths in /robot_description.
     mesh_folder: str = ""
 
 
 class _Camera:
-    """One camera: received while somebody subscribes, in a thread of its own."""
+    """One camera: its thread receives images while a topic has a subscriber."""
 
     def __init__(self, node: WheelArmNode, name: str):
         self.node, self.name = node, name
-        self._pictures: Camera | None = None
+        self._images: Camera | None = None
         color, depth = color_topic(name), depth_topic(name)
         topics = [(color, Image), (depth, Image)]
         topics += [(info_topic(color), CameraInfo), (info_topic(depth), CameraInfo)]
         for topic, kind in topics:
-            node.outputs.declare(topic, kind, PICTURES)
+            node.outputs.declare(topic, kind, IMAGES)
         self.topics = [topic for topic, _ in topics]
         if node.options.seed_topics:
-            self.topics += picture_topics(name)
+            self.topics += image_topics(name)
 
     @property
     def is_open(self) -> bool:
-        """Whether pictures are received."""
-        return self._pictures is not None
+        """Whether images are received."""
+        return self._images is not None
 
-    def look(self) -> None:
-        """Receives pictures if somebody wants them now."""
-        wanted = any(map(self.node.outputs.is_wanted, self.topics))
-        if wanted and self._pictures is None:
-            self._pictures = self.node.client.camera(self.name, kept=2)
-            words = {"name": f"camera {self.name}", "args": (self._pictures,)}
-            threading.Thread(target=self._run, daemon=True, **words).start()
-        elif not wanted:
+    def update(self) -> None:
+        """Starts or ends the subscription, depending on the subscribers of the topics."""
+        needed = any(map(self.node.outputs.has_subscriber, self.topics))
+        if needed and self._images is None:
+            self._images = self.node.client.camera(self.name, queue_size=2)
+            options = {"name": f"camera {self.name}", "args": (self._images,)}
+            threading.Thread(target=self._run, daemon=True, **options).start()
+        elif not needed:
             self.close()
 
-    def _run(self, pictures: Camera) -> None:
-        for frame in pictures:
+    def _run(self, images: Camera) -> None:
+        for frame in images:
             try:
-                self.node.publish_picture(self.name, frame)
-            except Exception as problem:
-                if self._pictures is not pictures:
+                self.node.publish_image(self.name, frame)
+            except Exception as error:
+                if self._images is not images:
                     return
-                self.node.tell(f"a picture of {self.name} was not published: {problem!r}")
+                self.node.report(f"cannot publish an image of {self.name}: {error!r}")
 
     def close(self) -> None:
         """Ends the subscription."""
-        pictures, self._pictures = self._pictures, None
-        if pictures is not None:
-            pictures.close()
+        images, self._images = self._images, None
+        if images is not None:
+            images.close()
 
 
 class WheelArmNode(Node):
-    """Speaks for one server. Its topics are relative names, so that a namespace and
+    """The node of one server. Its topics are relative names, so that a namespace and
     remappings work."""
 
     def __init__(self, options: Options = Options()):
-        """Parameters take the place of ``options``.
+        """Parameters override ``options``.
 
         Raises ``wheelarm.WheelArmError`` when no server answers, ``ValueError`` when a
-        parameter is wrong.
+        parameter is invalid.
         """
         super().__init__("wheelarm")
         self.options = self._declare(options)
@@ -154,35 +154,35 @@ class WheelArmNode(Node):
         self.robot: Robot | None = None
         self.entities: Entities | None = None
         self._run_id, self._tick = "", 0
-        self._heard = time.monotonic()
-        self._last: dict[str, object] = {}
-        self._told: deque[str] = deque(maxlen=5)
+        self._last_arrival = time.monotonic()
+        self._newest: dict[str, object] = {}
+        self._problems: deque[str] = deque(maxlen=5)
         self._ended = False
         status, scene = self.client.status(), self.client.scene()
-        robot = Robot.of(scene.robot)
-        self.pilot = Pilot(
+        robot = Robot.from_description(scene.robot)
+        self.controller = Controller(
             self.client,
-            Wishes(robot, self.options.cmd_vel_timeout),
+            PendingCommands(robot, self.options.cmd_vel_timeout),
             self.options.commander,
             take=self.options.take,
             lease_timeout=self.options.lease_timeout,
             rate=self.options.play_rate,
-            tell=self.tell,
+            report=self.report,
         )
-        self.simulation = Simulation(self.client, self.pilot, self._episode_options)
+        self.simulation = Simulation(self.client, self.controller, self._episode_options)
         self._declare_outputs()
-        self._adopt(status, scene, robot)
-        self._inputs()
-        trigger_services(self, self.simulation, self.pilot)
+        self._use_scene(status, scene, robot)
+        self._declare_inputs()
+        trigger_services(self, self.simulation, self.controller)
         if HAS_STANDARD:
             StandardServices(self, self.simulation, lambda: self.entities)
         else:
             self.get_logger().info(
-                "simulation_interfaces is not installed: its services are not offered"
+                "simulation_interfaces is not installed: the node runs without its services"
             )
-        # Wall time: with `use_sim_time` the node's own clock stands while time is paused.
+        # Wall time: with `use_sim_time` the node's own clock stops while time is paused.
         steady, group = RosClock(clock_type=ClockType.STEADY_TIME), MutuallyExclusiveCallbackGroup()
-        self.create_timer(0.2, self._look, callback_group=group, clock=steady)
+        self.create_timer(0.2, self._check, callback_group=group, clock=steady)
         self.create_timer(1.0, self._diagnose, callback_group=group, clock=steady)
         self._streams = self.client.streams(*STREAMS, *OTHERS)
         self._thread = threading.Thread(target=self._run, name="streams", daemon=True)
@@ -204,11 +204,13 @@ class WheelArmNode(Node):
         chosen = Options(**values)
         if chosen.depth_encoding not in mapping.DEPTH_ENCODINGS:
             known = ", ".join(mapping.DEPTH_ENCODINGS)
-            raise ValueError(f"depth_encoding is {chosen.depth_encoding!r}; it can be {known}")
+            raise ValueError(
+                f"invalid depth_encoding={chosen.depth_encoding!r}: choose one of {known}"
+            )
         for name in ("cmd_vel_timeout", "lease_timeout", "play_rate"):
             number = getattr(chosen, name)
             if not mapping.is_finite(number) or number < 0:
-                raise ValueError(f"{name} is {number}; it must be 0 or more")
+                raise ValueError(f"invalid {name}={number}: it must be 0 or more")
         return chosen
 
     def _episode_options(self) -> EpisodeOptions:
@@ -229,44 +231,44 @@ class WheelArmNode(Node):
             self.outputs.declare("/tf", TFMessage, TRANSFORMS)
             self.outputs.declare("/tf_static", TFMessage, LATCHED)
         if self.options.seed_topics:
-            # WheelArm-Sim's own name of it.
+            # WheelArm-Sim's name of this topic.
             self.outputs.declare("imu", Imu)
         self._imu_topics = ["imu/data", "imu", *IMU_TOPICS]
 
-    def _inputs(self) -> None:
+    def _declare_inputs(self) -> None:
         group = MutuallyExclusiveCallbackGroup()
 
-        def hear(topic: str, kind: type, put) -> None:
-            def taken(message) -> None:
-                problem = self.pilot.wish(
-                    lambda wishes, wall, nanos: put(wishes, message, wall, nanos)
+        def subscribe(topic: str, kind: type, store) -> None:
+            def receive(message) -> None:
+                problem = self.controller.update(
+                    lambda commands, wall, nanos: store(commands, message, wall, nanos)
                 )
                 if problem:
-                    self.tell(problem)
+                    self.report(problem)
 
-            self.create_subscription(kind, topic, taken, 10, callback_group=group)
+            self.create_subscription(kind, topic, receive, 10, callback_group=group)
 
         if self.options.cmd_vel_stamped:
-            hear("cmd_vel", TwistStamped, lambda w, m, wall, nanos: w.twist(m.twist, wall, nanos))
+            subscribe("cmd_vel", TwistStamped, lambda c, m, wall, ns: c.twist(m.twist, wall, ns))
         else:
-            hear("cmd_vel", Twist, lambda w, m, wall, nanos: w.twist(m, wall, nanos))
-        hear("joint_command", JointState, lambda w, m, wall, nanos: w.joint_command(m))
-        hear(
+            subscribe("cmd_vel", Twist, lambda c, m, wall, ns: c.twist(m, wall, ns))
+        subscribe("joint_command", JointState, lambda c, m, wall, ns: c.joint_command(m))
+        subscribe(
             "joint_trajectory",
             JointTrajectory,
-            lambda w, m, wall, nanos: w.trajectory(m, nanos, mapping.nanos),
+            lambda c, m, wall, ns: c.trajectory(m, ns, mapping.nanos),
         )
-        hear("desired_pose", PoseStamped, lambda w, m, wall, nanos: w.desired_pose(m))
-        hear("gripper", Float64, lambda w, m, wall, nanos: w.opening(m.data))
+        subscribe("desired_pose", PoseStamped, lambda c, m, wall, ns: c.desired_pose(m))
+        subscribe("gripper", Float64, lambda c, m, wall, ns: c.opening(m.data))
 
-    def _adopt(self, status, scene, robot: Robot | None = None) -> None:
-        """Takes over what is simulated now."""
-        robot = robot or Robot.of(scene.robot)
-        self.robot, self.entities = robot, Entities.of(scene, robot)
-        with self.pilot.changed:
-            self.pilot.wishes.robot = robot
+    def _use_scene(self, status, scene, robot: Robot | None = None) -> None:
+        """Adopts robot, entities, pacing and cameras of the present scenario."""
+        robot = robot or Robot.from_description(scene.robot)
+        self.robot, self.entities = robot, Entities.from_scene(scene, robot)
+        with self.controller.changed:
+            self.controller.commands.robot = robot
         lock_step = status.scenario.pacing == v1.PACING_LOCK_STEP
-        self.pilot.lock_step = self.pilot.wishes.in_simulation_time = lock_step
+        self.controller.lock_step = self.controller.commands.in_simulation_time = lock_step
         self._run_id, self._tick = status.header.run_id, status.header.tick
         names = [camera.name for camera in status.scenario.cameras if camera.rate_hz > 0.0]
         for name in names:
@@ -274,12 +276,12 @@ class WheelArmNode(Node):
                 self.cameras[name] = _Camera(self, name)
         if self.options.seed_topics:
             self.seed = SeedTopics(self.outputs, robot, names)
-        self.outputs.keep(
+        self.outputs.publish_latched(
             "robot_description",
             String(data=tree.with_mesh_folder(robot.urdf, self.options.mesh_folder)),
         )
         if self.options.publish_tf:
-            self.outputs.keep("/tf_static", self._static(status, scene, robot))
+            self.outputs.publish_latched("/tf_static", self._static(status, scene, robot))
 
     def _static(self, status, scene, robot: Robot) -> TFMessage:
         stamp = status.header.stamp_nanos
@@ -288,7 +290,7 @@ class WheelArmNode(Node):
             for joint in robot.tree
             if joint.kind == "fixed"
         ]
-        # Where the cameras are: as this specimen was drawn, or as described.
+        # Mounts of the cameras: the sampled ones of the scenario override the description.
         places = {
             camera.name: (camera.link, camera.pose)
             for camera in [*scene.robot.cameras, *scene.cameras]
@@ -299,49 +301,49 @@ class WheelArmNode(Node):
                 frame = camera.place.frame
                 places[camera.name] = (links.get(frame, frame), camera.place.pose)
         transforms += [
-            mapping.transform_stamped(tree.of_pose(pose), stamp, link, optical_frame(name))
+            mapping.transform_stamped(tree.from_pose(pose), stamp, link, optical_frame(name))
             for name, (link, pose) in places.items()
         ]
         return TFMessage(transforms=transforms)
 
-    # What comes from the server.
+    # Input from the server.
 
     def _run(self) -> None:
         while not self._ended:
             try:
                 sample = self._streams.next(0.5)
                 if sample is not None:
-                    self._heard = time.monotonic()
-                    self._take(sample)
-            except Gone:
+                    self._last_arrival = time.monotonic()
+                    self._process(sample)
+            except GoneError:
                 return
-            except WheelArmError as problem:
-                self.tell(str(problem))
-            except Exception as problem:
+            except WheelArmError as error:
+                self.report(str(error))
+            except Exception as error:
                 if self._ended:
                     return
-                self.tell(f"a sample was not published: {problem!r}")
+                self.report(f"cannot publish a sample: {error!r}")
 
-    def _take(self, told: Sample) -> None:
-        topic = told.topic
-        if topic == "imu" and not any(map(self.outputs.is_wanted, self._imu_topics)):
+    def _process(self, received: Sample) -> None:
+        topic = received.topic
+        if topic == "imu" and not any(map(self.outputs.has_subscriber, self._imu_topics)):
             return
-        sample = told.message
+        sample = received.message
         if topic == "refusal":
-            self.pilot.refusal(sample)
+            self.controller.refusal(sample)
             return
         header = sample.header
         if header.run_id != self._run_id or (topic == "clock" and header.tick < self._tick):
-            # A reset or another server: what stands there may be another.
-            self._adopt(self.client.status(), self.client.scene())
-            self._last.clear()
+            # A reset or a new server: the scene may have changed.
+            self._use_scene(self.client.status(), self.client.scene())
+            self._newest.clear()
         if topic == "clock":
             self._tick = header.tick
         stamp, robot = header.stamp_nanos, self.robot
-        put = self.outputs.put
-        self._last[topic] = sample
+        publish = self.outputs.publish
+        self._newest[topic] = sample
         if topic == "joint_state":
-            put("joint_states", lambda: mapping.joint_state(sample, robot.joints))
+            publish("joint_states", lambda: mapping.joint_state(sample, robot.joints))
         elif topic == "pose":
             self.entities.poses(sample)
         elif topic == "object_pose":
@@ -349,17 +351,17 @@ class WheelArmNode(Node):
         elif topic == "furniture_joint":
             self.entities.furniture_joints(sample)
         elif topic == "imu":
-            put("imu/data", lambda: mapping.imu(sample, robot.imu))
-            put("imu", lambda: mapping.imu(sample, robot.imu))
+            publish("imu/data", lambda: mapping.imu(sample, robot.imu))
+            publish("imu", lambda: mapping.imu(sample, robot.imu))
         elif topic == "odometry":
-            put("odom", lambda: mapping.odometry(sample, ODOM, robot.root))
+            publish("odom", lambda: mapping.odometry(sample, ODOM, robot.root))
         elif topic == "applied":
-            self.pilot.applied(sample)
+            self.controller.applied(sample)
         elif topic == "episode_stop":
-            self.pilot.episode_ended()
+            self.controller.episode_ended()
         elif topic == "clock":
-            self._transforms()
-            put("/clock", lambda: mapping.clock(stamp))
+            self._publish_transforms()
+            publish("/clock", lambda: mapping.clock(stamp))
         if self.seed is not None:
             feed = {
                 "joint_state": self.seed.joints,
@@ -372,28 +374,30 @@ class WheelArmNode(Node):
             elif topic == "clock":
                 self.seed.clock(header)
         if topic == "clock":
-            # Last: what answers this tick has seen all of it.
-            self.pilot.clock(header)
+            # Last, so that the answer to this tick uses all its samples.
+            self.controller.clock(header)
 
-    def _transforms(self) -> None:
-        parts = [self._last.pop(topic, None) for topic in ("joint_state", "pose", "odometry")]
+    def _publish_transforms(self) -> None:
+        parts = [self._newest.pop(topic, None) for topic in ("joint_state", "pose", "odometry")]
         if None in parts or len({part.header.tick for part in parts}) != 1:
             return
-        self.outputs.put("/tf", lambda: self._moving(*parts))
+        self.outputs.publish("/tf", lambda: self._tf_message(*parts))
 
-    def _moving(self, joints, poses, odometry) -> TFMessage:
+    def _tf_message(self, joints, poses, odometry) -> TFMessage:
         stamp, robot = joints.header.stamp_nanos, self.robot
-        told = {
-            (parent, link): tree.of_pose(frame.pose)
+        poses_by_link = {
+            (parent, link): tree.from_pose(frame.pose)
             for (_, parent, link), frame in zip(robot.frames, poses.frames, strict=False)
         }
-        chair = told[WORLD, robot.root]
+        chair = poses_by_link[WORLD, robot.root]
         in_base = {
-            link: place for (parent, link), place in told.items() if parent == robot.arm_base
+            link: place
+            for (parent, link), place in poses_by_link.items()
+            if parent == robot.arm_base
         }
         if self.options.odom_frame:
-            odom_from_chair = tree.of_pose(odometry.pose)
-            house_from_odom = tree.chained(chair, tree.inverse(odom_from_chair))
+            odom_from_chair = tree.from_pose(odometry.pose)
+            house_from_odom = tree.compose(chair, tree.invert(odom_from_chair))
             transforms = [
                 mapping.transform_stamped(house_from_odom, stamp, WORLD, ODOM),
                 mapping.transform_stamped(odom_from_chair, stamp, ODOM, robot.root),
@@ -403,59 +407,63 @@ class WheelArmNode(Node):
         positions = dict(zip(robot.joints, joints.positions, strict=False))
         transforms += [
             mapping.transform_stamped(place, stamp, joint.parent, joint.child)
-            for joint, place in tree.moving(robot.tree, positions, robot.arm_base, in_base)
+            for joint, place in tree.moving_transforms(
+                robot.tree, positions, robot.arm_base, in_base
+            )
         ]
         return TFMessage(transforms=transforms)
 
-    def publish_picture(self, camera: str, frame) -> None:
-        """Publishes one picture of a camera: colour, depth, and how it was taken."""
+    def publish_image(self, camera: str, frame) -> None:
+        """Publishes one image of a camera: color, depth and ``camera_info``."""
         stamp, optical = frame.header.stamp_nanos, optical_frame(camera)
-        put = self.outputs.put
+        publish = self.outputs.publish
         color, depth = color_topic(camera), depth_topic(camera)
         for topic in (color, depth):
-            put(info_topic(topic), lambda: mapping.camera_info(frame.intrinsics, stamp, optical))
-        put(color, lambda: mapping.color_image(frame.rgb, stamp, optical))
+            publish(
+                info_topic(topic), lambda: mapping.camera_info(frame.intrinsics, stamp, optical)
+            )
+        publish(color, lambda: mapping.color_image(frame.rgb, stamp, optical))
         encoding = self.options.depth_encoding
-        put(depth, lambda: mapping.depth_image(frame.depth, encoding, stamp, optical))
+        publish(depth, lambda: mapping.depth_image(frame.depth, encoding, stamp, optical))
         if self.seed is not None:
-            color, depth = picture_topics(camera)
-            put(color, lambda: mapping.color_image(frame.rgb, stamp, optical))
-            put(depth, lambda: mapping.depth_image(frame.depth, "32FC1", stamp, optical))
+            color, depth = image_topics(camera)
+            publish(color, lambda: mapping.color_image(frame.rgb, stamp, optical))
+            publish(depth, lambda: mapping.depth_image(frame.depth, "32FC1", stamp, optical))
 
-    # What the node says of itself.
+    # State of the node.
 
-    def tell(self, words: str) -> None:
-        """Says a problem: to the log, and on /diagnostics at once."""
-        self.get_logger().error(words, throttle_duration_sec=0.5)
-        self._told.append(words)
-        self._diagnose(words)
+    def report(self, text: str) -> None:
+        """Writes a problem to the log and publishes it on /diagnostics."""
+        self.get_logger().error(text, throttle_duration_sec=0.5)
+        self._problems.append(text)
+        self._diagnose(text)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         try:
-            self._look_around()
-        except (WheelArmError, ValueError) as problem:
-            self.tell(str(problem))
+            self._check_server_and_cameras()
+        except (WheelArmError, ValueError) as error:
+            self.report(str(error))
 
-    def _look_around(self) -> None:
-        if time.monotonic() - self._heard > SILENCE:
-            # Paused, or gone: whoever comes back is found by asking.
-            self._heard = time.monotonic()
-            self.client.ask(v1.StatusRequest(), timeout=2.0)
+    def _check_server_and_cameras(self) -> None:
+        if time.monotonic() - self._last_arrival > SILENCE:
+            # Paused or ended; the request also finds a server that has restarted.
+            self._last_arrival = time.monotonic()
+            self.client.request(v1.StatusRequest(), timeout=2.0)
         for camera in list(self.cameras.values()):
-            camera.look()
+            camera.update()
         if self.seed is not None:
-            self.outputs.yield_to_others(self.seed.topics)
+            self.outputs.silence_duplicates(self.seed.topics)
 
     def _diagnose(self, problem: str = "") -> None:
-        if not self.outputs.is_wanted("/diagnostics"):
+        if not self.outputs.has_subscriber("/diagnostics"):
             return
-        values = {"commander": self.pilot.name, "refused": str(self.pilot.refused)}
+        values = {"commander": self.controller.name, "refused": str(self.controller.refused)}
         try:
-            status = self.client.ask(v1.StatusRequest(), timeout=2.0)
+            status = self.client.request(v1.StatusRequest(), timeout=2.0)
             waits = status.waiting_for
-            level, words = DiagnosticStatus.OK, "in use" if not status.paused else "paused"
+            level, text = DiagnosticStatus.OK, "in use" if not status.paused else "paused"
             if status.broken:
-                level, words = DiagnosticStatus.ERROR, status.broken
+                level, text = DiagnosticStatus.ERROR, status.broken
             values |= {
                 "holder": status.holder,
                 "episode": str(status.episode.header.episode) if status.HasField("episode") else "",
@@ -465,28 +473,28 @@ class WheelArmNode(Node):
                 "adapter": status.adapter,
             }
         except WheelArmError as silent:
-            level, words = DiagnosticStatus.STALE, str(silent)
-        if problem or (self.pilot.problem and level == DiagnosticStatus.OK):
-            level, words = DiagnosticStatus.WARN, problem or self.pilot.problem
-        values["told"] = " | ".join(self._told)
+            level, text = DiagnosticStatus.STALE, str(silent)
+        if problem or (self.controller.problem and level == DiagnosticStatus.OK):
+            level, text = DiagnosticStatus.WARN, problem or self.controller.problem
+        values["recent_problems"] = " | ".join(self._problems)
         one = DiagnosticStatus(
             level=level,
             name=f"{self.get_name()}: {self.options.sim}",
-            message=words,
+            message=text,
             hardware_id=self.options.endpoint,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
         stamp = mapping.header(self._tick * 1_000_000_000 // 240, "")
-        self.outputs.put("/diagnostics", lambda: DiagnosticArray(header=stamp, status=[one]))
+        self.outputs.publish("/diagnostics", lambda: DiagnosticArray(header=stamp, status=[one]))
 
     def close(self) -> None:
-        """Gives control back and ends every thread."""
+        """Releases control and ends every thread."""
         self._ended = True
         self._streams.close()
         self._thread.join(timeout=5)
         for camera in self.cameras.values():
             camera.close()
-        self.pilot.close()
+        self.controller.close()
         self.client.close()
         self.destroy_node()
 

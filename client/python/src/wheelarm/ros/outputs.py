@@ -1,4 +1,4 @@
-"""Publishers that do nothing while nobody listens."""
+"""Publishers that are idle without a subscriber."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 #: Streams of state.
 STATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-#: Pictures: reliable, the newest two.
-PICTURES = QoSProfile(depth=2, reliability=ReliabilityPolicy.RELIABLE)
-#: What is told once and kept for who comes later.
+#: Images: reliable, the newest two.
+IMAGES = QoSProfile(depth=2, reliability=ReliabilityPolicy.RELIABLE)
+#: Messages that late subscribers receive too.
 LATCHED = QoSProfile(
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-#: As tf2's broadcaster has it.
+#: The same as in tf2's broadcaster.
 TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -27,32 +27,32 @@ class Outputs:
     def __init__(self, node: Node):
         self._node = node
         self._publishers: dict[str, object] = {}
-        self._yielded: frozenset[str] = frozenset()
+        self._silenced: frozenset[str] = frozenset()
 
     def declare(self, topic: str, kind: type, qos: QoSProfile = STATE) -> None:
-        """Opens a topic; once open it stays."""
+        """Creates the publisher of a topic unless it exists."""
         if topic not in self._publishers:
             self._publishers[topic] = self._node.create_publisher(kind, topic, qos)
 
-    def is_wanted(self, topic: str) -> bool:
-        """Whether somebody subscribes to it."""
+    def has_subscriber(self, topic: str) -> bool:
+        """Whether a topic has a subscriber and is not silenced."""
         publisher = self._publishers.get(topic)
-        if publisher is None or topic in self._yielded:
+        if publisher is None or topic in self._silenced:
             return False
         return publisher.get_subscription_count() > 0
 
-    def put(self, topic: str, make: Callable[[], object]) -> None:
-        """Publishes what ``make`` gives, if somebody subscribes."""
-        if self.is_wanted(topic):
+    def publish(self, topic: str, make: Callable[[], object]) -> None:
+        """Publishes the message that ``make`` returns if the topic has a subscriber."""
+        if self.has_subscriber(topic):
             self._publishers[topic].publish(make())
 
-    def keep(self, topic: str, message: object) -> None:
-        """Publishes a latched message, whoever subscribes now."""
+    def publish_latched(self, topic: str, message: object) -> None:
+        """Publishes a latched message, also without a subscriber."""
         self._publishers[topic].publish(message)
 
-    def yield_to_others(self, topics: list[str]) -> None:
-        """Is silent on those of ``topics`` that somebody else publishes too."""
-        self._yielded = frozenset(
+    def silence_duplicates(self, topics: list[str]) -> None:
+        """Silences those of ``topics`` that another node publishes too."""
+        self._silenced = frozenset(
             topic
             for topic in topics
             if topic in self._publishers

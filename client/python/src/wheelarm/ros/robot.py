@@ -1,4 +1,4 @@
-"""What the node has to know of a robot, from its description and its URDF."""
+"""Names and frames of a robot, from its description and its URDF."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Robot:
     knuckle_right: str
     #: Wheels, driven or not.
     wheels: frozenset[str]
-    #: Recorded frames in the order of ``PoseSet``: name, parent, link.
+    #: Frames in the order of ``PoseSet``: name, parent, link.
     frames: tuple[tuple[str, str, str], ...]
     root: str
     arm_base: str
@@ -43,21 +43,21 @@ class Robot:
     world: str = WORLD
 
     @staticmethod
-    def of(description) -> Robot:
-        """A robot of a ``wheelarm.v1.RobotDescription``.
+    def from_description(description) -> Robot:
+        """Creates a robot from a ``wheelarm.v1.RobotDescription``.
 
         Raises ``ValueError`` when its URDF cannot be read.
         """
 
-        def named(*roles: int) -> list:
+        def with_role(*roles: int) -> list:
             return [joint for joint in description.joints if joint.role in roles]
 
-        def one(role: int) -> str:
-            found = named(role)
+        def name_of(role: int) -> str:
+            found = with_role(role)
             return found[0].name if found else ""
 
-        arm = sorted(named(v1.JOINT_ROLE_ARM), key=lambda joint: joint.arm_index)
-        wheels = named(
+        arm = sorted(with_role(v1.JOINT_ROLE_ARM), key=lambda joint: joint.arm_index)
+        wheels = with_role(
             v1.JOINT_ROLE_WHEEL_LEFT,
             v1.JOINT_ROLE_WHEEL_RIGHT,
             v1.JOINT_ROLE_CASTER_LEFT,
@@ -67,8 +67,8 @@ class Robot:
             name=description.name,
             joints=tuple(joint.name for joint in description.joints),
             arm=tuple(joint.name for joint in arm),
-            knuckle=one(v1.JOINT_ROLE_KNUCKLE),
-            knuckle_right=one(v1.JOINT_ROLE_KNUCKLE_RIGHT),
+            knuckle=name_of(v1.JOINT_ROLE_KNUCKLE),
+            knuckle_right=name_of(v1.JOINT_ROLE_KNUCKLE_RIGHT),
             wheels=frozenset(joint.name for joint in wheels),
             frames=tuple((frame.name, frame.parent, frame.link) for frame in description.frames),
             root=description.root_link,

@@ -10,9 +10,9 @@ from std_srvs.srv import Trigger
 
 from ..errors import WheelArmError
 from . import mapping
+from .controller import Controller
 from .entities import Entities
-from .pilot import Pilot
-from .simulation import Already, Simulation, Unsupported, WrongState
+from .simulation import AlreadyInStateError, Simulation, UnsupportedError, WrongStateError
 
 try:
     from simulation_interfaces import srv as standard
@@ -24,25 +24,25 @@ except ImportError:
 HAS_STANDARD = standard is not None
 
 
-def trigger_services(node: Node, simulation: Simulation, pilot: Pilot) -> None:
+def trigger_services(node: Node, simulation: Simulation, controller: Controller) -> None:
     """``~/episode_start``, ``~/episode_stop``, ``~/episode_discard``,
-    ``~/take_control`` and ``~/release_control``: std_srvs/Trigger. The answer's
-    message says what was done, or why not."""
+    ``~/take_control`` and ``~/release_control``: std_srvs/Trigger. The message of the response
+    states the result or the error."""
     group = MutuallyExclusiveCallbackGroup()
 
     def offer(name: str, act: Callable[[], str]) -> None:
         def answer(_, response: Trigger.Response) -> Trigger.Response:
             try:
                 response.message, response.success = act(), True
-            except WheelArmError as problem:
-                response.message, response.success = str(problem), False
-                node.get_logger().error(f"{name}: {problem}")
+            except WheelArmError as error:
+                response.message, response.success = str(error), False
+                node.get_logger().error(f"{name}: {error}")
             return response
 
         node.create_service(Trigger, f"~/{name}", answer, callback_group=group)
 
     def start() -> str:
-        simulation.look()
+        simulation.refresh()
         started = simulation.start()
         return f"episode {started.header.episode} {started.label}: {started.instruction}"
 
@@ -50,16 +50,16 @@ def trigger_services(node: Node, simulation: Simulation, pilot: Pilot) -> None:
         stopped = simulation.stop(discard)
         success = "success" if stopped.evaluation.success else "no success"
         stamp = stopped.header.stamp_nanos * 1e-9
-        away = ", thrown away" if discard else ""
-        return f"episode {stopped.header.episode} at {stamp:.3f} s, {success}{away}"
+        discarded = ", discarded" if discard else ""
+        return f"episode {stopped.header.episode} ended at {stamp:.3f} s, {success}{discarded}"
 
     def take() -> str:
-        pilot.take_control()
-        return f"{pilot.name} is in control"
+        controller.take_control()
+        return f"{controller.name} is in control"
 
     def release() -> str:
-        pilot.release()
-        return "nobody is in control, or somebody else"
+        controller.release()
+        return f"{controller.name} is not in control"
 
     offer("episode_start", start)
     offer("episode_stop", lambda: stop(False))
@@ -69,20 +69,20 @@ def trigger_services(node: Node, simulation: Simulation, pilot: Pilot) -> None:
 
 
 class StandardServices:
-    """The services of ``simulation_interfaces``, under their own names."""
+    """The services of ``simulation_interfaces``, with their standard names."""
 
     def __init__(self, node: Node, simulation: Simulation, entities: Callable[[], Entities]):
         self.node, self.simulation, self.entities = node, simulation, entities
-        looks, acts = ReentrantCallbackGroup(), MutuallyExclusiveCallbackGroup()
+        reading, acting = ReentrantCallbackGroup(), MutuallyExclusiveCallbackGroup()
         for name, answer, group in (
-            ("GetSimulatorFeatures", self.features, looks),
-            ("GetSimulationState", self.state, looks),
-            ("GetEntities", self.names, looks),
-            ("GetEntityState", self.entity, looks),
-            ("GetEntitiesStates", self.states, looks),
-            ("SetSimulationState", self.set_state, acts),
-            ("ResetSimulation", self.reset, acts),
-            ("StepSimulation", self.step, acts),
+            ("GetSimulatorFeatures", self.features, reading),
+            ("GetSimulationState", self.state, reading),
+            ("GetEntities", self.names, reading),
+            ("GetEntityState", self.entity, reading),
+            ("GetEntitiesStates", self.states, reading),
+            ("SetSimulationState", self.set_state, acting),
+            ("ResetSimulation", self.reset, acting),
+            ("StepSimulation", self.step, acting),
         ):
             kind = getattr(standard, name, None)
             if kind is None:
@@ -95,16 +95,16 @@ class StandardServices:
             act()
             result.result = Result.RESULT_OK
             return
-        except Unsupported as problem:
-            result.result, words = Result.RESULT_FEATURE_UNSUPPORTED, str(problem)
-        except Already as problem:
-            result.result, words = already, str(problem)
-        except WrongState as problem:
+        except UnsupportedError as error:
+            result.result, text = Result.RESULT_FEATURE_UNSUPPORTED, str(error)
+        except AlreadyInStateError as error:
+            result.result, text = already, str(error)
+        except WrongStateError as error:
             # The definition of StepSimulation names this code for this case.
-            result.result, words = Result.RESULT_OPERATION_FAILED, str(problem)
-        except (WheelArmError, ValueError) as problem:
-            result.result, words = Result.RESULT_OPERATION_FAILED, str(problem)
-        result.error_message = words
+            result.result, text = Result.RESULT_OPERATION_FAILED, str(error)
+        except (WheelArmError, ValueError) as error:
+            result.result, text = Result.RESULT_OPERATION_FAILED, str(error)
+        result.error_message = text
 
     def features(self, _, response):
         """GetSimulatorFeatures."""
@@ -119,16 +119,16 @@ class StandardServices:
             "SIMULATION_STATE_SETTING",
             "SIMULATION_STATE_PAUSE",
         ]
-        words = "steps need a server with --pacing lock-step"
+        text = "steps need a server with --pacing lock-step"
         try:
-            self.simulation.look()
-            if self.simulation.pilot.lock_step:
+            self.simulation.refresh()
+            if self.simulation.controller.lock_step:
                 offered += ["STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE"]
-                words = "a step is 1/60 s"
-        except WheelArmError as problem:
-            words = str(problem)
+                text = "a step is 1/60 s"
+        except WheelArmError as error:
+            text = str(error)
         response.features.features = [getattr(has, name) for name in offered if hasattr(has, name)]
-        response.features.custom_info = f"WheelArm; {words}"
+        response.features.custom_info = f"WheelArm; {text}"
         return response
 
     def state(self, _, response):
@@ -154,9 +154,9 @@ class StandardServices:
 
         def act() -> None:
             if request.scope != kind.SCOPE_DEFAULT and request.scope & both != both:
-                raise Unsupported(
-                    "time and state are reset together: ask for SCOPE_DEFAULT, SCOPE_ALL, "
-                    "or SCOPE_TIME with SCOPE_STATE"
+                raise UnsupportedError(
+                    "cannot reset only time or only state: use SCOPE_DEFAULT, SCOPE_ALL, or "
+                    "SCOPE_TIME with SCOPE_STATE"
                 )
             self.simulation.reset()
 
@@ -173,14 +173,17 @@ class StandardServices:
         if bounds.type == Bounds.TYPE_SPHERE:
             if len(bounds.points) != 2:
                 raise ValueError(
-                    f"a sphere has 2 points (centre, and its radius in x), not {len(bounds.points)}"
+                    f"a sphere has {len(bounds.points)} points, expected 2: the centre, and the radius "
+                    "in x"
                 )
             centre, size = bounds.points
             sphere = ((centre.x, centre.y, centre.z), size.x)
         elif bounds.type != Bounds.TYPE_EMPTY:
-            raise Unsupported("bounds are taken as a sphere only")
+            raise UnsupportedError("unsupported type of bounds: use a sphere")
         if filters.tags.tags:
-            raise Unsupported("entities have no tags")
+            raise UnsupportedError(
+                "unsupported filter: entities have no tags; filter by name or category"
+            )
         categories = [one.category for one in filters.categories]
         return self.entities().matching(filters.filter, categories, sphere)
 
@@ -197,7 +200,9 @@ class StandardServices:
         entities = self.entities()
         known = entities.states.get(name)
         if known is None:
-            raise ValueError(f"no state of {name!r} is known before time goes on: step or play")
+            raise ValueError(
+                f"the state of {name!r} is unknown before the first tick: step or play"
+            )
         state.header = mapping.header(known.stamp_nanos, entities.robot.world)
         place, turn = known.pose
         _set(state.pose.position, place)
@@ -206,12 +211,12 @@ class StandardServices:
         _set(state.twist.angular, known.angular)
 
     def entity(self, request, response):
-        """GetEntityState; the acceleration is not known and stays 0."""
+        """GetEntityState; the acceleration is unknown and stays 0."""
         entities = self.entities()
         if request.entity not in entities.names:
             response.result.result = Result.RESULT_NOT_FOUND
             response.result.error_message = (
-                f"there is no {request.entity!r}; there are {', '.join(entities.names)}"
+                f"no entity named {request.entity!r}; available: {', '.join(entities.names)}"
             )
             return response
         self._attempt(response.result, lambda: self._fill(request.entity, response.state))

@@ -1,12 +1,12 @@
-"""Time, episodes and resets, as ``simulation_interfaces`` asks for them.
+"""Time, episodes and resets, for ``simulation_interfaces``.
 
 | | real time | lock-step |
 |---|---|---|
-| stopped | reset and paused | no episode runs |
-| playing | time goes on | an episode runs and the node answers every tick |
-| paused | time is paused | an episode runs and the node answers none |
+| stopped | reset and paused | no episode |
+| playing | time runs | an episode runs and the node answers every tick |
+| paused | time is paused | an episode runs and the node answers no tick |
 
-One step is one control tick, 1/60 s. Nothing here knows ROS.
+One step is one control tick, 1/60 s. This module does not import ROS.
 """
 
 from __future__ import annotations
@@ -17,65 +17,66 @@ from dataclasses import dataclass
 
 from .. import v1
 from ..client import Client
-from .pilot import Pilot, Unable
+from .controller import Controller, UnavailableError
 
 #: States of ``simulation_interfaces/SimulationState``.
 STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3
 
 
-class WrongState(Unable):
-    """It cannot be done now; the words say what has to be done before."""
+class WrongStateError(UnavailableError):
+    """A request that needs another state first; the text names it."""
 
 
-class Unsupported(Unable):
-    """It cannot be done here at all; the words say why."""
+class UnsupportedError(UnavailableError):
+    """A request that this server does not support; the text states why."""
 
 
-class Already(Unable):
-    """It is so already."""
+class AlreadyInStateError(UnavailableError):
+    """The simulation is already in the requested state."""
 
 
 @dataclass
 class EpisodeOptions:
-    """How an episode is begun."""
+    """Options of the next episode."""
 
-    #: File label; empty for one made of the wall clock.
+    #: Label of the file; empty for a label from the wall clock.
     label: str = ""
-    #: Instruction sentence; empty for the scenario's.
+    #: Instruction sentence; empty for that of the scenario.
     instruction: str = ""
-    #: Recorders that must be ready before time goes on.
+    #: Recorders that must be ready before time runs (count).
     require_recorders: int = 0
 
 
 class Simulation:
-    """Steers time and episodes of one server."""
+    """Controls time and episodes of one server."""
 
-    def __init__(self, client: Client, pilot: Pilot, options: Callable[[], EpisodeOptions]):
-        """``options`` tells how the next episode is begun."""
-        self.client, self.pilot, self.options = client, pilot, options
-        #: Real time: it was stopped and not played since.
+    def __init__(
+        self, client: Client, controller: Controller, options: Callable[[], EpisodeOptions]
+    ):
+        """``options`` returns the options of the next episode."""
+        self.client, self.controller, self.options = client, controller, options
+        #: Real time: whether it was stopped and not played since.
         self._stopped = False
 
-    def look(self):
-        """The server's ``Status``; takes over its pacing."""
+    def refresh(self):
+        """Requests the server's ``Status`` and adopts its pacing."""
         status = self.client.status()
         lock_step = status.scenario.pacing == v1.PACING_LOCK_STEP
-        self.pilot.lock_step = self.pilot.wishes.in_simulation_time = lock_step
+        self.controller.lock_step = self.controller.commands.in_simulation_time = lock_step
         return status
 
     def state(self) -> int:
         """State of the simulation."""
-        return self._state_of(self.look())
+        return self._state_of(self.refresh())
 
     def _state_of(self, status) -> int:
-        if self.pilot.lock_step:
+        if self.controller.lock_step:
             if not status.HasField("episode"):
                 return STOPPED
-            ours = self.pilot.control is not None
-            if status.paused or (ours and not self.pilot.is_playing):
+            ours = self.controller.control is not None
+            if status.paused or (ours and not self.controller.is_playing):
                 return PAUSED
-            nobody = not status.holder
-            return PAUSED if nobody else PLAYING
+            return PLAYING if status.holder else PAUSED
         if not status.paused:
             self._stopped = False
             return PLAYING
@@ -84,24 +85,26 @@ class Simulation:
     def set_state(self, target: int) -> None:
         """Stops, plays, pauses or ends the simulation.
 
-        Raises ``Already`` when it is so, ``Unsupported`` for another state, and
-        ``wheelarm.Refused`` in the server's words.
+        Raises ``AlreadyInStateError`` in the target state, ``UnsupportedError`` for other
+        targets, and ``wheelarm.RefusedError`` when the server rejects it.
         """
-        status = self.look()
+        status = self.refresh()
         if target not in (STOPPED, PLAYING, PAUSED, QUITTING):
-            raise Unsupported("the home is always loaded: stop, play, pause or quit")
+            raise UnsupportedError(
+                "unsupported state: the home is always loaded; use stopped, playing, paused or quitting"
+            )
         if self._state_of(status) == target:
-            raise Already("the simulation is in this state already")
+            raise AlreadyInStateError("the simulation is already in this state")
         if target == QUITTING:
             self.client.shutdown()
         elif target == STOPPED:
             self.reset()
-            if not self.pilot.lock_step:
+            if not self.controller.lock_step:
                 self.client.pause()
                 self._stopped = True
-        elif self.pilot.lock_step:
-            self._in_episode(status)
-            self.pilot.play(target == PLAYING)
+        elif self.controller.lock_step:
+            self._ensure_episode(status)
+            self.controller.play(target == PLAYING)
         else:
             if target == PLAYING:
                 self.client.resume()
@@ -109,9 +112,10 @@ class Simulation:
                 self.client.pause()
             self._stopped = False
 
-    def _in_episode(self, status):
-        """Header of the tick to be answered, in an episode that the node steers."""
-        self.pilot.take_control()
+    def _ensure_episode(self, status):
+        """Requests control and starts an episode unless one runs. Returns the header of the
+        tick to answer."""
+        self.controller.take_control()
         if status.HasField("episode"):
             if status.paused:
                 self.client.resume()
@@ -119,55 +123,55 @@ class Simulation:
         return self.start().header
 
     def step(self, steps: int) -> None:
-        """Goes on by ``steps`` control ticks, exactly, and stands still again.
+        """Advances time by exactly ``steps`` control ticks.
 
-        Raises ``Unsupported`` where time does not wait, ``WrongState`` while it is
-        played, ``wheelarm.Refused`` when somebody else is in control.
+        Raises ``UnsupportedError`` unless the pacing is lock-step, ``WrongStateError`` while
+        the simulation is playing, ``wheelarm.RefusedError`` when another client is in control.
         """
-        status = self.look()
-        if not self.pilot.lock_step:
+        status = self.refresh()
+        if not self.controller.lock_step:
             pacing = v1.Pacing.Name(status.scenario.pacing).removeprefix("PACING_").lower()
-            raise Unsupported(
-                "steps need lock-step pacing, and this server runs in "
+            raise UnsupportedError(
+                "steps need lock-step pacing, and this server has "
                 f"{pacing.replace('_', '-')}: start it with --pacing lock-step"
             )
-        if self.pilot.is_playing:
-            raise WrongState("the simulation is played: pause it before it is stepped")
+        if self.controller.is_playing:
+            raise WrongStateError("cannot step while the simulation is playing: pause it first")
         if steps == 0:
             return
-        header = self._in_episode(status)
-        self.pilot.step(steps, header.episode, header.tick)
+        header = self._ensure_episode(status)
+        self.controller.step(steps, header.episode, header.tick)
 
     def reset(self) -> None:
-        """Everything as at the start, with what was drawn then; time begins at 0.
-        An episode that runs ends before.
+        """Ends a running episode and resets the scenario with its sampled values; time starts
+        at 0.
 
-        Raises ``wheelarm.Refused`` when somebody else is in control.
+        Raises ``wheelarm.RefusedError`` when another client is in control.
         """
-        status = self.look()
+        status = self.refresh()
         if status.HasField("episode"):
             self.stop()
-        self.pilot.play(False)
+        self.controller.play(False)
         self.client.reset()
 
     def start(self):
-        """Begins an episode; ``EpisodeStarted``. In lock-step time then waits for
+        """Starts an episode and returns ``EpisodeStarted``. In lock-step, time then waits for
         steps or for play."""
-        if self.pilot.lock_step:
-            self.pilot.take_control()
-        wanted = self.options()
+        if self.controller.lock_step:
+            self.controller.take_control()
+        options = self.options()
         now = datetime.datetime.now()
         return self.client.start_episode(
-            wanted.label or f"ros-{now:%Y%m%d-%H%M%S-%f}",
-            instruction=wanted.instruction or None,
-            recorders=wanted.require_recorders,
-            commander=self.pilot.name if self.pilot.lock_step else "",
+            options.label or f"ros-{now:%Y%m%d-%H%M%S-%f}",
+            instruction=options.instruction or None,
+            recorders=options.require_recorders,
+            commander=self.controller.name if self.controller.lock_step else "",
         )
 
     def stop(self, discard: bool = False):
-        """Ends the running episode; ``EpisodeStopped``. With ``discard`` recorders
-        throw it away."""
-        self.pilot.play(False)
+        """Ends the running episode and returns ``EpisodeStopped``; with ``discard``, recorders
+        delete it."""
+        self.controller.play(False)
         return self.client.stop_episode(discard=discard)
 
 
@@ -176,9 +180,9 @@ __all__ = [
     "PLAYING",
     "QUITTING",
     "STOPPED",
-    "Already",
+    "AlreadyInStateError",
     "EpisodeOptions",
     "Simulation",
-    "Unsupported",
-    "WrongState",
+    "UnsupportedError",
+    "WrongStateError",
 ]

@@ -1,7 +1,7 @@
-"""Frames of the robot as a tree: the URDF's joints and where they stand.
+"""Tree of the robot's frames, from the joints of its URDF.
 
-A transform is ``((x, y, z), (qx, qy, qz, qw))``: where the child is in its
-parent, metres and a unit quaternion. Nothing here knows ROS.
+A transform is ``((x, y, z), (qx, qy, qz, qw))``: the pose of the child in its parent,
+metres and a unit quaternion. This module does not import ROS.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ Transform = tuple[Vector, Rotation]
 IDENTITY: Transform = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
-def turned(rotation: Rotation, vector: Vector) -> Vector:
-    """``vector`` turned by ``rotation``."""
+def rotate(rotation: Rotation, vector: Vector) -> Vector:
+    """Rotates ``vector`` by ``rotation``."""
     qx, qy, qz, qw = rotation
     x, y, z = vector
     tx, ty, tz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
@@ -30,7 +30,7 @@ def turned(rotation: Rotation, vector: Vector) -> Vector:
     )
 
 
-def rotated(first: Rotation, second: Rotation) -> Rotation:
+def multiply(first: Rotation, second: Rotation) -> Rotation:
     """The product ``first * second``."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
@@ -42,39 +42,42 @@ def rotated(first: Rotation, second: Rotation) -> Rotation:
     )
 
 
-def chained(a_from_b: Transform, b_from_c: Transform) -> Transform:
-    """``a_from_c``."""
+def compose(a_from_b: Transform, b_from_c: Transform) -> Transform:
+    """Composes two transforms to ``a_from_c``."""
     (origin, rotation), (inner, turn) = a_from_b, b_from_c
-    x, y, z = turned(rotation, inner)
-    return (origin[0] + x, origin[1] + y, origin[2] + z), rotated(rotation, turn)
+    x, y, z = rotate(rotation, inner)
+    return (origin[0] + x, origin[1] + y, origin[2] + z), multiply(rotation, turn)
 
 
-def inverse(a_from_b: Transform) -> Transform:
-    """``b_from_a``."""
+def invert(a_from_b: Transform) -> Transform:
+    """Inverts a transform to ``b_from_a``."""
     (x, y, z), (qx, qy, qz, qw) = a_from_b
     back = (-qx, -qy, -qz, qw)
-    return turned(back, (-x, -y, -z)), back
+    return rotate(back, (-x, -y, -z)), back
 
 
-def about(axis: Vector, angle: float) -> Rotation:
+def axis_rotation(axis: Vector, angle: float) -> Rotation:
     """The rotation by ``angle``, radians, about the unit vector ``axis``."""
     sine = math.sin(angle / 2)
     return (axis[0] * sine, axis[1] * sine, axis[2] * sine, math.cos(angle / 2))
 
 
 def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Rotation:
-    """The URDF's ``rpy``: about the fixed axes x, y and z, in this order, radians."""
+    """The rotation of a URDF's ``rpy``: about the fixed axes x, y and z in this order,
+    radians."""
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    return rotated(about(z, yaw), rotated(about(y, pitch), about(x, roll)))
+    return multiply(
+        axis_rotation(z, yaw), multiply(axis_rotation(y, pitch), axis_rotation(x, roll))
+    )
 
 
-def of_pose(pose) -> Transform:
-    """A ``wheelarm.v1.Pose`` as a transform; what is left out is no rotation."""
-    place, turn = pose.position, pose.orientation
-    rotation = (turn.x, turn.y, turn.z, turn.w)
+def from_pose(pose) -> Transform:
+    """A ``wheelarm.v1.Pose`` as a transform; an absent rotation is the identity."""
+    position, orientation = pose.position, pose.orientation
+    rotation = (orientation.x, orientation.y, orientation.z, orientation.w)
     if not any(rotation):
         rotation = IDENTITY[1]
-    return (place.x, place.y, place.z), rotation
+    return (position.x, position.y, position.z), rotation
 
 
 @dataclass(frozen=True)
@@ -86,20 +89,20 @@ class Joint:
     kind: str
     parent: str
     child: str
-    #: Where the child is in the parent at position 0.
+    #: Pose of the child in the parent at position 0.
     origin: Transform
-    #: Unit axis of growing positions in the child's frame.
+    #: Unit axis of increasing positions in the child's frame.
     axis: Vector
 
-    def at(self, position: float) -> Transform:
-        """Where the child is in the parent at ``position``, radians or metres."""
+    def transform_at(self, position: float) -> Transform:
+        """Pose of the child in the parent at ``position``, radians or metres."""
         if self.kind == "fixed":
             return self.origin
         if self.kind == "prismatic":
             x, y, z = self.axis
             slide = (x * position, y * position, z * position)
-            return chained(self.origin, (slide, IDENTITY[1]))
-        return chained(self.origin, (IDENTITY[0], about(self.axis, position)))
+            return compose(self.origin, (slide, IDENTITY[1]))
+        return compose(self.origin, (IDENTITY[0], axis_rotation(self.axis, position)))
 
 
 def _numbers(text: str | None, default: Vector) -> Vector:
@@ -113,9 +116,12 @@ def _joint(element: xml.Element) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "")
     parent, child = element.find("parent"), element.find("child")
     if parent is None or child is None:
-        raise ValueError(f"joint {name!r} of the URDF has no parent or no child")
+        raise ValueError(f"joint {name!r} of the URDF lacks its parent or child")
     if kind not in ("fixed", "revolute", "continuous", "prismatic"):
-        raise ValueError(f"joint {name!r} of the URDF is of the type {kind!r}, which is not known")
+        raise ValueError(
+            f"joint {name!r} of the URDF has the unknown type {kind!r}; available: fixed, "
+            "revolute, continuous, prismatic"
+        )
     origin, axis = element.find("origin"), element.find("axis")
     place = turn = None
     if origin is not None:
@@ -140,60 +146,60 @@ def _joint(element: xml.Element) -> Joint:
 def joints(urdf: str) -> list[Joint]:
     """The joints of a URDF text, in its order.
 
-    Raises ``ValueError`` when it cannot be read, naming the joint.
+    Raises ``ValueError`` with the name of the joint when it cannot be read.
     """
     try:
         root = xml.fromstring(urdf)
-    except xml.ParseError as problem:
-        raise ValueError(f"the URDF cannot be read: {problem}") from problem
+    except xml.ParseError as error:
+        raise ValueError(f"the URDF cannot be read: {error}") from error
     return [_joint(element) for element in root.findall("joint")]
 
 
-def moving(
+def moving_transforms(
     tree: list[Joint],
     positions: Mapping[str, float],
     base: str = "",
     in_base: Mapping[str, Transform] | None = None,
 ) -> list[tuple[Joint, Transform]]:
-    """Joints of ``positions`` (name to radians or metres) and where their children
-    are in their parents; fixed joints are not among them.
+    """Movable joints of ``positions`` (name to radians or metres), and the poses of their
+    children in their parents.
 
-    ``in_base`` holds links whose pose in the link ``base`` is known. The joint that
-    carries such a link, itself or by fixed joints, stands so that the chain from
-    ``base`` gives this pose: joint positions alone give the physics' links only to
-    about 1e-6 m, because its joints give way that much.
+    ``in_base`` has the known poses of links in the link ``base``. The transform of the joint
+    above such a link is chosen so that the chain from ``base`` gives this pose. Joint
+    positions alone have an error of about 1e-6 m, because the joints of the physics are
+    compliant.
     """
-    carried = _carried(tree, in_base or {})
+    carried = _known_children(tree, in_base or {})
     places: dict[str, Transform] = {base: IDENTITY}
     found = []
-    for joint in _outwards(tree, base):
-        place = joint.at(positions.get(joint.name, 0.0))
+    for joint in _ordered_from(tree, base):
+        place = joint.transform_at(positions.get(joint.name, 0.0))
         parent = places.get(joint.parent)
         if parent is not None:
             child = carried.get(joint.name)
             if child is not None:
-                place = chained(inverse(parent), child)
-            places[joint.child] = chained(parent, place)
+                place = compose(invert(parent), child)
+            places[joint.child] = compose(parent, place)
         if joint.kind != "fixed" and joint.name in positions:
             found.append((joint, place))
     return found
 
 
-def _carried(tree: list[Joint], in_base: Mapping[str, Transform]) -> dict[str, Transform]:
-    """By moving joint, where its child is, from a link that it carries rigidly."""
+def _known_children(tree: list[Joint], in_base: Mapping[str, Transform]) -> dict[str, Transform]:
+    """By moving joint: the pose of its child, from a link rigidly attached to it."""
     above = {joint.child: joint for joint in tree}
     found = {}
     for link, place in in_base.items():
         joint, inner = above.get(link), IDENTITY
         while joint is not None and joint.kind == "fixed":
-            inner, joint = chained(joint.origin, inner), above.get(joint.parent)
+            inner, joint = compose(joint.origin, inner), above.get(joint.parent)
         if joint is not None:
-            found[joint.name] = chained(place, inverse(inner))
+            found[joint.name] = compose(place, invert(inner))
     return found
 
 
-def _outwards(tree: list[Joint], base: str) -> list[Joint]:
-    """The joints, those outwards of ``base`` in the order from it."""
+def _ordered_from(tree: list[Joint], base: str) -> list[Joint]:
+    """The joints, with those below ``base`` last and in order of their distance from it."""
     below: dict[str, list[Joint]] = {}
     for joint in tree:
         below.setdefault(joint.parent, []).append(joint)
@@ -207,8 +213,8 @@ def _outwards(tree: list[Joint], base: str) -> list[Joint]:
 
 
 def with_mesh_folder(urdf: str, folder: str) -> str:
-    """The URDF with ``folder`` (a URI that ends in ``/``) before each relative path
-    of a mesh, as RViz needs it."""
+    """The URDF with ``folder``, a URI, before each relative path of a mesh, as required by
+    RViz."""
     if not folder:
         return urdf
     root = xml.fromstring(urdf)

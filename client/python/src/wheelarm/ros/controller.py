@@ -1,9 +1,8 @@
-"""The node as a commander: when it takes control, keeps it and gives it back.
+"""The node as a commander: it requests, keeps and releases control, and sends commands.
 
-In real time control is taken with the first wish of a topic and given back when
-no wish has come for a while and the robot is at rest. In lock-step it is taken
-when the simulation is stepped or played, because time waits for whoever holds
-it. Nothing here knows ROS.
+In real time the first command of a topic requests control; control is released when no
+command has arrived for a while and the robot is at rest. In lock-step a step or play
+requests it, because time waits for the client in control. This module does not import ROS.
 """
 
 from __future__ import annotations
@@ -17,136 +16,135 @@ from ..client import Client
 from ..commander import Commander
 from ..errors import WheelArmError
 from ..lockstep import CONTROL_HZ, TICKS_PER_CONTROL
-from .command import BadCommand, Wishes
+from .command import BadCommandError, PendingCommands
 
-#: Seconds between two tries to take control that somebody else holds.
-AGAIN = 1.0
-#: Seconds of silence after which the server is asked whether time waits for us: a
-#: clock may be lost.
+#: Seconds between two requests for control that another client holds.
+RETRY_INTERVAL = 1.0
+#: Seconds of silence after which the status is requested: a clock may have been lost.
 SILENCE = 1.0
 #: Joint and wheel speeds below which the robot is at rest, rad/s.
 AT_REST = 1e-6
 
-#: Refusals that end control.
-_LOST = (
+#: Rejections that mean the loss of control.
+_LOSS_CODES = (
     v1.REFUSAL_CODE_NO_CONTROL,
     v1.REFUSAL_CODE_CONTROL_HELD,
     v1.REFUSAL_CODE_SEAL,
 )
 
 
-class Unable(WheelArmError):
-    """What was asked cannot be done; the words say why and what would help."""
+class UnavailableError(WheelArmError):
+    """A request that cannot be fulfilled; the text states the cause and the fix."""
 
 
-class Pilot:
-    """Sends what ``Wishes`` tells, from a thread of its own."""
+class Controller:
+    """Sends the commands of ``PendingCommands`` in its own thread."""
 
     def __init__(
         self,
         client: Client,
-        wishes: Wishes,
+        commands: PendingCommands,
         name: str,
         *,
         take: bool = False,
         lease_timeout: float = 5.0,
         rate: float = 1.0,
-        tell: Callable[[str], None] = lambda words: None,
+        report: Callable[[str], None] = lambda text: None,
     ):
-        """``name`` is the commander's; with ``take`` control is taken over from
-        whoever holds it. It is given back after ``lease_timeout`` seconds without a
-        wish, 0 keeps it. ``rate`` is simulated seconds per second while lock-step
-        time is played, 0 for as fast as it goes. ``tell`` hears problems in words."""
-        self.client, self.wishes, self.name, self.take = client, wishes, name, take
-        self.lease_timeout, self.rate, self.tell = lease_timeout, rate, tell
-        #: Time waits for its commander.
+        """``name`` is the name of the commander; ``take`` takes control over from the client
+        that holds it. Control is released after ``lease_timeout`` seconds without a command; 0
+        keeps it. ``rate`` is simulated seconds per second while lock-step time is played; 0
+        has no limit. ``report`` receives the texts of problems."""
+        self.client, self.commands, self.name, self.take = client, commands, name, take
+        self.lease_timeout, self.rate, self.report = lease_timeout, rate, report
+        #: Whether the pacing is lock-step.
         self.lock_step = False
         self.control: Commander | None = None
-        #: Commands that were refused.
+        #: Rejected commands (count).
         self.refused = 0
-        #: The newest problem in words; empty while all is well.
+        #: Text of the newest problem; empty without one.
         self.problem = ""
         self.changed = threading.Condition()
         self._clock = None
         self._answered: tuple[str, int, int] | None = None
         self._playing = False
         self._until: int | None = None
-        self._heard = self._wished = time.monotonic()
+        self._last_clock = self._last_command = time.monotonic()
         self._next = self._not_before = 0.0
         self._at_rest = True
         self._ended = False
         self._lease = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="pilot", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="controller", daemon=True)
         self._thread.start()
 
-    # What comes from the server.
+    # Input from the server.
 
     def clock(self, header) -> None:
-        """A control tick, after everything that was published up to it."""
+        """Processes the clock of a control tick, after all samples of the tick."""
         with self.changed:
             before = self._clock
-            self._clock, self._heard = header, time.monotonic()
+            self._clock, self._last_clock = header, time.monotonic()
             restarted = before is not None and before.run_id != header.run_id
             if before is not None and (restarted or header.tick < before.tick):
-                self.wishes.clear()
+                self.commands.clear()
                 self._answered = None
             if restarted:
-                self._lost()
+                self._lose_control()
             self.changed.notify_all()
 
     def applied(self, sample) -> None:
-        """What the robot was told at a control tick."""
+        """Processes ``wheelarm.v1.Applied``: the targets in force at a control tick."""
         with self.changed:
             if len(sample.joint_positions):
-                self.wishes.targets = (list(sample.joint_positions), sample.knuckle)
+                self.commands.targets = (list(sample.joint_positions), sample.knuckle)
             speeds = [*sample.joint_velocities, *sample.wheel_velocities]
             self._at_rest = all(abs(speed) < AT_REST for speed in speeds)
 
     def refusal(self, sample) -> None:
-        """A command was not taken."""
+        """Processes ``wheelarm.v1.Refusal``: the rejection of a command."""
         if sample.commander != self.name:
             return
         with self.changed:
             self.refused += max(1, sample.count)
             self.problem = sample.reason
             if sample.code == v1.REFUSAL_CODE_INVALID:
-                # The same again would be refused again.
-                self.wishes.drop()
-            if sample.code in _LOST:
-                self._lost()
+                # A repetition would be rejected again.
+                self.commands.drop()
+            if sample.code in _LOSS_CODES:
+                self._lose_control()
             if sample.code not in (v1.REFUSAL_CODE_ANSWERED, v1.REFUSAL_CODE_TOO_OLD):
-                # In lock-step the tick is still to be answered.
+                # In lock-step the tick is still unanswered.
                 self._answered = None
             self.changed.notify_all()
-        self.tell(f"a command was refused: {sample.reason}")
+        self.report(f"a command was refused: {sample.reason}")
 
     def episode_ended(self) -> None:
-        """The running episode is over."""
+        """Processes the end of the running episode."""
         with self.changed:
             self._until = None
             self.changed.notify_all()
 
-    # What ROS asks for.
+    # Requests of ROS.
 
-    def wish(self, put: Callable[[Wishes, float, int], None]) -> str:
-        """Lets ``put`` change the wishes, at a wall time, s, and the simulation
-        time, ns. Returns what is wrong in words, empty when nothing is."""
+    def update(self, change: Callable[[PendingCommands, float, int], None]) -> str:
+        """Calls ``change`` with the pending commands, the wall time, s, and the simulation time,
+        ns. Returns the text of an error, empty without one."""
         with self.changed:
             now = time.monotonic()
             stamp = self._clock.stamp_nanos if self._clock is not None else 0
             try:
-                put(self.wishes, now, stamp)
-            except BadCommand as problem:
-                self.problem = str(problem)
-                return str(problem)
-            self._wished = now
+                change(self.commands, now, stamp)
+            except BadCommandError as error:
+                self.problem = str(error)
+                return str(error)
+            self._last_command = now
             self.changed.notify_all()
             return ""
 
     def take_control(self) -> None:
-        """Takes control, if it is not there already.
+        """Requests control unless it is held already.
 
-        Raises ``wheelarm.Refused`` in words that name who holds it.
+        Raises ``wheelarm.RefusedError`` with the name of the client in control.
         """
         with self._lease:
             if self.control is not None:
@@ -154,11 +152,11 @@ class Pilot:
             control = self.client.commander(self.name, take=self.take)
             with self.changed:
                 self.control, self.problem = control, ""
-                self._wished = time.monotonic()
+                self._last_command = time.monotonic()
                 self.changed.notify_all()
 
     def release(self) -> None:
-        """Gives control back; the chair brakes, the arm holds."""
+        """Releases control; the chair brakes, the arm holds."""
         with self._lease:
             with self.changed:
                 control, self.control = self.control, None
@@ -168,21 +166,21 @@ class Pilot:
 
     @property
     def is_playing(self) -> bool:
-        """Whether lock-step time is answered tick by tick."""
+        """Whether every control tick of lock-step is answered."""
         return self._playing
 
     def play(self, playing: bool) -> None:
-        """Answers every control tick of lock-step from now on, or none."""
+        """Answers every control tick of lock-step from now on if ``playing``, else none."""
         with self.changed:
             self._playing = playing
             self._next = time.monotonic()
             self.changed.notify_all()
 
     def step(self, steps: int, episode: int, tick: int) -> None:
-        """Answers ``steps`` control ticks of a lock-step episode from ``tick`` on
-        and returns when the state after the last one has come.
+        """Answers ``steps`` control ticks of a lock-step episode from ``tick`` on, and returns
+        after the arrival of the state after the last one.
 
-        Raises ``Unable`` when the episode or control ends meanwhile.
+        Raises ``UnavailableError`` when the episode or control ends before.
         """
         with self.changed:
             self._until = until = tick + steps * TICKS_PER_CONTROL
@@ -190,20 +188,20 @@ class Pilot:
 
             def is_over() -> bool:
                 clock = self._clock
-                there = clock is not None and clock.episode == episode and clock.tick >= until
-                return there or self._until is None or self.control is None or self._ended
+                arrived = clock is not None and clock.episode == episode and clock.tick >= until
+                return arrived or self._until is None or self.control is None or self._ended
 
             self.changed.wait_for(is_over)
             clock, self._until = self._clock, None
             if clock is None or clock.episode != episode or clock.tick < until:
                 reached = clock.tick if clock is not None else tick
-                raise Unable(
-                    f"{(reached - tick) // TICKS_PER_CONTROL} of {steps} steps are done: "
-                    + (self.problem or "the episode or control ended")
+                raise UnavailableError(
+                    f"only {(reached - tick) // TICKS_PER_CONTROL} of {steps} steps are done: "
+                    + (self.problem or "the episode or control ended; step again")
                 )
 
     def close(self) -> None:
-        """Gives control back and ends the thread."""
+        """Releases control and ends the thread."""
         with self.changed:
             self._ended = True
             self.changed.notify_all()
@@ -212,24 +210,24 @@ class Pilot:
 
     # The thread.
 
-    def _lost(self) -> None:
+    def _lose_control(self) -> None:
         control, self.control = self.control, None
         self._playing, self._until = False, None
         if control is not None:
             threading.Thread(target=control.close, daemon=True).start()
 
-    def _name_of(self, header) -> tuple[str, int, int]:
+    def _tick_id(self, header) -> tuple[str, int, int]:
         return header.run_id, header.episode, header.tick
 
     def _is_due(self) -> bool:
-        """Whether the newest control tick is to be answered now."""
+        """Whether the newest control tick needs an answer now."""
         clock = self._clock
         if self._ended:
             return True
-        if clock is None or self._answered == self._name_of(clock):
+        if clock is None or self._answered == self._tick_id(clock):
             return False
         if not self.lock_step:
-            return self.wishes.is_waiting
+            return self.commands.is_waiting
         if self.control is None or not clock.episode:
             return False
         if self._until is not None and clock.tick < self._until:
@@ -249,31 +247,31 @@ class Pilot:
                     wait = self._next - time.monotonic()
             try:
                 if not due:
-                    self._look_around()
+                    self._check_between_ticks()
                     continue
                 if wait > 0:
                     time.sleep(wait)
                 self._next = max(self._next, time.monotonic() - 0.1)
                 if self.rate:
                     self._next += 1 / (CONTROL_HZ * self.rate)
-                if self.control is None and not self._try_control():
+                if self.control is None and not self._request_control():
                     continue
                 self._answer(header)
-            except WheelArmError as problem:
-                self._report(str(problem))
+            except WheelArmError as error:
+                self._report(str(error))
 
-    def _try_control(self) -> bool:
+    def _request_control(self) -> bool:
         if time.monotonic() < self._not_before:
             with self.changed:
-                self.wishes.drop()
+                self.commands.drop()
             return False
         try:
             self.take_control()
-        except WheelArmError as problem:
+        except WheelArmError as error:
             with self.changed:
-                self.wishes.drop()
-            self._not_before = time.monotonic() + AGAIN
-            self._report(f"no command is taken: {problem}")
+                self.commands.drop()
+            self._not_before = time.monotonic() + RETRY_INTERVAL
+            self._report(f"commands are ignored without control: {error}")
             return False
         return True
 
@@ -282,44 +280,44 @@ class Pilot:
             control = self.control
             if control is None:
                 return
-            wanted = self.wishes.at(time.monotonic(), header.stamp_nanos)
+            parts = self.commands.command_at(time.monotonic(), header.stamp_nanos)
             command = v1.Command()
-            wanted.fill(command)
+            parts.fill(command)
             command.device = v1.DEVICE_PROGRAM
-            goal = wanted.pose is not None
+            goal = parts.pose is not None
             command.mode = v1.INPUT_MODE_GOAL if goal else v1.INPUT_MODE_STREAM
-            self._answered = self._name_of(header)
-            if wanted:
-                self._wished = time.monotonic()
+            self._answered = self._tick_id(header)
+            if parts:
+                self._last_command = time.monotonic()
         control.send(command, header=header)
-        # The node hears refusals with all other topics.
+        # Empties the queue of rejections: the node receives them with all other topics.
         control.refusals()
 
-    def _look_around(self) -> None:
-        """Between ticks: a clock that was lost, control that nobody needs."""
+    def _check_between_ticks(self) -> None:
+        """Requests the status after a lost clock, and releases unused control."""
         now = time.monotonic()
         with self.changed:
             waiting = self.lock_step and self.control is not None
             waiting = waiting and (self._playing or self._until is not None)
-            silent = waiting and now - self._heard > SILENCE
+            silent = waiting and now - self._last_clock > SILENCE
             idle = (
                 not self.lock_step
                 and self.control is not None
                 and self.lease_timeout > 0
-                and now - self._wished > self.lease_timeout
+                and now - self._last_command > self.lease_timeout
                 and self._at_rest
-                and not self.wishes.is_waiting
+                and not self.commands.is_waiting
             )
         if silent:
             status = self.client.status()
             with self.changed:
-                self._heard = now
+                self._last_clock = now
                 if status.HasField("episode") and not status.paused:
                     self._clock = status.header
                     self.changed.notify_all()
         if idle:
             self.release()
 
-    def _report(self, words: str) -> None:
-        self.problem = words
-        self.tell(words)
+    def _report(self, text: str) -> None:
+        self.problem = text
+        self.report(text)
