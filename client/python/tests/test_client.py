@@ -73,7 +73,7 @@ def test_chair_drives_the_commanded_distance_in_lock_step(client):
         stopped = episode.stop()
     counts = {one.stream: one.count for one in stopped.manifest}
     assert counts["clock"] == 30 * 6 + 1
-    assert stopped.cause == v1.END_CAUSE_ASKED
+    assert stopped.cause == v1.END_CAUSE_REQUESTED
 
 
 def test_rejected_command_raises_and_the_tick_can_be_answered_again(client):
@@ -127,8 +127,8 @@ def test_images_of_a_tick_have_the_instance_ids_of_the_scene():
                 assert moment.frames["room"].tick == moment.tick
                 assert moment.frames["gen3"].tick == moment.tick - moment.tick % 24
         frame = moment.frames["room"]
-        assert frame.rgb.shape == (54, 96, 3) and frame.depth.shape == (54, 96)
-        assert set(np.unique(frame.ids)) - {0} <= legend and len(np.unique(frame.ids)) > 3
+        assert frame.color.shape == (54, 96, 3) and frame.depth.shape == (54, 96)
+        assert set(np.unique(frame.segmentation)) - {0} <= legend and len(np.unique(frame.segmentation)) > 3
         assert np.isfinite(frame.depth).mean() > 0.5 and frame.depth.min() > 0.0
 
 

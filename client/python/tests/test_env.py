@@ -131,7 +131,7 @@ def test_scenario_seed_equals_that_of_the_other_programs():
 def test_fields_of_one_episode_do_not_affect_the_next():
     more = {
         "person": {"body": "woman_p50", "posture": "hands_in_lap"},
-        "look": {"seed": 3, "light": 2},
+        "appearance": {"seed": 3, "light": 2},
         "disturbances": {"noise": 2},
         "starts": "anywhere",
         "time_limit_seconds": 5.0,

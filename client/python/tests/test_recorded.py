@@ -111,8 +111,8 @@ def test_streams_and_images_equal_the_recording(tmp_path):
         for camera, frames in images.items():
             group = file["streams/camera"][camera]
             assert len(frames) == wanted[f"camera/{camera}"] == 11
-            for name in ("rgb", "depth", "ids"):
-                ours = np.array([getattr(frame, name) for frame in frames])
+            for name, plane in (("rgb", "color"), ("depth", "depth"), ("ids", "segmentation")):
+                ours = np.array([getattr(frame, plane) for frame in frames])
                 assert np.array_equal(ours, group[name][:]), (camera, name)
                 compared += 1
             poses = np.array([wheelarm.pose(frame.pose) for frame in frames])

@@ -18,12 +18,12 @@ def camera_frame(**more):
         "camera": "gen3",
         "intrinsics": v1.Intrinsics(width=2, height=1, fx=2.0, fy=2.0, cx=1.0, cy=0.5),
         "pose": v1.Pose(position=v1.Vector3(x=1.5)),
-        "rgb": bytes([1, 2, 3, 4, 5, 6]),
+        "color": bytes([1, 2, 3, 4, 5, 6]),
         "depth": depth.tobytes(),
-        "ids": np.array([256, 7], "<u2").tobytes(),
-        "rgb_format": v1.PIXEL_FORMAT_RGB8,
+        "segmentation": np.array([256, 7], "<u2").tobytes(),
+        "color_format": v1.PIXEL_FORMAT_RGB8,
         "depth_format": v1.PIXEL_FORMAT_DEPTH_METRES_F32,
-        "ids_format": v1.PIXEL_FORMAT_ID_U16,
+        "segmentation_format": v1.PIXEL_FORMAT_ID_U16,
     }
     return v1.CameraFrame(**{**fields, **more})
 
@@ -33,11 +33,11 @@ def test_planes_are_views_of_the_received_bytes():
     frame = Frame.from_bytes(data)
     assert (frame.camera, frame.tick, frame.header.episode) == ("gen3", 24, 3)
     assert frame.pose.position.x == 1.5
-    assert frame.rgb.tolist() == [[[1, 2, 3], [4, 5, 6]]]
+    assert frame.color.tolist() == [[[1, 2, 3], [4, 5, 6]]]
     assert frame.depth.tolist() == [[2.0, np.inf]]
-    assert frame.ids.tolist() == [[256, 7]]
+    assert frame.segmentation.tolist() == [[256, 7]]
     whole = np.frombuffer(data, np.uint8)
-    for plane in (frame.rgb, frame.depth_raw, frame.ids):
+    for plane in (frame.color, frame.depth_raw, frame.segmentation):
         assert np.shares_memory(plane, whole) and not plane.flags.writeable
     # Counted from the centre of the first pixel, as in OpenCV.
     assert frame.matrix.tolist() == [[2.0, 0.0, 0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
@@ -47,12 +47,12 @@ def test_depth_in_millimetres_and_8_bit_ids_are_read():
     coarse = camera_frame(
         depth=np.array([2000, 0], "<u2").tobytes(),
         depth_format=v1.PIXEL_FORMAT_DEPTH_MILLIMETRES_U16,
-        ids=bytes([3, 9]),
-        ids_format=v1.PIXEL_FORMAT_ID_U8,
+        segmentation=bytes([3, 9]),
+        segmentation_format=v1.PIXEL_FORMAT_ID_U8,
     )
     frame = Frame.from_bytes(coarse.SerializeToString())
     assert frame.depth.tolist() == [[2.0, np.inf]] and frame.depth.dtype == np.float32
-    assert frame.ids.tolist() == [[3, 9]]
+    assert frame.segmentation.tolist() == [[3, 9]]
 
 
 def test_sensor_frame_without_color_and_ids_is_read():
@@ -67,7 +67,7 @@ def test_sensor_frame_without_color_and_ids_is_read():
             exposure_nanos=5,
         ).SerializeToString()
     )
-    assert frame.rgb is None and frame.ids is None
+    assert frame.color is None and frame.segmentation is None
     assert frame.depth_raw.tolist() == [[0x0201]]
 
 
@@ -75,9 +75,9 @@ def test_sensor_frame_without_color_and_ids_is_read():
     "change",
     [
         {"depth": b"1234567"},
-        {"rgb": b"", "depth": b"1"},
-        {"ids_format": 99},
-        {"rgb_format": v1.PIXEL_FORMAT_ID_U8},
+        {"color": b"", "depth": b"1"},
+        {"segmentation_format": 99},
+        {"color_format": v1.PIXEL_FORMAT_ID_U8},
         {"intrinsics": v1.Intrinsics(width=2**32 - 1, height=2**32 - 1)},
     ],
 )

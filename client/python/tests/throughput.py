@@ -54,12 +54,12 @@ def publish(endpoint: str, rate: float, go, over) -> None:
     random = np.random.default_rng(0)
     plain = {
         "intrinsics": v1.Intrinsics(width=width, height=height, fx=900, fy=900, cx=640, cy=360),
-        "rgb": random.integers(0, 255, width * height * 3, np.uint8).tobytes(),
+        "color": random.integers(0, 255, width * height * 3, np.uint8).tobytes(),
         "depth": random.random(width * height, np.float32).tobytes(),
-        "ids": random.integers(0, 99, width * height).astype("<u2").tobytes(),
-        "rgb_format": 1,
+        "segmentation": random.integers(0, 99, width * height).astype("<u2").tobytes(),
+        "color_format": 1,
         "depth_format": 2,
-        "ids_format": 5,
+        "segmentation_format": 5,
     }
     # Encoded once without the header: fields may have any order, so it can precede the rest.
     rest = {name: v1.CameraFrame(camera=name, **plain).SerializeToString() for name in CAMERAS}
@@ -114,8 +114,8 @@ def main() -> None:
                 delays.append(time.monotonic_ns() - frame.header.stamp_nanos)
                 found[name].append(frame.header.sequence)
                 # Reads every plane, as a user would.
-                mean += float(frame.rgb[::64, ::64].mean() + frame.depth[::64, ::64].mean())
-                assert frame.ids.shape == SIZE[::-1]
+                mean += float(frame.color[::64, ::64].mean() + frame.depth[::64, ::64].mean())
+                assert frame.segmentation.shape == SIZE[::-1]
         wall, busy = time.monotonic() - begun, time.process_time() - busy
         over.set()
         client.close()

@@ -61,12 +61,12 @@ def undo_value(field: str, original: v1.Scenario, task: str) -> Any | None:
         if field in ("person", "language"):
             # The reset samples these parts again.
             value = type(value).FromString(value.SerializeToString())
-            for sampled in ("drawn", "template", "question", "ambiguous"):
+            for sampled in ("sampled", "template", "question", "ambiguous"):
                 if sampled in value.DESCRIPTOR.fields_by_name:
                     value.ClearField(sampled)
         return value
     absent = {
-        "look": v1.Look(),
+        "appearance": v1.Appearance(),
         "disturbances": v1.Disturbances(),
         "person": v1.Person(body="none"),
         "time_limit_seconds": TASKS.get(task),

@@ -156,7 +156,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
         render_camera: Camera of `render`.
         render_size: Its width and height, pixels, unless `cameras` has it.
         scenario: Other fields of `v1.Scenario`, for example
-            ``{"starts": "anywhere", "look": {"seed": 3, "light": 2}}``. State streams have the
+            ``{"starts": "anywhere", "appearance": {"seed": 3, "light": 2}}``. State streams have the
             rate `control_rate`; for a recording, give ``{"state_rate_hz": 60.0}``.
         server: Arguments of `wheelarm.Server`, for example ``{"adapter": "llvmpipe"}``.
         endpoint: A running server to use instead of starting one.
@@ -597,7 +597,7 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             return out
         frames = {name: moment.frames[name] for name in self.cameras}
         # Copies: a frame is a read-only view of a message.
-        out["pixels"] = {name: np.array(frame.rgb) for name, frame in frames.items()}
+        out["pixels"] = {name: np.array(frame.color) for name, frame in frames.items()}
         if self.obs_mode == "rgbd":
             out["depth"] = {name: np.array(frame.depth) for name, frame in frames.items()}
         return out
@@ -667,10 +667,10 @@ class WheelArmEnv(gymnasium.Env[dict[str, Any], Any]):
             raise gymnasium.error.ResetNeeded("call reset before render")
         frame = self._moment.frames[self.render_camera]
         if self.render_mode == "rgb_array":
-            return np.array(frame.rgb)
+            return np.array(frame.color)
         if self.render_mode == "depth_array":
             return np.array(frame.depth)
-        return np.array(frame.rgb), np.array(frame.depth)
+        return np.array(frame.color), np.array(frame.depth)
 
     # -- end -------------------------------------------------------------------------
 

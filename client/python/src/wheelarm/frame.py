@@ -14,17 +14,17 @@ from .errors import GarbledError
 
 #: Pixel format: plane, type of a value, values of a pixel.
 _FORMATS: dict[int, tuple[str, Any, int]] = {
-    int(v1.PIXEL_FORMAT_RGB8): ("rgb", np.dtype("u1"), 3),
+    int(v1.PIXEL_FORMAT_RGB8): ("color", np.dtype("u1"), 3),
     int(v1.PIXEL_FORMAT_DEPTH_METRES_F32): ("depth", np.dtype("<f4"), 1),
     int(v1.PIXEL_FORMAT_DEPTH_MILLIMETRES_U16): ("depth", np.dtype("<u2"), 1),
-    int(v1.PIXEL_FORMAT_ID_U8): ("ids", np.dtype("u1"), 1),
-    int(v1.PIXEL_FORMAT_ID_U16): ("ids", np.dtype("<u2"), 1),
+    int(v1.PIXEL_FORMAT_ID_U8): ("segmentation", np.dtype("u1"), 1),
+    int(v1.PIXEL_FORMAT_ID_U16): ("segmentation", np.dtype("<u2"), 1),
 }
 #: Formats of planes without one.
 _DEFAULTS = {
-    "rgb": int(v1.PIXEL_FORMAT_RGB8),
+    "color": int(v1.PIXEL_FORMAT_RGB8),
     "depth": int(v1.PIXEL_FORMAT_DEPTH_METRES_F32),
-    "ids": int(v1.PIXEL_FORMAT_ID_U8),
+    "segmentation": int(v1.PIXEL_FORMAT_ID_U8),
 }
 #: Field numbers of `CameraFrame`; `SensorFrame` has the same, with `sensor` for `camera`.
 _NUMBER = {field.name: field.number for field in v1.CameraFrame.DESCRIPTOR.fields}
@@ -44,11 +44,11 @@ class Frame:
         intrinsics: Pinhole intrinsics, pixels; the centre of the first pixel is at
             (0.5, 0.5). OpenCV and ROS count from this centre: subtract 0.5 from cx and cy.
         pose: Pose of the optical frame (z forward, x right, y down) in `house`, metres.
-        rgb: Color, (height, width, 3) uint8, sRGB. None for a sensor without color.
+        color: Color, (height, width, 3) uint8, sRGB. None for a sensor without color.
         depth_raw: Depth along the optical axis as sent, (height, width): float32 in metres,
             infinite without a surface, or uint16 in millimetres, 0 without a surface. None
             for a sensor without depth.
-        ids: Instance ids, (height, width) uint16 or uint8; 0 without a surface. The scene
+        segmentation: Instance ids, (height, width) uint16 or uint8; 0 without a surface. The scene
             query lists their bodies. None for a sensor.
     """
 
@@ -56,9 +56,9 @@ class Frame:
     header: v1.Header
     intrinsics: v1.Intrinsics
     pose: v1.Pose
-    rgb: NDArray[np.uint8] | None
+    color: NDArray[np.uint8] | None
     depth_raw: NDArray[Any] | None
-    ids: NDArray[Any] | None
+    segmentation: NDArray[Any] | None
 
     @property
     def tick(self) -> int:
@@ -132,4 +132,4 @@ class Frame:
             shape = (height, width, 3) if channels == 3 else (height, width)
             return np.frombuffer(planes[name], dtype=dtype).reshape(shape)
 
-        return cls(camera, header, intrinsics, pose, plane("rgb"), plane("depth"), plane("ids"))
+        return cls(camera, header, intrinsics, pose, plane("color"), plane("depth"), plane("segmentation"))

@@ -81,11 +81,11 @@ class Observation:
     def from_proto(message: Any) -> Observation:
         """Converts a `PolicyObservation`."""
 
-        def images_of(moment: Any, plane: str) -> dict[str, np.ndarray]:
+        def images_of(step: Any, plane: str) -> dict[str, np.ndarray]:
             out: dict[str, np.ndarray] = {}
-            for image in moment.pictures:
+            for image in step.images:
                 data = getattr(image, plane)
-                if plane == "rgb":
+                if plane == "color":
                     pixels = np.frombuffer(data, np.uint8)
                     out[image.camera] = pixels.reshape(image.height, image.width, 3)
                 elif data:
@@ -99,9 +99,9 @@ class Observation:
             first=message.first,
             tick=message.tick,
             instruction=message.instruction,
-            states=np.array([list(moment.state_values) for moment in message.moments]),
-            images=[images_of(moment, "rgb") for moment in message.moments],
-            depths=[images_of(moment, "depth") for moment in message.moments],
+            states=np.array([list(step.state_values) for step in message.steps]),
+            images=[images_of(step, "color") for step in message.steps],
+            depths=[images_of(step, "depth") for step in message.steps],
         )
 
 

@@ -596,7 +596,7 @@ class EndCause(int, metaclass=_EnumWrapper):
     """Why an episode ended."""
     END_CAUSE_UNSPECIFIED: _ClassVar[EndCause]
     """Not told: an older server."""
-    END_CAUSE_ASKED: _ClassVar[EndCause]
+    END_CAUSE_REQUESTED: _ClassVar[EndCause]
     """A client asked for it."""
     END_CAUSE_PHYSICS: _ClassVar[EndCause]
     """The state of the simulation broke; the last of `anomalies` says how. The last sample is of
@@ -608,7 +608,7 @@ class EndCause(int, metaclass=_EnumWrapper):
     """The server was told to end."""
 
 END_CAUSE_UNSPECIFIED: EndCause
-END_CAUSE_ASKED: EndCause
+END_CAUSE_REQUESTED: EndCause
 END_CAUSE_PHYSICS: EndCause
 END_CAUSE_RECORDERS: EndCause
 END_CAUSE_SHUTDOWN: EndCause
@@ -812,6 +812,46 @@ POLICY_ACTION_UNSPECIFIED: PolicyAction
 POLICY_ACTION_NEXT_POSE: PolicyAction
 POLICY_ACTION_NEXT_JOINTS: PolicyAction
 
+class Appearance(_Message):
+    """What the cameras see of a run beside what moves. Physics does not know it: the same scenario
+    with another look has the same state hashes. Every axis has a strength: 0 off, 1 slight, 2
+    usual, 3 strong; each draws from the seed alone, whatever the others are.
+    """
+    seed: int
+    """Seed of all draws of the look (no unit)."""
+    light: int
+    """Sun, sky, lamps and their colours: strength, 0 to 3 (no unit)."""
+    background: int
+    """Walls, floor, ceiling: strength, 0 to 3 (no unit)."""
+    materials: int
+    """Furniture, by families of materials: strength, 0 to 3 (no unit)."""
+    exposure: int
+    """Exposure and white balance of the cameras: strength, 0 to 3 (no unit)."""
+    decoration: int
+    """Pictures on the walls, rugs, plants, lamps that touch nothing: strength, 0 to 3. They have
+    the id 0, depth sees them (no unit).
+    """
+    camera: int
+    """Places of the robot's cameras, up to 1.5 cm and 8 degrees at strength 3, on top of the
+    calibration: strength, 0 to 3. What is drawn stands in `cameras` (no unit).
+    """
+    lens: int
+    """Focal length of the robot's cameras, up to 12 % at strength 3, on top of the calibration:
+    strength, 0 to 3. What is drawn stands in `cameras` (no unit).
+    """
+    def __init__(
+        self,
+        *,
+        seed: int | None = ...,
+        light: int | None = ...,
+        background: int | None = ...,
+        materials: int | None = ...,
+        exposure: int | None = ...,
+        decoration: int | None = ...,
+        camera: int | None = ...,
+        lens: int | None = ...,
+    ) -> None: ...
+
 class Header(_Message):
     """Stands first in every message that is published and in every answer."""
     run_id: str
@@ -971,22 +1011,22 @@ class CameraFrame(_Message):
     """Intrinsics of this picture, pixels."""
     pose: Pose
     """Pose of the optical frame in `house`, metres."""
-    rgb: bytes
-    """Colour in `rgb_format`, row-major from the top left (0 to 255)."""
+    color: bytes
+    """Colour in `color_format`, row-major from the top left (0 to 255)."""
     depth: bytes
     """Depth in `depth_format`, row-major from the top left, metres or millimetres along the
     optical axis.
     """
-    ids: bytes
-    """Instance ids in `ids_format`, row-major from the top left; legend in the scene query (no
-    unit).
+    segmentation: bytes
+    """Instance ids in `segmentation_format`, row-major from the top left; legend in the scene
+    query (no unit).
     """
-    rgb_format: PixelFormat
-    """Format of `rgb` (no unit)."""
+    color_format: PixelFormat
+    """Format of `color` (no unit)."""
     depth_format: PixelFormat
     """Format of `depth` (no unit)."""
-    ids_format: PixelFormat
-    """Format of `ids` (no unit)."""
+    segmentation_format: PixelFormat
+    """Format of `segmentation` (no unit)."""
     def __init__(
         self,
         *,
@@ -994,12 +1034,12 @@ class CameraFrame(_Message):
         camera: str | None = ...,
         intrinsics: Intrinsics | _Mapping[str, _Any] | None = ...,
         pose: Pose | _Mapping[str, _Any] | None = ...,
-        rgb: bytes | None = ...,
+        color: bytes | None = ...,
         depth: bytes | None = ...,
-        ids: bytes | None = ...,
-        rgb_format: PixelFormat | str | int | None = ...,
+        segmentation: bytes | None = ...,
+        color_format: PixelFormat | str | int | None = ...,
         depth_format: PixelFormat | str | int | None = ...,
-        ids_format: PixelFormat | str | int | None = ...,
+        segmentation_format: PixelFormat | str | int | None = ...,
     ) -> None: ...
 
 class CompressedCameraFrame(_Message):
@@ -1015,23 +1055,23 @@ class CompressedCameraFrame(_Message):
     """Intrinsics of this picture, pixels."""
     pose: Pose
     """Pose of the optical frame in `house`, metres."""
-    rgb: bytes
-    """Colour in `rgb_format`, deflated (bytes)."""
+    color: bytes
+    """Colour in `color_format`, deflated (bytes)."""
     depth: bytes
     """Depth in `depth_format`, metres, or millimetres as all who record keep it: the bytes of its
     elements shuffled as HDF5's filter does, then deflated (bytes); empty where nobody keeps
     depth.
     """
-    ids: bytes
-    """Instance ids in `ids_format`, the bytes of their 16-bit elements shuffled, then deflated
-    (bytes).
+    segmentation: bytes
+    """Instance ids in `segmentation_format`, the bytes of their 16-bit elements shuffled, then
+    deflated (bytes).
     """
-    rgb_format: PixelFormat
-    """Format of `rgb` (no unit)."""
+    color_format: PixelFormat
+    """Format of `color` (no unit)."""
     depth_format: PixelFormat
     """Format of `depth` (no unit)."""
-    ids_format: PixelFormat
-    """Format of `ids` (no unit)."""
+    segmentation_format: PixelFormat
+    """Format of `segmentation` (no unit)."""
     digest: bytes
     """BLAKE3 hash of the encoded CameraFrame, of which the manifest's digest of `camera/NAME` is
     made (32 bytes).
@@ -1043,12 +1083,12 @@ class CompressedCameraFrame(_Message):
         camera: str | None = ...,
         intrinsics: Intrinsics | _Mapping[str, _Any] | None = ...,
         pose: Pose | _Mapping[str, _Any] | None = ...,
-        rgb: bytes | None = ...,
+        color: bytes | None = ...,
         depth: bytes | None = ...,
-        ids: bytes | None = ...,
-        rgb_format: PixelFormat | str | int | None = ...,
+        segmentation: bytes | None = ...,
+        color_format: PixelFormat | str | int | None = ...,
         depth_format: PixelFormat | str | int | None = ...,
-        ids_format: PixelFormat | str | int | None = ...,
+        segmentation_format: PixelFormat | str | int | None = ...,
         digest: bytes | None = ...,
     ) -> None: ...
 
@@ -1064,15 +1104,15 @@ class SensorFrame(_Message):
     """Intrinsics of this picture, pixels."""
     pose: Pose
     """Pose of the optical frame in `house` at the exposure, metres."""
-    rgb: bytes
-    """Colour in `rgb_format`, row-major from the top left (0 to 255); empty of a depth sensor.
+    color: bytes
+    """Colour in `color_format`, row-major from the top left (0 to 255); empty of a depth sensor.
     """
     depth: bytes
     """Depth in `depth_format`, row-major from the top left, millimetres along the optical axis; 0
     where there is no return; empty of a colour sensor.
     """
-    rgb_format: PixelFormat
-    """Format of `rgb` (no unit)."""
+    color_format: PixelFormat
+    """Format of `color` (no unit)."""
     depth_format: PixelFormat
     """Format of `depth` (no unit)."""
     camera: str
@@ -1088,9 +1128,9 @@ class SensorFrame(_Message):
         sensor: str | None = ...,
         intrinsics: Intrinsics | _Mapping[str, _Any] | None = ...,
         pose: Pose | _Mapping[str, _Any] | None = ...,
-        rgb: bytes | None = ...,
+        color: bytes | None = ...,
         depth: bytes | None = ...,
-        rgb_format: PixelFormat | str | int | None = ...,
+        color_format: PixelFormat | str | int | None = ...,
         depth_format: PixelFormat | str | int | None = ...,
         camera: str | None = ...,
         exposure_nanos: int | None = ...,
@@ -1985,46 +2025,6 @@ class Language(_Message):
         ambiguous: bool | None = ...,
     ) -> None: ...
 
-class Look(_Message):
-    """What the cameras see of a run beside what moves. Physics does not know it: the same scenario
-    with another look has the same state hashes. Every axis has a strength: 0 off, 1 slight, 2
-    usual, 3 strong; each draws from the seed alone, whatever the others are.
-    """
-    seed: int
-    """Seed of all draws of the look (no unit)."""
-    light: int
-    """Sun, sky, lamps and their colours: strength, 0 to 3 (no unit)."""
-    background: int
-    """Walls, floor, ceiling: strength, 0 to 3 (no unit)."""
-    materials: int
-    """Furniture, by families of materials: strength, 0 to 3 (no unit)."""
-    exposure: int
-    """Exposure and white balance of the cameras: strength, 0 to 3 (no unit)."""
-    decoration: int
-    """Pictures on the walls, rugs, plants, lamps that touch nothing: strength, 0 to 3. They have
-    the id 0, depth sees them (no unit).
-    """
-    camera: int
-    """Places of the robot's cameras, up to 1.5 cm and 8 degrees at strength 3, on top of the
-    calibration: strength, 0 to 3. What is drawn stands in `cameras` (no unit).
-    """
-    lens: int
-    """Focal length of the robot's cameras, up to 12 % at strength 3, on top of the calibration:
-    strength, 0 to 3. What is drawn stands in `cameras` (no unit).
-    """
-    def __init__(
-        self,
-        *,
-        seed: int | None = ...,
-        light: int | None = ...,
-        background: int | None = ...,
-        materials: int | None = ...,
-        exposure: int | None = ...,
-        decoration: int | None = ...,
-        camera: int | None = ...,
-        lens: int | None = ...,
-    ) -> None: ...
-
 class Person(_Message):
     """Who is to sit in the chair. Names are those of assets/people; what is empty is drawn by the
     seed.
@@ -2050,10 +2050,10 @@ class Person(_Message):
     """
     guard: bool
     """The guard is on: the server bounds speed and force of arm, gripper and chair beside the
-    person (no unit). Replies always set it. A request needs it only with `drawn`: otherwise the
-    guard is on unless `unguarded` is set.
+    person (no unit). Replies always set it. A request needs it only with `sampled`: otherwise
+    the guard is on unless `unguarded` is set.
     """
-    drawn: PersonDrawn
+    sampled: SampledPerson
     """Who was drawn; where it is told it is taken as it is."""
     unguarded: bool
     """The guard is off (no unit)."""
@@ -2069,11 +2069,11 @@ class Person(_Message):
         motion: float | None = ...,
         mouth_open: bool | None = ...,
         guard: bool | None = ...,
-        drawn: PersonDrawn | _Mapping[str, _Any] | None = ...,
+        sampled: SampledPerson | _Mapping[str, _Any] | None = ...,
         unguarded: bool | None = ...,
     ) -> None: ...
 
-class PersonDrawn(_Message):
+class SampledPerson(_Message):
     """Who was drawn. Names are those of assets/people."""
     body: str
     """Body (no unit)."""
@@ -2312,7 +2312,7 @@ class Scenario(_Message):
     """How the task is said, where the server draws the sentence. Absent takes what is in force, at
     start-up one of the task's own sentences (no unit). Optional.
     """
-    look: Look
+    appearance: Appearance
     """How it looks. Absent: as the scene's files say, or the one in force; with all axes 0 as the
     files say.
     """
@@ -2389,7 +2389,7 @@ class Scenario(_Message):
         deformable_rate_hz: float | None = ...,
         calibration_seed: int | None = ...,
         language: Language | _Mapping[str, _Any] | None = ...,
-        look: Look | _Mapping[str, _Any] | None = ...,
+        appearance: Appearance | _Mapping[str, _Any] | None = ...,
         disturbances: Disturbances | _Mapping[str, _Any] | None = ...,
         style: str | None = ...,
         person: Person | _Mapping[str, _Any] | None = ...,
@@ -2736,7 +2736,7 @@ class PickReply(_Message):
 class SeatedPerson(_Message):
     """Who sits in the chair. Places are in `wheelchair_root`, with the head as the posture has it.
     """
-    drawn: PersonDrawn
+    sampled: SampledPerson
     """Who, how and in what."""
     words: str
     """The body in words (no unit)."""
@@ -2757,7 +2757,7 @@ class SeatedPerson(_Message):
     def __init__(
         self,
         *,
-        drawn: PersonDrawn | _Mapping[str, _Any] | None = ...,
+        sampled: SampledPerson | _Mapping[str, _Any] | None = ...,
         words: str | None = ...,
         stature: float | None = ...,
         mass: float | None = ...,
@@ -2861,7 +2861,7 @@ class EpisodeStarted(_Message):
     robot: RobotDescription
     """The robot that is recorded."""
     as_recorded: bool
-    """The states are those of a recording, see ShowRequest: only they and the pictures are
+    """The states are those of a recording, see PlaybackRequest: only they and the pictures are
     published, and no version of the physics computes them (no unit).
     """
     sensors: _Scalars[str]
@@ -3488,7 +3488,7 @@ class ResetRequest(_Message):
     secret: str
     """Secret of the lease of whoever is in control (no unit)."""
     playback: bool
-    """The scenario only shows recorded states (query `show`): a robot that starts inside of
+    """The scenario only shows recorded states (query `playback`): a robot that starts inside of
     something is accepted (no unit).
     """
     def __init__(
@@ -3520,7 +3520,7 @@ class SensorsRequest(_Message):
     counts sees what the robot knows. Query `sensors`. An empty message.
     """
 
-class SensorGiven(_Message):
+class SensorProgress(_Message):
     """What a sensor on a camera has given."""
     sensor: str
     """Name of the sensor, as in the key of its pictures (no unit)."""
@@ -3528,7 +3528,7 @@ class SensorGiven(_Message):
     """Camera whose exact pictures it takes (no unit)."""
     depth: bool
     """It gives depth, and not colour (no unit)."""
-    pictures: int
+    images: int
     """Pictures of the running episode that have arrived (count)."""
     newest: int
     """Sequence number of the newest of them; 0 without any (no unit)."""
@@ -3538,7 +3538,7 @@ class SensorGiven(_Message):
         sensor: str | None = ...,
         camera: str | None = ...,
         depth: bool | None = ...,
-        pictures: int | None = ...,
+        images: int | None = ...,
         newest: int | None = ...,
     ) -> None: ...
 
@@ -3546,13 +3546,13 @@ class SensorsReply(_Message):
     """Answers `sensors`."""
     header: Header
     """Stamp of the answer."""
-    sensors: _Messages[SensorGiven]
+    sensors: _Messages[SensorProgress]
     """Every sensor on a camera; none where no sensor model is on."""
     def __init__(
         self,
         *,
         header: Header | _Mapping[str, _Any] | None = ...,
-        sensors: _Iterable[SensorGiven | _Mapping[str, _Any]] | None = ...,
+        sensors: _Iterable[SensorProgress | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
 class ShutdownRequest(_Message):
@@ -3570,13 +3570,13 @@ class ShutdownRequest(_Message):
         secret: str | None = ...,
     ) -> None: ...
 
-class ShowRequest(_Message):
+class PlaybackRequest(_Message):
     """Shows one state of a recording in place of a computed one: new pictures of an episode whose
     physics this server cannot compute again. In lock-step pacing only, and while nobody is in
     control. From the first one on, until a `reset`, nothing is computed; an episode that begins
     meanwhile is marked `as_recorded`, goes on with every request, and publishes again what the
-    request holds. Query `show`; answered when the state is shown, which waits for cameras and
-    recorders.
+    request holds. Query `playback`; answered when the state is shown, which waits for cameras
+    and recorders.
     """
     tick: int
     """Tick of the state; in an episode later than the one before (ticks)."""
@@ -3722,7 +3722,7 @@ class PolicyResetRequest(_Message):
 class PolicyResetReply(_Message):
     """Answers the query `reset`."""
 
-class PolicyPicture(_Message):
+class PolicyImage(_Message):
     """One picture."""
     camera: str
     """Name of the camera (no unit)."""
@@ -3730,7 +3730,7 @@ class PolicyPicture(_Message):
     """Width (pixels)."""
     height: int
     """Height (pixels)."""
-    rgb: bytes
+    color: bytes
     """Red, green, blue, 8 bits each, sRGB, row-major from the top left (no unit)."""
     depth: bytes
     """Depth along the optical axis as little-endian float32, metres; infinite where nothing is.
@@ -3742,21 +3742,21 @@ class PolicyPicture(_Message):
         camera: str | None = ...,
         width: int | None = ...,
         height: int | None = ...,
-        rgb: bytes | None = ...,
+        color: bytes | None = ...,
         depth: bytes | None = ...,
     ) -> None: ...
 
-class PolicyMoment(_Message):
+class PolicyStep(_Message):
     """What is seen at one instant."""
     state_values: _Scalars[float]
     """Row of state; radians, rad/s, metres."""
-    pictures: _Messages[PolicyPicture]
+    images: _Messages[PolicyImage]
     """Pictures in the order of the spec."""
     def __init__(
         self,
         *,
         state_values: _Iterable[float] | None = ...,
-        pictures: _Iterable[PolicyPicture | _Mapping[str, _Any]] | None = ...,
+        images: _Iterable[PolicyImage | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
 class PolicyObservation(_Message):
@@ -3771,7 +3771,7 @@ class PolicyObservation(_Message):
     """Tick of the newest moment, 1/240 s."""
     instruction: str
     """What the person says (no unit)."""
-    moments: _Messages[PolicyMoment]
+    steps: _Messages[PolicyStep]
     """As many as the spec says, the newest last; at the beginning of an episode the first stands
     there several times.
     """
@@ -3783,7 +3783,7 @@ class PolicyObservation(_Message):
         first: bool | None = ...,
         tick: int | None = ...,
         instruction: str | None = ...,
-        moments: _Iterable[PolicyMoment | _Mapping[str, _Any]] | None = ...,
+        steps: _Iterable[PolicyStep | _Mapping[str, _Any]] | None = ...,
     ) -> None: ...
 
 class InferRequest(_Message):

@@ -60,7 +60,7 @@ def test_images_equal_those_of_a_wheelarm_client(server, bridge, peer, probe, en
             assert (image.encoding, image.is_bigendian) == ("rgb8", 0)
             assert (image.height, image.width, image.step) == (36, 64, 3 * 64)
             assert image.header.frame_id == f"{camera}_optical_frame"
-            assert image.data.tobytes() == frame.rgb.tobytes()
+            assert image.data.tobytes() == frame.color.tobytes()
             assert len(set(image.data)) > 10, "an empty image proves nothing"
         for frame, image in pairs(sent[camera], topics["depth"]):
             assert (image.encoding, image.is_bigendian) == (encoding, 0)
@@ -73,7 +73,7 @@ def test_images_equal_those_of_a_wheelarm_client(server, bridge, peer, probe, en
                 assert np.all(np.abs(millimetres[hit] / 1e3 - frame.depth[hit]) <= 0.51e-3)
                 assert np.all(millimetres[~hit] == 0)
         for frame, image in pairs(sent[camera], topics["seed_color"]):
-            assert image.data.tobytes() == frame.rgb.tobytes()
+            assert image.data.tobytes() == frame.color.tobytes()
         for frame, image in pairs(sent[camera], topics["seed_depth"]):
             assert (image.encoding, image.data.tobytes()) == ("32FC1", frame.depth.tobytes())
         for frame, info in pairs(sent[camera], topics["info"]):

@@ -422,12 +422,12 @@ class WheelArmNode(Node):
             publish(
                 info_topic(topic), lambda: mapping.camera_info(frame.intrinsics, stamp, optical)
             )
-        publish(color, lambda: mapping.color_image(frame.rgb, stamp, optical))
+        publish(color, lambda: mapping.color_image(frame.color, stamp, optical))
         encoding = self.options.depth_encoding
         publish(depth, lambda: mapping.depth_image(frame.depth, encoding, stamp, optical))
         if self.seed is not None:
             color, depth = image_topics(camera)
-            publish(color, lambda: mapping.color_image(frame.rgb, stamp, optical))
+            publish(color, lambda: mapping.color_image(frame.color, stamp, optical))
             publish(depth, lambda: mapping.depth_image(frame.depth, "32FC1", stamp, optical))
 
     # State of the node.
