@@ -44,16 +44,18 @@ impl Hand {
     ///
     /// # Errors
     /// [`Invalid`] that names the field.
-    pub fn read(told: &v1::GripperDescription) -> Result<Self, Invalid> {
-        let linkage = told.linkage.ok_or(Invalid::Missing("gripper linkage"))?;
+    pub fn read(description: &v1::GripperDescription) -> Result<Self, Invalid> {
+        let linkage = description
+            .linkage
+            .ok_or(Invalid::Missing("gripper linkage"))?;
         let length = |length: f64| {
             let length = check::within("length of the gripper's linkage", length, -1.0, 1.0)?;
             Ok((length * STEPS).round() / STEPS)
         };
         Ok(Self {
-            stroke: check::within("gripper stroke", told.stroke, 0.0, 1.0)?,
-            max_force: check::within("largest gripper force", told.max_force, 0.0, 1e4)?,
-            closed: check::within("closed angle of the gripper", told.closed, 0.0, 3.2)?,
+            stroke: check::within("gripper stroke", description.stroke, 0.0, 1.0)?,
+            max_force: check::within("largest gripper force", description.max_force, 0.0, 1e4)?,
+            closed: check::within("closed angle of the gripper", description.closed, 0.0, 3.2)?,
             linkage: v1::GripperLinkage {
                 pin_x: length(linkage.pin_x)?,
                 pin_z: length(linkage.pin_z)?,
@@ -63,9 +65,9 @@ impl Hand {
                 pad_z: length(linkage.pad_z)?,
                 pad_half: length(linkage.pad_half)?,
             },
-            body: read_balls(&told.hand_balls)?,
-            crank: read_balls(&told.crank_balls)?,
-            tip: read_balls(&told.tip_balls)?,
+            body: read_balls(&description.hand_balls)?,
+            crank: read_balls(&description.crank_balls)?,
+            tip: read_balls(&description.tip_balls)?,
         })
     }
 
