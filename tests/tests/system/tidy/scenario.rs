@@ -149,6 +149,7 @@ fn contract_3_renames_what_its_table_lists_and_nothing_else() {
                         let field = field.rsplit('.').next().unwrap_or_default().to_owned();
                         new_name("values", &field)
                     }
+                    _ if message.starts_with("topic.") => new_name("values", word),
                     _ => new_name("messages", word),
                 };
                 if named != *word {
