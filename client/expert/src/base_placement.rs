@@ -1,5 +1,5 @@
-//! Base placement: where the chair has to stand so that the arm reaches all that
-//! the work asks for.
+//! Base placement: chooses a pose of the chair from which the arm reaches every pose of
+//! the work.
 
 use std::f64::consts::TAU;
 
@@ -124,7 +124,7 @@ pub fn placements(
         if grasp.is_infinite() {
             continue;
         }
-        // Where the chair stood when it was shown comes first.
+        // The demonstrated pose of the chair is the first choice.
         if let Some(shown) = candidate.shown {
             let turned = wrap(shown.chair.heading - chair.heading).abs();
             placements.push(BasePlacement {

@@ -39,7 +39,7 @@ pub struct Drive {
     references: Vec<Reference>,
 }
 
-/// Pause between rolling and turning, seconds: the chair comes to rest.
+/// Pause between rolling and turning, seconds, in which the chair stops.
 const PAUSE: f64 = 0.25;
 /// Step of the speed profile, metres.
 const STEP: f64 = 0.01;
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lagging_chair_arrives_within_two_centimetres() {
+    fn lagging_chair_arrives_within_two_centimetres() {
         let start = Pose2 {
             x: -6.635,
             y: 3.389,

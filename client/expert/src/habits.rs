@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::tool_path::Shape;
 
-/// How the hand comes from the pregrasp to the grasp.
+/// How the hand moves from the pregrasp to the grasp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ApproachHabit {
     /// It stops at the pregrasp.
@@ -26,7 +26,7 @@ pub struct Habits {
     pub bearing: f64,
     /// Distance from the arm's base to the object on the floor plan, metres.
     pub distance: f64,
-    /// The hand comes from this much beside the line from the arm's base, radians.
+    /// Direction of the hand against the line from the arm's base, radians.
     pub twist: f64,
     /// How far the hand leans, as a share of what is usual for the grasp, 0 to 1.
     pub lean: f64,

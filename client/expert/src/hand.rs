@@ -1,5 +1,5 @@
-//! The hand as balls: the wrist, the palm and the two fingers at any opening, by
-//! the gripper's description. No size of a gripper stands here.
+//! The hand as balls: the wrist, the palm and the two fingers at any opening. All sizes
+//! are read from the gripper's description.
 
 use nalgebra::Vector3;
 use wheelarm_proto::check::{self, Invalid};
@@ -44,16 +44,18 @@ impl Hand {
     ///
     /// # Errors
     /// [`Invalid`] that names the field.
-    pub fn read(told: &v1::GripperDescription) -> Result<Self, Invalid> {
-        let linkage = told.linkage.ok_or(Invalid::Missing("gripper linkage"))?;
+    pub fn read(description: &v1::GripperDescription) -> Result<Self, Invalid> {
+        let linkage = description
+            .linkage
+            .ok_or(Invalid::Missing("gripper linkage"))?;
         let length = |length: f64| {
             let length = check::within("length of the gripper's linkage", length, -1.0, 1.0)?;
             Ok((length * STEPS).round() / STEPS)
         };
         Ok(Self {
-            stroke: check::within("gripper stroke", told.stroke, 0.0, 1.0)?,
-            max_force: check::within("largest gripper force", told.max_force, 0.0, 1e4)?,
-            closed: check::within("closed angle of the gripper", told.closed, 0.0, 3.2)?,
+            stroke: check::within("gripper stroke", description.stroke, 0.0, 1.0)?,
+            max_force: check::within("largest gripper force", description.max_force, 0.0, 1e4)?,
+            closed: check::within("closed angle of the gripper", description.closed, 0.0, 3.2)?,
             linkage: v1::GripperLinkage {
                 pin_x: length(linkage.pin_x)?,
                 pin_z: length(linkage.pin_z)?,
@@ -63,9 +65,9 @@ impl Hand {
                 pad_z: length(linkage.pad_z)?,
                 pad_half: length(linkage.pad_half)?,
             },
-            body: read_balls(&told.hand_balls)?,
-            crank: read_balls(&told.crank_balls)?,
-            tip: read_balls(&told.tip_balls)?,
+            body: read_balls(&description.hand_balls)?,
+            crank: read_balls(&description.crank_balls)?,
+            tip: read_balls(&description.tip_balls)?,
         })
     }
 
@@ -135,8 +137,9 @@ pub fn reach(balls: &[Ball]) -> f64 {
     reaches.fold(0.0, f64::max)
 }
 
-fn read_balls(told: &[v1::Ball]) -> Result<Vec<Ball>, Invalid> {
-    told.iter()
+fn read_balls(balls: &[v1::Ball]) -> Result<Vec<Ball>, Invalid> {
+    balls
+        .iter()
         .map(|ball| {
             Ok(Ball {
                 centre: check::vector("ball of the gripper", ball.centre.as_ref())?.into(),
@@ -200,7 +203,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_pads_are_as_far_apart_as_asked_and_move_outwards() {
+    fn pads_are_apart_by_the_opening_and_move_outwards() {
         let hand = hand();
         for opening in [0.0, 0.03, 0.06, hand.stroke] {
             let tip = hand.linkage.tip(hand.knuckle(opening));
@@ -213,7 +216,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn fingers_are_mirror_images_and_reach_as_far_as_told() {
+    fn fingers_are_mirror_images_within_the_reach() {
         let hand = hand();
         for opening in [0.0, 0.04, hand.stroke] {
             let balls = hand.balls(opening);
@@ -231,7 +234,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_description_without_a_linkage_is_refused() {
+    fn description_without_a_linkage_is_rejected() {
         let mut without = gripper();
         without.linkage = None;
         assert_eq!(

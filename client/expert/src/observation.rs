@@ -11,7 +11,7 @@ use wheelarm_proto::{TopicId, v1};
 
 use wheelarm_planning::footprint_check::Pose2;
 
-/// Streams that make up an observation; the clock comes last.
+/// Streams of an observation; the clock is the last sample of a tick.
 pub const STREAMS: [TopicId; 8] = [
     TopicId::JointState,
     TopicId::Pose,
@@ -90,8 +90,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// With nothing collected yet, of a robot whose joints and frames stand as
-    /// `roles` says.
+    /// An empty collector for a robot whose joints and frames have the indices `roles`.
     #[must_use]
     pub fn new(roles: Roles) -> Self {
         Self {

@@ -34,14 +34,14 @@ const SIDE: f64 = 1.2;
 /// Overlap of the legs of one movement.
 const OVERLAP: [f64; 2] = [0.15, 0.40];
 
-/// How the hand takes things.
+/// How the hand grasps objects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspPreferences {
     /// Distance from the pregrasp to the grasp, metres.
     pub standoff: f64,
-    /// Distance from the arm's base to the thing on the floor plan, metres.
+    /// Distance from the arm's base to the object on the floor plan, metres.
     pub distance: f64,
-    /// The thing is raised by this much, metres.
+    /// The object is raised by this much, metres.
     pub lift: f64,
 }
 
@@ -87,30 +87,30 @@ impl OperatorProfile {
     }
 
     fn plain(rng: &mut ChaCha8Rng) -> Self {
-        let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+        let mut sample = |low: f64, high: f64| rng.random_range(low..high);
         Self {
             drive: DriveLimits {
-                speed: draw(0.42, 0.50),
-                acceleration: draw(0.18, 0.22),
-                braking: draw(0.25, 0.35),
-                turn_rate: draw(0.50, 0.65),
-                turn_acceleration: draw(0.50, 0.65),
+                speed: sample(0.42, 0.50),
+                acceleration: sample(0.18, 0.22),
+                braking: sample(0.25, 0.35),
+                turn_rate: sample(0.50, 0.65),
+                turn_acceleration: sample(0.50, 0.65),
             },
             path: PathPreferences {
-                radius: draw(0.70, 0.90),
+                radius: sample(0.70, 0.90),
                 margin: 0.05,
             },
             grasp: GraspPreferences {
-                standoff: draw(0.10, 0.13),
-                distance: draw(0.70, 0.78),
-                lift: draw(0.15, 0.19),
+                standoff: sample(0.10, 0.13),
+                distance: sample(0.70, 0.78),
+                lift: sample(0.15, 0.19),
             },
-            free_speed: draw(0.25, 0.35),
-            approach_speed: draw(0.10, 0.14),
-            carry_speed: draw(0.16, 0.22),
-            retract: draw(0.08, 0.13),
+            free_speed: sample(0.25, 0.35),
+            approach_speed: sample(0.10, 0.14),
+            carry_speed: sample(0.16, 0.22),
+            retract: sample(0.08, 0.13),
             shape: Shape {
-                bow: [draw(0.0, 0.05), 0.0],
+                bow: [sample(0.0, 0.05), 0.0],
                 ..Shape::default()
             },
             force: 40.0,

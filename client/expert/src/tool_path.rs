@@ -145,7 +145,7 @@ impl ToolPath {
 /// The unit vector to which a leg bows, times its length.
 fn bowed(step: &Vector3<f64>, angle: f64) -> Vector3<f64> {
     let left = Vector3::z().cross(step);
-    // Straight up and down there is no left: x serves as well.
+    // A vertical step has no left side: use x.
     let left = match left.norm() < 0.2 * step.norm() {
         true => Vector3::x(),
         false => left,
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_passes_its_stops_and_keeps_its_speeds() {
+    fn path_passes_its_stops_and_keeps_its_speeds() {
         let at = |x: f64, yaw: f64| Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::z() * yaw);
         let path = ToolPath::new(at(0.0, 0.0), &[(at(0.3, 0.5), 0.25), (at(0.4, 0.5), 0.1)]);
         assert!(distance(&path.at(-1.0), &at(0.0, 0.0)) < 1e-12);

@@ -17,7 +17,6 @@ mod control_requests;
 mod episode;
 mod error;
 mod frame;
-
 mod preview;
 mod queries;
 mod samples;

@@ -49,7 +49,7 @@ impl Skill for Release {
         } else {
             Phase::Retracting
         };
-        let begun = *self.begun.get_or_insert(now.seen.time);
+        let begun = *self.begun.get_or_insert(now.observation.time);
         now.memory.held = None;
         if let Some(motion) = &self.motion {
             return match motion.step(now) {
@@ -64,15 +64,15 @@ impl Skill for Release {
                 Progress::Arrived => Step::Done,
             };
         }
-        let waited = now.seen.time - begun;
-        if waited < 0.3 || (!now.scene.hand.is_open(now.seen.knuckle) && waited < LONGEST) {
+        let waited = now.observation.time - begun;
+        if waited < 0.3 || (!now.scene.hand.is_open(now.observation.knuckle) && waited < LONGEST) {
             return Step::Going(Act {
                 base: Some([0.0, 0.0]),
                 opening: (waited < 0.05).then_some(now.scene.hand.stroke),
                 ..Act::named(phase, "opening")
             });
         }
-        // Straight back first, so that the fingers leave the thing.
+        // Straight back first, so that the fingers leave the object.
         let start = now.house_from_desired();
         let retreat = |by: f64| start * Translation3::new(0.0, 0.0, -by);
         let by = if self.go_home {
@@ -87,7 +87,7 @@ impl Skill for Release {
         };
         let mut stops = vec![(retreat(by), now.profile.approach_speed)];
         if let (true, Some(home)) = (self.go_home, now.memory.home) {
-            let home = now.scene.house_from_base(now.seen) * home;
+            let home = now.scene.house_from_base(now.observation) * home;
             stops.push((home, now.profile.free_speed));
         }
         self.motion = Some(Motion::new(now, &stops));

@@ -35,11 +35,11 @@ pub struct Way {
     pub(super) corners: Vec<[f64; 5]>,
     /// The end effector at its start, in `base_link` turned as the chair.
     pub(super) start: Isometry3<f64>,
-    /// How the hand comes in the end.
+    /// How the hand arrives.
     pub(super) end: End,
 }
 
-/// How a hand comes in the end.
+/// How a hand arrives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {
     /// Its heading beside that at the start, radians.
@@ -50,7 +50,7 @@ pub struct End {
     pub(super) forward: f64,
 }
 
-/// Where a thing is brought.
+/// The place to which an object is brought.
 pub enum To {
     /// The mouth in the frame of the chair.
     Lips(Isometry3<f64>),
@@ -64,9 +64,10 @@ pub struct Plan<'a> {
     /// The arm's base in the frame of the chair.
     base: Translation3<f64>,
     pub(super) to: To,
-    /// What comes to the lips, or to the middle of the lap, in the end effector's frame.
+    /// The point that is brought to the lips, or to the middle of the lap, in the end
+    /// effector's frame.
     tip: Point3<f64>,
-    /// The longest side of the thing in the end effector's frame.
+    /// The longest side of the object in the end effector's frame.
     pub(super) long: Vector3<f64>,
     /// Half of its width across that on the floor plan, metres.
     wide: f64,
@@ -76,8 +77,8 @@ pub struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// The plan for a thing that sits in the hand as `tool_from_item` says, for an end
-    /// effector at `start`; `None` where nobody sits there or nothing is to be brought.
+    /// The plan for an object with the pose `tool_from_item` in the hand and an end
+    /// effector at `start`; `None` without a seated person or an object to bring.
     pub fn of(
         now: &Now<'a>,
         tool_from_item: &Isometry3<f64>,
@@ -131,7 +132,7 @@ impl<'a> Plan<'a> {
         )
     }
 
-    /// How near the tip comes in the end, metres.
+    /// Final distance of the tip from the target, metres.
     pub fn near(&self) -> f64 {
         match self.to {
             To::Lips(_) => BEFORE,
@@ -210,7 +211,7 @@ fn turned(turn: f64, lean: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::y_axis(), lean) * turn
 }
 
-/// Under the middle of a thing, at its lowest, the direction of its longest side on the
+/// Lowest point under the middle of an object, direction of its longest side on the
 /// floor plan, and half of its width across that, metres.
 fn extent<'b>(
     boxes: impl Iterator<Item = &'b Obb>,

@@ -20,7 +20,7 @@ const HEADINGS: [f64; 15] = [
 const LIPS_LEANS: [f64; 3] = [0.0, -0.12, -0.23];
 /// The hand turns by less than this on the way round, radians.
 const MOST_TURN: f64 = 5.0;
-/// Directions of a thing's longest side in the lap: across the thighs, radians.
+/// Directions of an object's longest side in the lap: across the thighs, radians.
 const ACROSS: [f64; 2] = [FRAC_PI_2, -FRAC_PI_2];
 /// How far the hand leans forward there, so that a belly has room, radians.
 const LEANS: [f64; 3] = [0.0, 0.4, 0.7];
@@ -77,7 +77,7 @@ impl Plan<'_> {
                 }
             }
         }
-        // What is level comes before what leans.
+        // Level poses before leaning ones.
         if let To::Lips(_) = self.to {
             ways.sort_by(|a, b| a.end.lean.abs().total_cmp(&b.end.lean.abs()));
         }
