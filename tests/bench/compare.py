@@ -258,7 +258,7 @@ def compare(folder, assets, options):
 
 
 SERVICE = {
-    "start": dict(picture=r"first picture after # s", memory=r"memory at most # MB"),
+    "start": dict(picture=r"first image after # s", memory=r"memory at most # MB"),
     "latency": dict(
         applied=r"real time, command to applied: median # ms",
         applied_99=r"real time, command to applied: .* p99 # ms",
@@ -288,7 +288,7 @@ def service_rows(service, row):
         a = measurement.best(figure)
         row(what, text(a, unit, 2), reference, ratio(a, goal), f"<= {goal:.1f} {unit}")
 
-    against("start to first picture 1280x720", start, "picture", "s", 0.5, "goal")
+    against("start to first image 1280x720", start, "picture", "s", 0.5, "goal")
     against("  memory at most", start, "memory", "MB", 300.0, "goal")
     for name, figure, goal, reference in (
         ("command to applied", "applied", 2.0, "goal"),

@@ -81,7 +81,7 @@ def main():
             seconds = run(*command)
             print(f"{name:<14} {rows / seconds:8.1f} rows/s  {size(Path(command[-1])):8.1f} MB", flush=True)
         aligned = next((folder / "aligned").glob("*.h5"))
-        # Beside the samples lies what the original keeps of its cameras.
+        # The original also stores data of its cameras beside the samples.
         original = next((folder / "wheelarm-sim").glob("*.hdf5"))
         best = [float("inf")] * 2
         for _ in range(3):

@@ -31,8 +31,8 @@ struct Options {
     /// Scene below assets/scenes.
     #[arg(long, default_value = "home")]
     scene: String,
-    /// Where the pictures go.
-    #[arg(long, default_value = "pictures")]
+    /// Folder for the images.
+    #[arg(long, default_value = "images")]
     out: PathBuf,
     /// Pixels.
     #[arg(long, default_value_t = 1280)]
@@ -107,7 +107,7 @@ fn main() -> Result<()> {
             save(&options.out, &name, &frame)?;
         }
     }
-    println!("pictures are in {}", options.out.display());
+    println!("images are in {}", options.out.display());
     Ok(())
 }
 
