@@ -10,7 +10,7 @@ use wheelarm_planning::obb::Obb;
 
 /// Objects lower than this block the chair, metres.
 const LOW_OBJECT: f64 = 0.5;
-/// The hand is looked at every so many metres of its path.
+/// Spacing of the collision checks along the path of the hand, metres.
 const STEP: f64 = 0.02;
 /// Objects in the hand extend no further from it than this, metres.
 const HELD: f64 = 0.4;
@@ -68,7 +68,7 @@ impl SceneModel {
         }
     }
 
-    /// What the hand can meet on straight lines between `stops` in `house`.
+    /// Obstacles near straight lines between `stops` in `house`.
     #[must_use]
     pub fn around(
         &self,
@@ -97,8 +97,8 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Whether `balls` keep `margin` metres from everything while their frame
-    /// goes straight from `start` to `end`, both in `house`.
+    /// Whether `balls` keep `margin` metres from every obstacle while their frame moves
+    /// straight from `start` to `end`, both in `house`.
     #[must_use]
     pub fn is_free(
         &self,

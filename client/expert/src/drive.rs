@@ -1,4 +1,4 @@
-//! How the chair follows its path: a smooth speed profile and a tracking law.
+//! Follows the path of the chair with a smooth speed profile and a tracking law.
 
 use wheelarm_proto::exact;
 
@@ -20,7 +20,7 @@ pub struct DriveLimits {
     pub turn_acceleration: f64,
 }
 
-/// Where the chair is to be at one moment.
+/// Reference pose and velocity of the chair at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     /// Seconds after the start.
@@ -177,13 +177,13 @@ impl Drive {
         self.end().time
     }
 
-    /// Where it ends.
+    /// Final pose.
     #[must_use]
     pub fn goal(&self) -> Pose2 {
         self.end().pose
     }
 
-    /// Where the chair is to be `time` seconds after the start.
+    /// Reference of the chair `time` seconds after the start.
     #[must_use]
     pub fn reference(&self, time: f64) -> Reference {
         let after = self.references.partition_point(|r| r.time <= time);

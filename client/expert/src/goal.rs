@@ -1,4 +1,4 @@
-//! What a task asks for, as the server tells it.
+//! Goal of a task, from the reply of the `scene` query.
 
 use nalgebra::Point3;
 use wheelarm_proto::check::{self, Invalid};
@@ -8,7 +8,7 @@ use wheelarm_proto::v1;
 use super::scene::SceneModel;
 use wheelarm_planning::obb::Obb;
 
-/// What a task asks for.
+/// Goal of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
     /// Lift an object and hold it.
@@ -102,7 +102,7 @@ impl Goal {
         }
     }
 
-    /// Reads what the scene's answer says; `None` without a task.
+    /// Reads the goal of the scene; `None` without a task.
     ///
     /// # Errors
     /// [`Invalid`] when it names what is not there.

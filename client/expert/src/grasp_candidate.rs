@@ -13,8 +13,8 @@ use super::habits::Habits;
 use super::hand::Hand;
 use super::scene::{Grasp, SceneModel};
 
-/// Where and how the hand takes an object, or puts it down, in `house`. The
-/// retreat is the way out again, from `grasp` towards `pregrasp`.
+/// A pose of the hand to grasp an object or to put it down, in `house`. The retreat is
+/// the way back, from `grasp` towards `pregrasp`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspCandidate {
     /// End effector before the object, from where the hand approaches straight.
@@ -27,7 +27,7 @@ pub struct GraspCandidate {
     pub width: f64,
     /// Cap of the pads' force, N; `None` leaves it to the operator profile.
     pub force: Option<f64>,
-    /// How far it leans about its closing axis, radians.
+    /// Lean about the closing axis, radians.
     pub lean: f64,
     /// How much shallower than specified the object is grasped, metres.
     pub backoff: f64,
@@ -47,7 +47,7 @@ pub struct Shown {
     pub index: usize,
     /// Turn of the object about its own vertical against the demonstration, radians.
     pub turn: f64,
-    /// Where the chair stood.
+    /// Demonstrated pose of the chair.
     pub chair: Pose2,
 }
 
@@ -78,11 +78,11 @@ const ROOM: f64 = 0.034;
 const TURNS: u8 = 24;
 /// A grasp may be shallower than specified by this much, metres.
 const BACKOFF: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
-/// How far a level hand leans forward, radians.
+/// Forward leans of a level hand, radians.
 const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
-/// How far a hand from above leans, radians: the camera stays above.
+/// Leans of a hand from above, radians: the camera stays above.
 const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
-/// How far a hand that closes upright turns about the bar, radians.
+/// Turns about the bar of a hand that closes upright, radians.
 const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
 /// Greatest difference in height from the specified grasp, metres.
 const HIGHER: f64 = 0.025;
@@ -133,7 +133,7 @@ pub fn candidates(
                 let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
                 let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
                 let leans = leans(&house_from_grasp, grasp.from_above);
-                // What is soft slips out of a leaning hand.
+                // A deformable object slips out of a leaning hand.
                 let leaning = habits.filter(|_| grasp.force.is_none());
                 let is_low = house_from_grasp.translation.z < LOW;
                 let wanted = leaning.map_or(0.0, |habits| wanted_lean(leans, is_low, habits.lean));

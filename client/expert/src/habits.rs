@@ -28,9 +28,9 @@ pub struct Habits {
     pub distance: f64,
     /// Direction of the hand against the line from the arm's base, radians.
     pub twist: f64,
-    /// How far the hand leans, as a share of what is usual for the grasp, 0 to 1.
+    /// Lean of the hand, as a share of the usual lean of the grasp, 0 to 1.
     pub lean: f64,
-    /// Where an upright object is grasped, -1 (low) to 1 (high).
+    /// Height of the grasp on an upright object, -1 (low) to 1 (high).
     pub height: f64,
     /// The hand gets ready from this share of the drive on, by these offsets from home in
     /// `wheelchair_root`, metres, of which the last is where it ends; `None` keeps it at home.
@@ -52,7 +52,7 @@ const SEQUENCES: [(f64, bool, ApproachHabit, bool); 6] = [
     (0.15, true, ApproachHabit::Blend, false),
     (0.15, true, ApproachHabit::Blend, true),
 ];
-/// Places through which a hand that gets ready goes at most.
+/// Most intermediate positions of a hand that gets ready.
 pub const STOPS: usize = 5;
 /// Greatest wanted bearing, radians.
 const BEARING: f64 = 0.75;

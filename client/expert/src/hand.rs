@@ -31,7 +31,7 @@ pub struct Hand {
     pub max_force: f64,
     closed: f64,
     linkage: v1::GripperLinkage,
-    /// What does not move: wrist, camera, palm.
+    /// Fixed parts: wrist, camera, palm.
     body: Vec<Ball>,
     /// From the left knuckle's axis, at angle 0.
     crank: Vec<Ball>,

@@ -1,5 +1,5 @@
-//! What the operator sees: the newest sample of every stream it needs, taken
-//! together at each clock.
+//! Observation of the operator: the newest sample of every stream it needs, collected
+//! at each clock.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
@@ -36,7 +36,7 @@ pub struct Observation {
     pub base_from_tool: Isometry3<f64>,
     /// Positions of the arm's joints, from base to hand, radians.
     pub arm: [f64; 6],
-    /// Where the server wants the end effector to be, in `base_link`.
+    /// Target of the server for the end effector, in `base_link`.
     pub base_from_desired: Option<Isometry3<f64>>,
     /// Empty, or why the arm does not follow.
     pub arm_problem: String,
@@ -46,7 +46,7 @@ pub struct Observation {
     pub pad_force: [f64; 2],
     /// Objects in `house`.
     pub objects: Vec<Isometry3<f64>>,
-    /// The mouth of who sits in the chair, in `house`, x out of it.
+    /// The mouth of the seated person, in `house`, x out of it.
     pub mouth: Option<Isometry3<f64>>,
     /// Force of the robot on the person in the chair, N; 0 without a person.
     pub person_force: f64,
@@ -130,7 +130,7 @@ impl Collector {
     /// The observation at a clock; `None` until every needed stream has come.
     ///
     /// # Errors
-    /// [`Invalid`] when a pose or a list is not as the contract says.
+    /// [`Invalid`] when a pose or a list violates the contract.
     pub fn observe(&self, stamp_nanos: u64) -> Result<Option<Observation>, Invalid> {
         let (Some(joints), Some(poses), Some(objects)) = (&self.joints, &self.poses, &self.objects)
         else {

@@ -28,7 +28,7 @@ pub struct OperateOptions {
     pub label: Option<String>,
     /// Instruction sentence; the scenario's when empty.
     pub instruction: String,
-    /// Recorders that must be ready before time goes on.
+    /// Recorders that must be ready before simulation time starts.
     pub require_recorders: u32,
     /// Name under which the operator commands.
     pub commander: String,
@@ -68,7 +68,7 @@ pub enum DriverError {
     /// The connection.
     #[error(transparent)]
     Client(#[from] ClientError),
-    /// A message is not as the contract says.
+    /// A message violates the contract.
     #[error("a message of the server is wrong: {0}")]
     Message(#[from] Invalid),
     /// The scene, or an observation of it, cannot be used.
@@ -85,7 +85,7 @@ pub enum DriverError {
     Silent(f64, String),
 }
 
-/// How it goes.
+/// Progress of the operator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress<'a> {
     /// Simulated seconds since the episode began.
@@ -94,11 +94,11 @@ pub struct Progress<'a> {
     pub phase: &'a str,
     /// Simulated seconds per wall second.
     pub factor: f64,
-    /// What happened, in words.
+    /// Notes for people.
     pub notes: &'a [String],
 }
 
-/// How it went.
+/// Result of [`run`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// The operator's own word.
@@ -129,7 +129,7 @@ impl Report {
     }
 }
 
-/// Silence after which the operator asks what the server waits for.
+/// Silence after which the operator requests the status of the server.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Silence after which it gives up, in units of [`PATIENCE`].
 const GIVE_UP: u32 = 60;

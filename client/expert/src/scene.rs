@@ -51,7 +51,7 @@ pub struct Grasp {
     pub force: Option<f64>,
 }
 
-/// Who sits in the chair, in `wheelchair_root`, with the head straight.
+/// The seated person, in `wheelchair_root`, with the head straight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seated {
     /// Capsules of the body.
@@ -72,7 +72,7 @@ pub struct Capsule {
 }
 
 impl Capsule {
-    /// What it adds to the footprint of the chair.
+    /// The capsule as a part of the chair's footprint.
     fn limb(&self) -> Limb {
         Limb {
             ends: self.ends.map(|end| end.coords.into()),
@@ -94,9 +94,9 @@ impl Capsule {
 /// Geometry of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneModel {
-    /// What stays, in `house`.
+    /// Fixed furniture, in `house`.
     pub furniture: Vec<Obb>,
-    /// What moves: the objects in the order of their poses, then the slides.
+    /// Movable objects: in the order of their poses, then the slides.
     pub items: Vec<Item>,
     /// Furniture that slides, in the order of the joint positions.
     pub slides: Vec<Slide>,
@@ -118,7 +118,7 @@ pub struct SceneModel {
     pub hand: Hand,
     /// Positions of the arm's joints at home, from base to hand, radians.
     pub home: [f64; 6],
-    /// Who sits in the chair.
+    /// The seated person.
     pub person: Option<Seated>,
 }
 
@@ -224,7 +224,7 @@ impl SceneModel {
         }
         for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {
             for obb in &mut items[grasp.item].boxes {
-                // What may be taken from any side is round.
+                // An object with a symmetric grasp is round.
                 let upright = (obb.pose.rotation * Vector3::z()).z.abs() > 0.999;
                 obb.round = upright && (obb.half.x - obb.half.y).abs() < ROUND;
             }

@@ -141,7 +141,7 @@ pub enum ClientError {
     /// A message could not be decoded.
     #[error("{what} cannot be read ({cause}): client and server differ in version?")]
     Garbled {
-        /// Which message.
+        /// Name of the message.
         what: String,
         /// Error of the decoder.
         cause: wheelarm_proto::DecodeError,

@@ -6,7 +6,7 @@
 //! answers control ticks, in lock-step too.
 //!
 //! Samples and replies of every session except the server's are dropped ([`Server`]): the
-//! server's liveliness token carries its session ID. The crate knows no scenario. A Zenoh
+//! server's liveliness token carries its session ID. The crate is independent of scenarios. A Zenoh
 //! callback only moves a sample into one queue, in arrival order.
 
 #![warn(missing_docs)]

@@ -109,7 +109,7 @@ impl Client {
         Ok(replies.iter().find(|reply| self.server.answered(reply)))
     }
 
-    /// What a reply says.
+    /// Decodes a reply, or its failure.
     fn read<R: Message + Default>(
         &self,
         query: Query,

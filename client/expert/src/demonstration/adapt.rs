@@ -16,7 +16,7 @@ use crate::scene::{Grasp, SceneModel};
 const TURNS: u8 = 24;
 /// Two grasps are the same within this, metres and radians.
 const SAME: [f64; 2] = [0.004, 0.05];
-/// Poses of a track are looked at every so many metres.
+/// Spacing of the checked poses of a track, metres.
 pub const SPACING: f64 = 0.03;
 /// A demonstrated hand may overlap the support of the object by this much, metres.
 const TOUCHES: f64 = 0.012;
@@ -82,7 +82,7 @@ pub fn candidates(
     candidates
 }
 
-/// Where the pads of a hand meet that is at `house_from_tool`.
+/// Point where the pads meet, for a hand at `house_from_tool`.
 fn point(scene: &SceneModel, one: &Demonstration, house_from_tool: &Isometry3<f64>) -> Point3<f64> {
     house_from_tool * Point3::new(0.0, 0.0, scene.hand.pads(one.width))
 }

@@ -17,7 +17,7 @@ const LONGEST: f64 = 15.0;
 const PRESSES: f64 = 1.0;
 /// Shorter losses of a grip are none, seconds.
 const GAP: f64 = 0.25;
-/// What is taken moves by this much at least, metres.
+/// An object counts as grasped when it moves by this much at least, metres.
 const MOVED: f64 = 0.02;
 /// The knuckle closes or opens faster than this, rad/s, over this time, seconds.
 const KNUCKLE: [f64; 2] = [0.1, 0.1];
@@ -32,7 +32,7 @@ const UP: f64 = 0.15;
 const UP_TO_PUT: f64 = 0.06;
 /// The chair rests below these, m/s and rad/s.
 const RESTS: [f64; 2] = [0.02, 0.03];
-/// After the release the hand goes back by this much, metres.
+/// After the release the hand moves back by this much, metres.
 const BACK: f64 = 0.07;
 /// Rests longer than this are shortened to it, seconds.
 const REST: f64 = 0.4;
@@ -43,7 +43,7 @@ const STILL: [f64; 2] = [2e-4, 1e-3];
 pub struct Course<'a> {
     /// Of which episode.
     pub source: &'a str,
-    /// What stood there.
+    /// Scene of the episode.
     pub scene: &'a SceneModel,
     /// Goal of the task.
     pub goal: &'a Goal,
@@ -163,7 +163,7 @@ impl<'a> Rows<'a> {
         self.time.partition_point(|t| *t < self.time[i] - seconds)
     }
 
-    /// Where the closing begins that ends in a touch.
+    /// Row in which the closing begins that ends in a touch.
     fn closing_begins(&self, touch: usize) -> usize {
         self.stroke_begins(touch, 1.0)
     }
@@ -233,7 +233,7 @@ impl<'a> Rows<'a> {
         (touch..end).find(stalls).unwrap_or(end)
     }
 
-    /// Where the lift is over.
+    /// Row in which the lift ends.
     fn has_raised(&self, closed: usize, end: usize) -> usize {
         let rise = |i: usize| self.object[i].translation.z - self.object[closed].translation.z;
         let most = (closed..=end).map(rise).fold(0.0, f64::max);

@@ -31,7 +31,7 @@ pub struct Track {
     pub samples: Vec<Sample>,
 }
 
-/// How an object was put down.
+/// A recorded way to put an object down.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Putting {
     /// From above the region until the hand has left the object, in the region's frame.
@@ -43,8 +43,8 @@ pub struct Putting {
     pub tool_from_object: Isometry3<f64>,
 }
 
-/// How an object was grasped. Tracks are in the frame of the object, or of the slide,
-/// before the hand came near.
+/// A recorded grasp. Tracks are in the frame of the object, or of the slide, before the
+/// hand came near.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Demonstration {
     /// Of which episode.
@@ -55,7 +55,7 @@ pub struct Demonstration {
     pub closing: Track,
     /// The object is raised; empty for a slide.
     pub lift: Track,
-    /// How it was put down, where it was.
+    /// How the object was put down, if it was.
     pub putting: Option<Putting>,
     /// The chair, `wheelchair_root`, in the same frame.
     #[serde(rename = "thing_from_chair")]
@@ -66,12 +66,12 @@ pub struct Demonstration {
     pub width: f64,
 }
 
-/// What an operator has been shown.
+/// Demonstrations for an operator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Demonstrations {
-    /// From which to choose; with none the operator knows its own ways.
+    /// The demonstrations; when empty, the operator plans its own grasps.
     pub list: Vec<Demonstration>,
-    /// Which are liked best, and how the hand is off.
+    /// Seed of the preference among them and of the deviation of the hand.
     pub seed: u64,
     /// Deviation of the hand from what was shown, metres along each axis; ten times as
     /// many radians about it.
@@ -91,8 +91,8 @@ const FADE: f64 = 1.0;
 const LIKING: f64 = 0.3;
 
 impl Demonstrations {
-    /// What each costs beside what speaks against it in a scene: who multiplies wants
-    /// all of them to be used.
+    /// Additional cost of each demonstration, from a random order of preference, so
+    /// that episodes with different seeds use all of them.
     #[must_use]
     pub fn costs(&self) -> Vec<f64> {
         let mut order: Vec<usize> = (0..self.list.len()).collect();
@@ -127,14 +127,14 @@ impl Demonstrations {
     }
 }
 
-/// How the hand is off, by time.
+/// Deviation of the hand over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wander {
     knots: Vec<[Vector3<f64>; 2]>,
 }
 
 impl Wander {
-    /// That does not change any more.
+    /// A constant deviation.
     #[must_use]
     pub fn still(offset: [Vector3<f64>; 2]) -> Self {
         Self {
@@ -180,14 +180,14 @@ impl Track {
         self.samples.is_empty()
     }
 
-    /// Where it begins and where it ends.
+    /// First and last pose.
     #[must_use]
     pub fn ends(&self) -> Option<[Isometry3<f64>; 2]> {
         let (first, last) = (self.samples.first()?, self.samples.last()?);
         Some([first.frame_from_tool, last.frame_from_tool])
     }
 
-    /// Where the hand was `time` seconds after the start.
+    /// Pose of the hand `time` seconds after the start.
     #[must_use]
     pub fn at(&self, time: f64) -> Option<Isometry3<f64>> {
         let after = self.samples.partition_point(|sample| sample.time <= time);

@@ -29,7 +29,7 @@ pub use super::skill::Act;
 use super::skill::fumble::Fumble;
 use super::skill::{Memory, Now, Skill, Step};
 
-/// How the work ended.
+/// Result of the work.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Outcome {
     /// The task's conditions hold.
@@ -83,7 +83,7 @@ pub struct Operator {
     forcing: bool,
     /// An error was made that a firm grasp puts right.
     erred: bool,
-    /// What went wrong or right again since the last command.
+    /// Error or recovery since the last command.
     incident: v1::Incident,
     /// The incident to report when the hand sets off for the wrong object.
     about_to: Option<v1::Incident>,
@@ -98,7 +98,7 @@ pub struct Operator {
     own_time: Option<(f64, f64)>,
 }
 
-/// What may go wrong in an episode, on purpose.
+/// Intentional difficulties of an episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trouble {
     /// The scenario hinders the robot.
@@ -157,7 +157,7 @@ impl Operator {
         })
     }
 
-    /// That does only a part of the work.
+    /// Does only a part of the work.
     #[must_use]
     pub fn only(mut self, extent: Extent) -> Self {
         self.extent = extent;
@@ -195,7 +195,7 @@ impl Operator {
         self
     }
 
-    /// That turns on the spot until the robot faces the target, before it drives.
+    /// Turns on the spot until the robot faces the target, before it drives.
     #[must_use]
     pub fn looking_around(mut self) -> Self {
         self.looks_around = true;
@@ -212,12 +212,12 @@ impl Operator {
         self
     }
 
-    /// What went wrong or right again since the last call.
+    /// Error or recovery since the last call.
     pub fn incident(&mut self) -> v1::Incident {
         std::mem::take(&mut self.incident)
     }
 
-    /// What happened, in words, since the last call.
+    /// Notes for people since the last call.
     pub fn notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.memory.notes)
     }

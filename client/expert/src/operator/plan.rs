@@ -13,7 +13,7 @@ use crate::skill::reach::Reach;
 use crate::skill::release::Release;
 use crate::skill::watch::Watch;
 
-/// How much of the work is done.
+/// Extent of the work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extent {
     /// All of it, until the task's conditions hold.

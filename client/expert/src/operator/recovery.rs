@@ -1,5 +1,5 @@
-//! What follows a skill that did not come out as meant: another attempt, another place
-//! for the chair, or the end.
+//! Chooses what follows a failed skill: another attempt, another base placement, or the
+//! end.
 
 use wheelarm_proto::v1;
 

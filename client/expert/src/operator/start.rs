@@ -14,7 +14,7 @@ use crate::skill::stow::Stow;
 const PRESSES: f64 = 2.0;
 /// A held object is at most this far from the point where the pads meet, metres.
 const HELD: f64 = 0.02;
-/// A chair that goes faster is under way, m/s and rad/s.
+/// A faster chair counts as driving, m/s and rad/s.
 const SLOW: [f64; 2] = [0.05, 0.1];
 /// Objects further beyond the arm's range are not tried on the spot, metres.
 const NEARLY: f64 = 0.2;
@@ -25,7 +25,7 @@ impl Operator {
     pub(super) fn set_off(&mut self, observation: &Observation) {
         let is_home = Stow::is_home(&observation.arm, &self.scene.home);
         let [speed, rate] = observation.chair_speed;
-        // A chair under way with the arm home goes on driving.
+        // A moving chair with the arm stowed continues to drive.
         let drives = is_home && (speed.abs() > SLOW[0] || rate.abs() > SLOW[1]);
         // An object already between both pads is kept.
         let presses = observation.pad_force.iter().all(|force| *force > PRESSES);

@@ -24,7 +24,7 @@ impl Skill for Carry {
         let time = now.observation.time;
         if self.motion.is_none() {
             let at = now.house_from_desired();
-            // Back along the hand, level; a hand from above goes towards the chair.
+            // Back along the hand, level; a hand from above moves towards the chair.
             let back = at.rotation * -Vector3::z();
             let chair = now.observation.house_from_chair.rotation * -Vector3::x();
             let level = Vector3::new(back.x, back.y, 0.0);
@@ -35,7 +35,7 @@ impl Skill for Carry {
             }
             let speed = now.profile.carry_speed;
             self.motion = Some(lift::carried(now, &[(stop, speed)]));
-            // What is brought to the person has a longer way, on which the chair backs off.
+            // The way to the person is longer, and the chair backs off on it.
             self.back_off = match now.goal {
                 Goal::Bring { .. } | Goal::Give { .. } => None,
                 _ => BackOff::plan(now, &[at], 0.0),

@@ -21,7 +21,7 @@ const LONGEST: f64 = 5.0;
 #[derive(Clone, Debug, Default)]
 pub struct Grasp {
     begun: Option<f64>,
-    /// Where the knuckle was when it last moved, and when.
+    /// Knuckle angle and time of its last movement.
     still: Option<(f64, f64)>,
     /// As it was shown.
     play: Option<Play>,
@@ -51,7 +51,7 @@ impl Skill for Grasp {
                     ..act
                 });
             }
-            // What is in the fingers may keep the hand a little off.
+            // The held object may keep the hand a little off.
             Some((played, _, seconds)) => {
                 if let Played::Moving(_, opening) = played {
                     act.opening = opening;

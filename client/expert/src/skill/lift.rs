@@ -17,14 +17,14 @@ const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];
 const OFF: f64 = 0.012;
 /// Room above while lifting, metres.
 const ROOM: f64 = 0.004;
-/// Distances to draw out from under a board, metres.
+/// Distances to move out from under a board, metres.
 const OUT: [f64; 5] = [0.26, 0.22, 0.18, 0.14, 0.10];
 
 /// A soft object bows out by this share of what a rigid one does.
 const SOFT_BOW: f64 = 0.65;
 /// The object is raised straight by this before it moves back as well, metres.
 const FIRST: f64 = 0.05;
-/// How far it may go back towards the arm while it is raised, metres.
+/// Greatest distance back towards the arm during the lift, metres.
 const TOWARDS: [f64; 3] = [0.08, 0.15, 0.22];
 
 /// How far an object is raised for a goal, metres; less when it is only moved
@@ -83,7 +83,7 @@ impl Skill for Lift {
         match self.motion.as_ref().map(|motion| motion.step(now)) {
             Some(Progress::Moving(tool)) => Step::Going(Act { tool, ..act }),
             Some(Progress::Late(why)) => {
-                // What it holds is worth more than the exact place.
+                // Keeping the object has priority over the exact pose.
                 now.note(format!("lifting: {why}"));
                 Step::Done
             }
@@ -101,7 +101,7 @@ pub fn carried(now: &mut Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Motion {
     let balls = held_balls(&now.scene.items[item].boxes, &held);
     let taken = now.memory.candidate;
     let width = taken.map_or(0.0, |candidate| candidate.width);
-    // What is soft hangs from the fingers and swings: it bows less, without overlap.
+    // A deformable object hangs from the fingers and swings: bow less, without overlap.
     let soft = taken.is_some_and(|candidate| candidate.force.is_some());
     let shape = match now.profile.habits {
         Some(_) if soft => Shape {

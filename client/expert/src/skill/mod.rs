@@ -1,6 +1,6 @@
-//! The skills: one small state machine each. A skill sees observations, says
-//! what to do, and ends done, missed or unable. It knows nothing of tasks and
-//! of the skills before or after it, beside what is in the hand.
+//! The skills: one small state machine each. A skill reads observations, returns
+//! actions, and ends done, missed or unable. It depends neither on the task nor on the
+//! skills before or after it, except for the object in the hand.
 
 pub mod back_off;
 pub mod bring;
@@ -33,7 +33,7 @@ use super::scene::SceneModel;
 use super::tool_path::distance;
 use wheelarm_planning::footprint_check::Pose2;
 
-/// What is done at one control tick.
+/// The action of one control tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Act {
     /// New end effector target in `base_link`, if any.
@@ -65,7 +65,7 @@ impl Act {
     }
 }
 
-/// What a skill says at one control tick.
+/// The result of a skill at one control tick.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// It is at work.
@@ -86,7 +86,7 @@ pub trait Skill: Send {
     fn step(&mut self, now: &mut Now<'_>) -> Step;
 }
 
-/// What a skill works with at one control tick.
+/// The inputs of a skill at one control tick.
 pub struct Now<'a> {
     /// Geometry of the scene.
     pub scene: &'a SceneModel,
@@ -102,11 +102,11 @@ pub struct Now<'a> {
     pub reach: &'a mut dyn ArmReachability,
     /// Demonstrations of the grasp.
     pub shown: &'a Demonstrations,
-    /// What skills leave for each other.
+    /// State that skills share.
     pub memory: &'a mut Memory,
 }
 
-/// What skills leave for each other.
+/// State that skills share.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     /// End effector in `base_link` at the start: a safe place for the hand.
@@ -124,7 +124,7 @@ pub struct Memory {
     pub held: Option<Isometry3<f64>>,
     /// The object in `house` before it was grasped.
     pub rest: Option<Isometry3<f64>>,
-    /// What happened, in words.
+    /// Notes for people.
     pub notes: Vec<String>,
     /// The scenario hinders the robot: what is taken may be moved by others.
     pub hindered: bool,
@@ -188,7 +188,7 @@ impl Now<'_> {
         Some((self.shown.list.get(shown.index)?, shown))
     }
 
-    /// Where the server wants the end effector to be, in `house`.
+    /// Target of the server for the end effector, in `house`.
     #[must_use]
     pub fn house_from_desired(&self) -> Isometry3<f64> {
         let desired = self

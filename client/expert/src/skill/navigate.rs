@@ -37,11 +37,11 @@ const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the operator profile's.
 const ARCS: [f64; 2] = [1.0, 0.75];
 
-/// Nodes of a rough search that tells whether there is any path: where there is none, each
-/// full search would look at all of its nodes.
+/// Nodes of a rough search that finds out whether any path exists: without one, each
+/// full search would visit all of its nodes.
 const ROUGH: usize = 12_000;
 
-/// What the chair is to stop for.
+/// Purpose of a stop of the chair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// To grasp the object.
@@ -152,7 +152,7 @@ impl Skill for Navigate {
     }
 }
 
-/// What an arm with its base at `house_from_base` has to reach, in `house`.
+/// Poses that an arm with its base at `house_from_base` must reach, in `house`.
 struct Wanted {
     /// Pregrasp and grasp.
     approach: Vec<Isometry3<f64>>,
@@ -161,7 +161,7 @@ struct Wanted {
     then: Vec<Vec<Vec<Isometry3<f64>>>>,
 }
 
-/// What a base placement is good for.
+/// Poses that a base placement must reach.
 fn wanted(
     now: &Now<'_>,
     candidate: &GraspCandidate,
@@ -257,7 +257,7 @@ fn key(house_from_base: &Isometry3<f64>, candidate: &GraspCandidate) -> [u64; 10
     [x, y, z, i, j, k, w, a, b, c].map(f64::to_bits)
 }
 
-/// What became of the placements that were looked at.
+/// Counts of rejected placements, by reason.
 #[derive(Default)]
 struct Tally {
     /// Most grasp candidates that a margin left.
@@ -326,7 +326,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
     ))
 }
 
-/// What the chair must not touch once the goal's slide is open; `None` for other goals.
+/// Obstacles of the chair after the goal's slide is open; `None` for other goals.
 fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
     let Goal::Open { slide, .. } = now.goal else {
         return None;
@@ -349,7 +349,7 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
     }
 }
 
-/// What one search for a base placement knows already.
+/// State of one search for a base placement.
 struct Search<'a> {
     footprint: &'a FootprintCheck,
     tally: &'a mut Tally,
@@ -363,7 +363,7 @@ fn are_neighbours(a: &Pose2, b: &Pose2) -> bool {
     a.distance(b) < NEIGHBOUR[0] && a.to(b)[2].abs() < NEIGHBOUR[1]
 }
 
-/// Where the chair may stop, and for what.
+/// Grasp candidates of one purpose.
 struct Choice {
     purpose: Purpose,
     candidates: Vec<GraspCandidate>,

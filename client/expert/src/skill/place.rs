@@ -279,7 +279,7 @@ fn own(
 fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
     let start = now.house_from_desired();
     let item = now.goal.item();
-    // What is soft hangs otherwise than it sat.
+    // A deformable object hangs in another shape than it lay.
     let soft = now
         .memory
         .candidate

@@ -70,7 +70,7 @@ impl Play {
         self
     }
 
-    /// How the hand is off at its end.
+    /// Deviation of the hand at its end.
     #[must_use]
     pub fn off_at_end(&self) -> Wander {
         Wander::still(self.wander.offset(self.track.duration()))

@@ -24,7 +24,7 @@ const OUT: f64 = 0.02;
 const FROM_PERSON: f64 = 0.12;
 /// Share of the rest of the drive that the movement takes at most.
 const LONG: f64 = 0.95;
-/// The hand goes through as many places as there are of these in the drive, seconds.
+/// Drive time per intermediate position of the hand, seconds.
 const LEG: f64 = 3.5;
 /// Overlap of the legs between them.
 const OVERLAP: f64 = 0.4;

@@ -1,5 +1,5 @@
-//! Pull: draws a slide open by its handle, or pushes it shut: with the arm as far
-//! as it reaches, then with the chair.
+//! Pull: pulls a slide open by its handle, or pushes it shut: with the arm as far as it
+//! reaches, then with the chair.
 
 use nalgebra::Translation3;
 use wheelarm_proto::v1::Phase;

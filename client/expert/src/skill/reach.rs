@@ -24,9 +24,9 @@ const MOVED: f64 = 0.015;
 /// Forced miss of the hand: clearance between finger and object, and the distance short
 /// of it for lack of room beside it, metres.
 const BESIDE: [f64; 2] = [0.015, 0.09];
-/// Candidates that are looked at from one stop.
+/// Most candidates that are checked from one pose of the chair.
 const LOOKS: usize = 60;
-/// How far before the grasp a hand is brought that is corrected on the spot, metres.
+/// Distance before the grasp at which a hand is corrected on the spot, metres.
 const SHORT_STANDOFF: f64 = 0.03;
 /// A hand that is further from the pregrasp than this has misjudged it, metres.
 const CORRECTED: f64 = 0.008;
@@ -34,7 +34,7 @@ const CORRECTED: f64 = 0.008;
 const ON_THE_SPOT: [f64; 2] = [0.25, 0.9];
 /// Room that a curved path keeps, metres.
 const CURVE_MARGIN: f64 = 0.004;
-/// How far it is drawn back first, metres: as little as will do.
+/// Retreats of the hand that are tried first, metres: the smallest that works is used.
 const BACK: [f64; 6] = [0.0, 0.02, 0.04, 0.06, 0.09, 0.12];
 /// Share of the way from the pregrasp to the grasp on which the fingers are around the
 /// object.
@@ -140,7 +140,7 @@ impl Reach {
             });
         }
         let mut chosen = choose(now);
-        // What hindered it the last time may be gone.
+        // The cause of the last failure may be gone.
         if chosen.is_none() && now.memory.hindered && !now.memory.refused.is_empty() {
             now.memory.refused.clear();
             chosen = choose(now);

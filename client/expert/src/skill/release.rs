@@ -1,5 +1,5 @@
-//! Release: opens the gripper, draws the hand back, and brings it home before
-//! another attempt.
+//! Release: opens the gripper, moves the hand back, and stows the arm before another
+//! attempt.
 
 use nalgebra::Translation3;
 use wheelarm_proto::v1::Phase;
@@ -9,8 +9,7 @@ use super::{Act, Now, Skill, Step};
 
 /// Longest time for the fingers to open, seconds.
 const LONGEST: f64 = 3.0;
-/// How far the hand is drawn back when it stays near, metres: the first that
-/// the arm reaches.
+/// Retreats of a hand that stays near, metres: the first reachable one is used.
 const RETREAT: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
 
 /// See the module.

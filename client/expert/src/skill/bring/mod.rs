@@ -1,11 +1,11 @@
-//! Bring: carries what is in the hand round to who sits in the chair, level all the
-//! way: to the mouth, where it holds the tip before the lips until the task is done, or
-//! over the lap, where it ends.
+//! Bring: carries the held object level to the seated person: to the mouth, where the
+//! hand holds the tip in front of the lips until the task is done, or over the lap,
+//! where the skill ends.
 //!
-//! All of it is planned in the frame of the chair, `wheelchair_root`: the hand goes
-//! about the arm's base on a curve, then straight to its aim: to the lips, which it
-//! follows, or down to the lap. `plan` knows where the hand is on a way, `ways` which
-//! ways are tried, `pace` how fast it goes round.
+//! All poses are planned in the frame of the chair, `wheelchair_root`. The hand moves
+//! on a curve about the arm's base, then straight to its target: to the lips, which it
+//! follows, or down to the lap. `plan` computes the pose of the hand on a way, `ways`
+//! lists the ways to try, `pace` sets the speed.
 
 mod pace;
 mod plan;
@@ -24,7 +24,7 @@ use crate::grasp_candidate::GraspCandidate;
 use crate::hand::Ball;
 use crate::tool_path::distance;
 
-/// Ways that are looked at for one stop of the chair.
+/// Most ways that are tried for one pose of the chair.
 const TRIED: usize = 40;
 /// Clearances of the carried object from the person's capsules and from the head, which
 /// moves, metres; the second pair when no path keeps the first.
@@ -36,7 +36,7 @@ const CLEAR: f64 = 0.01;
 const LIPS_SPEED: f64 = 0.025;
 /// This near to the lips it is the whole speed, metres.
 const FOLLOWS: f64 = 0.015;
-/// The slowest operator goes at this share of it.
+/// Share of it for the slowest operator.
 const SLOWEST: f64 = 0.5;
 /// Speed at which an object is laid into the lap, m/s: the arm behind it presses with its
 /// momentum within a tick.
@@ -69,7 +69,7 @@ pub fn after(
     let height = lift::height(now.goal, now.profile.grasp.lift);
     let held = candidate.grasp.inv_mul(&now.object());
     let lifts = lift::lift_paths(&base, &candidate.grasp, height);
-    // Straight up: round to the person goes another way than back to the arm.
+    // Straight up: the way to the person differs from the way back to the arm.
     let straight = lifts.into_iter().take(1);
     straight
         .flat_map(|up| {
@@ -297,7 +297,7 @@ impl Skill for Bring {
     }
 }
 
-/// How the chair backs off while the hand goes round on `way`.
+/// The motion of the chair while the hand moves on `way`.
 fn back_off(now: &Now<'_>, way: &Way) -> Option<BackOff> {
     let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
     let plan = Plan::of(now, &held, &way.start, mouth(now))?;

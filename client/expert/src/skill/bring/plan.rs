@@ -1,5 +1,5 @@
-//! Where the end effector is on a way to who sits in the chair, and whether what it
-//! carries keeps clear of the person there. All of it in the frame of the chair.
+//! Poses of the end effector on a way to the seated person, and clearance of the
+//! carried object from the person. All in the frame of the chair.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_planning::obb::Obb;
@@ -19,11 +19,11 @@ const OVER: f64 = 0.02;
 const LAY: f64 = 0.05;
 /// The straight way to the lips or down to the lap begins this far off, metres.
 pub const AWAY: f64 = 0.11;
-/// What is carried keeps this far from the person on the last way down to the lap,
+/// Clearance of the carried object from the person on the last way down to the lap,
 /// metres.
 const LAP_ROOM: f64 = 0.003;
 
-/// The slowest operator goes round at this share of the plain one's speed.
+/// Share of the plain operator's speed for the slowest operator.
 const SLOWEST: f64 = 0.4;
 
 /// A way of the end effector to the mouth.
@@ -35,16 +35,16 @@ pub struct Way {
     pub(super) corners: Vec<[f64; 5]>,
     /// The end effector at its start, in `base_link` turned as the chair.
     pub(super) start: Isometry3<f64>,
-    /// How the hand arrives.
+    /// Final approach of the hand.
     pub(super) end: End,
 }
 
-/// How a hand arrives.
+/// Final approach of a hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {
     /// Its heading beside that at the start, radians.
     pub(super) turn: f64,
-    /// How far it leans forward, radians; `ways` says which leans are tried.
+    /// Forward lean, radians; `ways` lists the leans to try.
     pub(super) lean: f64,
     /// The place in the lap, forward of its middle, in shares of its half length.
     pub(super) forward: f64,
@@ -58,7 +58,7 @@ pub enum To {
     Lap(Obb),
 }
 
-/// What a way is planned for.
+/// A plan of the ways to the lips or the lap.
 pub struct Plan<'a> {
     person: &'a Seated,
     /// The arm's base in the frame of the chair.
@@ -119,7 +119,7 @@ impl<'a> Plan<'a> {
                 mouth.translation.vector + out * off
             }
             To::Lap(lap) => {
-                // What leans hangs deeper.
+                // A leaning object hangs deeper.
                 let deeper = self.wide * exact::sin_cos(end.lean).0;
                 let place = Vector3::new(end.forward * lap.half.x, 0.0, off + deeper);
                 lap.pose.translation.vector + place
@@ -140,7 +140,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Where the object is laid down at the latest; the tip at the lips.
+    /// Final pose: the lowest one at which the object is laid down, or the one with the
+    /// tip at the lips.
     pub fn last(&self, start: &Isometry3<f64>, end: End) -> Isometry3<f64> {
         match self.to {
             To::Lips(_) => self.at(start, end, BEFORE),

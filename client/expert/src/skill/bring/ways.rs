@@ -22,7 +22,7 @@ const LIPS_LEANS: [f64; 3] = [0.0, -0.12, -0.23];
 const MOST_TURN: f64 = 5.0;
 /// Directions of an object's longest side in the lap: across the thighs, radians.
 const ACROSS: [f64; 2] = [FRAC_PI_2, -FRAC_PI_2];
-/// How far the hand leans forward there, so that a belly has room, radians.
+/// Forward leans of the hand there, which leave room for a belly, radians.
 const LEANS: [f64; 3] = [0.0, 0.4, 0.7];
 /// Places in the lap forward of its middle, in shares of its half length.
 const FORWARD: [f64; 2] = [0.0, 0.5];
@@ -34,7 +34,7 @@ const HEIGHTS: [f64; 3] = [1.06, 1.14, 1.21];
 const LAP_HEIGHTS: [f64; 3] = [0.98, 0.93, 1.04];
 /// Whether the hand turns evenly on the way round, in its first half or in its second.
 const TURNS: [[f64; 2]; 3] = [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]];
-/// Parts of the way round that are looked at.
+/// Number of checked parts of the curve.
 const PARTS: usize = 16;
 
 impl Plan<'_> {
