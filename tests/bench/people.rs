@@ -129,7 +129,7 @@ fn bench(options: &Options) -> Result<()> {
     }
     let (mut steps, mut images) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     for round in 0..=options.rounds {
-        // Each goes first by turns; the first round warms up.
+        // Alternate which one is first; the first round is a warm-up.
         for k in 0..2 {
             let which = (round + k) % 2;
             let sim = &mut sims[which];

@@ -32,7 +32,7 @@ struct Options {
     /// Cap of the force at each pad, N.
     #[arg(long, default_value_t = 4.0)]
     grip: f64,
-    /// How far the gripper closes, rad.
+    /// Final knuckle angle of the gripper, rad.
     #[arg(long, default_value_t = 0.6)]
     knuckle: f64,
 }

@@ -71,10 +71,11 @@ struct Options {
     /// Both, one pair by turns.
     #[arg(long)]
     compare_packing: bool,
-    /// Time of each part on the adapter, if it can tell; then no pair is drawn ahead.
+    /// Time of each part on the adapter, if it supports timestamps; then no pair is
+    /// rendered ahead.
     #[arg(long)]
     parts: bool,
-    /// Threads that draw pairs ahead on one device.
+    /// Threads that render pairs ahead on one device.
     #[arg(long, default_value_t = 1)]
     renderers: usize,
     /// Also compressed by the adapter, depth kept as f32, u16 or none.
@@ -238,9 +239,9 @@ fn many(options: &Options, quality: Quality, robot: &RobotModel, scene: &Scene) 
     Ok(())
 }
 
-/// As the server draws when it is behind: the next pair is begun before this one
-/// is read. Prints the rate, and where the time of this thread goes; `depth` is the form
-/// in which the adapter compresses it, if it does.
+/// Renders like a server that is behind: the next pair begins before this one is read.
+/// Prints the rate, and the time of this thread by step; `depth` is the format in which
+/// the adapter compresses it, if it does.
 fn ahead(
     renderer: &mut Renderer,
     robot: &RobotModel,
@@ -281,7 +282,7 @@ fn ahead(
     }
     let seconds = before.elapsed().as_secs_f64();
     renderer.collect()?;
-    // One more is drawn than counts.
+    // The last rendered pair does not count.
     let each = 1e3 / pairs as f64;
     println!(
         "one pair ahead: {:.1} pairs/s, {:.1} images/s; a pair takes {:.3} ms to submit and \
@@ -420,7 +421,7 @@ fn compare_packing(
     Ok(())
 }
 
-/// The appearance that is drawn.
+/// The sampled appearance.
 fn appearance(options: &Options, seed: u64) -> Appearance {
     let s = options.strength;
     Appearance {
@@ -441,8 +442,8 @@ fn middle(times: &[f64]) -> [f64; 2] {
     [sorted[0], sorted[sorted.len() / 2]]
 }
 
-/// Pairs without an appearance, with one, and with one whose glass and metal are drawn
-/// as without, by turns.
+/// Alternates pairs without an appearance, with one, and with one whose glass and metal
+/// are rendered without it.
 fn compare(
     options: &Options,
     quality: Quality,

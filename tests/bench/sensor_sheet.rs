@@ -157,7 +157,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// A task's draw with the chair before its area, a second after the start.
+/// The sampled scene of a task with the chair in front of its area, one second after
+/// the start.
 fn before_area(options: &Options) -> Result<Simulation> {
     let scenario = Scenario {
         task: options.task.clone(),

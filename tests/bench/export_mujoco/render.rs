@@ -1,4 +1,4 @@
-//! What the cameras draw, as meshes on mocap bodies.
+//! Exports the geometry that the cameras render, as meshes on mocap bodies.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

@@ -16,7 +16,7 @@ use super::CAMERAS;
 /// Commands measured until they are applied, and until motion starts.
 const APPLIED: usize = 500;
 const MOVES: usize = 60;
-/// What counts as motion, rad: far above what a resting knuckle does.
+/// Threshold of motion, rad: far above the motion of a resting knuckle.
 const MOVED: f64 = 2e-4;
 /// Longest wait for what a command does.
 const LONGEST: Duration = Duration::from_secs(5);

@@ -89,8 +89,9 @@ fn start() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What recorders cost in lock-step (1, 2 and 4 of them, or COUNT) over the runs without
-/// any right before and after: medians of the rounds. Nothing may be missed.
+/// Time per recorder in lock-step (1, 2 and 4 recorders, or COUNT) relative to runs
+/// without any recorder right before and after: medians of the rounds. Every sample
+/// must be recorded.
 fn recorders() -> anyhow::Result<()> {
     const ROUNDS: usize = 5;
     let counts = match std::env::args().nth(2) {

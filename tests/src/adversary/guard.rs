@@ -64,7 +64,7 @@ pub struct GuardRun {
     pub guard: bool,
 }
 
-/// What an episode came to.
+/// Result of an episode.
 #[derive(Clone, Debug, Default)]
 pub struct GuardVerdict {
     /// Control ticks.
@@ -88,7 +88,7 @@ impl GuardVerdict {
     }
 }
 
-/// How the operator commands the arm for a while.
+/// Kind of arm command for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Device {
     /// Twists towards the target.
