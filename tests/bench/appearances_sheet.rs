@@ -1,5 +1,5 @@
-//! One instant under many looks, as one picture: a task's start with the
-//! chair before its area, seen by a camera in the room.
+//! Renders one instant under many appearances into one image: the start of a task, with
+//! the chair in front of its area, from a camera in the room.
 //!
 //! `appearances_sheet OUT.jpg|OUT.png [--assets DIR] [--task NAME] [--view table|room|close]
 //! [--strength 1|2|3] [--first-look N] [--columns N] [--rows N] [--width W]
@@ -23,25 +23,25 @@ struct Options {
     /// Folder with robots, scenes, objects and materials.
     #[arg(long, default_value = "assets")]
     assets: PathBuf,
-    /// Task whose start is drawn.
+    /// Task whose start is rendered.
     #[arg(long, default_value = "pick_mustard")]
     task: String,
-    /// `table`: the task's area; `close`: what it is about; `room`.
+    /// `table`: the task's area; `close`: its target; `room`.
     #[arg(long, default_value = "table")]
     view: String,
-    /// Strength of every axis but the cameras'; 0 is no appearance at all.
+    /// Strength of every axis except the cameras'; 0 for the plain appearance.
     #[arg(long, default_value_t = 2)]
     strength: u8,
-    /// Seed of the first look.
+    /// Seed of the first appearance.
     #[arg(long, default_value_t = 1)]
     first_look: u64,
-    /// Pictures side by side.
+    /// Columns of images.
     #[arg(long, default_value_t = 4)]
     columns: u32,
-    /// Pictures one below the other.
+    /// Rows of images.
     #[arg(long, default_value_t = 4)]
     rows: u32,
-    /// Width of one picture, pixels.
+    /// Width of one image, pixels.
     #[arg(long, default_value_t = 400)]
     width: u32,
     /// fast, draft, standard or high.
@@ -104,7 +104,7 @@ fn main() -> Result<()> {
         )?;
         let mut renderer = Renderer::new(&scene, std::slice::from_ref(&camera), quality, None)?;
         let frames = renderer.render(sim.snapshot(), &[0])?;
-        let frame = frames.first().context("a picture")?;
+        let frame = frames.first().context("an image")?;
         let (x, y) = (
             (i % options.columns) as usize,
             (i / options.columns) as usize,

@@ -258,7 +258,7 @@ def compare(folder, assets, options):
 
 
 SERVICE = {
-    "start": dict(first_image=r"first picture after # s", memory=r"memory at most # MB"),
+    "start": dict(first_image=r"first image after # s", memory=r"memory at most # MB"),
     "latency": dict(
         applied=r"real time, command to applied: median # ms",
         applied_99=r"real time, command to applied: .* p99 # ms",

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Measures campaigns on a host with one or several graphics cards, with programs
-# that are there already: small pictures and 720p, into memory and onto disk, one
-# card and two; one table, and report.md and report.json in OUT. Eight minutes at
-# most. Nothing is built; Python 3 is needed, without packages.
+# Measures campaigns on a host with one or several GPUs, with existing programs:
+# small images and 720p, into memory and onto disk, one GPU and two; one table, and
+# report.md and report.json in OUT. Eight minutes at most.
+# Nothing is built; Python 3 is needed, without packages.
 #   tests/bench/device.sh PROGRAMS ASSETS OUT [options of tests/bench/device.py]
 # PROGRAMS holds wheelarm, wheelarm-server and wheelarm-worker.
 set -euo pipefail

@@ -1,4 +1,4 @@
-//! What a draw and a reset take, and how many scenes are begun until one counts.
+//! Time of sampling a scenario and of a reset, and number of rejected samples.
 //!
 //! `draw_bench [ASSETS] [SEEDS]`
 
@@ -20,10 +20,10 @@ fn main() -> Result<()> {
         .map_or(Ok(2000), |text| text.parse::<u64>())?;
     let home = Scene::load(&assets, "home")?;
     let model = RobotModel::load(&assets, "wheelarm")?;
-    let mut seen = BTreeSet::new();
+    let mut sampled = BTreeSet::new();
     for task in tasks::list(&assets, &model.settings.gripper.corridor)? {
         for variant in task.area.variants.iter() {
-            if !seen.insert((task.area.name.clone(), variant.name.clone())) {
+            if !sampled.insert((task.area.name.clone(), variant.name.clone())) {
                 continue;
             }
             let mut scene = home.clone();

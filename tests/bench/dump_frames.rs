@@ -1,8 +1,8 @@
-//! Writes raw pictures of the home for recorders to be measured with.
+//! Writes raw images of the home for measurements of recorders.
 //!
 //! `dump_frames DIR [ASSETS] [FRAMES]` writes `frames.bin`: for each frame, for
-//! each of the two robot cameras, colour (u8 x 3), depth (f32 little-endian,
-//! metres) and ids (u16), 1280x720; 10 pictures per second of a made-up drive.
+//! each of the two robot cameras, color (u8 x 3), depth (f32 little-endian,
+//! metres) and ids (u16), 1280x720; 10 images per second of a synthetic drive.
 
 mod motion;
 
@@ -37,10 +37,10 @@ fn main() -> Result<()> {
     let mut file = BufWriter::new(File::create(out.join("frames.bin"))?);
     for frame in 0..frames {
         let snapshot = motion::moving(&robot, &scene, frame as f64 * 0.1);
-        for picture in renderer.render(&snapshot, &[0, 1])? {
-            file.write_all(&picture.rgb)?;
-            file.write_all(&picture.depth)?;
-            file.write_all(&picture.ids)?;
+        for image in renderer.render(&snapshot, &[0, 1])? {
+            file.write_all(&image.rgb)?;
+            file.write_all(&image.depth)?;
+            file.write_all(&image.ids)?;
         }
     }
     file.flush()?;

@@ -2,7 +2,7 @@
 //! of the home, 0.603 kg, held at the grasp of its file.
 //!
 //! `cargo run --release -p wheelarm-tests --example grasp_bench -- [SECONDS] [NEWTON]`,
-//! 60 s and 60 N unless told otherwise.
+//! default 60 s and 60 N.
 
 use std::path::Path;
 

@@ -1,6 +1,6 @@
-//! People in the chair: what they cost, and pictures of them.
+//! People in the chair: their computing time, and images of them.
 //!
-//! `people --bench`: simulation and picture rate with a person as a ratio of that
+//! `people --bench`: simulation and image rate with a person as a ratio of that
 //! without, stretch by stretch in turns, in one run.
 //! `people --sheet FILE.png [--camera NAME=WIDTHxHEIGHT]`: the people of `--person`,
 //! each as one camera sees them, side by side.
@@ -33,25 +33,25 @@ struct Options {
     /// Rounds of the measurement.
     #[arg(long, default_value_t = 12)]
     rounds: usize,
-    /// Draws into this file.
+    /// Renders into this file.
     #[arg(long)]
     sheet: Option<PathBuf>,
-    /// Who, as the server's --person; may be repeated.
+    /// Person, as the server's --person; may be repeated.
     #[arg(long, value_parser = v1::Person::from_text)]
     person: Vec<v1::Person>,
     /// `front`, or a camera of the robot.
     #[arg(long, default_value = "front")]
     camera: String,
-    /// Pixels of one picture.
+    /// Pixels of one image.
     #[arg(long, default_value_t = 480)]
     width: u32,
-    /// Pixels of one picture.
+    /// Pixels of one image.
     #[arg(long, default_value_t = 480)]
     height: u32,
-    /// Pictures side by side.
+    /// Columns of images.
     #[arg(long, default_value_t = 5)]
     columns: usize,
-    /// Seed of the scene and of what is left open of who sits there.
+    /// Seed of the scene and of the sampled values of the person.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// fast, draft, standard or high.
@@ -82,9 +82,9 @@ fn simulation(options: &Options, seed: u64, person: Option<&v1::Person>) -> Resu
 
 fn renderer(options: &Options, sim: &Simulation, cameras: &[CameraSpec]) -> Result<Renderer> {
     let (model, scene) = (sim.model(), sim.scene());
-    let seen = RenderScene::with_person(model, scene, &options.assets, None, sim.person())?;
+    let render_scene = RenderScene::with_person(model, scene, &options.assets, None, sim.person())?;
     Ok(Renderer::new(
-        &seen,
+        &render_scene,
         cameras,
         Quality::from_name(&options.quality)?,
         options.adapter.as_deref(),
@@ -127,9 +127,9 @@ fn bench(options: &Options) -> Result<()> {
     for sim in &sims {
         renderers.push(renderer(options, sim, &cameras(sim)?)?);
     }
-    let (mut steps, mut pictures) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
+    let (mut steps, mut images) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     for round in 0..=options.rounds {
-        // Each goes first by turns; the first round warms up.
+        // Alternate which one is first; the first round is a warm-up.
         for k in 0..2 {
             let which = (round + k) % 2;
             let sim = &mut sims[which];
@@ -151,7 +151,7 @@ fn bench(options: &Options) -> Result<()> {
             }
             if round > 0 {
                 steps[which].push(stepped / 120.0);
-                pictures[which].push(begun.elapsed().as_secs_f64() / 4.0);
+                images[which].push(begun.elapsed().as_secs_f64() / 4.0);
             }
         }
     }
@@ -161,7 +161,7 @@ fn bench(options: &Options) -> Result<()> {
     };
     for (what, times) in [
         ("control step", &mut steps),
-        ("pair of pictures", &mut pictures),
+        ("pair of images", &mut images),
     ] {
         let [without, with] = times;
         let (without, with) = (median(without), median(with));

@@ -1,7 +1,7 @@
 //! The gripper takes the bear from the coffee table by its waist, lifts it,
-//! carries it through two turns with a waving arm, puts it back and lets go.
-//! Prints what that costs and what is felt; with --out also draws it. The
-//! pictures and figures of docs/drive-and-record/deformable.md come from here.
+//! carries it through two turns with a waving arm, puts it back and releases it.
+//! Prints computing time and contact forces; with --out also renders it. The images and
+//! figures of docs/drive-and-record/deformable.md are made with it.
 //!
 //! `plush_bench [--assets DIR] [--out DIR] [--grip N] [--knuckle RAD]`
 
@@ -26,13 +26,13 @@ struct Options {
     /// Folder with robots, scenes, objects and materials.
     #[arg(long, default_value = "assets")]
     assets: PathBuf,
-    /// Where pictures and the table of the grasp go.
+    /// Folder for images and the table of the grasp.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Cap of the force at each pad, N.
     #[arg(long, default_value_t = 4.0)]
     grip: f64,
-    /// How far the gripper closes, rad.
+    /// Final knuckle angle of the gripper, rad.
     #[arg(long, default_value_t = 0.6)]
     knuckle: f64,
 }
@@ -41,8 +41,8 @@ struct Options {
 const AHEAD: [f64; 2] = [1.14, 0.36];
 /// Control ticks, 60 per second.
 const TICKS: u64 = 1350;
-/// Control ticks at which a picture is taken.
-const PICTURES: [(u64, &str); 6] = [
+/// Control ticks at which an image is rendered.
+const IMAGES: [(u64, &str); 6] = [
     (230, "rest"),
     (440, "squeeze"),
     (505, "carry"),
@@ -143,7 +143,7 @@ fn main() -> Result<()> {
             whole += spent;
             spent = 0.0;
         }
-        camera.picture(tick, &snapshot)?;
+        camera.render(tick, &snapshot)?;
     }
     println!(
         "weight {weight:.2} N; {:.3} s of processor per simulated second, robot included",
@@ -162,7 +162,7 @@ fn cpu_seconds() -> f64 {
     nanos.unwrap_or(0.0) * 1e-9
 }
 
-/// What is newly asked at a control tick.
+/// Control input of a control tick.
 fn input(tick: u64, hand: &Isometry3<f64>, options: &Options) -> ControlInput {
     let mut input = ControlInput::default();
     let pose = |pose| {
@@ -232,7 +232,7 @@ fn gap(snapshot: &Snapshot, model: &RobotModel) -> f64 {
     (a - b).norm()
 }
 
-/// Takes the pictures, when they are wanted.
+/// Renders the images with --out.
 struct Camera {
     renderer: Option<(Renderer, PathBuf)>,
 }
@@ -269,9 +269,9 @@ impl Camera {
         })
     }
 
-    fn picture(&mut self, tick: u64, snapshot: &Snapshot) -> Result<()> {
+    fn render(&mut self, tick: u64, snapshot: &Snapshot) -> Result<()> {
         let (Some((renderer, out)), Some((_, name))) =
-            (&mut self.renderer, PICTURES.iter().find(|p| p.0 == tick))
+            (&mut self.renderer, IMAGES.iter().find(|p| p.0 == tick))
         else {
             return Ok(());
         };

@@ -1,8 +1,8 @@
 //! The bear in the engine's own soft body: on a table, squeezed by two pads,
-//! lifted and shaken. What it showed stands in docs/drive-and-record/deformable.md.
+//! lifted and shaken. docs/drive-and-record/deformable.md has the result.
 //!
 //! `plush_trial SUBSTEPS PGS GRIP_N CLOSE_MM ATTACH`, each pad closing by
-//! CLOSE_MM at most with GRIP_N newtons; ATTACH 1 attaches what lies at a pad.
+//! CLOSE_MM at most with GRIP_N newtons; ATTACH 1 attaches the nodes at a pad.
 
 use std::path::Path;
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Milliseconds per pair of robot cameras with the whole home, pictures read
-//! back into memory. The arm, the chair and an object move in every pair.
+//! Milliseconds per pair of robot cameras with the whole home, with images
+//! read back into memory. The arm, the chair and an object move in every pair.
 //!
 //! `render_bench [--assets DIR] [--pairs N] [--width W] [--height H]
 //! [--quality fast|draft|standard|high] [--adapter NAME] [--packing adapter|processor]`
@@ -7,18 +7,18 @@
 //! With `--appearance SEED` the same under an appearance of that seed, one pair by turns with
 //! none: as ratios of the rate without.
 //!
-//! `--packing` says who packs the pictures; else it is as the server has it. With
-//! `--compare-packing` both do, one pair by turns, and must give the same bytes, but for
-//! single pixels where surfaces lie in one another.
+//! `--packing` chooses where images are packed; the default is that of the server. With
+//! `--compare-packing` both run, one pair by turns, and must return the same bytes, except
+//! for single pixels of coincident surfaces.
 //!
 //! With `--compare-quality QUALITY` also that quality, one pair by turns: as ratios of the
 //! rate and of the processor time, under the appearance of `--appearance` where that is given.
 //!
-//! With `--parts` the adapter's time for each part of a pair stands beside; with
-//! `--renderers N` N threads draw on one device at the same time.
+//! With `--parts` also prints the adapter's time for each part of a pair; with
+//! `--renderers N` N threads render on one device at the same time.
 //!
-//! With `--deflate [f32|u16|none]`, which says how depth is kept, the adapter compresses
-//! the pictures as well, after the run without; their size stands beside.
+//! With `--deflate [f32|u16|none]`, the stored format of depth, a second run compresses
+//! the images on the adapter, and their size is printed too.
 
 mod motion;
 
@@ -65,16 +65,17 @@ struct Options {
     /// Strength of its axes, 1 to 3.
     #[arg(long, default_value_t = 2)]
     strength: u8,
-    /// Who packs the pictures: adapter or processor.
+    /// Where images are packed: adapter or processor.
     #[arg(long)]
     packing: Option<String>,
     /// Both, one pair by turns.
     #[arg(long)]
     compare_packing: bool,
-    /// Time of each part on the adapter, if it can tell; then no pair is drawn ahead.
+    /// Time of each part on the adapter, if it supports timestamps; then no pair is
+    /// rendered ahead.
     #[arg(long)]
     parts: bool,
-    /// Threads that draw pairs ahead on one device.
+    /// Threads that render pairs ahead on one device.
     #[arg(long, default_value_t = 1)]
     renderers: usize,
     /// Also compressed by the adapter, depth kept as f32, u16 or none.
@@ -203,7 +204,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Pictures per second of several renderers on one device.
+/// Images per second of several renderers on one device.
 fn many(options: &Options, quality: Quality, robot: &RobotModel, scene: &Scene) -> Result<()> {
     let render_scene = RenderScene::new(robot, scene, &options.assets)?;
     let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
@@ -231,16 +232,16 @@ fn many(options: &Options, quality: Quality, robot: &RobotModel, scene: &Scene) 
         Ok(())
     })?;
     println!(
-        "{} renderers on one device: {:.1} pictures/s",
+        "{} renderers on one device: {:.1} images/s",
         options.renderers,
         (2 * options.pairs * options.renderers) as f64 / before.elapsed().as_secs_f64()
     );
     Ok(())
 }
 
-/// As the server draws when it is behind: the next pair is begun before this one
-/// is read. Prints the rate, and where the time of this thread goes; `depth` is the form
-/// in which the adapter compresses it, if it does.
+/// Renders like a server that is behind: the next pair begins before this one is read.
+/// Prints the rate, and the time of this thread by step; `depth` is the format in which
+/// the adapter compresses it, if it does.
 fn ahead(
     renderer: &mut Renderer,
     robot: &RobotModel,
@@ -281,10 +282,10 @@ fn ahead(
     }
     let seconds = before.elapsed().as_secs_f64();
     renderer.collect()?;
-    // One more is drawn than counts.
+    // The last rendered pair does not count.
     let each = 1e3 / pairs as f64;
     println!(
-        "one pair ahead: {:.1} pairs/s, {:.1} pictures/s; a pair takes {:.3} ms to submit and \
+        "one pair ahead: {:.1} pairs/s, {:.1} images/s; a pair takes {:.3} ms to submit and \
          {:.3} ms to wait for and read",
         pairs as f64 / seconds,
         2.0 * pairs as f64 / seconds,
@@ -382,15 +383,15 @@ fn compare_packing(
     let (mut differ, mut all) = (0, 0);
     for pair in 0..options.pairs + 5 {
         let snapshot = motion::moving(robot, scene, pair as f64 * 0.1);
-        let mut seen = Vec::new();
+        let mut frames = Vec::new();
         for (_, renderer, times) in &mut renderers {
             let before = Instant::now();
-            seen.push(renderer.render(&snapshot, &[0, 1])?);
+            frames.push(renderer.render(&snapshot, &[0, 1])?);
             if pair >= 5 {
                 times.push(before.elapsed().as_secs_f64() * 1e3);
             }
         }
-        for (one, two) in seen[0].iter().zip(&seen[1]) {
+        for (one, two) in frames[0].iter().zip(&frames[1]) {
             for (a, b) in [
                 (&one.rgb, &two.rgb),
                 (&one.depth, &two.depth),
@@ -413,14 +414,14 @@ fn compare_packing(
         ahead(renderer, robot, scene, options.pairs, None)?;
     }
     println!("{differ} of {all} bytes differ");
-    // What lies in one plane is drawn in another order.
+    // Coincident surfaces are rendered in another order.
     if differ as f64 > 1e-6 * all as f64 {
-        bail!("more differ than surfaces that lie in one another explain");
+        bail!("more bytes differ than coincident surfaces explain");
     }
     Ok(())
 }
 
-/// The appearance that is drawn.
+/// The sampled appearance.
 fn appearance(options: &Options, seed: u64) -> Appearance {
     let s = options.strength;
     Appearance {
@@ -441,8 +442,8 @@ fn middle(times: &[f64]) -> [f64; 2] {
     [sorted[0], sorted[sorted.len() / 2]]
 }
 
-/// Pairs without an appearance, with one, and with one whose glass and metal are drawn
-/// as without, by turns.
+/// Alternates pairs without an appearance, with one, and with one whose glass and metal
+/// are rendered without it.
 fn compare(
     options: &Options,
     quality: Quality,
@@ -452,8 +453,9 @@ fn compare(
 ) -> Result<()> {
     let appearance = SampledAppearance::new(appearance(options, seed), scene, &options.assets)?;
     let plain = RenderScene::new(robot, scene, &options.assets)?;
-    let seen = RenderScene::with_appearance(robot, scene, &options.assets, Some(&appearance))?;
-    let mut dull = seen.clone();
+    let render_scene =
+        RenderScene::with_appearance(robot, scene, &options.assets, Some(&appearance))?;
+    let mut dull = render_scene.clone();
     for item in &mut dull.items {
         item.material.transmission = 0.0;
         item.material.metallic = item.material.metallic.min(0.45);
@@ -461,7 +463,7 @@ fn compare(
     let cameras = CameraSpec::all(robot, scene, [options.width, options.height])?;
     let kinds = [
         ("no look", plain),
-        ("look", seen),
+        ("look", render_scene),
         ("look, no glass or mirror", dull),
     ];
     let mut renderers = Vec::new();

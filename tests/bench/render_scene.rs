@@ -1,6 +1,6 @@
-//! Draws the home as PNG files: colour, depth and ids of both robot cameras at
-//! the start and at the coffee table, the room camera and free views. With
-//! `--task`, what a seed draws for it, the chair parked before its area.
+//! Renders the home to PNG files: color, depth and ids of both robot cameras at the
+//! start and at the coffee table, the room camera and free views. With `--task`, the
+//! sampled scene of a seed, with the chair parked in front of its area.
 //!
 //! `render_scene [--assets DIR] [--out DIR] [--width W] [--height H]
 //! [--quality fast|draft|standard|high] [--adapter NAME] [--task NAME] [--seed N]`
@@ -31,8 +31,8 @@ struct Options {
     /// Scene below assets/scenes.
     #[arg(long, default_value = "home")]
     scene: String,
-    /// Where the pictures go.
-    #[arg(long, default_value = "pictures")]
+    /// Folder for the images.
+    #[arg(long, default_value = "images")]
     out: PathBuf,
     /// Pixels.
     #[arg(long, default_value_t = 1280)]
@@ -46,10 +46,10 @@ struct Options {
     /// Part of an adapter's name.
     #[arg(long)]
     adapter: Option<String>,
-    /// Task whose draw is shown.
+    /// Task whose sampled scene is rendered.
     #[arg(long)]
     task: Option<String>,
-    /// Seed of the draw.
+    /// Seed of the scene.
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -107,7 +107,7 @@ fn main() -> Result<()> {
             save(&options.out, &name, &frame)?;
         }
     }
-    println!("pictures are in {}", options.out.display());
+    println!("images are in {}", options.out.display());
     Ok(())
 }
 

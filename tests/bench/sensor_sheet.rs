@@ -1,6 +1,6 @@
-//! Draws what the sensor models make of a picture: for each camera of the robot
-//! exact colour, sensor colour, exact depth, sensor depth side by side, as one
-//! JPEG or PNG file; and tells how long each model takes.
+//! Compares sensor models with exact images: for each camera of the robot exact color,
+//! sensor color, exact depth and sensor depth side by side, as one JPEG or PNG file; and
+//! prints the computing time of each model.
 //!
 //! `sensor_sheet [--assets DIR] [--out FILE] [--task NAME] [--seed N]
 //! [--strength S] [--width W] [--height H]`
@@ -28,16 +28,16 @@ struct Options {
     /// The file.
     #[arg(long, default_value = "sensors.jpg")]
     out: PathBuf,
-    /// Task whose draw is shown, the chair before its area.
+    /// Task whose sampled scene is shown, with the chair in front of its area.
     #[arg(long, default_value = "pick_glass_bottle")]
     task: String,
-    /// Seed of the draw and of the noise.
+    /// Seed of the scene and of the noise.
     #[arg(long, default_value_t = 3)]
     seed: u64,
     /// Strength of the models, 0 to 3.
     #[arg(long, default_value_t = 1.0)]
     strength: f64,
-    /// Width of the exact pictures, pixels.
+    /// Width of the exact images, pixels.
     #[arg(long, default_value_t = 1280)]
     width: u32,
     /// Their height, pixels.
@@ -45,13 +45,13 @@ struct Options {
     height: u32,
 }
 
-/// Size of a picture on the sheet, pixels.
+/// Size of an image on the sheet, pixels.
 const TILE: [usize; 2] = [480, 270];
 
 /// Cameras, and the model that is on each.
 const PAIRS: [(&str, &str); 2] = [("gen3", "kinova_vision"), ("wheelchair", "chair_stereo")];
 
-/// Pictures before the one that is shown: exposure and coder settle.
+/// Images before the shown one, in which exposure and encoder settle.
 const BEFORE: u64 = 20;
 
 fn main() -> Result<()> {
@@ -98,12 +98,12 @@ fn main() -> Result<()> {
             options.strength,
         );
         let lens = depth.parameters().lens;
-        let (mut seen, mut measured) = (Vec::new(), Vec::new());
+        let (mut sensed, mut measured) = (Vec::new(), Vec::new());
         let mut took = [0.0; 2];
         for tick in 0..=BEFORE {
             let exact = exact(frame, tick);
             let began = Instant::now();
-            seen = color.image(&exact);
+            sensed = color.image(&exact);
             took[0] += began.elapsed().as_secs_f64() * 1e3 / (BEFORE + 1) as f64;
             let began = Instant::now();
             measured = depth.image(&self::exact(depth_frame, tick), &surfaces);
@@ -131,12 +131,12 @@ fn main() -> Result<()> {
         });
         let tiles = [
             (frame.rgb.to_vec(), whole),
-            (seen, whole),
+            (sensed, whole),
             (exact_depth.collect(), whole),
             (sensed_depth.collect(), [lens.width, lens.height]),
         ];
-        for (column, (picture, size)) in tiles.iter().enumerate() {
-            put(&mut sheet, [column, row], picture, *size);
+        for (column, (image, size)) in tiles.iter().enumerate() {
+            put(&mut sheet, [column, row], image, *size);
         }
     }
     let [width, height] = [4 * TILE[0], PAIRS.len() * TILE[1]];
@@ -157,7 +157,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// A task's draw with the chair before its area, a second after the start.
+/// The sampled scene of a task with the chair in front of its area, one second after
+/// the start.
 fn before_area(options: &Options) -> Result<Simulation> {
     let scenario = Scenario {
         task: options.task.clone(),
@@ -212,14 +213,14 @@ fn depth_color(z: f32) -> [u8; 3] {
     ]
 }
 
-/// Puts a picture onto its place on the sheet: the nearest pixel of each.
-fn put(sheet: &mut [u8], [column, row]: [usize; 2], picture: &[u8], [w, h]: [usize; 2]) {
+/// Copies an image to its place on the sheet, scaled by nearest pixel.
+fn put(sheet: &mut [u8], [column, row]: [usize; 2], image: &[u8], [w, h]: [usize; 2]) {
     let width = 4 * TILE[0];
     for y in 0..TILE[1] - 4 {
         for x in 0..TILE[0] - 4 {
             let from = 3 * ((y * h / TILE[1]) * w + x * w / TILE[0]);
             let to = 3 * ((row * TILE[1] + y) * width + column * TILE[0] + x);
-            sheet[to..to + 3].copy_from_slice(&picture[from..from + 3]);
+            sheet[to..to + 3].copy_from_slice(&image[from..from + 3]);
         }
     }
 }

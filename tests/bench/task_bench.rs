@@ -1,6 +1,6 @@
-//! How much faster than real time every task's physics runs on one core, with
-//! control, inverse kinematics, hooks and predicates: the chair drives and turns,
-//! the hand waves, the gripper opens and closes.
+//! Real-time factor of every task's physics on one core, with control, inverse
+//! kinematics, hooks and predicates: the chair drives and turns, the hand waves, the
+//! gripper opens and closes.
 //!
 //! `task_bench [ASSETS] [SECONDS]`
 
@@ -37,13 +37,13 @@ fn main() -> Result<()> {
         }
         let wall = seconds as f64 / begin.elapsed().as_secs_f64();
         let used = cpu_seconds() - processor;
-        // Where the system does not tell, wall time has to do.
+        // Without CPU time from the system, use wall time.
         let cpu = if used > 0.0 {
             seconds as f64 / used
         } else {
             wall
         };
-        // What is soft has a goal and a bench of its own: `plush_bench`.
+        // Deformable objects have a goal and a bench of their own: `plush_bench`.
         let soft = sim.scene().objects.iter().any(|body| body.soft.is_some());
         println!(
             "{:20} {cpu:5.1} x real time of one core, {wall:5.1} x by the clock{}",

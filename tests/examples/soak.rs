@@ -1,7 +1,7 @@
 //! Episodes of half a second, one right after the other, every third discarded,
 //! a reset now and then: every file must be complete and every discarded
-//! episode gone. `cargo run --release --example soak -- [EPISODES]`, 300 unless
-//! said; `make soak`.
+//! episode gone. `cargo run --release --example soak -- [EPISODES]`, 300 by
+//! default; `make soak`.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ const LENGTH: Duration = Duration::from_millis(500);
 fn main() -> anyhow::Result<()> {
     let episodes: u64 = std::env::args().nth(1).map_or(Ok(300), |n| n.parse())?;
     let server = Server::start("soak", &CAMERA)?;
-    let link = server.link();
+    let client = server.link();
     let folder = tempfile::tempdir()?;
     // The recorder ends with the last one that is kept: that is the last of all.
     let is_discarded = |i: u64| i % 3 == 2 && i + 1 < episodes;
@@ -27,7 +27,7 @@ fn main() -> anyhow::Result<()> {
         .collect();
     let count = kept.len().to_string();
     let mut recorder = Recorder::start(&server, "soak", folder.path(), &["--episodes", &count]);
-    while link.request(&v1::StatusRequest {})?.recorders.is_empty() {
+    while client.request(&v1::StatusRequest {})?.recorders.is_empty() {
         std::thread::sleep(Duration::from_millis(50));
     }
     let begun = Instant::now();
@@ -37,9 +37,9 @@ fn main() -> anyhow::Result<()> {
             require_recorders: 1,
             ..Default::default()
         };
-        let _: v1::EpisodeStarted = link.request(&request)?;
+        let _: v1::EpisodeStarted = client.request(&request)?;
         loop {
-            let status: v1::Status = link.request(&v1::StatusRequest {})?;
+            let status: v1::Status = client.request(&v1::StatusRequest {})?;
             if status.episode.is_none() {
                 bail!("episode e{i} ended before it began: {:?}", status.recorders);
             }
@@ -53,9 +53,9 @@ fn main() -> anyhow::Result<()> {
             discard: is_discarded(i),
             ..Default::default()
         };
-        let _: v1::EpisodeStopped = link.request(&request)?;
+        let _: v1::EpisodeStopped = client.request(&request)?;
         if i % 7 == 6 {
-            let _: v1::ResetReply = link.request(&v1::ResetRequest::default())?;
+            let _: v1::ResetReply = client.request(&v1::ResetRequest::default())?;
         }
     }
     let (status, text) = recorder.end();

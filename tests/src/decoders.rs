@@ -27,7 +27,7 @@ pub fn command(bytes: &[u8]) {
     let model = MODEL.get_or_init(|| {
         RobotModel::load(&root().join("assets"), "wheelarm").expect("the robot of this repository")
     });
-    // Whatever the message says it is, it holds control.
+    // The commander of the message holds control, whatever its name.
     let sent = v1::Command::decode(bytes).unwrap_or_default();
     let life = Life {
         name: sent.commander,
@@ -53,7 +53,7 @@ pub fn command(bytes: &[u8]) {
 macro_rules! decode_all {
     ($bytes:expr, $($name:ident),* $(,)?) => {
         $(if let Ok(message) = v1::$name::decode($bytes) {
-            // What was read can be written and read again.
+            // A decoded message can be encoded and decoded again.
             let again = v1::$name::decode(message.encode_to_vec().as_slice());
             assert!(again.is_ok(), stringify!($name));
         })*
@@ -109,8 +109,8 @@ pub fn samples(bytes: &[u8]) {
     let _ = log::CameraParts::parse(bytes);
 }
 
-/// What a policy answers: its description, its rows, and those by openpi's protocol.
-/// Whatever it is, it ends in commands of finite numbers or in a problem.
+/// Replies of a policy: its description, its rows, and those of openpi's protocol.
+/// Every input ends in commands of finite numbers or in a problem.
 pub fn policy_reply(bytes: &[u8]) {
     let robot = v1::RobotDescription::default();
     let fly = |spec: &v1::PolicySpec, rows: usize, values: &[f32]| {
@@ -167,7 +167,7 @@ pub fn recorder_log(bytes: &[u8]) {
             let payload = scan.payload(entry, &mut buffer);
             let _ = log::CameraParts::parse(payload.expect("a payload that was checked"));
         }
-        // What the headers alone promise holds, or shows when it is read.
+        // Every entry of the outline is readable exactly when the log was closed.
         if let Ok(Some(outline)) = log::outline(&file.path) {
             let sound = |e| outline.payload(e, &mut buffer).is_ok();
             let whole = outline.entries.iter().all(sound);

@@ -1,5 +1,4 @@
-//! Rows as they stand in an exported LeRobot set: what a learner reads, and
-//! nothing else of it.
+//! Reads the action rows of an exported LeRobot set.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -34,7 +33,7 @@ impl Exported {
             for row in rows(&path)? {
                 let episode = number(field(&row, "episode_index")?)?;
                 let Field::Str(label) = field(&row, "recording")? else {
-                    anyhow::bail!("{}: recording is no text", path.display());
+                    anyhow::bail!("{}: recording is not a string", path.display());
                 };
                 labels.insert(episode as i64, label.clone());
             }
@@ -45,7 +44,7 @@ impl Exported {
                 let episode = number(field(&row, "episode_index")?)?;
                 let label = labels.get(&(episode as i64)).context("an episode's name")?;
                 let Field::ListInternal(action) = field(&row, "action")? else {
-                    anyhow::bail!("{}: action is no list", path.display());
+                    anyhow::bail!("{}: action is not a list", path.display());
                 };
                 let action: anyhow::Result<_> = action.elements().iter().map(number).collect();
                 let time = number(field(&row, "simulation_time")?)?;
@@ -92,6 +91,6 @@ fn number(field: &Field) -> anyhow::Result<f64> {
         Field::Float(value) => f64::from(*value),
         Field::Double(value) => *value,
         Field::Long(value) => *value as f64,
-        other => anyhow::bail!("{other} is no number"),
+        other => anyhow::bail!("{other} is not a number"),
     })
 }

@@ -1,5 +1,5 @@
-//! Shared parts of the system tests: servers, recorders and operators that end with the test,
-//! and a link that can be slow, frozen or cut.
+//! Shared parts of the system tests: servers, recorders and commanders that end with the
+//! test, and a network that can be slow, frozen or cut.
 
 pub mod adversary;
 pub mod decoders;
@@ -24,19 +24,22 @@ pub use recorder::Recorder;
 pub use router::Router;
 pub use server::Server;
 
-/// Longest wait for anything in a test: far beyond what it takes.
+/// Longest wait in a test, far beyond the expected time.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Waits until `done` says so; panics with `what` when it takes too long.
+/// Waits until `done` returns true; panics with `what` after [`PATIENCE`].
 pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
     let since = Instant::now();
     while !done() {
-        assert!(since.elapsed() < PATIENCE, "waited in vain until {what}");
+        assert!(
+            since.elapsed() < PATIENCE,
+            "timeout while waiting until {what}"
+        );
         std::thread::sleep(Duration::from_millis(50));
     }
 }
 
-/// The tasks that must be there, sorted.
+/// Names of all tasks, sorted.
 pub const TASKS: [&str; 19] = [
     "close_drawer",
     "open_drawer",
@@ -100,7 +103,7 @@ pub fn wheelarm(args: &[&str]) -> Output {
         .expect("a process")
 }
 
-/// What a program printed, for an assertion's message.
+/// Output of a program, for the message of an assertion.
 #[must_use]
 pub fn printed(output: &Output) -> String {
     format!(

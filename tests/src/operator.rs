@@ -1,5 +1,5 @@
-//! A commander that answers every control tick with nothing: it keeps a
-//! lock-step server going.
+//! A commander that answers every control tick with an empty command, so that a lock-step
+//! server advances.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,22 +23,22 @@ impl IdleCommander {
     /// Takes control; the episode may begin afterwards.
     ///
     /// # Panics
-    /// When control is held by somebody else.
+    /// When another commander holds control.
     #[must_use]
-    pub fn start(link: &Client) -> Self {
-        let streams = link.streams(&[TopicId::Clock]).expect("the clock");
-        let mut commander = link.commander(Self::NAME, false).expect("control");
+    pub fn start(client: &Client) -> Self {
+        let streams = client.streams(&[TopicId::Clock]).expect("the clock");
+        let mut commander = client.commander(Self::NAME, false).expect("control");
         let ended = Arc::new(AtomicBool::new(false));
         let thread = {
             let ended = Arc::clone(&ended);
-            let link = link.clone();
+            let client = client.clone();
             std::thread::spawn(move || {
                 while !ended.load(Ordering::Acquire) {
                     let sample = streams.next(Duration::from_millis(200)).expect("a clock");
                     let header = match sample {
                         Some(Sample::Clock(clock)) => clock.header,
-                        // Time is paused, perhaps since before it came.
-                        _ => link
+                        // Time is paused, perhaps since before the subscription.
+                        _ => client
                             .request(&v1::StatusRequest {})
                             .ok()
                             .filter(|status| status.episode.is_some())

@@ -1,5 +1,5 @@
-//! A TCP proxy on loopback that plays a bad link: delay, bandwidth, and a line
-//! that can be frozen or cut.
+//! A TCP proxy on loopback that simulates a bad network: delay, bandwidth, and a line that
+//! can be frozen or cut.
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
@@ -10,26 +10,25 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
-/// What the line does.
+/// State of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Line {
-    /// It carries.
+    /// Bytes pass.
     Open,
-    /// Nothing arrives, and nobody is told.
+    /// Bytes stop without an error.
     Frozen,
-    /// What the client sends arrives; what it is sent stays unread.
+    /// Bytes of the client arrive; bytes to the client stop.
     Deaf,
-    /// Connections are torn down and refused.
+    /// Connections are closed and refused.
     Cut,
 }
 
-/// Bytes on their way in one direction; then the sender has to wait, as it
-/// would for a window.
+/// Most bytes in flight in one direction; then the sender waits, as for a TCP window.
 const IN_FLIGHT: usize = 256 << 10;
-/// What stops the bytes on their way to the server, and to the client.
+/// States that stop the bytes to the server, and to the client.
 const FROZEN: [&[Line]; 2] = [&[Line::Frozen], &[Line::Frozen, Line::Deaf]];
-/// How often a waiting thread looks at the line.
-const LOOK: Duration = Duration::from_millis(5);
+/// Time between two checks of the line by a waiting thread.
+const POLL: Duration = Duration::from_millis(5);
 
 struct Shared {
     line: Mutex<Line>,
@@ -39,14 +38,14 @@ struct Shared {
     ended: AtomicBool,
 }
 
-/// A proxy; ends with its value.
+/// A proxy; ends when dropped.
 pub struct Proxy {
     shared: Arc<Shared>,
     port: u16,
 }
 
 impl Proxy {
-    /// A proxy before `endpoint` (`tcp/HOST:PORT`) with a delay in each
+    /// A proxy in front of `endpoint` (`tcp/HOST:PORT`) with a delay in each
     /// direction.
     ///
     /// # Errors
@@ -85,7 +84,7 @@ impl Proxy {
         format!("tcp/127.0.0.1:{}", self.port)
     }
 
-    /// Changes what the line does.
+    /// Changes the state of the line.
     pub fn set(&self, line: Line) {
         *self.shared.line.lock() = line;
         if line == Line::Cut {
@@ -189,7 +188,7 @@ impl Shared {
             };
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
             while frozen.contains(&self.line()) && !self.ended.load(Ordering::Acquire) {
-                std::thread::sleep(LOOK);
+                std::thread::sleep(POLL);
             }
             if self.line() == Line::Cut || to.write_all(&piece).is_err() {
                 break;

@@ -22,7 +22,7 @@ impl Recorder {
         Self::start_under(&[], server, name, out, more)
     }
 
-    /// As [`Recorder::start`], with another way to the server.
+    /// As [`Recorder::start`], through another endpoint of the server.
     ///
     /// # Panics
     /// When it cannot be started.
@@ -74,7 +74,7 @@ impl Recorder {
         Self { child }
     }
 
-    /// Kills it without a word and waits for its end.
+    /// Kills it (SIGKILL) and waits for its end.
     ///
     /// # Panics
     /// When it cannot be killed.

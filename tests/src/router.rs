@@ -1,4 +1,4 @@
-//! Routers of a test: what stands between servers and recorders on a large network.
+//! Routers of a test, between servers and recorders as on a large network.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -14,7 +14,7 @@ pub struct Router {
 }
 
 impl Router {
-    /// Starts a router on a free loopback port that lets everybody publish everything.
+    /// Starts a router on a free loopback port with all rights for every client.
     ///
     /// # Panics
     /// When it cannot be started.
@@ -30,7 +30,7 @@ impl Router {
     /// When it cannot be started.
     #[must_use]
     pub fn start_with_keys(keys: &str) -> Self {
-        // Somebody else may take the port between its choice and its use.
+        // Another process may take the port between its choice and its use.
         let started = (0..10).find_map(|_| {
             let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
             let endpoint = format!("tls/{}", free.local_addr().expect("an address"));
@@ -42,7 +42,7 @@ impl Router {
         started.expect("a router that serves")
     }
 
-    /// The router of a program that says where it serves, `None` when it ends before.
+    /// The router process of `program`; `None` when it ends before it prints its endpoint.
     fn of(program: &mut Command) -> Option<Self> {
         let mut child = program
             .stdin(Stdio::piped())

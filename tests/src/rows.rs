@@ -1,5 +1,5 @@
-//! The rows of a recording, played open loop through public commands: what a
-//! policy that answers exactly these would do.
+//! Plays the rows of a recording open loop through public commands, like a policy that
+//! returns exactly these rows.
 
 use std::ops::Range;
 use std::path::Path;
@@ -16,41 +16,40 @@ use wheelarm_sdk::{Client, Turn};
 use crate::exported::Exported;
 use crate::{PATIENCE, Server};
 
-/// Rows for which the last one is held while the task has not been done.
+/// Number of repetitions of the last row while the task is not done.
 const HELD: usize = 30;
 
 /// The rows of one recording.
 #[derive(Debug)]
 pub struct Rows {
-    /// What was simulated.
+    /// Scenario of the recording.
     pub scenario: v1::Scenario,
-    /// An action per picture, rounded to the 32 bits that an export keeps.
+    /// An action per image, rounded to the 32 bits that an export keeps.
     pub actions: Vec<Vec<f64>>,
-    /// What makes commands of them.
+    /// Converts actions to commands.
     pub player: Player,
-    /// Control ticks before the first picture.
+    /// Control ticks before the first image.
     before: u32,
-    /// Where chair and end effector are in the frames of `PoseSet`.
+    /// Indices of chair and end effector in the frames of `PoseSet`.
     frames: [usize; 2],
-    /// Their true positions at every picture, m.
+    /// Their true positions at every image, m.
     path: Vec<[[f64; 3]; 2]>,
 }
 
-/// What came of them.
+/// Result of playing the rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Played {
     /// The task was done.
     pub success: bool,
-    /// How far chair and end effector were from where they had been in the
-    /// recording, mean over the pictures, m.
+    /// Distance of chair and end effector from their recorded positions, mean over the
+    /// images, m.
     pub off: [f64; 2],
-    /// What the server refused, or why the task failed.
+    /// Why the task failed; empty when it did not.
     pub words: String,
 }
 
 impl Rows {
-    /// Reads a recording; `shift` lets every row have the action of so many
-    /// rows before.
+    /// Reads a recording; each row has the action of `shift` rows before.
     ///
     /// # Errors
     /// When it cannot be read or has no rows.
@@ -70,8 +69,7 @@ impl Rows {
         Self::of(&recording, &all, rate, kind, (0..last + 1, actions))
     }
 
-    /// Reads a recording and takes its actions from a LeRobot set that was exported
-    /// from it.
+    /// Reads a recording, with the actions of a LeRobot set that was exported from it.
     ///
     /// # Errors
     /// When the set does not hold the recording's rows.
@@ -107,7 +105,7 @@ impl Rows {
         Self::of(&recording, &all, rate, kind, (here, actions))
     }
 
-    /// Actions of some rows of a recording, and what they are held against.
+    /// Actions of some rows of a recording, and the positions to compare with.
     fn of(
         recording: &Recording,
         all: &Learning<'_>,
@@ -118,7 +116,7 @@ impl Rows {
         let places = &all.rows[rows];
         let mut player = Player::new(kind, &recording.robot, f64::from(rate));
         player.device = v1::Device::Replay;
-        // A force cap is no part of a row: the scene tells a policy what to take.
+        // A row has no force cap: a policy reads it from the scene.
         let applied = recording.episode.applied()?;
         let caps = applied.iter().filter_map(|a| a.gripper?.max_force);
         player.max_force = caps.reduce(f64::min);
@@ -166,10 +164,10 @@ impl Rows {
         self.play_at(&server.link())
     }
 
-    fn play_at(&self, link: &Client) -> anyhow::Result<Played> {
+    fn play_at(&self, client: &Client) -> anyhow::Result<Played> {
         let topics = [TopicId::Evaluation, TopicId::Pose];
-        let mut turns = link.turns("rows", false, &topics)?;
-        let started = link.request(&v1::EpisodeStartRequest {
+        let mut turns = client.turns("rows", false, &topics)?;
+        let started = client.request(&v1::EpisodeStartRequest {
             label: "rows".to_owned(),
             ..Default::default()
         })?;
@@ -177,15 +175,15 @@ impl Rows {
         let (mut evaluation, mut poses) = (v1::Evaluation::default(), Vec::new());
         let (mut sent, mut off, mut waits) = (0, Vec::new(), self.before);
         loop {
-            let mut see = |sample| match sample {
+            let mut on_sample = |sample| match sample {
                 Sample::Evaluation(sample) => evaluation = sample,
                 Sample::Pose(sample) => poses = sample.frames,
                 _ => {}
             };
-            let clock = match turns.next(PATIENCE, &mut see)? {
+            let clock = match turns.next(PATIENCE, &mut on_sample)? {
                 Turn::Answer(clock) => clock.header.unwrap_or_default(),
                 Turn::Refused(refusal) => bail!("refused: {}", refusal.reason),
-                Turn::Ended(_) => bail!("somebody else ended the episode"),
+                Turn::Ended(_) => bail!("another client ended the episode"),
                 Turn::Silent(status) => bail!("silence: {}", status.waiting_for),
             };
             if clock.episode != episode {
@@ -209,20 +207,20 @@ impl Rows {
             turns.answer(self.player.command(row)?)?;
             sent += 1;
         }
-        let stopped = link.stop_episode(false)?;
-        let told = stopped.evaluation.unwrap_or(evaluation);
+        let stopped = client.stop_episode(false)?;
+        let evaluation = stopped.evaluation.unwrap_or(evaluation);
         let mean = |k: usize| {
             let values: Vec<f64> = off.iter().map(|off| off[k]).collect();
             values.iter().sum::<f64>() / values.len() as f64
         };
         Ok(Played {
-            success: told.success,
+            success: evaluation.success,
             off: [mean(0), mean(1)],
-            words: told.failure,
+            words: evaluation.failure,
         })
     }
 
-    /// How far chair and end effector are from where they were, m.
+    /// Distance of chair and end effector from their recorded positions, m.
     fn off(&self, poses: &[v1::FramePose], path: &[[f64; 3]; 2]) -> anyhow::Result<[f64; 2]> {
         let mut off = [0.0; 2];
         for ((off, frame), was) in off.iter_mut().zip(self.frames).zip(path) {

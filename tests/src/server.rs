@@ -19,7 +19,7 @@ pub struct Server {
     pub endpoint: String,
     /// Name of the server.
     pub sim: String,
-    /// Keys of whom it is reached as, where it takes keys.
+    /// Keys of the connecting user, for a server with keys.
     pub identity: Option<wheelarm_proto::bundle::Identity>,
 }
 
@@ -108,7 +108,7 @@ impl Server {
         }
     }
 
-    /// Kills the process without a word.
+    /// Kills the process (SIGKILL).
     ///
     /// # Errors
     /// When it cannot be killed.
@@ -124,13 +124,13 @@ impl Server {
         self.child.id()
     }
 
-    /// How to reach it.
+    /// Connection settings for it.
     #[must_use]
     pub fn connect(&self) -> Connect {
         self.connect_through(&self.endpoint)
     }
 
-    /// How to reach it through another endpoint.
+    /// Connection settings through another endpoint.
     #[must_use]
     pub fn connect_through(&self, endpoint: &str) -> Connect {
         Connect {
@@ -144,10 +144,10 @@ impl Server {
     /// Opens a connection to it.
     ///
     /// # Panics
-    /// When it does not answer.
+    /// When it does not reply.
     #[must_use]
     pub fn link(&self) -> Client {
-        Client::open(&self.connect()).expect("a link to the server")
+        Client::open(&self.connect()).expect("a connection to the server")
     }
 
     /// Whether the process still runs.

@@ -1,5 +1,5 @@
-//! Base placement: where the chair has to stand so that the arm reaches all that
-//! the work asks for.
+//! Base placement: chooses a pose of the chair from which the arm reaches every pose of
+//! the work.
 
 use std::f64::consts::TAU;
 
@@ -19,7 +19,7 @@ pub trait ArmReachability {
     fn follows(&mut self, poses: &[Isometry3<f64>], max_joint_change: f64) -> bool;
 }
 
-/// Where the chair stops for a grasp candidate.
+/// A pose of the chair for a grasp candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BasePlacement {
     /// The chair.
@@ -32,11 +32,11 @@ pub struct BasePlacement {
 
 /// Room that the chair keeps at its stop, metres.
 pub const PLACEMENT_MARGIN: f64 = 0.045;
-/// Step of the distances that are looked at, metres.
+/// Step of the sampled distances, metres.
 const STEP: f64 = 0.025;
 /// A hand from above is best this much nearer than a level one, metres.
 const NEARER: f64 = 0.14;
-/// No further from the arm's base than this then, metres.
+/// Greatest distance from the arm's base then, metres.
 const LOW_FURTHEST: f64 = 0.66;
 /// Spacing of the poses of the hand's path that are checked, metres, and greatest change of a
 /// joint between two of them, radians: more means that the arm would have to fold over.
@@ -45,7 +45,7 @@ const USUAL: [f64; 2] = [0.10, 1.0];
 /// too slow to keep it so.
 pub const GENTLE: [f64; 2] = [0.04, 0.25];
 
-/// A direction of the chair that is looked at for a candidate.
+/// A sampled direction of the chair for a candidate.
 struct Direction {
     /// Of the chair, radians.
     heading: f64,
@@ -72,7 +72,7 @@ fn directions(candidate: &GraspCandidate, wanted: Option<(f64, f64)>) -> Vec<Dir
         None => steps(0.0, 4),
     };
     for bearing in bearings() {
-        // How far the chair is turned to the left of the hand.
+        // Angle of the chair to the left of the hand, radians.
         let offs = match wanted {
             Some((_, twist)) => steps(twist - bearing, 3),
             None => steps(0.0, 6),
@@ -124,7 +124,7 @@ pub fn placements(
         if grasp.is_infinite() {
             continue;
         }
-        // Where the chair stood when it was shown comes first.
+        // The demonstrated pose of the chair is the first choice.
         if let Some(shown) = candidate.shown {
             let turned = wrap(shown.chair.heading - chair.heading).abs();
             placements.push(BasePlacement {

@@ -1,5 +1,5 @@
-//! The two questions that planning asks of the scene: is the floor free for
-//! the chair, is the hand's path free.
+//! Collision queries of the planner: is the floor free for the chair, is the path of
+//! the hand free.
 
 use nalgebra::{Isometry3, Point3, Translation3};
 
@@ -8,15 +8,15 @@ use super::scene::SceneModel;
 use wheelarm_planning::footprint_check::FootprintCheck;
 use wheelarm_planning::obb::Obb;
 
-/// Objects that lie lower than this lie in the chair's way, metres.
+/// Objects lower than this block the chair, metres.
 const LOW_OBJECT: f64 = 0.5;
-/// The hand is looked at every so many metres of its path.
+/// Spacing of the collision checks along the path of the hand, metres.
 const STEP: f64 = 0.02;
-/// Things in the hand reach no further from it than this, metres.
+/// Objects in the hand extend no further from it than this, metres.
 const HELD: f64 = 0.4;
 
 impl SceneModel {
-    /// What the chair must not touch, with the things where they are.
+    /// Obstacles of the chair, with the objects at `poses`.
     #[must_use]
     pub fn footprint_check(&self, poses: &[Isometry3<f64>]) -> FootprintCheck {
         let mut footprint = FootprintCheck::from_outlines(self.outlines.iter().copied());
@@ -30,7 +30,7 @@ impl SceneModel {
         footprint
     }
 
-    /// Boxes of the things that move, in `house`, with the things' indices.
+    /// Boxes of the movable objects in `house`, each with the index of its object.
     pub fn placed<'a>(
         &'a self,
         poses: &'a [Isometry3<f64>],
@@ -44,7 +44,7 @@ impl SceneModel {
             })
     }
 
-    /// What stands within `radius` metres of `point`, the thing `except` left out.
+    /// Obstacles within `radius` metres of `point`, without the object `except`.
     #[must_use]
     pub fn near(
         &self,
@@ -68,7 +68,7 @@ impl SceneModel {
         }
     }
 
-    /// What the hand can meet on straight lines between `stops` in `house`.
+    /// Obstacles near straight lines between `stops` in `house`.
     #[must_use]
     pub fn around(
         &self,
@@ -97,8 +97,8 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Whether `balls` keep `margin` metres from everything while their frame
-    /// goes straight from `start` to `end`, both in `house`.
+    /// Whether `balls` keep `margin` metres from every obstacle while their frame moves
+    /// straight from `start` to `end`, both in `house`.
     #[must_use]
     pub fn is_free(
         &self,
@@ -159,8 +159,8 @@ impl Surroundings {
     }
 }
 
-/// Balls around a held thing in the end effector's frame: its corners and the
-/// middles of its boxes.
+/// Balls around a held object in the end effector's frame: corners and centers of its
+/// boxes.
 #[must_use]
 pub fn held_balls(boxes: &[Obb], tool_from_item: &Isometry3<f64>) -> Vec<Ball> {
     const CORNER: f64 = 0.004;
@@ -187,7 +187,7 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     #[test]
-    fn the_hand_fits_around_a_bottle_but_not_through_its_neighbour() {
+    fn hand_fits_around_a_bottle_but_not_through_its_neighbor() {
         let obb = |x: f64, y: f64, z: f64, half: [f64; 3]| Obb {
             pose: Isometry3::translation(x, y, z),
             half: half.into(),

@@ -1,4 +1,4 @@
-//! How the chair follows its path: a smooth speed profile and a tracking law.
+//! Follows the path of the chair with a smooth speed profile and a tracking law.
 
 use wheelarm_proto::exact;
 
@@ -20,7 +20,7 @@ pub struct DriveLimits {
     pub turn_acceleration: f64,
 }
 
-/// Where the chair is to be at one moment.
+/// Reference pose and velocity of the chair at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     /// Seconds after the start.
@@ -39,7 +39,7 @@ pub struct Drive {
     references: Vec<Reference>,
 }
 
-/// Pause between rolling and turning, seconds: the chair comes to rest.
+/// Pause between rolling and turning, seconds, in which the chair stops.
 const PAUSE: f64 = 0.25;
 /// Step of the speed profile, metres.
 const STEP: f64 = 0.01;
@@ -177,13 +177,13 @@ impl Drive {
         self.end().time
     }
 
-    /// Where it ends.
+    /// Final pose.
     #[must_use]
     pub fn goal(&self) -> Pose2 {
         self.end().pose
     }
 
-    /// Where the chair is to be `time` seconds after the start.
+    /// Reference of the chair `time` seconds after the start.
     #[must_use]
     pub fn reference(&self, time: f64) -> Reference {
         let after = self.references.partition_point(|r| r.time <= time);
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lagging_chair_arrives_within_two_centimetres() {
+    fn lagging_chair_arrives_within_two_centimetres() {
         let start = Pose2 {
             x: -6.635,
             y: 3.389,

@@ -7,11 +7,11 @@ use wheelarm_proto::v1::Incident;
 /// An error that is made once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ForcedError {
-    /// The first grasp closes beside the thing.
+    /// The first grasp closes beside the object.
     WrongGrasp,
-    /// Another thing is taken first, and let go.
+    /// Another object is grasped first, and released.
     WrongObject,
-    /// The thing is dropped as soon as it is off the ground, and fetched again.
+    /// The object is dropped as soon as it is off the ground, and grasped again.
     Drop,
 }
 

@@ -1,4 +1,4 @@
-//! What a task asks for, as the server tells it.
+//! Goal of a task, from the reply of the `scene` query.
 
 use nalgebra::Point3;
 use wheelarm_proto::check::{self, Invalid};
@@ -8,38 +8,38 @@ use wheelarm_proto::v1;
 use super::scene::SceneModel;
 use wheelarm_planning::obb::Obb;
 
-/// What a task asks for.
+/// Goal of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Goal {
-    /// A thing is to be lifted and held.
+    /// Lift an object and hold it.
     Lift {
-        /// Index of the thing.
+        /// Index of the object.
         item: usize,
     },
-    /// A thing is to be put into a region and left there.
+    /// Put an object into a region and leave it there.
     Put {
-        /// Index of the thing.
+        /// Index of the object.
         item: usize,
         /// The region in `house`.
         region: Obb,
     },
-    /// A thing is to be put into the lap and left there.
+    /// Put an object into the lap and leave it there.
     Give {
-        /// Index of the thing.
+        /// Index of the object.
         item: usize,
         /// The lap in `wheelchair_root`.
         lap: Obb,
     },
-    /// The tip of a thing is to be brought to the mouth and held there.
+    /// Bring the tip of an object to the mouth and hold it there.
     Bring {
-        /// Index of the thing.
+        /// Index of the object.
         item: usize,
         /// Its tip in its own frame.
         tip: Point3<f64>,
     },
     /// A slide is to be pulled open.
     Open {
-        /// Index of the thing that slides.
+        /// Index of the sliding furniture.
         item: usize,
         /// Index of the slide.
         slide: usize,
@@ -48,7 +48,7 @@ pub enum Goal {
     },
     /// A slide is to be pushed shut.
     Close {
-        /// Index of the thing that slides.
+        /// Index of the sliding furniture.
         item: usize,
         /// Index of the slide.
         slide: usize,
@@ -57,12 +57,12 @@ pub enum Goal {
     },
 }
 
-/// A slide is moved further than asked by this much, metres.
+/// A slide is moved beyond the goal by this much, metres.
 const MORE: f64 = 0.02;
 
 impl Goal {
-    /// The slide that is moved and the joint position at which the hand aims,
-    /// metres: a little beyond what is asked.
+    /// The slide to move and the joint position at which the hand aims, metres: a
+    /// little beyond the goal.
     #[must_use]
     pub fn slide(&self) -> Option<(usize, f64)> {
         match *self {
@@ -76,7 +76,7 @@ impl Goal {
         }
     }
 
-    /// The region in `house` into which a thing is put.
+    /// The region in `house` into which an object is put.
     #[must_use]
     pub fn region(&self) -> Option<Obb> {
         match self {
@@ -89,7 +89,7 @@ impl Goal {
         }
     }
 
-    /// The thing that the hand takes.
+    /// The object that the hand grasps.
     #[must_use]
     pub fn item(&self) -> usize {
         match self {
@@ -102,7 +102,7 @@ impl Goal {
         }
     }
 
-    /// Reads what the scene's answer says; `None` without a task.
+    /// Reads the goal of the scene; `None` without a task.
     ///
     /// # Errors
     /// [`Invalid`] when it names what is not there.
@@ -131,10 +131,10 @@ impl Goal {
                 })
             }
             kind @ (v1::GoalKind::Put | v1::GoalKind::Give) => {
-                let told = goal.region.unwrap_or_default();
+                let region = goal.region.unwrap_or_default();
                 let region = Obb {
-                    pose: normalized("pose of the region", told.pose.as_ref())?,
-                    half: check::vector("half extents of the region", told.half.as_ref())?.into(),
+                    pose: normalized("pose of the region", region.pose.as_ref())?,
+                    half: check::vector("half extents of the region", region.half.as_ref())?.into(),
                     round: false,
                 };
                 Some(match kind {

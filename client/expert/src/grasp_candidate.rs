@@ -13,8 +13,8 @@ use super::habits::Habits;
 use super::hand::Hand;
 use super::scene::{Grasp, SceneModel};
 
-/// Where and how the hand takes an object, or puts it down, in `house`. The
-/// retreat is the way out again, from `grasp` towards `pregrasp`.
+/// A pose of the hand to grasp an object or to put it down, in `house`. The retreat is
+/// the way back, from `grasp` towards `pregrasp`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspCandidate {
     /// End effector before the object, from where the hand approaches straight.
@@ -27,12 +27,12 @@ pub struct GraspCandidate {
     pub width: f64,
     /// Cap of the pads' force, N; `None` leaves it to the operator profile.
     pub force: Option<f64>,
-    /// How far it leans about its closing axis, radians.
+    /// Lean about the closing axis, radians.
     pub lean: f64,
-    /// How much shallower than told the object is grasped, metres.
+    /// How much shallower than specified the object is grasped, metres.
     pub backoff: f64,
-    /// What it has against it; 0 for a hand that comes as the grasp says, infinite for one
-    /// that only habits choose.
+    /// Cost without habits: 0 for a hand at the specified grasp, infinite for a
+    /// candidate of habits alone.
     pub cost: f64,
     /// The same where the habits count; lower for a grasp that suits them.
     pub wish: f64,
@@ -45,10 +45,9 @@ pub struct GraspCandidate {
 pub struct Shown {
     /// Its index.
     pub index: usize,
-    /// The thing stands as in the demonstration after this turn about its own vertical,
-    /// radians.
+    /// Turn of the object about its own vertical against the demonstration, radians.
     pub turn: f64,
-    /// Where the chair stood.
+    /// Demonstrated pose of the chair.
     pub chair: Pose2,
 }
 
@@ -59,8 +58,7 @@ impl GraspCandidate {
         self.grasp * Point3::new(0.0, 0.0, hand.pads(self.width))
     }
 
-    /// Direction of the hand on the floor plan, radians; `None` for a hand
-    /// that comes from above.
+    /// Direction of the hand on the floor plan, radians; `None` for a hand from above.
     #[must_use]
     pub fn heading(&self) -> Option<f64> {
         let forward = self.grasp.rotation * Vector3::z();
@@ -68,43 +66,44 @@ impl GraspCandidate {
     }
 }
 
-/// Room that the hand keeps from what it must not touch, metres: the first
-/// that leaves a candidate is taken. The last one allows for boxes around round things.
+/// Clearances of the hand, metres: the first that leaves a candidate is used. The last
+/// one allows for boxes around round objects.
 pub const MARGINS: [f64; 4] = [0.008, 0.004, 0.0, -0.006];
 /// An object lower than this is taken near by and with a steep hand: the arm reaches down to it
 /// from its shoulder, metres over the floor.
 pub const LOW: f64 = 0.35;
-/// The hand opens wider than the thing by this much where that is possible, metres.
+/// The hand opens wider than the object by this much where possible, metres.
 const ROOM: f64 = 0.034;
-/// Turns of a round thing that are looked at.
+/// Number of sampled turns of a round object.
 const TURNS: u8 = 24;
-/// A grasp may be shallower than told by this much, metres.
+/// A grasp may be shallower than specified by this much, metres.
 const BACKOFF: [f64; 4] = [0.0, 0.006, 0.012, 0.018];
-/// How far a level hand leans forward, radians.
+/// Forward leans of a level hand, radians.
 const LEVEL_LEAN: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
-/// How far a hand from above leans, radians: the camera stays above.
+/// Leans of a hand from above, radians: the camera stays above.
 const TOP_LEAN: [f64; 5] = [0.0, -0.25, -0.5, -0.7, -0.9];
-/// How far a hand that closes upright turns about the bar, radians.
+/// Turns about the bar of a hand that closes upright, radians.
 const UPRIGHT_LEAN: [f64; 3] = [0.0, 0.25, -0.25];
-/// Height of a grasp over and under the told one that is wanted at most, metres.
+/// Greatest difference in height from the specified grasp, metres.
 const HIGHER: f64 = 0.025;
 /// The pads of a higher or lower grasp keep this far from the object's ends, metres.
 const FROM_END: f64 = 0.02;
-/// Cost of a grasp at the told height where another one is wanted.
+/// Cost of a grasp at the specified height when another one is wanted.
 const NOT_AS_WANTED: f64 = 0.6;
-/// A hand from above starts nearer to the thing by this factor: there is
-/// little room below the shoulder.
+/// Factor of the standoff of a hand from above: there is little room below the
+/// shoulder.
 const TOP_STANDOFF: f64 = 0.55;
 /// The fingers reach this far beyond the grasp point, metres.
 const FINGER_TIP: f64 = 0.012;
-/// Room between the fingers and the limbs of a soft thing before they go in, metres.
+/// Clearance between the fingers and the limbs of a deformable object before they
+/// enter, metres.
 const OUTSIDE: f64 = 0.015;
-/// A handle is what lies this close to the grasp point, metres.
+/// The handle is the part of a slide this close to the grasp point, metres.
 const HANDLE: f64 = 0.02;
 
-/// Every candidate for the goal's object as it lies now that keeps `margin`
-/// metres from everything else. The pregrasp is `standoff` metres before the
-/// grasp. Candidates that suit the habits cost less.
+/// Every candidate for the goal's object at its present pose that keeps `margin` metres
+/// from obstacles. The pregrasp is `standoff` metres before the grasp. Candidates that
+/// suit the habits cost less.
 #[must_use]
 pub fn candidates(
     scene: &SceneModel,
@@ -134,7 +133,7 @@ pub fn candidates(
                 let flipped = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), half);
                 let house_from_grasp = house_from_item * turned * grasp.item_from_grasp * flipped;
                 let leans = leans(&house_from_grasp, grasp.from_above);
-                // What is soft slips out of a leaning hand.
+                // A deformable object slips out of a leaning hand.
                 let leaning = habits.filter(|_| grasp.force.is_none());
                 let is_low = house_from_grasp.translation.z < LOW;
                 let wanted = leaning.map_or(0.0, |habits| wanted_lean(leans, is_low, habits.lean));
@@ -148,7 +147,8 @@ pub fn candidates(
                         let found = deepest(scene, grasp, &at, *lean, &around, standoff, margin);
                         candidates.extend(found.map(|mut candidate| {
                             let backoff = candidate.cost;
-                            // Another height than the told one is for the habits alone.
+                            // Habits alone choose a height other than the specified
+                            // one.
                             candidate.cost = match height == 0.0 {
                                 true => backoff + (lean / 0.4).powi(2),
                                 false => f64::INFINITY,
@@ -197,8 +197,8 @@ fn wanted_lean(leans: &[f64], is_low: bool, share: f64) -> f64 {
     least + share * (most - least)
 }
 
-/// How much higher than told an upright object is grasped by a level hand, metres, with the
-/// cost: as the habit wants, then as told.
+/// Offsets of height at which a level hand grasps an upright object, metres, with their
+/// costs: the wanted one, then 0.
 fn heights(
     scene: &SceneModel,
     grasp: &Grasp,
@@ -206,12 +206,12 @@ fn heights(
     house_from_grasp: &Isometry3<f64>,
     habits: Option<&Habits>,
 ) -> Vec<(f64, f64)> {
-    let told = vec![(0.0, 0.0)];
+    let specified = vec![(0.0, 0.0)];
     let forward = house_from_grasp.rotation * Vector3::z();
     let closing = house_from_grasp.rotation * Vector3::x();
     let level = forward.z.abs() < 0.3 && closing.z.abs() < 0.3;
     let Some(habits) = habits.filter(|_| level && grasp.force.is_none()) else {
-        return told;
+        return specified;
     };
     let corners = scene.items[grasp.item].boxes.iter();
     let corners = corners.flat_map(|obb| obb.corners());
@@ -268,8 +268,8 @@ fn deepest(
         })
 }
 
-/// How far before a grasp the fingers are outside a soft thing's limbs, metres; 0
-/// for what is stiff, whose grasps lie at its rim.
+/// Distance before a grasp at which the fingers are outside the limbs of a deformable
+/// object, metres; 0 for a rigid object, whose grasps are at its rim.
 fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
     if grasp.force.is_none() {
         return 0.0;
@@ -283,8 +283,8 @@ fn outside(scene: &SceneModel, grasp: &Grasp) -> f64 {
     corners.map(before).fold(0.0, f64::max)
 }
 
-/// What the hand must not touch where it takes the goal's thing at `point`. An object
-/// is in the fingers' hold; of a slide only the handle is.
+/// Obstacles of the hand at a grasp of the goal's object at `point`. The fingers
+/// enclose an object; of a slide they enclose the handle alone.
 pub(crate) fn surroundings(
     scene: &SceneModel,
     goal: &Goal,

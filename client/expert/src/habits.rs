@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::tool_path::Shape;
 
-/// How the hand comes from the pregrasp to the grasp.
+/// How the hand moves from the pregrasp to the grasp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ApproachHabit {
     /// It stops at the pregrasp.
@@ -26,11 +26,11 @@ pub struct Habits {
     pub bearing: f64,
     /// Distance from the arm's base to the object on the floor plan, metres.
     pub distance: f64,
-    /// The hand comes from this much beside the line from the arm's base, radians.
+    /// Direction of the hand against the line from the arm's base, radians.
     pub twist: f64,
-    /// How far the hand leans, as a share of what is usual for the grasp, 0 to 1.
+    /// Lean of the hand, as a share of the usual lean of the grasp, 0 to 1.
     pub lean: f64,
-    /// Where an upright object is grasped, -1 (low) to 1 (high).
+    /// Height of the grasp on an upright object, -1 (low) to 1 (high).
     pub height: f64,
     /// The hand gets ready from this share of the drive on, by these offsets from home in
     /// `wheelchair_root`, metres, of which the last is where it ends; `None` keeps it at home.
@@ -52,7 +52,7 @@ const SEQUENCES: [(f64, bool, ApproachHabit, bool); 6] = [
     (0.15, true, ApproachHabit::Blend, false),
     (0.15, true, ApproachHabit::Blend, true),
 ];
-/// Places through which a hand that gets ready goes at most.
+/// Most intermediate positions of a hand that gets ready.
 pub const STOPS: usize = 5;
 /// Greatest wanted bearing, radians.
 const BEARING: f64 = 0.75;

@@ -1,5 +1,5 @@
-//! The hand as balls: the wrist, the palm and the two fingers at any opening, by
-//! the gripper's description. No size of a gripper stands here.
+//! The hand as balls: the wrist, the palm and the two fingers at any opening. All sizes
+//! are read from the gripper's description.
 
 use nalgebra::Vector3;
 use wheelarm_proto::check::{self, Invalid};
@@ -31,7 +31,7 @@ pub struct Hand {
     pub max_force: f64,
     closed: f64,
     linkage: v1::GripperLinkage,
-    /// What does not move: wrist, camera, palm.
+    /// Fixed parts: wrist, camera, palm.
     body: Vec<Ball>,
     /// From the left knuckle's axis, at angle 0.
     crank: Vec<Ball>,
@@ -137,8 +137,9 @@ pub fn reach(balls: &[Ball]) -> f64 {
     reaches.fold(0.0, f64::max)
 }
 
-fn read_balls(told: &[v1::Ball]) -> Result<Vec<Ball>, Invalid> {
-    told.iter()
+fn read_balls(balls: &[v1::Ball]) -> Result<Vec<Ball>, Invalid> {
+    balls
+        .iter()
         .map(|ball| {
             Ok(Ball {
                 centre: check::vector("ball of the gripper", ball.centre.as_ref())?.into(),
@@ -202,7 +203,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_pads_are_as_far_apart_as_asked_and_move_outwards() {
+    fn pads_are_apart_by_the_opening_and_move_outwards() {
         let hand = hand();
         for opening in [0.0, 0.03, 0.06, hand.stroke] {
             let tip = hand.linkage.tip(hand.knuckle(opening));
@@ -215,7 +216,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn fingers_are_mirror_images_and_reach_as_far_as_told() {
+    fn fingers_are_mirror_images_within_the_reach() {
         let hand = hand();
         for opening in [0.0, 0.04, hand.stroke] {
             let balls = hand.balls(opening);
@@ -233,7 +234,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_description_without_a_linkage_is_refused() {
+    fn description_without_a_linkage_is_rejected() {
         let mut without = gripper();
         without.linkage = None;
         assert_eq!(

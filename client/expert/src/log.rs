@@ -1,4 +1,4 @@
-//! `operator.log`: phases and notes, for whoever wonders why an attempt failed.
+//! `operator.log`: phases and notes, to find out why an attempt failed.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -42,7 +42,7 @@ impl Log {
     }
 
     fn line(&mut self, words: &str) {
-        // A disk that takes no log takes no recording either, which is told.
+        // The recording reports a full disk.
         let _ = writeln!(self.file, "{words}");
     }
 }

@@ -1,5 +1,5 @@
-//! What the operator sees: the newest sample of every stream it needs, taken
-//! together at each clock.
+//! Observation of the operator: the newest sample of every stream it needs, collected
+//! at each clock.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::check::Invalid;
@@ -11,7 +11,7 @@ use wheelarm_proto::{TopicId, v1};
 
 use wheelarm_planning::footprint_check::Pose2;
 
-/// Streams that make up an observation; the clock comes last.
+/// Streams of an observation; the clock is the last sample of a tick.
 pub const STREAMS: [TopicId; 8] = [
     TopicId::JointState,
     TopicId::Pose,
@@ -36,7 +36,7 @@ pub struct Observation {
     pub base_from_tool: Isometry3<f64>,
     /// Positions of the arm's joints, from base to hand, radians.
     pub arm: [f64; 6],
-    /// Where the server wants the end effector to be, in `base_link`.
+    /// Target of the server for the end effector, in `base_link`.
     pub base_from_desired: Option<Isometry3<f64>>,
     /// Empty, or why the arm does not follow.
     pub arm_problem: String,
@@ -46,7 +46,7 @@ pub struct Observation {
     pub pad_force: [f64; 2],
     /// Objects in `house`.
     pub objects: Vec<Isometry3<f64>>,
-    /// The mouth of who sits in the chair, in `house`, x out of it.
+    /// The mouth of the seated person, in `house`, x out of it.
     pub mouth: Option<Isometry3<f64>>,
     /// Force of the robot on the person in the chair, N; 0 without a person.
     pub person_force: f64,
@@ -90,8 +90,7 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// With nothing collected yet, of a robot whose joints and frames stand as
-    /// `roles` says.
+    /// An empty collector for a robot whose joints and frames have the indices `roles`.
     #[must_use]
     pub fn new(roles: Roles) -> Self {
         Self {
@@ -131,7 +130,7 @@ impl Collector {
     /// The observation at a clock; `None` until every needed stream has come.
     ///
     /// # Errors
-    /// [`Invalid`] when a pose or a list is not as the contract says.
+    /// [`Invalid`] when a pose or a list violates the contract.
     pub fn observe(&self, stamp_nanos: u64) -> Result<Option<Observation>, Invalid> {
         let (Some(joints), Some(poses), Some(objects)) = (&self.joints, &self.poses, &self.objects)
         else {

@@ -168,7 +168,7 @@ impl KinematicWorld {
         standing(&self.chair) * self.scene.chair_from_base * self.base_from_tool
     }
 
-    /// The bottle lies between the open fingers.
+    /// Whether the bottle is between the open fingers.
     fn around(&self) -> bool {
         let grasp = self.house_from_tool()
             * Translation3::new(0.0, 0.0, self.scene.hand.pads(self.opening));
@@ -226,7 +226,7 @@ impl KinematicWorld {
         if self.wanted > 0.058 {
             self.held = None;
         }
-        // A clumsy grip lets go while it is lifted.
+        // A clumsy grip loses the bottle during the lift.
         let raised = self.objects[0].translation.z - (TABLE + 0.0955);
         if self.held.is_some() && raised > 0.03 && self.clumsy > 0 {
             self.clumsy -= 1;
@@ -243,7 +243,7 @@ impl KinematicWorld {
         self.time += DT;
     }
 
-    /// Somebody who takes the bottle.
+    /// An operator that grasps the bottle.
     fn operator(&self, seed: u64) -> Operator {
         let goal = Some(Goal::Lift { item: 0 });
         Operator::new(self.scene.clone(), goal, OperatorProfile::new(seed)).unwrap()
@@ -270,8 +270,8 @@ impl KinematicWorld {
     fn run_by(mut self, mut operator: Operator) -> (Outcome, f64, Vec<String>) {
         let mut notes = Vec::new();
         loop {
-            let seen = self.observe();
-            let (act, outcome) = operator.step(&seen, &mut self.arm);
+            let observation = self.observe();
+            let (act, outcome) = operator.step(&observation, &mut self.arm);
             notes.extend(operator.notes());
             if let Some(outcome) = outcome {
                 return (outcome, self.time, notes);
@@ -388,15 +388,18 @@ fn what_the_pads_hold_by_mistake_is_let_go() {
     let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
     let mut first = world.operator(3);
     world.until(&mut first, "approaching");
-    let mut seen = world.observe();
-    seen.pad_force = [20.0, 20.0];
-    let (act, _) = world.operator(3).on_the_spot().step(&seen, &mut world.arm);
+    let mut observation = world.observe();
+    observation.pad_force = [20.0, 20.0];
+    let (act, _) = world
+        .operator(3)
+        .on_the_spot()
+        .step(&observation, &mut world.arm);
     assert!(act.opening.is_some_and(|opening| opening > 0.08), "{act:?}");
 }
 
 #[test]
 fn who_cannot_go_on_from_the_spot_begins_again() {
-    // The chair stands too far away for the arm, and the arm is not home.
+    // The chair is too far away for the arm, and the arm is not stowed.
     let mut world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
     let mut first = world.operator(3);
     world.until(&mut first, "approaching");
@@ -438,8 +441,8 @@ fn expert_stops_at_once_when_the_robot_presses_the_person() {
     }
 }
 
-/// The arm reaches down to the floor from its shoulder: what stands there is taken
-/// from nearer than what stands on a table.
+/// The arm reaches down to the floor from its shoulder: it grasps an object on the
+/// floor from nearer than an object on a table.
 #[test]
 fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
     let scene = home_scene();
@@ -475,12 +478,12 @@ fn the_chair_stops_nearer_to_what_stands_on_the_floor() {
     assert!((furthest(0.9) - 0.88).abs() < 0.02, "{}", furthest(0.9));
 }
 
-/// What a demonstration holds is done again about a bottle that stands elsewhere, and
-/// nothing else: the hand passes the same poses to the bottle.
+/// A demonstration is repeated around a bottle at another place: the hand passes the
+/// same poses relative to the bottle.
 #[test]
 fn what_was_shown_about_one_bottle_is_done_about_another() {
     let grasped = |mut world: KinematicWorld, mut operator: Operator| {
-        let (mut seen, mut told, mut opening) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut observations, mut commanded, mut opening) = (Vec::new(), Vec::new(), Vec::new());
         let mut closing = None;
         loop {
             let now = world.observe();
@@ -488,13 +491,13 @@ fn what_was_shown_about_one_bottle_is_done_about_another() {
             if act.name == "closing" {
                 closing.get_or_insert(world.objects[0].inv_mul(&world.house_from_tool()));
             }
-            seen.push(now);
-            told.push(act.opening);
+            observations.push(now);
+            commanded.push(act.opening);
             opening.push(world.opening);
             if let Some(outcome) = outcome {
                 assert_eq!(outcome, Outcome::Success, "{:?}", operator.notes());
                 let source = operator.source().map(str::to_owned);
-                return (closing.unwrap(), source, seen, told, opening);
+                return (closing.unwrap(), source, observations, commanded, opening);
             }
             world.apply(&act);
             assert!(world.time < 100.0);
@@ -503,14 +506,14 @@ fn what_was_shown_about_one_bottle_is_done_about_another() {
     let world = KinematicWorld::new([-8.80, 2.10], 0.0, [-8.85, 1.50], 0);
     let operator = world.operator(4);
     let (scene, goal) = (world.scene.clone(), Goal::Lift { item: 0 });
-    let (first, source, seen, told, opening) = grasped(world, operator);
+    let (first, source, observations, commanded, opening) = grasped(world, operator);
     assert_eq!(source, None);
     let one = cut(&Course {
         source: "one",
         scene: &scene,
         goal: &goal,
-        seen: &seen,
-        told: &told,
+        observations: &observations,
+        commanded: &commanded,
         opening: &opening,
     });
     for (bottle, yaw, noise) in [([-8.74, 1.60], 0.3, 0.0), ([-8.85, 2.40], -0.2, 0.001)] {

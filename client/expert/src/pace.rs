@@ -57,7 +57,7 @@ impl Submovement {
     }
 }
 
-/// How fast the operator goes at each time of an episode.
+/// Rate of the operator at each time of an episode.
 #[derive(Clone, Debug)]
 pub struct Pace {
     rng: ChaCha8Rng,

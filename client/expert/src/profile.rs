@@ -20,32 +20,32 @@ const HUMAN: [f64; 2] = [0.30, 0.45];
 const TEMPO: [f64; 2] = [0.30, 1.0];
 /// The arm may be faster than the plain one's by this.
 const ARM: f64 = 1.15;
-/// How far chair and arm of one operator differ from the common tempo.
+/// Greatest difference of the speeds of chair and arm from the common tempo.
 const APART: f64 = 0.12;
 /// Force cap at each pad, N: least and greatest for an object of medium width.
 const FORCE: [f64; 2] = [28.0, 70.0];
 /// The cap at no width, and what the gripper's whole stroke adds, as a share of it: wide
 /// objects are heavier.
 const FORCE_BY_WIDTH: [f64; 2] = [0.75, 0.5];
-/// How far free movements bow out, as a share of their length.
+/// Bow of free movements, as a share of their length.
 const BOW: [f64; 2] = [0.13, 0.28];
 /// To which side they bow, radians from upwards.
 const SIDE: f64 = 1.2;
 /// Overlap of the legs of one movement.
 const OVERLAP: [f64; 2] = [0.15, 0.40];
 
-/// How the hand takes things.
+/// Preferences of a grasp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspPreferences {
     /// Distance from the pregrasp to the grasp, metres.
     pub standoff: f64,
-    /// Distance from the arm's base to the thing on the floor plan, metres.
+    /// Distance from the arm's base to the object on the floor plan, metres.
     pub distance: f64,
-    /// The thing is raised by this much, metres.
+    /// The object is raised by this much, metres.
     pub lift: f64,
 }
 
-/// What differs between one episode and another.
+/// Sampled parameters of one episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OperatorProfile {
     /// Chair.
@@ -62,13 +62,13 @@ pub struct OperatorProfile {
     pub approach_speed: f64,
     /// Peak speed of the hand with the object, m/s.
     pub carry_speed: f64,
-    /// The hand goes back by this much with the object, metres.
+    /// The hand moves back by this much with the object, metres.
     pub retract: f64,
     /// Force cap at each pad, N.
     pub force: f64,
     /// Habits; the plain operator has none.
     pub habits: Option<Habits>,
-    /// Seed of the human-like pace; `None` goes at one rate.
+    /// Seed of the human-like pace; `None` for a constant rate.
     pub pace: Option<u64>,
     /// Speeds as a share of the plain operator's.
     pub tempo: f64,
@@ -87,30 +87,30 @@ impl OperatorProfile {
     }
 
     fn plain(rng: &mut ChaCha8Rng) -> Self {
-        let mut draw = |low: f64, high: f64| rng.random_range(low..high);
+        let mut sample = |low: f64, high: f64| rng.random_range(low..high);
         Self {
             drive: DriveLimits {
-                speed: draw(0.42, 0.50),
-                acceleration: draw(0.18, 0.22),
-                braking: draw(0.25, 0.35),
-                turn_rate: draw(0.50, 0.65),
-                turn_acceleration: draw(0.50, 0.65),
+                speed: sample(0.42, 0.50),
+                acceleration: sample(0.18, 0.22),
+                braking: sample(0.25, 0.35),
+                turn_rate: sample(0.50, 0.65),
+                turn_acceleration: sample(0.50, 0.65),
             },
             path: PathPreferences {
-                radius: draw(0.70, 0.90),
+                radius: sample(0.70, 0.90),
                 margin: 0.05,
             },
             grasp: GraspPreferences {
-                standoff: draw(0.10, 0.13),
-                distance: draw(0.70, 0.78),
-                lift: draw(0.15, 0.19),
+                standoff: sample(0.10, 0.13),
+                distance: sample(0.70, 0.78),
+                lift: sample(0.15, 0.19),
             },
-            free_speed: draw(0.25, 0.35),
-            approach_speed: draw(0.10, 0.14),
-            carry_speed: draw(0.16, 0.22),
-            retract: draw(0.08, 0.13),
+            free_speed: sample(0.25, 0.35),
+            approach_speed: sample(0.10, 0.14),
+            carry_speed: sample(0.16, 0.22),
+            retract: sample(0.08, 0.13),
             shape: Shape {
-                bow: [draw(0.0, 0.05), 0.0],
+                bow: [sample(0.0, 0.05), 0.0],
                 ..Shape::default()
             },
             force: 40.0,
@@ -163,8 +163,9 @@ impl OperatorProfile {
         }
     }
 
-    /// The same operator in a style: a human-like one goes at `HUMAN` times the speeds, at an
-    /// irregular pace. Tempo counts half there, because pauses add to the duration.
+    /// The same operator in a style: a human-like one moves at `HUMAN` times the
+    /// speeds, at an irregular pace. Tempo counts half there, because pauses add to the
+    /// duration.
     #[must_use]
     pub fn in_style(mut self, style: Style, seed: u64) -> Self {
         if style == Style::Human {

@@ -19,7 +19,7 @@ use super::profile::OperatorProfile;
 use super::scene::SceneModel;
 use wheelarm_sdk::{Client, ClientError, Turn, Turns};
 
-/// What the operator is asked to do.
+/// Options of [`run`].
 #[derive(Clone, Debug)]
 pub struct OperateOptions {
     /// Task; the one in force when absent, else the scenario is reset to it.
@@ -28,11 +28,11 @@ pub struct OperateOptions {
     pub label: Option<String>,
     /// Instruction sentence; the scenario's when empty.
     pub instruction: String,
-    /// Recorders that must be ready before time goes on.
+    /// Recorders that must be ready before simulation time starts.
     pub require_recorders: u32,
     /// Name under which the operator commands.
     pub commander: String,
-    /// Takes control over from whoever holds it.
+    /// Takes control over from another commander.
     pub take: bool,
     /// Seed of the operator profile; the scenario's when absent.
     pub profile_seed: Option<u64>,
@@ -40,7 +40,8 @@ pub struct OperateOptions {
     pub forced: Option<ForcedError>,
     /// Goes on from where the hand is ([`Operator::on_the_spot`]).
     pub on_the_spot: bool,
-    /// How the thing is taken ([`Operator::shown`]); the operator's own ways with none.
+    /// Demonstrations for the grasp ([`Operator::shown`]); empty for the operator's own
+    /// plan.
     pub shown: Demonstrations,
 }
 
@@ -67,14 +68,14 @@ pub enum DriverError {
     /// The connection.
     #[error(transparent)]
     Client(#[from] ClientError),
-    /// A message is not as the contract says.
+    /// A message violates the contract.
     #[error("a message of the server is wrong: {0}")]
     Message(#[from] Invalid),
     /// The scene, or an observation of it, cannot be used.
     #[error("{0}")]
     Scene(String),
     /// Another client ended the episode.
-    #[error("the episode was ended by somebody else")]
+    #[error("another client ended the episode")]
     Ended,
     /// The task was done or lost before.
     #[error("the task is over already: set it up anew with `wheelarm reset`")]
@@ -84,7 +85,7 @@ pub enum DriverError {
     Silent(f64, String),
 }
 
-/// How it goes.
+/// Progress of the operator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress<'a> {
     /// Simulated seconds since the episode began.
@@ -93,18 +94,18 @@ pub struct Progress<'a> {
     pub phase: &'a str,
     /// Simulated seconds per wall second.
     pub factor: f64,
-    /// What happened, in words.
+    /// Notes for people.
     pub notes: &'a [String],
 }
 
-/// How it went.
+/// Result of [`run`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// The operator's own word.
     pub outcome: Outcome,
     /// The episode.
     pub started: v1::EpisodeStarted,
-    /// Its end; absent when the episode was somebody else's and goes on.
+    /// End of the episode; `None` when another client started it and it goes on.
     pub stopped: Option<v1::EpisodeStopped>,
     /// Last evaluation of the task.
     pub evaluation: v1::Evaluation,
@@ -128,7 +129,7 @@ impl Report {
     }
 }
 
-/// Silence after which the operator asks what the server waits for.
+/// Silence after which the operator requests the status of the server.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Silence after which it gives up, in units of [`PATIENCE`].
 const GIVE_UP: u32 = 60;
@@ -140,7 +141,7 @@ fn broke(words: &str) -> Outcome {
 /// An episode that a driver started. It ends when this is dropped: in lock-step, time would
 /// wait for the driver for good.
 pub struct OwnEpisode<'a> {
-    link: &'a Client,
+    client: &'a Client,
     started: v1::EpisodeStarted,
     is_open: bool,
 }
@@ -148,9 +149,9 @@ pub struct OwnEpisode<'a> {
 impl<'a> OwnEpisode<'a> {
     /// The episode `started`, where it is `ours`; otherwise nothing is ended.
     #[must_use]
-    pub fn new(link: &'a Client, started: &v1::EpisodeStarted, is_ours: bool) -> Self {
+    pub fn new(client: &'a Client, started: &v1::EpisodeStarted, is_ours: bool) -> Self {
         Self {
-            link,
+            client,
             started: started.clone(),
             is_open: is_ours,
         }
@@ -173,7 +174,7 @@ impl<'a> OwnEpisode<'a> {
     /// As [`Client::stop_episode_of`].
     pub fn end(&mut self) -> Result<Option<v1::EpisodeStopped>, ClientError> {
         match std::mem::take(&mut self.is_open) {
-            true => self.link.stop_episode_of(&self.started, false).map(Some),
+            true => self.client.stop_episode_of(&self.started, false).map(Some),
             false => Ok(None),
         }
     }
@@ -192,13 +193,13 @@ impl Drop for OwnEpisode<'_> {
 /// # Errors
 /// [`DriverError`]; a task that was tried and failed is a [`Report`].
 pub fn run(
-    link: &Client,
+    client: &Client,
     options: &OperateOptions,
     progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Report, DriverError> {
-    let turns = link.turns(&options.commander, options.take, &observation::STREAMS)?;
-    let (scenario, running) = set_up(link, options.task.as_deref())?;
-    let reply = link.request(&v1::SceneRequest {})?;
+    let turns = client.turns(&options.commander, options.take, &observation::STREAMS)?;
+    let (scenario, running) = set_up(client, options.task.as_deref())?;
+    let reply = client.request(&v1::SceneRequest {})?;
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?;
     let roles = Roles::find(&reply.robot.unwrap_or_default())?;
@@ -224,14 +225,14 @@ pub fn run(
     });
     let (started, is_ours) = match running {
         Some(running) => (running, false),
-        None => (start(link, options, &scenario)?, true),
+        None => (start(client, options, &scenario)?, true),
     };
     let mut work = Work {
-        own: OwnEpisode::new(link, &started, is_ours),
+        own: OwnEpisode::new(client, &started, is_ours),
         turns,
         operator,
         collector: Collector::new(roles),
-        reach: RemoteReach::new(link),
+        reach: RemoteReach::new(client),
         first: started.header.clone().unwrap_or_default(),
         started,
         stopped: None,
@@ -243,10 +244,10 @@ pub fn run(
 /// Resets the scenario to `task` if that is not in force; returns what is in
 /// force, and the episode that runs, if one does.
 fn set_up(
-    link: &Client,
+    client: &Client,
     task: Option<&str>,
 ) -> Result<(v1::Scenario, Option<v1::EpisodeStarted>), DriverError> {
-    let status: v1::Status = link.request(&v1::StatusRequest {})?;
+    let status: v1::Status = client.request(&v1::StatusRequest {})?;
     let scenario = status.scenario.unwrap_or_default();
     if let (Some(task), None) = (task, &status.episode)
         && task != scenario.task()
@@ -255,7 +256,7 @@ fn set_up(
             task: Some(task.to_owned()),
             ..v1::Scenario::default()
         };
-        return Ok((link.reset(wanted, false)?, None));
+        return Ok((client.reset(wanted, false)?, None));
     }
     if status.episode.is_none() && status.evaluation.is_some_and(|e| e.done) {
         return Err(DriverError::Over);
@@ -320,26 +321,26 @@ impl Work<'_> {
         progress: &mut dyn FnMut(&Progress<'_>),
     ) -> Result<Option<Outcome>, DriverError> {
         let stamp = clock.header.as_ref().map_or(0, |h| h.stamp_nanos);
-        let Some(seen) = self.collector.observe(stamp)? else {
+        let Some(observation) = self.collector.observe(stamp)? else {
             self.turns.answer(v1::Command::default())?;
             return Ok(None);
         };
-        let (act, outcome) = self.operator.step(&seen, &mut self.reach);
+        let (act, outcome) = self.operator.step(&observation, &mut self.reach);
         if let Some(error) = self.reach.take_error() {
             return Err(error.into());
         }
         tracing::debug!(
             "{:.3} s {}: chair {:?} at {:?}, knuckle {:.3} rad, pads {:.1?} N, \
              object in hand {:?}, base {:?}, {}",
-            seen.time,
+            observation.time,
             act.name,
-            seen.chair(),
-            seen.chair_speed,
-            seen.knuckle,
-            seen.pad_force,
-            self.operator.thing_in_hand(&seen),
+            observation.chair(),
+            observation.chair_speed,
+            observation.knuckle,
+            observation.pad_force,
+            self.operator.object_in_hand(&observation),
             act.base,
-            seen.arm_problem,
+            observation.arm_problem,
         );
         let incident = self.operator.incident();
         self.turns.answer(v1::Command {
@@ -388,8 +389,8 @@ impl Work<'_> {
 
     /// Ends the episode if it is the operator's own, and reports.
     fn finish(mut self, outcome: Outcome, is_ours: bool) -> Result<Report, DriverError> {
-        // The last command takes effect before the end is asked for: otherwise it
-        // would be chance whether its tick still belongs to the episode.
+        // Let the last command take effect before the end is requested: otherwise
+        // chance decides whether its tick still belongs to the episode.
         while self.stopped.is_none() && (self.own.is_open() || !is_ours) {
             let collector = &mut self.collector;
             match self.turns.next(PATIENCE, &mut |s| collector.take(s))? {
@@ -404,8 +405,8 @@ impl Work<'_> {
         if let Some(stopped) = self.own.end()? {
             self.stopped = Some(stopped);
         }
-        let told = self.stopped.as_ref().and_then(|s| s.evaluation.clone());
-        let mut evaluation = told.unwrap_or_else(|| self.collector.evaluation());
+        let evaluation = self.stopped.as_ref().and_then(|s| s.evaluation.clone());
+        let mut evaluation = evaluation.unwrap_or_else(|| self.collector.evaluation());
         // The state broke in the very last tick.
         let outcome = match &self.stopped {
             Some(end) if end.cause() == v1::EndCause::Physics => {
@@ -432,7 +433,7 @@ impl Work<'_> {
 }
 
 fn start(
-    link: &Client,
+    client: &Client,
     options: &OperateOptions,
     scenario: &v1::Scenario,
 ) -> Result<v1::EpisodeStarted, ClientError> {
@@ -445,26 +446,29 @@ fn start(
     match &options.label {
         Some(label) => {
             request.label.clone_from(label);
-            link.request(&request)
+            client.request(&request)
         }
         None => {
             request.label = format!("{}-seed{}", scenario.task(), scenario.seed());
-            link.start_episode_numbered(request)
+            client.start_episode_numbered(request)
         }
     }
 }
 
 /// Asks the server's kinematics.
 pub struct RemoteReach<'a> {
-    link: &'a Client,
+    client: &'a Client,
     error: Option<ClientError>,
 }
 
 impl<'a> RemoteReach<'a> {
-    /// Of the server at the other end of `link`.
+    /// Of the server at the other end of `client`.
     #[must_use]
-    pub fn new(link: &'a Client) -> Self {
-        Self { link, error: None }
+    pub fn new(client: &'a Client) -> Self {
+        Self {
+            client,
+            error: None,
+        }
     }
 
     /// Why a question was not answered, since the last call.
@@ -482,7 +486,7 @@ impl ArmReachability for RemoteReach<'_> {
             next_poses: poses.collect(),
             max_joint_change: Some(max_joint_change),
         };
-        match self.link.request(&request) {
+        match self.client.request(&request) {
             Ok(reply) => reply.reachable,
             Err(error) => {
                 self.error.get_or_insert(error);

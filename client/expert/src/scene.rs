@@ -1,5 +1,4 @@
-//! What stands around: the server's answer to the `scene` query, checked.
-//! Nothing is decided here.
+//! The scene: the checked reply of the `scene` query. Decisions are made elsewhere.
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 use wheelarm_proto::check::{self, Invalid};
@@ -11,7 +10,7 @@ use super::observation::Observation;
 use wheelarm_planning::footprint_check::{Limb, Outline, occupied};
 use wheelarm_planning::obb::Obb;
 
-/// A thing that can be moved: an object, or a piece of furniture that slides.
+/// A movable object: a rigid or deformable object, or furniture that slides.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item {
     /// Name.
@@ -25,7 +24,7 @@ pub struct Item {
 pub struct Slide {
     /// Name of the joint.
     pub name: String,
-    /// Index among the things.
+    /// Index among the objects.
     pub item: usize,
     /// Its pose in `house` at joint position 0.
     pub rest: Isometry3<f64>,
@@ -33,29 +32,29 @@ pub struct Slide {
     pub axis: Unit<Vector3<f64>>,
 }
 
-/// A grasp of a thing.
+/// A grasp of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grasp {
-    /// Index of the thing.
+    /// Index of the object.
     pub item: usize,
     /// Name.
     pub name: String,
-    /// Grasp point in the thing's frame: z approach, x closing.
+    /// Grasp point in the object's frame: z approach, x closing.
     pub item_from_grasp: Isometry3<f64>,
     /// Distance between the pads at the grasp, metres.
     pub width: f64,
-    /// Any turn about the thing's z axis will do.
+    /// Any turn about the object's z axis is equivalent.
     pub symmetric: bool,
-    /// Only where the hand comes from above.
+    /// Only for a hand from above.
     pub from_above: bool,
     /// Cap of the pads' force, N; `None` leaves it to the operator profile.
     pub force: Option<f64>,
 }
 
-/// Who sits in the chair, in `wheelchair_root`, with the head straight.
+/// The seated person, in `wheelchair_root`, with the head straight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seated {
-    /// What stands for the body.
+    /// Capsules of the body.
     pub capsules: Vec<Capsule>,
     /// Between the lips, x out of the mouth.
     pub mouth: Isometry3<f64>,
@@ -73,7 +72,7 @@ pub struct Capsule {
 }
 
 impl Capsule {
-    /// What it adds to the footprint of the chair.
+    /// The capsule as a part of the chair's footprint.
     fn limb(&self) -> Limb {
         Limb {
             ends: self.ends.map(|end| end.coords.into()),
@@ -95,13 +94,13 @@ impl Capsule {
 /// Geometry of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneModel {
-    /// What stays, in `house`.
+    /// Fixed furniture, in `house`.
     pub furniture: Vec<Obb>,
-    /// What moves: the objects in the order of their poses, then the slides.
+    /// Movable objects: in the order of their poses, then the slides.
     pub items: Vec<Item>,
     /// Furniture that slides, in the order of the joint positions.
     pub slides: Vec<Slide>,
-    /// Grasps of things.
+    /// Grasps of the objects.
     pub grasps: Vec<Grasp>,
     /// `base_link` in `wheelchair_root`.
     pub chair_from_base: Isometry3<f64>,
@@ -119,7 +118,7 @@ pub struct SceneModel {
     pub hand: Hand,
     /// Positions of the arm's joints at home, from base to hand, radians.
     pub home: [f64; 6],
-    /// Who sits in the chair.
+    /// The seated person.
     pub person: Option<Seated>,
 }
 
@@ -136,7 +135,8 @@ fn read_boxes(boxes: &[v1::BoxGeometry]) -> Result<Vec<Obb>, Invalid> {
         .collect()
 }
 
-/// The thing of that name with its boxes, none where no body has the name.
+/// The object of that name with its boxes; empty when the scene lists no body of that
+/// name.
 fn read_item(reply: &v1::SceneReply, name: &str) -> Result<Item, Invalid> {
     let body = reply.bodies.iter().find(|body| body.name == name);
     Ok(Item {
@@ -178,7 +178,7 @@ fn read_grasp(grasp: &v1::GraspFrame, items: &[Item]) -> Result<Grasp, Invalid> 
     })
 }
 
-fn read_seated(told: &v1::SeatedPerson) -> Result<Seated, Invalid> {
+fn read_seated(person: &v1::SeatedPerson) -> Result<Seated, Invalid> {
     let read = |capsule: &v1::PersonCapsule| {
         let end = |end: Option<&v1::Vector3>| {
             check::vector("end of a person's capsule", end).map(Point3::from)
@@ -190,12 +190,13 @@ fn read_seated(told: &v1::SeatedPerson) -> Result<Seated, Invalid> {
         })
     };
     Ok(Seated {
-        capsules: told.capsules.iter().map(read).collect::<Result<_, _>>()?,
-        mouth: normalized("pose of the mouth", told.mouth.as_ref())?,
+        capsules: person.capsules.iter().map(read).collect::<Result<_, _>>()?,
+        mouth: normalized("pose of the mouth", person.mouth.as_ref())?,
     })
 }
 
-/// Boxes as wide as they are deep by this are those of a round thing, metres.
+/// A box belongs to a round object when width and depth differ by less than this,
+/// metres.
 const ROUND: f64 = 1e-3;
 
 impl SceneModel {
@@ -223,7 +224,7 @@ impl SceneModel {
         }
         for grasp in grasps.iter().filter(|grasp| grasp.symmetric) {
             for obb in &mut items[grasp.item].boxes {
-                // What may be taken from any side is round.
+                // An object with a symmetric grasp is round.
                 let upright = (obb.pose.rotation * Vector3::z()).z.abs() > 0.999;
                 obb.round = upright && (obb.half.x - obb.half.y).abs() < ROUND;
             }
@@ -241,7 +242,7 @@ impl SceneModel {
         let person = reply.persons.first().map(read_seated).transpose()?;
         let capsules = person.iter().flat_map(|person| &person.capsules);
         let limbs: Vec<Limb> = capsules.map(Capsule::limb).collect();
-        // A thing that the hand cannot take in has no grasp.
+        // An object that does not fit into the hand has no grasp.
         let hand = Hand::read(gripper.ok_or(Invalid::Missing("gripper"))?)?;
         grasps.retain(|grasp| grasp.width <= hand.stroke);
         Ok(Self {
@@ -260,31 +261,36 @@ impl SceneModel {
         })
     }
 
-    /// Poses of all things in `house`.
+    /// Poses of all objects in `house`.
     #[must_use]
-    pub fn poses(&self, seen: &Observation) -> Vec<Isometry3<f64>> {
+    pub fn poses(&self, observation: &Observation) -> Vec<Isometry3<f64>> {
         let slides = self.slides.iter().enumerate().map(|(index, slide)| {
-            let position = seen.slides.get(index).copied().unwrap_or(0.0);
+            let position = observation.slides.get(index).copied().unwrap_or(0.0);
             Translation3::from(slide.axis.scale(position)) * slide.rest
         });
-        seen.objects.iter().copied().chain(slides).collect()
+        observation.objects.iter().copied().chain(slides).collect()
     }
 
     /// `base_link` in `house`.
     #[must_use]
-    pub fn house_from_base(&self, seen: &Observation) -> Isometry3<f64> {
-        seen.house_from_chair * self.chair_from_base
+    pub fn house_from_base(&self, observation: &Observation) -> Isometry3<f64> {
+        observation.house_from_chair * self.chair_from_base
     }
 
     /// The end effector in `house`.
     #[must_use]
-    pub fn house_from_tool(&self, seen: &Observation) -> Isometry3<f64> {
-        self.house_from_base(seen) * seen.base_from_tool
+    pub fn house_from_tool(&self, observation: &Observation) -> Isometry3<f64> {
+        self.house_from_base(observation) * observation.base_from_tool
     }
 }
 
-fn footprint(told: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
-    let told = told.ok_or(Invalid::Missing("footprint"))?;
-    let sides = [told.x_min, told.x_max, told.y_min, told.y_max];
+fn footprint(footprint: Option<&v1::Footprint>) -> Result<[f64; 4], Invalid> {
+    let footprint = footprint.ok_or(Invalid::Missing("footprint"))?;
+    let sides = [
+        footprint.x_min,
+        footprint.x_max,
+        footprint.y_min,
+        footprint.y_max,
+    ];
     check::list("footprint", &sides)
 }

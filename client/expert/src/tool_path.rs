@@ -1,5 +1,5 @@
-//! How the hand moves: lines between poses, straight or bowed, timed so that it starts and
-//! stops gently. Legs may overlap: the next one begins before the one before has ended.
+//! Path of the hand: lines between poses, straight or bowed, timed to start and stop
+//! gently. Legs may overlap: the next one begins before the previous one has ended.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use wheelarm_proto::exact;
@@ -15,8 +15,8 @@ pub struct ToolPath {
 /// The shape of a path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shape {
-    /// How far a leg bows out, as a share of its length, and to which side, radians: 0 is
-    /// up, positive to the left of the leg.
+    /// Bow of a leg, as a share of its length, and its side, radians: 0 is up, positive
+    /// to the left of the leg.
     pub bow: [f64; 2],
     /// A leg begins before the end of the one before, by this share of the shorter one.
     pub overlap: f64,
@@ -109,13 +109,13 @@ impl ToolPath {
         self.legs.last().map_or(0.0, |leg| leg.begin)
     }
 
-    /// Where it ends.
+    /// Final pose.
     #[must_use]
     pub fn end(&self) -> Isometry3<f64> {
         self.end
     }
 
-    /// Where the hand is to be `time` seconds after the start.
+    /// Pose of the hand `time` seconds after the start.
     #[must_use]
     pub fn at(&self, time: f64) -> Isometry3<f64> {
         if time >= self.duration() {
@@ -145,7 +145,7 @@ impl ToolPath {
 /// The unit vector to which a leg bows, times its length.
 fn bowed(step: &Vector3<f64>, angle: f64) -> Vector3<f64> {
     let left = Vector3::z().cross(step);
-    // Straight up and down there is no left: x serves as well.
+    // A vertical step has no left side: use x.
     let left = match left.norm() < 0.2 * step.norm() {
         true => Vector3::x(),
         false => left,
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_passes_its_stops_and_keeps_its_speeds() {
+    fn path_passes_its_stops_and_keeps_its_speeds() {
         let at = |x: f64, yaw: f64| Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::z() * yaw);
         let path = ToolPath::new(at(0.0, 0.0), &[(at(0.3, 0.5), 0.25), (at(0.4, 0.5), 0.1)]);
         assert!(distance(&path.at(-1.0), &at(0.0, 0.0)) < 1e-12);

@@ -1,5 +1,5 @@
-//! Records two seconds to memory, every stream and the pictures of one camera,
-//! and compares what came with the manifest of the episode.
+//! Records two seconds of every stream and the images of one camera to memory, and
+//! compares the counts with the manifest of the episode.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -13,16 +13,16 @@ use wheelarm_sdk::{Client, Connect, Frame};
 #[derive(Default)]
 struct Memory {
     samples: BTreeMap<StreamId, Vec<Sample>>,
-    pictures: BTreeMap<StreamId, Vec<Frame>>,
+    images: BTreeMap<StreamId, Vec<Frame>>,
 }
 
 impl Memory {
     fn count(&self, stream: &StreamId) -> usize {
         let samples = self.samples.get(stream).map_or(0, Vec::len);
-        samples + self.pictures.get(stream).map_or(0, Vec::len)
+        samples + self.images.get(stream).map_or(0, Vec::len)
     }
 
-    /// Whether it holds everything that the manifest lists.
+    /// Whether it holds every sample that the manifest lists.
     fn is_complete(&self, stopped: &v1::EpisodeStopped) -> bool {
         let mut listed = stopped.manifest.iter();
         listed.all(|one| self.count(&StreamId::parse(&one.stream)) as u64 == one.count)
@@ -34,11 +34,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [endpoint, sim, camera] = words.as_slice() else {
         return Err("give ENDPOINT SIM CAMERA, for example tcp/127.0.0.1:7447 sim gen3".into());
     };
-    let link = Client::open(&Connect::to(endpoint, sim))?;
-    // Subscribed before the episode begins, so that its first sample is there.
-    let streams = link.streams(&[&TopicId::STATES[..], &[TopicId::Event]].concat())?;
-    let pictures = link.camera(camera, 64)?;
-    let started = link.request(&v1::EpisodeStartRequest {
+    let client = Client::open(&Connect::to(endpoint, sim))?;
+    // Subscribe before the episode begins, so that its first sample is received.
+    let streams = client.streams(&[&TopicId::STATES[..], &[TopicId::Event]].concat())?;
+    let images = client.camera(camera, 64)?;
+    let started = client.request(&v1::EpisodeStartRequest {
         label: "memory".to_owned(),
         ..Default::default()
     })?;
@@ -50,14 +50,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     while Instant::now() < patience {
         if stopped
             .as_ref()
-            .is_some_and(|told| memory.is_complete(told))
+            .is_some_and(|stopped| memory.is_complete(stopped))
         {
             break;
         }
-        while let Some(frame) = pictures.next(Duration::ZERO)? {
+        while let Some(frame) = images.next(Duration::ZERO)? {
             if frame.header.episode == begun.episode {
                 let stream = StreamId::camera(&frame.camera);
-                memory.pictures.entry(stream).or_default().push(frame);
+                memory.images.entry(stream).or_default().push(frame);
             }
         }
         let Some(sample) = streams.next(Duration::from_millis(20))? else {
@@ -69,15 +69,15 @@ fn main() -> Result<(), Box<dyn Error>> {
             memory.samples.entry(stream).or_default().push(sample);
         }
         if stopped.is_none() && header.stamp_nanos > begun.stamp_nanos + 2_000_000_000 {
-            stopped = Some(link.stop_episode_of(&started, false)?);
-            // The last samples are still on their way.
+            stopped = Some(client.stop_episode_of(&started, false)?);
+            // The last samples are still in flight.
             patience = Instant::now() + Duration::from_secs(10);
         }
     }
-    let stopped = stopped.ok_or("simulation time stood still")?;
+    let stopped = stopped.ok_or("simulation time did not advance")?;
     for listed in &stopped.manifest {
-        let held = memory.count(&StreamId::parse(&listed.stream));
-        println!("{:<18} {held:>5} of {}", listed.stream, listed.count);
+        let received = memory.count(&StreamId::parse(&listed.stream));
+        println!("{:<18} {received:>5} of {}", listed.stream, listed.count);
     }
     match memory.is_complete(&stopped) {
         true => Ok(()),

@@ -1,5 +1,5 @@
-//! A policy in lock-step: it sees the state of a control tick and answers for
-//! the next six (10 Hz), for three seconds. The simulation waits for it.
+//! A policy in lock-step: it receives the state of a control tick and commands the next
+//! six ticks (10 Hz) for three seconds. The simulation waits for it.
 
 use std::error::Error;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_sdk::{Client, Connect, Turn, Turns};
 
-/// Drives gently forward and closes the gripper, from where its knuckle is, rad.
+/// Drives slowly forward and closes the gripper from its knuckle angle, rad.
 fn policy(knuckle: f64) -> v1::Command {
     use v1::gripper_command::Target;
     v1::Command {
@@ -26,20 +26,20 @@ fn policy(knuckle: f64) -> v1::Command {
     }
 }
 
-/// Thirty answers; how many there were, and where the knuckle is then, rad.
+/// Sends thirty commands; returns their number and the last knuckle angle, rad.
 fn act(turns: &mut Turns) -> Result<(u32, f64), Box<dyn Error>> {
     let (mut knuckle, mut answers) = (0.0, 0);
     loop {
-        let mut see = |sample| {
+        let mut on_sample = |sample| {
             if let Sample::Applied(applied) = sample {
                 knuckle = applied.knuckle;
             }
         };
-        match turns.next(Duration::from_secs(20), &mut see)? {
+        match turns.next(Duration::from_secs(20), &mut on_sample)? {
             Turn::Answer(_) if answers == 30 => return Ok((answers, knuckle)),
             Turn::Answer(_) => turns.answer(policy(knuckle))?,
             Turn::Refused(refusal) => return Err(refusal.reason.into()),
-            Turn::Ended(_) => return Err("somebody else ended the episode".into()),
+            Turn::Ended(_) => return Err("another client ended the episode".into()),
             Turn::Silent(status) => return Err(status.waiting_for.into()),
         }
         answers += 1;
@@ -51,15 +51,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [endpoint, sim] = words.as_slice() else {
         return Err("give ENDPOINT SIM, for example tcp/127.0.0.1:7447 sim".into());
     };
-    let link = Client::open(&Connect::to(endpoint, sim))?;
-    let mut turns = link.turns("policy", false, &[TopicId::Applied])?;
-    let started = link.request(&v1::EpisodeStartRequest {
+    let client = Client::open(&Connect::to(endpoint, sim))?;
+    let mut turns = client.turns("policy", false, &[TopicId::Applied])?;
+    let started = client.request(&v1::EpisodeStartRequest {
         label: "policy".to_owned(),
         ..Default::default()
     })?;
     let done = act(&mut turns);
-    // Also where it failed: without its policy the episode would go on.
-    let stopped = link.stop_episode_of(&started, false);
+    // Stop it also after a failure: the episode would go on without its policy.
+    let stopped = client.stop_episode_of(&started, false);
     let ((answers, knuckle), stopped) = (done?, stopped?);
     let stamp = |header: Option<v1::Header>| header.unwrap_or_default().stamp_nanos as f64 * 1e-9;
     let seconds = stamp(stopped.header) - stamp(started.header);

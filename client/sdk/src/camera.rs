@@ -1,5 +1,5 @@
-//! Pictures of one camera, or of a sensor on one, decoded; the newest few are kept,
-//! older ones are let go.
+//! Decoded images of one camera, or of a sensor on one. The newest few are kept; older
+//! images are dropped.
 
 use std::time::{Duration, Instant};
 
@@ -13,17 +13,17 @@ use super::{Client, ClientError, Frame, transport};
 
 /// A subscribed camera.
 pub struct Camera {
-    pictures: RingChannelHandler<Sample>,
+    images: RingChannelHandler<Sample>,
     _subscriber: Subscriber<()>,
 }
 
 impl Client {
-    /// Subscribes to a camera. Up to `kept` pictures wait to be taken; when
-    /// another comes the oldest is let go, which the sequence numbers of the
-    /// headers tell. With 1 the newest is taken.
+    /// Subscribes to a camera. The queue holds `kept` images, and a full queue drops the
+    /// oldest; sequence numbers of the headers show the gap. With 1, [`Camera::next`]
+    /// returns the newest image.
     ///
     /// # Errors
-    /// [`ClientError::NoCamera`] with those in use when it is none of them, else as
+    /// [`ClientError::NoCamera`], which lists the cameras in use, else as
     /// [`Client::request`] and [`Client::subscribe`].
     pub fn camera(&self, name: &str, kept: usize) -> Result<Camera, ClientError> {
         let status = self.request(&v1::StatusRequest {})?;
@@ -39,11 +39,11 @@ impl Client {
                 },
             });
         }
-        let (ring, pictures) = RingChannel::new(kept.max(1)).into_handler();
+        let (ring, images) = RingChannel::new(kept.max(1)).into_handler();
         let key = self.keys().camera(name);
         let subscriber = self.subscribe(&key, move |sample| ring.call(sample))?;
         Ok(Camera {
-            pictures,
+            images,
             _subscriber: subscriber,
         })
     }
@@ -51,44 +51,44 @@ impl Client {
 
 /// A subscribed sensor on a camera.
 pub struct SensorImages {
-    pictures: RingChannelHandler<Sample>,
+    images: RingChannelHandler<Sample>,
     _subscriber: Subscriber<()>,
 }
 
 impl Client {
-    /// Subscribes to a sensor on a camera, by the name that `sensors` tells. Up to
-    /// `kept` pictures wait to be taken; then the oldest is let go.
+    /// Subscribes to a sensor on a camera, by its name in the reply of `sensors`. The
+    /// queue holds `kept` images, and a full queue drops the oldest.
     ///
     /// # Errors
     /// As [`Client::subscribe`].
     pub fn sensor(&self, name: &str, kept: usize) -> Result<SensorImages, ClientError> {
-        let (ring, pictures) = RingChannel::new(kept.max(1)).into_handler();
+        let (ring, images) = RingChannel::new(kept.max(1)).into_handler();
         let key = self.keys().sensor(name);
         let subscriber = self.subscribe(&key, move |sample| ring.call(sample))?;
         Ok(SensorImages {
-            pictures,
+            images,
             _subscriber: subscriber,
         })
     }
 }
 
 impl SensorImages {
-    /// The next picture, or `None` when none came for `patience`.
+    /// The next image, or `None` when none arrived within `patience`.
     ///
     /// # Errors
-    /// [`ClientError::Garbled`] when it cannot be read, [`ClientError::Transport`] when
+    /// [`ClientError::Garbled`] for a damaged message, [`ClientError::Transport`] when
     /// the session is closed.
     pub fn next(&self, patience: Duration) -> Result<Option<v1::SensorFrame>, ClientError> {
         let sample = self
-            .pictures
+            .images
             .recv_deadline(Instant::now() + patience)
-            .map_err(transport("waiting for a sensor's picture"))?;
+            .map_err(transport("waiting for a sensor image"))?;
         sample
             .map(|sample| {
                 // Planes share these bytes.
                 let bytes = Bytes::from(sample.payload().to_bytes().into_owned());
                 v1::SensorFrame::decode(bytes).map_err(|cause| ClientError::Garbled {
-                    what: "a sensor's picture".to_owned(),
+                    what: "a sensor image".to_owned(),
                     cause,
                 })
             })
@@ -97,26 +97,26 @@ impl SensorImages {
 }
 
 impl Camera {
-    /// The next picture, or `None` when none came for `patience`.
+    /// The next image, or `None` when none arrived within `patience`.
     ///
     /// # Errors
-    /// [`ClientError::Garbled`] and [`ClientError::Frame`] when it cannot be read,
+    /// [`ClientError::Garbled`] and [`ClientError::Frame`] for a damaged message,
     /// [`ClientError::Transport`] when the session is closed.
     pub fn next(&self, patience: Duration) -> Result<Option<Frame>, ClientError> {
         let deadline = Instant::now() + patience;
         let sample = self
-            .pictures
+            .images
             .recv_deadline(deadline)
-            .map_err(transport("waiting for a picture"))?;
+            .map_err(transport("waiting for an image"))?;
         let Some(sample) = sample else {
             return Ok(None);
         };
         // Planes share these bytes.
         let bytes = Bytes::from(sample.payload().to_bytes().into_owned());
         let message = v1::CameraFrame::decode(bytes).map_err(|cause| ClientError::Garbled {
-            what: "a picture".to_owned(),
+            what: "an image".to_owned(),
             cause,
         })?;
-        Ok(Some(Frame::read(message)?))
+        Ok(Some(Frame::from_proto(message)?))
     }
 }

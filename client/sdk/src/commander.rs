@@ -1,4 +1,4 @@
-//! Commands and the control that they need: one commander at a time.
+//! Control and commands: one commander is in control at a time.
 
 use std::time::{Duration, Instant};
 
@@ -14,14 +14,13 @@ use zenoh::qos::{CongestionControl, Priority};
 
 use super::{Client, ClientError, transport};
 
-/// Longest time until the server has seen this process's token.
-const SEEN: Duration = Duration::from_secs(5);
+/// Longest wait until the server has received this process's token.
+const TOKEN_SEEN: Duration = Duration::from_secs(5);
 
-/// A commander in control; its sequence numbers count up from 0, and its
-/// commands carry the seal of its lease. Control is given back when it is
-/// dropped, and ends by itself with this process.
+/// A commander in control. Its sequence numbers start at 0, and its commands carry the
+/// seal of its lease. Dropping it releases control; the end of this process does too.
 pub struct Commander {
-    link: Client,
+    client: Client,
     publisher: Publisher<'static>,
     _token: LivelinessToken,
     name: String,
@@ -32,12 +31,11 @@ pub struct Commander {
 }
 
 impl Client {
-    /// Asks for control under the name `name`; with `take` it is taken over
-    /// from whoever holds it.
+    /// Acquires control as `name`; with `take` from the commander that holds it.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] in words that say who holds control and how to
-    /// take it over.
+    /// [`ClientError::Refused`], which names the commander in control and how to take
+    /// over.
     pub fn commander(&self, name: &str, take: bool) -> Result<Commander, ClientError> {
         let run_id = keys::run_id();
         let publisher = self
@@ -56,7 +54,7 @@ impl Client {
             .wait()
             .map_err(transport("announcing the commander"))?;
         let commander = Commander {
-            link: self.clone(),
+            client: self.clone(),
             publisher,
             _token: token,
             name: name.to_owned(),
@@ -70,19 +68,19 @@ impl Client {
 }
 
 impl Commander {
-    /// Asks for control again: after it was lost with the connection, or, with
-    /// `take`, to somebody else. Does nothing while it is held.
+    /// Acquires control again, after it was lost with the connection or, with `take`, to
+    /// another commander. Does nothing while this commander holds it.
     ///
     /// # Errors
     /// As [`Client::commander`].
     pub fn acquire(&self, take: bool) -> Result<v1::LeaseReply, ClientError> {
         let request = self.lease_request(take, false);
-        let deadline = Instant::now() + SEEN;
+        let deadline = Instant::now() + TOKEN_SEEN;
         loop {
-            let reply: v1::LeaseReply = self.link.request(&request)?;
+            let reply: v1::LeaseReply = self.client.request(&request)?;
             if reply.holder == self.name {
                 if !reply.secret.is_empty() {
-                    self.link.keep_secret(&reply.secret);
+                    self.client.keep_secret(&reply.secret);
                     let mut secret = self.secret.lock();
                     secret.clone_from(&reply.secret);
                 }
@@ -93,7 +91,7 @@ impl Commander {
                     query: Query::Lease.name(),
                     code: v1::FailureCode::NoControl,
                     message: format!(
-                        "the server does not see the token of commander {:?}",
+                        "the server has not received the token of commander {:?}",
                         self.name
                     ),
                 });
@@ -102,7 +100,7 @@ impl Commander {
         }
     }
 
-    /// Sends `command` as the answer to the control tick of `clock`.
+    /// Sends `command` for the control tick of `clock`.
     ///
     /// # Errors
     /// [`ClientError::Transport`].
@@ -130,13 +128,13 @@ impl Commander {
             .map_err(transport("sending a command"))
     }
 
-    /// Name under which it commands.
+    /// Name of the commander.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Names this process's life, as in the header of its commands.
+    /// ID of this process's run, as in the header of its commands.
     #[must_use]
     pub fn run_id(&self) -> &str {
         &self.run_id
@@ -170,14 +168,14 @@ impl Commander {
 
 impl Drop for Commander {
     fn drop(&mut self) {
-        if self.link.secret() == self.secret() {
-            self.link.keep_secret("");
+        if self.client.secret() == self.secret() {
+            self.client.keep_secret("");
         }
-        // Without an answer control ends with the token, a little later.
+        // Without a reply, control ends with the token, a little later.
         let request = self.lease_request(false, true);
-        let released = self.link.request_within(&request, Duration::from_secs(1));
+        let released = self.client.request_within(&request, Duration::from_secs(1));
         if let Err(problem) = released {
-            tracing::debug!("control was not given back: {problem}");
+            tracing::debug!("cannot release control: {problem}");
         }
     }
 }

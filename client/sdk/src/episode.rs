@@ -6,16 +6,16 @@ use wheelarm_proto::v1;
 
 use super::{Client, ClientError};
 
-/// Time between two questions whether an episode runs.
-const LOOK: Duration = Duration::from_millis(50);
+/// Time between two status queries.
+const POLL: Duration = Duration::from_millis(50);
 
-/// Labels that are tried where recorders have files of the first ones. Each try
-/// continues behind the labels that are taken, so that several recorders agree soon.
+/// Most labels that are tried when recorders have files of the first ones. Each retry
+/// continues after the labels in use, so that several recorders agree soon.
 const LABELS: usize = 8;
 
 impl Client {
-    /// Starts an episode and waits until it runs, which it does when
-    /// `require_recorders` recorders have opened their files.
+    /// Starts an episode and waits until it runs: after `require_recorders` recorders
+    /// have opened their files.
     ///
     /// # Errors
     /// [`ClientError::NotBegun`] when a recorder cannot record it or none is ready in time.
@@ -28,7 +28,7 @@ impl Client {
             let status = self.request(&v1::StatusRequest {})?;
             match stage(&started, request.require_recorders, &status) {
                 Stage::Runs => return Ok(started),
-                Stage::Waits => std::thread::sleep(LOOK),
+                Stage::Waits => std::thread::sleep(POLL),
                 Stage::Failed { why, free_label } => {
                     return Err(ClientError::NotBegun {
                         label: request.label.clone(),
@@ -44,8 +44,8 @@ impl Client {
         }
     }
 
-    /// As [`Client::start_episode`] for a label that nobody chose: where a recorder has a
-    /// file of that label, the episode takes the next label that is free there.
+    /// As [`Client::start_episode`] for a generated label: when a recorder has a file of
+    /// that label, the episode uses the next label that is free there.
     ///
     /// # Errors
     /// As [`Client::start_episode`].
@@ -65,7 +65,7 @@ impl Client {
         self.start_episode(&request)
     }
 
-    /// Tells an episode that has been ended since from one that never began.
+    /// Returns an error unless the episode began before it ended.
     fn check_begun(&self, started: &v1::EpisodeStarted) -> Result<(), ClientError> {
         let ours = id(started.header.as_ref());
         let state = self.request(&v1::EpisodeRequest::default())?;
@@ -84,7 +84,7 @@ impl Client {
     }
 }
 
-/// How far an announced episode is.
+/// State of an announced episode.
 #[derive(Debug, PartialEq)]
 enum Stage {
     /// It waits for recorders.
@@ -95,7 +95,7 @@ enum Stage {
         why: String,
         free_label: Option<String>,
     },
-    /// It is not the running episode any more.
+    /// It has ended, or never began.
     Over,
 }
 
@@ -121,7 +121,7 @@ fn stage(started: &v1::EpisodeStarted, required: u32, status: &v1::Status) -> St
     let mut failed: Vec<_> = of_ours()
         .filter(|r| r.state() == v1::RecorderState::Failed)
         .collect();
-    // One that has a free label first; of several the one that is farthest.
+    // Prefer a recorder with a free label; of several, the highest label.
     failed.sort_by_key(|r| (r.free_label.len(), r.free_label.clone()));
     match failed.last() {
         Some(failed) => Stage::Failed {
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn an_episode_runs_when_its_recorders_are_ready_and_not_before() {
+    fn episode_runs_only_after_its_recorders_are_ready() {
         let status = |waiting: WaitingFor, recorders: &[v1::RecorderStatus]| v1::Status {
             episode: Some(started()),
             waiting_for_code: waiting.into(),
@@ -185,7 +185,7 @@ mod tests {
         assert_eq!(stage(0, &waits), Stage::Waits);
         let both = [earlier.clone(), ready, failed.clone()];
         let runs = status(WaitingFor::Commander, &both);
-        assert_eq!(stage(1, &runs), Stage::Runs, "one was asked for");
+        assert_eq!(stage(1, &runs), Stage::Runs, "one recorder is required");
         let refused = |free: Option<&str>| Stage::Failed {
             why: "recorder r cannot record it: no disk".to_owned(),
             free_label: free.map(str::to_owned),
@@ -194,7 +194,7 @@ mod tests {
         let mut over = status(WaitingFor::Recorders, &[earlier, failed]);
         over.episode = None;
         assert_eq!(stage(1, &over), refused(None));
-        // Of several recorders the label counts that is free at all of them.
+        // Of several recorders, the label that is free at all of them is used.
         for label in ["a-10", "a-9"] {
             let mut taken = recorder(3, RecorderState::Failed, "no disk");
             taken.free_label = label.to_owned();

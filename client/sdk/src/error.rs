@@ -1,4 +1,4 @@
-//! What can go wrong between a client and a server, in words that name the cure.
+//! Errors between a client and a server, each with its fix.
 
 use wheelarm_proto::bundle::NoIdentity;
 use wheelarm_proto::endpoint::BadEndpoint;
@@ -7,115 +7,115 @@ use wheelarm_proto::program::without_source_places;
 use wheelarm_proto::schema::OtherVersion;
 use wheelarm_proto::v1::FailureCode;
 
-use super::frame::BadFrame;
+use super::frame::FrameError;
 
-/// What can go wrong between a client and a server.
+/// Failure of a connection, a query or a message.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// The endpoint is none.
+    /// The endpoint is invalid.
     #[error(transparent)]
     Endpoint(#[from] BadEndpoint),
-    /// The keys are not where they were looked for.
+    /// The folder of keys cannot be read.
     #[error(transparent)]
     Identity(#[from] NoIdentity),
-    /// A name cannot stand in a key.
+    /// A name is not valid in a key.
     #[error(transparent)]
     Name(#[from] BadName),
-    /// Nobody listens.
+    /// Nothing listens at the endpoint.
     #[error(
         "no server answers at {endpoint} (waited {seconds:.1} s): start one with `wheelarm-server`, or name its address with --connect ({cause})"
     )]
     NoServer {
-        /// Where it was looked for.
+        /// The endpoint.
         endpoint: String,
-        /// How long.
+        /// The wait, s.
         seconds: f64,
-        /// The transport's own words.
+        /// Message of the transport.
         cause: String,
     },
-    /// The endpoint takes keys, and none were given.
+    /// The endpoint requires keys, and none were given.
     #[error(
         "{0} takes keys: name the folder that you were given with --keys DIR, or on the server's host its folder of keys with --keys DIR --user NAME"
     )]
     NoKeys(String),
-    /// A server took the keys and shows nothing to their user.
+    /// The endpoint accepts the keys, but their user cannot see the server.
     #[error(
-        "a server answers at {endpoint}, and shows no server {sim:?} to the user of these keys: the user was removed, or the server started before it was added, or has another name; ask who runs it (`wheelarm users list`, then start the server anew)"
+        "the user of these keys cannot see a server {sim:?} at {endpoint}: the user was removed, or was added after the server started, or the server has another name; the administrator checks `wheelarm users list` and restarts the server"
     )]
     NoRights {
-        /// Where it answers.
+        /// The endpoint.
         endpoint: String,
         /// The wanted name.
         sim: String,
     },
-    /// Somebody listens, but under another name.
+    /// A server listens, but under another name.
     #[error(
         "a server answers at {endpoint}, but none is named {sim:?} (found: {found}): choose one with --sim"
     )]
     OtherName {
-        /// Where it was looked for.
+        /// The endpoint.
         endpoint: String,
         /// The wanted name.
         sim: String,
-        /// Names that are there.
+        /// Names of the servers found.
         found: String,
     },
-    /// More than one session says that it is the server.
+    /// Several sessions declare the token of the server.
     #[error(
-        "{count} sessions behind {endpoint} say that they are the server {sim:?} ({ids}): one of them is a stranger or a second server of the same name; connect to the server itself, or end the other"
+        "{count} sessions behind {endpoint} claim to be the server {sim:?} ({ids}): one of them is a second server of that name or an impostor; connect to the server directly, or end the other"
     )]
     Several {
-        /// Where it was looked for.
+        /// The endpoint.
         endpoint: String,
         /// The wanted name.
         sim: String,
-        /// How many there are.
+        /// Number of sessions.
         count: usize,
-        /// Ids of the sessions.
+        /// IDs of the sessions.
         ids: String,
     },
-    /// The server did not answer a query in time.
+    /// The server did not reply to a query in time.
     #[error("the server {sim:?} did not answer `{query}` within {seconds} s")]
     Silent {
         /// Server name.
         sim: String,
         /// Query name.
         query: &'static str,
-        /// How long.
+        /// The wait, s.
         seconds: f64,
     },
-    /// Nobody is there any more who could answer.
+    /// The server disconnected before it replied.
     #[error(
-        "the server {sim:?} has gone: nobody answers `{query}` any more (told after {seconds:.1} s); its own last words say why"
+        "the server {sim:?} has gone: `{query}` ended after {seconds:.1} s without a reply; the log of the server has the cause"
     )]
     Gone {
         /// Server name.
         sim: String,
         /// Query name.
         query: &'static str,
-        /// After how long that was known.
+        /// Time until the query ended, s.
         seconds: f64,
     },
-    /// The query ended early and without an answer, though the server is there.
+    /// The query ended early without a reply, though the server is connected.
     #[error(
-        "the server {sim:?} is there, but `{query}` ended after {seconds:.1} s without an answer: it is asked more than it can answer, or it just came back; ask again. With keys: their user may not ask this (`wheelarm doctor` tells)"
+        "the server {sim:?} is connected, but `{query}` ended after {seconds:.1} s without a reply: the server is overloaded or has just reconnected; try again. With keys, their user may lack the right (see `wheelarm doctor`)"
     )]
     Unanswered {
         /// Server name.
         sim: String,
         /// Query name.
         query: &'static str,
-        /// After how long it ended.
+        /// Time until the query ended, s.
         seconds: f64,
     },
-    /// The server answered that it will not.
+    /// The server refused the query.
     #[error("the server refused `{query}`: {message}")]
     Refused {
         /// Query name.
         query: &'static str,
-        /// Why, for programs.
+        /// Code of the reason, for programs.
         code: FailureCode,
-        /// The server's words.
+        /// Message of the server.
         message: String,
     },
     /// An episode was announced and did not begin.
@@ -123,41 +123,41 @@ pub enum ClientError {
     NotBegun {
         /// Its label.
         label: String,
-        /// Why, with the cure.
+        /// Reason and fix.
         why: String,
-        /// Where a recorder has a file of that label: the next label that is free there.
+        /// Next free label, when a recorder has a file of this one.
         free_label: Option<String>,
     },
-    /// No pictures come from a camera of that name.
+    /// The camera is not in use.
     #[error(
-        "the camera {camera:?} is not in use (in use: {found}): choose one of them, or ask for it when the server starts (--camera) or with a reset"
+        "the camera {camera:?} is not in use (in use: {found}): choose one of these, or add it at the start of the server (--camera) or with a reset"
     )]
     NoCamera {
         /// The wanted name.
         camera: String,
-        /// Names of those in use.
+        /// Names of the cameras in use.
         found: String,
     },
-    /// A message could not be read.
+    /// A message could not be decoded.
     #[error("{what} cannot be read ({cause}): client and server differ in version?")]
     Garbled {
-        /// Which message.
+        /// Name of the message.
         what: String,
-        /// The decoder's words.
+        /// Error of the decoder.
         cause: wheelarm_proto::DecodeError,
     },
-    /// A picture is not as its message says.
+    /// An image does not match its message.
     #[error(transparent)]
-    Frame(#[from] BadFrame),
-    /// The server speaks another version of the contract.
+    Frame(#[from] FrameError),
+    /// The server uses another contract version.
     #[error(transparent)]
     Version(#[from] OtherVersion),
     /// The transport failed.
     #[error("{operation} failed: {cause}")]
     Transport {
-        /// What was tried.
+        /// The operation.
         operation: &'static str,
-        /// The transport's words.
+        /// Message of the transport.
         cause: String,
     },
 }
@@ -169,7 +169,7 @@ pub(super) fn transport(operation: &'static str) -> impl Fn(zenoh::Error) -> Cli
     }
 }
 
-/// Nothing can come any more.
+/// The error of a closed session.
 pub(super) fn closed(operation: &'static str) -> ClientError {
     ClientError::Transport {
         operation,
@@ -177,7 +177,7 @@ pub(super) fn closed(operation: &'static str) -> ClientError {
     }
 }
 
-/// The transport's words without the place in its source.
+/// Message of a Zenoh error without positions in its source.
 #[must_use]
 pub fn words(error: &zenoh::Error) -> String {
     without_source_places(&error.to_string())

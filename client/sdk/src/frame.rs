@@ -1,79 +1,82 @@
-//! One picture with its planes as numbers: colour, depth, instance ids.
+//! One decoded image: color, depth and segmentation.
 
 use bytes::Bytes;
 use wheelarm_proto::v1::{self, PixelFormat};
 
-/// A picture of one camera; its planes are registered and row-major from the
-/// top left, pixel `(x, y)` at `y * width + x`.
+/// An image of one camera. Its planes are registered and row-major from the top left:
+/// pixel `(x, y)` has the index `y * width + x`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Stamp of the exposure.
+    /// Header with the timestamp of the exposure.
     pub header: v1::Header,
     /// Name of the camera.
     pub camera: String,
-    /// Pinhole intrinsics with the size of the picture, pixels.
+    /// Pinhole intrinsics with the size of the image, pixels.
     pub intrinsics: v1::Intrinsics,
     /// Pose of the optical frame (z forward, x right, y down) in `house`,
     /// metres.
     pub pose: v1::Pose,
-    /// Colour: height × width × 3, red, green, blue, sRGB. Shared, not copied.
-    pub rgb: Bytes,
-    /// Depth along the optical axis: height × width, metres; infinite where
-    /// nothing is.
+    /// Color: height × width × 3 bytes, red, green, blue, sRGB. Shared with the message,
+    /// not copied.
+    pub color: Bytes,
+    /// Depth along the optical axis: height × width, metres; infinite where no surface
+    /// was hit.
     pub depth: Vec<f32>,
-    /// Instance ids: height × width; 0 where nothing is. The scene query tells
-    /// what they stand for.
-    pub ids: Vec<u16>,
+    /// Instance IDs: height × width; 0 where no surface was hit. The reply of the scene
+    /// query lists the instances.
+    pub segmentation: Vec<u16>,
 }
 
-/// A picture that is not as its message says.
+/// An image does not match its message.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum BadFrame {
+pub enum FrameError {
     /// A part is missing.
-    #[error("the picture has no {0}")]
+    #[error("invalid image: {0} is missing")]
     Missing(&'static str),
-    /// A plane has another length than its size and format say.
+    /// The length of a plane does not match its size and format.
     #[error("the plane `{plane}` has {found} bytes, expected {expected} for {width}x{height}")]
     Length {
-        /// Which plane.
+        /// Name of the plane.
         plane: &'static str,
-        /// Its bytes.
+        /// Its length, bytes.
         found: usize,
-        /// Wanted bytes.
+        /// Expected length, bytes.
         expected: u64,
-        /// Picture width, pixels.
+        /// Image width, pixels.
         width: u32,
-        /// Picture height, pixels.
+        /// Image height, pixels.
         height: u32,
     },
-    /// A format that this version cannot read.
+    /// This version cannot read the format.
     #[error(
         "the plane `{plane}` has the pixel format {format}, which this version cannot read: use client and server of one build"
     )]
     Format {
-        /// Which plane.
+        /// Name of the plane.
         plane: &'static str,
         /// Number of the format.
         format: i32,
     },
 }
 
-/// A surface at millimetres that 16 bits do not hold is told as this.
-const NOTHING_HIT: u16 = 0;
+/// Depth in millimetres where no surface was hit, or one beyond the range of 16 bits.
+const NO_SURFACE: u16 = 0;
 
 impl Frame {
-    /// Reads the planes of a message.
+    /// Decodes the planes of a message.
     ///
     /// # Errors
-    /// [`BadFrame`].
-    pub fn read(message: v1::CameraFrame) -> Result<Self, BadFrame> {
-        let intrinsics = message.intrinsics.ok_or(BadFrame::Missing("intrinsics"))?;
+    /// [`FrameError`] for a missing part, a wrong length or an unknown format.
+    pub fn from_proto(message: v1::CameraFrame) -> Result<Self, FrameError> {
+        let intrinsics = message
+            .intrinsics
+            .ok_or(FrameError::Missing("intrinsics"))?;
         let format =
             |plane, number| PixelFormat::try_from(number).map_err(|_| unknown(plane, number));
         let plane = |plane, bytes: &Bytes, wide| length(plane, bytes, wide, &intrinsics);
-        match format("rgb", message.color_format)? {
-            PixelFormat::Rgb8 | PixelFormat::Unspecified => plane("rgb", &message.color, 3)?,
-            _ => return Err(unknown("rgb", message.color_format)),
+        match format("color", message.color_format)? {
+            PixelFormat::Rgb8 | PixelFormat::Unspecified => plane("color", &message.color, 3)?,
+            _ => return Err(unknown("color", message.color_format)),
         }
         let depth = match format("depth", message.depth_format)? {
             PixelFormat::DepthMetresF32 | PixelFormat::Unspecified => {
@@ -92,14 +95,14 @@ impl Frame {
             }
             _ => return Err(unknown("depth", message.depth_format)),
         };
-        let ids = match format("ids", message.segmentation_format)? {
+        let segmentation = match format("segmentation", message.segmentation_format)? {
             PixelFormat::IdU16 => {
-                plane("ids", &message.segmentation, 2)?;
+                plane("segmentation", &message.segmentation, 2)?;
                 let pixels = message.segmentation.chunks_exact(2);
                 pixels.map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
             }
             PixelFormat::IdU8 | PixelFormat::Unspecified => {
-                plane("ids", &message.segmentation, 1)?;
+                plane("segmentation", &message.segmentation, 1)?;
                 message
                     .segmentation
                     .iter()
@@ -107,53 +110,53 @@ impl Frame {
                     .map(u16::from)
                     .collect()
             }
-            _ => return Err(unknown("ids", message.segmentation_format)),
+            _ => return Err(unknown("segmentation", message.segmentation_format)),
         };
         Ok(Self {
-            header: message.header.ok_or(BadFrame::Missing("header"))?,
+            header: message.header.ok_or(FrameError::Missing("header"))?,
             camera: message.camera,
             intrinsics,
-            pose: message.pose.ok_or(BadFrame::Missing("pose"))?,
-            rgb: message.color,
+            pose: message.pose.ok_or(FrameError::Missing("pose"))?,
+            color: message.color,
             depth,
-            ids,
+            segmentation,
         })
     }
 
-    /// Picture width, pixels.
+    /// Image width, pixels.
     #[must_use]
     pub fn width(&self) -> usize {
         self.intrinsics.width as usize
     }
 
-    /// Picture height, pixels.
+    /// Image height, pixels.
     #[must_use]
     pub fn height(&self) -> usize {
         self.intrinsics.height as usize
     }
 
-    /// Where in the planes pixel `(x, y)` lies; `None` outside.
+    /// Index of pixel `(x, y)` in the planes; `None` outside the image.
     fn index(&self, x: usize, y: usize) -> Option<usize> {
         (x < self.width() && y < self.height()).then(|| y * self.width() + x)
     }
 
-    /// Red, green, blue of a pixel; `None` outside the picture.
+    /// Red, green, blue of a pixel; `None` outside the image.
     #[must_use]
-    pub fn colour(&self, x: usize, y: usize) -> Option<[u8; 3]> {
+    pub fn color_at(&self, x: usize, y: usize) -> Option<[u8; 3]> {
         let at = 3 * self.index(x, y)?;
-        self.rgb.get(at..at + 3)?.try_into().ok()
+        self.color.get(at..at + 3)?.try_into().ok()
     }
 
-    /// Instance id of a pixel; `None` outside the picture.
+    /// Instance ID of a pixel; `None` outside the image.
     #[must_use]
-    pub fn id(&self, x: usize, y: usize) -> Option<u16> {
-        self.ids.get(self.index(x, y)?).copied()
+    pub fn instance_at(&self, x: usize, y: usize) -> Option<u16> {
+        self.segmentation.get(self.index(x, y)?).copied()
     }
 
-    /// What the middle of a pixel shows, in the optical frame, metres; `None`
-    /// outside the picture and where nothing is.
+    /// Surface point at the center of a pixel in the optical frame, metres; `None`
+    /// outside the image and where no surface was hit.
     #[must_use]
-    pub fn point(&self, x: usize, y: usize) -> Option<[f64; 3]> {
+    pub fn point_at(&self, x: usize, y: usize) -> Option<[f64; 3]> {
         let z = f64::from(*self.depth.get(self.index(x, y)?)?);
         let v1::Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
         let along = |pixel: usize, centre: f64, focal: f64| (pixel as f64 + 0.5 - centre) / focal;
@@ -164,13 +167,13 @@ impl Frame {
 
 fn metres(millimetres: u16) -> f32 {
     match millimetres {
-        NOTHING_HIT => f32::INFINITY,
+        NO_SURFACE => f32::INFINITY,
         some => f32::from(some) * 1e-3,
     }
 }
 
-fn unknown(plane: &'static str, format: i32) -> BadFrame {
-    BadFrame::Format { plane, format }
+fn unknown(plane: &'static str, format: i32) -> FrameError {
+    FrameError::Format { plane, format }
 }
 
 fn length(
@@ -178,14 +181,14 @@ fn length(
     bytes: &Bytes,
     wide: u64,
     intrinsics: &v1::Intrinsics,
-) -> Result<(), BadFrame> {
+) -> Result<(), FrameError> {
     let (width, height) = (intrinsics.width, intrinsics.height);
     let pixels = u64::from(width) * u64::from(height);
     let expected = pixels.saturating_mul(wide);
     if bytes.len() as u64 == expected {
         return Ok(());
     }
-    Err(BadFrame::Length {
+    Err(FrameError::Length {
         plane,
         found: bytes.len(),
         expected,
@@ -223,14 +226,17 @@ mod tests {
     }
 
     #[test]
-    fn planes_are_read_as_their_formats_say() {
-        let frame = Frame::read(message()).unwrap();
-        assert_eq!(frame.colour(1, 0), Some([4, 5, 6]));
-        assert_eq!((frame.id(0, 0), frame.id(1, 0)), (Some(256), Some(7)));
-        // Half a pixel left of the centre, two metres away, at f = 2 pixels.
-        assert_eq!(frame.point(0, 0), Some([-0.5, 0.0, 2.0]));
-        assert_eq!(frame.point(1, 0), None, "nothing is there");
-        assert_eq!(frame.colour(2, 0), None, "outside");
+    fn planes_are_decoded_by_their_formats() {
+        let frame = Frame::from_proto(message()).unwrap();
+        assert_eq!(frame.color_at(1, 0), Some([4, 5, 6]));
+        assert_eq!(
+            (frame.instance_at(0, 0), frame.instance_at(1, 0)),
+            (Some(256), Some(7))
+        );
+        // Half a pixel left of the center, two metres away, at f = 2 pixels.
+        assert_eq!(frame.point_at(0, 0), Some([-0.5, 0.0, 2.0]));
+        assert_eq!(frame.point_at(1, 0), None, "no surface");
+        assert_eq!(frame.color_at(2, 0), None, "outside");
         let coarse = v1::CameraFrame {
             depth: Bytes::from_static(&[0xd0, 0x07, 0, 0]),
             depth_format: PixelFormat::DepthMillimetresU16.into(),
@@ -238,30 +244,30 @@ mod tests {
             segmentation_format: PixelFormat::IdU8.into(),
             ..message()
         };
-        let coarse = Frame::read(coarse).unwrap();
+        let coarse = Frame::from_proto(coarse).unwrap();
         assert_eq!(coarse.depth, frame.depth);
-        assert_eq!(coarse.ids, [3, 9]);
+        assert_eq!(coarse.segmentation, [3, 9]);
     }
 
     #[test]
-    fn a_picture_that_is_not_as_it_says_is_refused_with_both_values() {
+    fn image_that_does_not_match_its_message_is_rejected_with_both_values() {
         let short = v1::CameraFrame {
             depth: Bytes::from_static(&[0; 7]),
             ..message()
         };
-        let words = Frame::read(short).unwrap_err().to_string();
+        let words = Frame::from_proto(short).unwrap_err().to_string();
         assert!(words.contains("7 bytes, expected 8 for 2x1"), "{words}");
         let other = v1::CameraFrame {
             segmentation_format: 99,
             ..message()
         };
-        let refused = Frame::read(other).unwrap_err();
-        assert_eq!(refused, unknown("ids", 99));
+        let refused = Frame::from_proto(other).unwrap_err();
+        assert_eq!(refused, unknown("segmentation", 99));
         let bare = v1::CameraFrame {
             intrinsics: None,
             ..message()
         };
-        assert!(Frame::read(bare).is_err());
+        assert!(Frame::from_proto(bare).is_err());
         let huge = v1::CameraFrame {
             intrinsics: Some(v1::Intrinsics {
                 width: u32::MAX,
@@ -270,6 +276,9 @@ mod tests {
             }),
             ..message()
         };
-        assert!(matches!(Frame::read(huge), Err(BadFrame::Length { .. })));
+        assert!(matches!(
+            Frame::from_proto(huge),
+            Err(FrameError::Length { .. })
+        ));
     }
 }

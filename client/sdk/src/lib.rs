@@ -6,17 +6,17 @@
 //! answers control ticks, in lock-step too.
 //!
 //! Samples and replies of every session except the server's are dropped ([`Server`]): the
-//! server's liveliness token carries its session ID. The crate knows no scenario. A Zenoh
+//! server's liveliness token carries its session ID. The crate is independent of scenarios. A Zenoh
 //! callback only moves a sample into one queue, in arrival order.
 
 #![warn(missing_docs)]
 
 mod camera;
 mod commander;
+mod control_requests;
 mod episode;
 mod error;
 mod frame;
-mod holder;
 mod preview;
 mod queries;
 mod samples;
@@ -41,7 +41,7 @@ use zenoh::{Config, Session, Wait};
 pub use camera::{Camera, SensorImages};
 pub use commander::Commander;
 pub use error::{ClientError, words as transport_words};
-pub use frame::{BadFrame, Frame};
+pub use frame::{Frame, FrameError};
 pub use preview::Preview;
 pub use samples::Samples;
 pub use server::Server;
@@ -51,29 +51,29 @@ pub use turns::{Turn, Turns};
 
 use error::{transport, words};
 
-/// Where a server listens when nothing else is said.
+/// Default endpoint of a server.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 
 /// Bounds of the wait for a connection, s; the longest is a day.
 const LEAST_WAIT: f64 = 0.1;
 const LONGEST_WAIT: f64 = 86_400.0;
 
-/// Which server to speak to.
+/// Address and name of a server, and how to connect to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Connect {
     /// Endpoint of the server, for example `tcp/127.0.0.1:7447`.
     pub endpoint: String,
-    /// Name of the server; many can share one network.
+    /// Name of the server; several servers can share one network.
     pub sim: String,
     /// Longest wait for the connection, s.
     pub timeout_secs: f64,
-    /// Keys of the user, for an endpoint `tls/HOST:PORT`; others take none. Absent,
-    /// those are taken that the environment names (`WHEELARM_KEYS`).
+    /// Keys of the user, for an endpoint `tls/HOST:PORT` only. `None` reads the folder
+    /// that the variable `WHEELARM_KEYS` names.
     pub identity: Option<Identity>,
 }
 
 impl Connect {
-    /// The server of that name at an endpoint.
+    /// Settings for the server `sim` at an endpoint; otherwise the default.
     #[must_use]
     pub fn to(endpoint: &str, sim: &str) -> Self {
         Self {
@@ -83,13 +83,13 @@ impl Connect {
         }
     }
 
-    /// Whether the endpoint takes keys.
+    /// Whether the endpoint requires keys.
     #[must_use]
     pub fn is_guarded(&self) -> bool {
         endpoint::is_guarded(&self.endpoint)
     }
 
-    /// The wait, s, as long as it can be.
+    /// The wait for the connection within its bounds, s.
     fn wait_secs(&self) -> f64 {
         match self.timeout_secs.is_nan() {
             true => LEAST_WAIT,
@@ -109,22 +109,22 @@ impl Default for Connect {
     }
 }
 
-/// What a server is to think of a client that falls silent, its connection
-/// standing all the while.
+/// How a server treats a client that sends nothing while its connection stays open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Silence {
-    /// After ten seconds it has gone.
+    /// The server drops the connection after ten seconds.
     Gone,
-    /// It stalls (a process that was stopped, a machine that sleeps) and
-    /// resumes within the hour. What must not be lost waits for it.
+    /// The client may stall for up to an hour (a stopped process, a suspended machine).
+    /// The server keeps reliable samples for it until then.
     Still,
 }
 
-/// Connects to an endpoint, behind which there may be any servers.
+/// Opens a Zenoh session to an endpoint without looking for a server.
 ///
 /// # Errors
-/// [`ClientError::Endpoint`] when it is none, [`ClientError::NoServer`] when nobody
-/// listens, [`ClientError::NoKeys`] when it takes keys and none are given.
+/// [`ClientError::Endpoint`] for an invalid endpoint, [`ClientError::NoServer`] when
+/// the endpoint does not accept connections, [`ClientError::NoKeys`] when it requires
+/// keys and none are given.
 pub fn open_session(args: &Connect, silence: Silence) -> Result<Session, ClientError> {
     check_endpoint(&args.endpoint)?;
     let identity = match (args.is_guarded(), &args.identity) {
@@ -152,35 +152,35 @@ pub struct Client {
     endpoint: String,
     server: Server,
     _tokens: Arc<Subscriber<()>>,
-    /// Secret of the lease that a commander of this link holds; empty without.
+    /// Secret of the lease that a commander of this client holds; empty without a lease.
     secret: Arc<Mutex<String>>,
 }
 
 impl Client {
-    /// Connects and makes sure that the named server is alive.
+    /// Connects and waits until the named server is alive.
     ///
     /// # Errors
-    /// [`ClientError::Endpoint`] when the endpoint is none,
-    /// [`ClientError::NoServer`] when nobody listens until the wait is over,
+    /// [`ClientError::Endpoint`] for an invalid endpoint,
+    /// [`ClientError::NoServer`] when nothing listens there before the timeout,
     /// [`ClientError::OtherName`] when the server has another name,
-    /// [`ClientError::NoRights`] when it shows nothing to the user of these keys,
-    /// [`ClientError::Several`] when it cannot be told from a stranger,
-    /// [`ClientError::Version`] when it speaks another version of the contract.
+    /// [`ClientError::NoRights`] when the user of these keys cannot see the server,
+    /// [`ClientError::Several`] when several sessions claim the name,
+    /// [`ClientError::Version`] when the server uses another contract version.
     pub fn open(args: &Connect) -> Result<Self, ClientError> {
         Self::open_as(args, Silence::Gone)
     }
 
-    /// As [`Client::open`], saying what silence means.
+    /// As [`Client::open`], with a policy for a silent client.
     ///
     /// # Errors
     /// As [`Client::open`].
     pub fn open_as(args: &Connect, silence: Silence) -> Result<Self, ClientError> {
-        // A bad name is told before anything else.
+        // Reject an invalid name before connecting.
         Keys::new(&args.sim)?;
         let deadline = Instant::now() + Duration::from_secs_f64(args.wait_secs());
         let session = open_session(args, silence)?;
-        let link = Self::over(session, &args.endpoint, &args.sim)?;
-        link.wait_alive(deadline).map_err(|error| match error {
+        let client = Self::over(session, &args.endpoint, &args.sim)?;
+        client.wait_alive(deadline).map_err(|error| match error {
             ClientError::OtherName { found, .. } if args.is_guarded() && found == NONE => {
                 ClientError::NoRights {
                     endpoint: args.endpoint.clone(),
@@ -189,19 +189,19 @@ impl Client {
             }
             other => other,
         })?;
-        link.meet()?;
-        Ok(link)
+        client.check_version()?;
+        Ok(client)
     }
 
-    /// A link to the server `sim` in this process, over the session that it serves:
-    /// what is published is handed over where it lies.
+    /// A client of the server `sim` in this process, over the server's own session:
+    /// samples are shared, not copied.
     ///
     /// # Errors
     /// As [`Client::open`].
     pub fn within(session: Session, sim: &str) -> Result<Self, ClientError> {
-        let link = Self::over(session, "this process", sim)?;
-        link.wait_alive(Instant::now() + MEETING)?;
-        Ok(link)
+        let client = Self::over(session, "this process", sim)?;
+        client.wait_alive(Instant::now() + MEETING)?;
+        Ok(client)
     }
 
     /// Whether the server is in this process, over the same session.
@@ -210,8 +210,8 @@ impl Client {
         self.server.is(self.session.zid())
     }
 
-    /// A link to the server `sim` over a session that stands; whether it is
-    /// alive is not asked.
+    /// A client of the server `sim` over an open session, without a check that the
+    /// server is alive.
     ///
     /// # Errors
     /// [`ClientError::Name`], [`ClientError::Transport`].
@@ -228,9 +228,9 @@ impl Client {
         })
     }
 
-    /// Makes sure that both sides speak the same version of the contract. A
-    /// server that is silent now is told apart when it answers.
-    fn meet(&self) -> Result<(), ClientError> {
+    /// Checks that client and server use the same contract version. A server that does
+    /// not reply now is checked at its first reply.
+    fn check_version(&self) -> Result<(), ClientError> {
         match self.request_within(&v1::StatusRequest {}, MEETING) {
             Err(
                 other @ (ClientError::Version(_)
@@ -243,7 +243,7 @@ impl Client {
         }
     }
 
-    /// Waits until the liveliness token of the named server is seen.
+    /// Waits for the liveliness token of the named server.
     fn wait_alive(&self, deadline: Instant) -> Result<(), ClientError> {
         loop {
             self.server.look(&self.session);
@@ -283,7 +283,7 @@ impl Client {
             .get(Keys::all_alive())
             .timeout(Duration::from_secs(1))
             .wait()
-            .map_err(transport("asking for the servers"))?;
+            .map_err(transport("listing the servers"))?;
         let mut sims: Vec<String> = replies
             .into_iter()
             .filter_map(|reply| {
@@ -296,20 +296,20 @@ impl Client {
         Ok(sims)
     }
 
-    /// The session, for clients with keys of their own.
+    /// The Zenoh session, for keys that this crate does not cover.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// Who speaks for the server.
+    /// The identity of the server.
     #[must_use]
     pub fn server(&self) -> &Server {
         &self.server
     }
 
-    /// Looks again who the server is, after it may have been restarted; whether
-    /// that changed.
+    /// Identifies the server again, for example after a restart. Returns whether its
+    /// session ID changed.
     #[must_use]
     pub fn look_for_server(&self) -> bool {
         self.server.look(&self.session)
@@ -321,8 +321,8 @@ impl Client {
         &self.keys
     }
 
-    /// Secret of the lease that a commander of this link holds, empty without:
-    /// who is in control may reset, discard and end the server.
+    /// Secret of the lease that a commander of this client holds; empty without a lease.
+    /// Requests to reset, stop and shut down the server carry it.
     #[must_use]
     pub fn secret(&self) -> String {
         let secret = self.secret.lock();
@@ -334,7 +334,7 @@ impl Client {
         new.clone_into(&mut secret);
     }
 
-    /// Whether somebody on this network holds a liveliness token.
+    /// Whether a liveliness token is declared on this network.
     ///
     /// # Errors
     /// [`ClientError::Transport`].
@@ -345,12 +345,12 @@ impl Client {
             .get(token)
             .timeout(Duration::from_secs(1))
             .wait()
-            .map_err(transport("asking for a token"))?;
+            .map_err(transport("looking up a liveliness token"))?;
         Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
     }
 
-    /// Tells `taken` what the server publishes under `key`, and nothing of
-    /// anybody else.
+    /// Calls `taken` with each sample that the server publishes under `key`; samples of
+    /// other sessions are dropped.
     ///
     /// # Errors
     /// [`ClientError::Transport`].
@@ -371,8 +371,7 @@ impl Client {
             .map_err(transport("subscribing"))
     }
 
-    /// Subscribes to topics; their samples come out of one queue. They wait in memory
-    /// until they are taken.
+    /// Subscribes to topics, whose samples arrive in one queue without a bound.
     ///
     /// # Errors
     /// [`ClientError::Transport`].
@@ -380,8 +379,8 @@ impl Client {
         self.streams_within(topics, None)
     }
 
-    /// As [`Client::streams`] with at most `bound` waiting: the oldest are dropped and
-    /// counted.
+    /// As [`Client::streams`] with a queue of at most `bound`: the oldest samples are
+    /// dropped and counted.
     ///
     /// # Errors
     /// As [`Client::streams`].
@@ -421,10 +420,10 @@ impl Client {
     }
 }
 
-/// Stands where no server was found.
+/// List of the servers found, when there are none.
 const NONE: &str = "none";
 
-/// Longest wait for the answer that tells the server's version.
+/// Longest wait for the first reply, which carries the contract version.
 const MEETING: Duration = Duration::from_secs(2);
 
 fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, ClientError> {
@@ -434,10 +433,10 @@ fn decode<M: Message + Default>(payload: &ZBytes, what: &str) -> Result<M, Clien
     })
 }
 
-/// Client mode, no scouting: a client speaks to the one server it was told.
+/// Client mode without scouting: a client connects to the configured endpoint alone.
 fn config(args: &Connect, identity: Option<&Identity>, silence: Silence) -> Config {
     let timeout_ms = (args.wait_secs() * 1e3).round();
-    // Signs of life come every two and a half seconds either way.
+    // Keep-alive messages every 2.5 s in both cases.
     let (lease_ms, signs) = match silence {
         Silence::Gone => (10_000, 4),
         Silence::Still => (3_600_000, 1440),
@@ -473,15 +472,15 @@ fn config(args: &Connect, identity: Option<&Identity>, silence: Silence) -> Conf
     let mut config = Config::default();
     for (key, value) in settings.into_iter().chain(shown) {
         if let Err(error) = config.insert_json5(key, &value) {
-            // Only a wrong endpoint can get here; opening then names it.
-            tracing::warn!("setting {key} = {value} was not taken: {error}");
+            // Only an invalid endpoint fails here; `zenoh::open` then reports it.
+            tracing::warn!("cannot set {key} = {value}: {error}");
         }
     }
     config
 }
 
-/// Both sides show certificates of one authority; the server's must be for the
-/// host that was dialled.
+/// Both sides present certificates of one authority. The server's certificate must
+/// name the host of the endpoint.
 fn tls(identity: &Identity) -> String {
     serde_json::json!({
         "root_ca_certificate": identity.authority,

@@ -1,4 +1,4 @@
-//! One camera's preview at one level: the newest picture, older ones are let go.
+//! One camera's preview at one level: the newest image; older images are dropped.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use zenoh::sample::Sample;
 
 use super::{Client, ClientError, Server, decode, transport};
 
-/// A subscribed preview; the server encodes it while this lives.
+/// A subscribed preview; the server encodes it until this is dropped.
 pub struct Preview {
     subscriber: Subscriber<RingChannelHandler<Sample>>,
     server: Server,
@@ -37,7 +37,7 @@ impl Client {
 }
 
 impl Preview {
-    /// The newest picture, or `None` when none came for `patience`.
+    /// The newest image, or `None` when none arrived within `patience`.
     ///
     /// # Errors
     /// [`ClientError::Garbled`], [`ClientError::Transport`] when the session is closed.
@@ -57,7 +57,7 @@ impl Preview {
         }
     }
 
-    /// The newest picture, as soon as there is one.
+    /// Waits for the newest image.
     ///
     /// # Errors
     /// As [`Preview::next`].

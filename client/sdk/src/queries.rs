@@ -1,4 +1,4 @@
-//! Questions to the server, and what becomes of them where a connection breaks.
+//! Sends queries to the server and repeats or reports those that a lost connection ends.
 
 use std::time::{Duration, Instant};
 
@@ -10,15 +10,15 @@ use zenoh::sample::SourceInfo;
 
 use super::{Client, ClientError, decode, transport};
 
-/// How long a server's token may be away before a question is asked all the same.
-const TOKEN_COMES_BACK: Duration = Duration::from_millis(500);
+/// Longest wait for a missing token of the server before a query is sent anyway.
+const TOKEN_RETURN: Duration = Duration::from_millis(500);
 
-/// How long the end of a server's token may come after that of a query, both
-/// told by the same transport.
-const TOKEN_ENDS: Duration = Duration::from_millis(500);
+/// Longest delay between the end of a query and the end of the server's token, which
+/// the same transport reports.
+const TOKEN_END: Duration = Duration::from_millis(500);
 
-/// Longest wait for an answer: a reset loads a scene and may build pipelines,
-/// an episode waits for its recorders.
+/// Longest wait for a reply: a reset loads a scene and may build pipelines, an episode
+/// waits for its recorders.
 fn patience(query: Query) -> Duration {
     Duration::from_secs(match query {
         Query::Reset | Query::EpisodeStart | Query::EpisodeStop => 120,
@@ -27,19 +27,19 @@ fn patience(query: Query) -> Duration {
 }
 
 impl Client {
-    /// Asks a query, which its request names, and waits for the reply. A server whose
-    /// token is away is waited for, up to half a second of the patience; what only looks
-    /// is asked twice where nobody was reached.
+    /// Sends the query of a request and waits for the reply. Waits up to half a second
+    /// for a server whose token is missing. A read-only query is sent once more when it
+    /// did not reach the server.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] with the server's words. Without an answer
-    /// [`ClientError::Silent`] when the time is over, before that
-    /// [`ClientError::Gone`] or [`ClientError::Unanswered`].
+    /// [`ClientError::Refused`] with the server's message. Without a reply
+    /// [`ClientError::Silent`] after the timeout, [`ClientError::Gone`] or
+    /// [`ClientError::Unanswered`] before it.
     pub fn request<R: Rpc>(&self, request: &R) -> Result<R::Reply, ClientError> {
         self.request_within(request, patience(R::QUERY))
     }
 
-    /// As [`Client::request`] with a wait of its own.
+    /// As [`Client::request`] with the timeout `patience`.
     ///
     /// # Errors
     /// As [`Client::request`].
@@ -59,19 +59,19 @@ impl Client {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<R, ClientError> {
-        let asked = Instant::now();
-        let away = (patience / 2).min(TOKEN_COMES_BACK);
-        // What changes something may have reached the server all the same.
+        let sent_at = Instant::now();
+        let away = (patience / 2).min(TOKEN_RETURN);
+        // A query that changes state may have reached the server: never send it twice.
         let mut again = query.only_looks();
         self.find_server(away);
         loop {
-            let left = patience.saturating_sub(asked.elapsed());
+            let left = patience.saturating_sub(sent_at.elapsed());
             if let Some(reply) = self.reply(query, &key, &request, left)? {
                 return self.read(query, &reply, || {
-                    self.unanswered(query, asked.elapsed(), patience)
+                    self.unanswered(query, sent_at.elapsed(), patience)
                 });
             }
-            let error = self.unanswered(query, asked.elapsed(), patience);
+            let error = self.unanswered(query, sent_at.elapsed(), patience);
             if !std::mem::take(&mut again) || matches!(error, ClientError::Silent { .. }) {
                 return Err(error);
             }
@@ -82,7 +82,7 @@ impl Client {
         }
     }
 
-    /// The server's reply to a query; nothing where it ended without.
+    /// The server's reply to a query; `None` when the query ended without one.
     fn reply(
         &self,
         query: Query,
@@ -95,10 +95,10 @@ impl Client {
             .get(key)
             .payload(request)
             .encoding(schema::encoding(query.messages()[0]))
-            // The server serves its askers side by side.
+            // The server schedules queries per client.
             .source_info(SourceInfo::new(self.session.id(), 0))
-            // Strangers can answer as well: all are asked, and the server's
-            // answer is taken, neither held back nor displaced by another.
+            // Other sessions can reply too: query all and keep the server's reply, which
+            // none of them can delay or replace.
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             .priority(Priority::InteractiveHigh)
@@ -109,7 +109,7 @@ impl Client {
         Ok(replies.iter().find(|reply| self.server.answered(reply)))
     }
 
-    /// What a reply says.
+    /// Decodes a reply, or its failure.
     fn read<R: Message + Default>(
         &self,
         query: Query,
@@ -122,7 +122,7 @@ impl Client {
                 decode(sample.payload(), query.name())
             }
             Err(error) => match decode::<v1::Failure>(error.payload(), query.name()) {
-                // In the first version's failures the words are the same field.
+                // Contract version 1 has the message in the same field.
                 Ok(failure) if !failure.message.is_empty() => Err(ClientError::Refused {
                     query: query.name(),
                     code: failure.code(),
@@ -134,9 +134,8 @@ impl Client {
         }
     }
 
-    /// Looks who the server is. Where its token is away, it may come back at once: a
-    /// connection that broke is made anew within milliseconds, and a question asked
-    /// meanwhile reaches nobody.
+    /// Identifies the server and waits up to `patience` for a missing token: a lost
+    /// connection is restored within milliseconds, and a query sent meanwhile fails.
     fn find_server(&self, patience: Duration) {
         let since = Instant::now();
         loop {
@@ -148,15 +147,15 @@ impl Client {
         }
     }
 
-    /// Whether the server is away for longer than a connection that broke takes to be made
-    /// anew; waits so long.
+    /// Whether the server stays away for longer than a lost connection takes to be
+    /// restored; waits that long.
     #[must_use]
     pub fn is_gone(&self) -> bool {
-        self.find_server(TOKEN_COMES_BACK);
+        self.find_server(TOKEN_RETURN);
         !self.server.is_there()
     }
 
-    /// Why a query ended without an answer.
+    /// The error of a query that ended without a reply.
     fn unanswered(&self, query: Query, after: Duration, patience: Duration) -> ClientError {
         let (sim, query) = (self.keys.sim().to_owned(), query.name());
         if after >= patience.mul_f64(0.9) {
@@ -167,10 +166,10 @@ impl Client {
                 seconds,
             };
         }
-        // The transport ends a query at once when nobody is there any more; the
-        // end of the server's token may come right behind.
-        let known = Instant::now();
-        while self.server.is_there() && known.elapsed() < TOKEN_ENDS {
+        // The transport ends a query as soon as the server disconnects; the end of the
+        // server's token may follow.
+        let ended_at = Instant::now();
+        while self.server.is_there() && ended_at.elapsed() < TOKEN_END {
             std::thread::sleep(Duration::from_millis(10));
         }
         let seconds = after.as_secs_f64();

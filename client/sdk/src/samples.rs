@@ -20,15 +20,15 @@ pub struct Samples<M> {
 }
 
 impl Client {
-    /// Subscribes to the topic of a message: `link.samples::<v1::Imu>()`. They
-    /// wait in memory until they are taken.
+    /// Subscribes to the topic of a message: `client.samples::<v1::Imu>()`. The
+    /// queue has no bound.
     ///
     /// # Errors
     /// [`ClientError::Transport`].
     pub fn samples<M: Topic>(&self) -> Result<Samples<M>, ClientError> {
         let (sender, receiver) = std::sync::mpsc::channel();
         let subscriber = self.subscribe(&self.keys().topic(M::TOPIC), move |sample| {
-            // A closed queue means that nobody reads any more.
+            // A closed queue means that `Samples` was dropped.
             let _ = sender.send(sample.payload().clone());
         })?;
         Ok(Samples {
@@ -40,7 +40,7 @@ impl Client {
 }
 
 impl<M: Topic> Samples<M> {
-    /// The next message, or `None` when nothing came for `patience`.
+    /// The next message, or `None` when none arrived within `patience`.
     ///
     /// # Errors
     /// [`ClientError::Garbled`], [`ClientError::Transport`] when the session is closed.

@@ -1,5 +1,5 @@
-//! Who speaks for a server: the session whose id stands in its liveliness
-//! token. What others publish or answer under its keys is not taken.
+//! Server identity: the Zenoh session ID carried in the server's liveliness token.
+//! Samples and replies from any other session are dropped.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use zenoh::session::ZenohId;
 
 use super::{ClientError, transport};
 
-/// The server of a link, as its tokens tell it.
+/// The server of a client, identified by its tokens.
 #[derive(Clone, Debug, Default)]
 pub struct Server {
     known: Arc<RwLock<Known>>,
@@ -22,17 +22,17 @@ pub struct Server {
 
 #[derive(Debug, Default)]
 struct Known {
-    /// Sessions that say now that they are the server.
+    /// Sessions that declare the server's token now.
     tokens: Vec<ZenohId>,
-    /// The one that is believed, also while it is away.
+    /// The session that is accepted as the server, also while it is away.
     chosen: Option<ZenohId>,
-    /// It was at the other end of this session's own connection.
+    /// The chosen session was at the other end of this session's own connection.
     direct: bool,
 }
 
 impl Known {
-    /// Chooses the server when the one that was chosen is not there: the
-    /// session that we dialled, or behind a router the only one there is.
+    /// Chooses the server while the chosen one is away: the session at the other end of
+    /// our connection or, behind a router, the only one.
     fn choose(&mut self, connected: &[ZenohId]) {
         if self.chosen.is_some_and(|id| self.tokens.contains(&id)) {
             return;
@@ -40,8 +40,8 @@ impl Known {
         let dialled = self.tokens.iter().find(|id| connected.contains(id));
         let choice = match (dialled, &self.tokens[..]) {
             (Some(id), _) => Some((*id, true)),
-            // Who was dialled once is dialled again after a restart; a
-            // stranger's token may be there before its successor's.
+            // A server that we connected to directly is connected to again after a
+            // restart; another session's token may arrive before its token.
             (None, [id]) if !self.direct => Some((*id, false)),
             _ => None,
         };
@@ -52,8 +52,7 @@ impl Known {
 }
 
 impl Server {
-    /// Listens for the tokens of the server that `keys` names, for as long as
-    /// the subscriber lives.
+    /// Watches the tokens of the server that `keys` names until the subscriber is dropped.
     pub(super) fn watch(
         session: &Session,
         keys: &Keys,
@@ -79,14 +78,13 @@ impl Server {
         Ok((server, subscriber))
     }
 
-    /// Looks again who the server is, after it came, went or was restarted;
-    /// whether that changed.
+    /// Chooses the server again while it is away; returns whether the choice changed.
     pub(super) fn look(&self, session: &Session) -> bool {
         if self.is_there() {
             return false;
         }
         let info = session.info();
-        // A server of this very session is as near as one that was dialled.
+        // A server of this session counts as directly connected.
         let connected: Vec<ZenohId> = info
             .routers_zid()
             .wait()
@@ -99,7 +97,7 @@ impl Server {
         known.chosen != before
     }
 
-    /// Whether the server's token is there.
+    /// Whether the server's token is declared.
     #[must_use]
     pub fn is_there(&self) -> bool {
         let known = self.known.read();
@@ -113,8 +111,8 @@ impl Server {
         known.chosen == Some(id)
     }
 
-    /// Whether the server published a sample: its id stands in it. An id can be
-    /// copied; whoever must be sure compares digests.
+    /// Whether the server published a sample, by the session ID in it. A session ID can be
+    /// forged; a caller that must be sure compares digests.
     #[must_use]
     pub fn sent(&self, sample: &Sample) -> bool {
         sample
@@ -122,13 +120,13 @@ impl Server {
             .is_some_and(|source| self.is(source.source_id().zid()))
     }
 
-    /// Whether the server gave a reply.
+    /// Whether the server sent a reply.
     #[must_use]
     pub fn answered(&self, reply: &Reply) -> bool {
         reply.replier_id().is_some_and(|id| self.is(id.zid()))
     }
 
-    /// Sessions that say that they are the server.
+    /// Session IDs that declare the server's token.
     #[must_use]
     pub fn tokens(&self) -> Vec<String> {
         let known = self.known.read();
@@ -152,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_strangers_token_never_takes_the_place_of_a_server_that_was_dialled() {
+    fn foreign_token_never_replaces_a_directly_connected_server() {
         let (server, next, stranger) = (id("a1"), id("a2"), id("b1"));
         let mut known = Known {
             tokens: vec![stranger, server],
@@ -160,7 +158,7 @@ mod tests {
         };
         known.choose(&[server]);
         assert_eq!(known.chosen, Some(server));
-        // It is killed; the stranger is the first to be heard of again.
+        // The server is killed, and the foreign token is declared first.
         known.tokens = vec![stranger];
         known.choose(&[]);
         assert_eq!(known.chosen, Some(server));
@@ -170,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn behind_a_router_one_token_is_the_server_and_two_are_doubtful() {
+    fn behind_a_router_the_only_token_is_the_server_and_two_are_ambiguous() {
         let (router, first, second) = (id("c1"), id("a1"), id("a2"));
         let mut known = Known {
             tokens: vec![first, second],

@@ -1,4 +1,4 @@
-//! Subscribed topics as one queue of decoded samples, in the order of arrival.
+//! Subscribed topics as one queue of decoded samples, in order of arrival.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -12,20 +12,20 @@ use zenoh::bytes::ZBytes;
 use super::ClientError;
 use super::error::closed;
 
-/// Most samples and bytes that wait, where the reader wants the newest more than all.
+/// Bounds of a queue whose reader prefers the newest samples to all samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bound {
-    /// Samples.
+    /// Most samples (count).
     pub samples: usize,
-    /// Bytes of their payloads.
+    /// Most bytes of payload.
     pub bytes: usize,
 }
 
-/// Samples that wait for their reader.
+/// Samples that the reader has not taken yet.
 #[derive(Default)]
 pub(super) struct Queue {
     waiting: Mutex<Waiting>,
-    came: Condvar,
+    arrived: Condvar,
 }
 
 #[derive(Default)]
@@ -52,8 +52,8 @@ impl Sender {
         }
     }
 
-    /// Appends a sample; a full queue drops its oldest, those first that other clients
-    /// can cause at any rate.
+    /// Appends a sample. A full queue first drops the oldest sample of the topics that
+    /// other clients can flood, then the oldest sample.
     pub(super) fn send(&self, topic: TopicId, payload: ZBytes) {
         let mut waiting = self.queue.waiting.lock();
         waiting.bytes += payload.len();
@@ -64,24 +64,24 @@ impl Sender {
             {
                 let mut samples = waiting.samples.iter();
                 let at = samples.position(|(topic, _)| is_of_others(*topic));
-                let gone = waiting.samples.remove(at.unwrap_or(0));
-                waiting.bytes -= gone.map_or(0, |(_, payload)| payload.len());
+                let dropped = waiting.samples.remove(at.unwrap_or(0));
+                waiting.bytes -= dropped.map_or(0, |(_, payload)| payload.len());
                 waiting.dropped += 1;
             }
         }
         drop(waiting);
-        self.queue.came.notify_one();
+        self.queue.arrived.notify_one();
     }
 }
 
 impl Drop for Sender {
     fn drop(&mut self) {
         self.queue.waiting.lock().senders -= 1;
-        self.queue.came.notify_one();
+        self.queue.arrived.notify_one();
     }
 }
 
-/// Whether any client can cause samples of a topic, without control.
+/// Whether any client can cause samples of a topic without control.
 fn is_of_others(topic: TopicId) -> bool {
     matches!(topic, TopicId::Refusal | TopicId::Event)
 }
@@ -93,7 +93,7 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// The next sample, or `None` when nothing came for `patience`.
+    /// The next sample, or `None` when none arrived within `patience`.
     ///
     /// # Errors
     /// [`ClientError::Garbled`], [`ClientError::Transport`] when the session is closed.
@@ -117,7 +117,7 @@ impl Streams {
             }
             if self
                 .queue
-                .came
+                .arrived
                 .wait_until(&mut waiting, deadline)
                 .timed_out()
                 && waiting.samples.is_empty()
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_queue_drops_the_oldest_of_what_others_cause_and_counts() {
+    fn full_queue_drops_and_counts_the_oldest_sample_that_others_cause() {
         let queue = Arc::new(Queue::default());
         let bound = Bound {
             samples: 8,
@@ -185,7 +185,7 @@ mod tests {
         }
         assert_eq!(ticks, [0, 1, 2, 3]);
         assert_eq!(sequences, [99_996, 99_997, 99_998, 99_999]);
-        // Bytes are bounded too, and a single sample always fits.
+        // Bytes are bounded too, but one sample always fits.
         sender.send(TopicId::Clock, vec![0_u8; 2 << 20].into());
         sender.send(TopicId::Clock, clock(9).into());
         assert_eq!(queue.waiting.lock().samples.len(), 1);

@@ -1,4 +1,4 @@
-//! The link against a peer that listens, as a server does.
+//! The client against a peer that listens, as a server does.
 
 use super::*;
 use wheelarm_proto::topic::Sample;
@@ -38,14 +38,14 @@ fn listen(endpoint: &str) -> Session {
 }
 
 #[test]
-fn an_endpoint_that_takes_keys_is_not_dialled_without() {
+fn endpoint_with_keys_is_not_connected_to_without_keys() {
     let error = Client::open(&args("tls/127.0.0.1:1", "sim")).err().unwrap();
     assert!(matches!(error, ClientError::NoKeys(_)), "{error}");
     assert!(error.to_string().contains("--keys DIR"), "{error}");
 }
 
 #[test]
-fn without_a_server_the_error_names_the_cure() {
+fn error_without_a_server_names_the_fix() {
     let mut args = args(&free_endpoint(), "sim");
     args.timeout_secs = 0.3;
     let error = Client::open(&args).err().unwrap().to_string();
@@ -54,7 +54,7 @@ fn without_a_server_the_error_names_the_cure() {
 }
 
 #[test]
-fn a_query_without_an_answer_says_how_it_ended() {
+fn query_without_a_reply_reports_how_it_ended() {
     let endpoint = free_endpoint();
     let server = listen(&endpoint);
     let keys = Keys::new("a").unwrap();
@@ -63,7 +63,7 @@ fn a_query_without_an_answer_says_how_it_ended() {
         .declare_token(keys.alive(&server.zid().to_string()))
         .wait()
         .unwrap();
-    // One kind of query is kept and never answered, the others end at once.
+    // The scene query is kept without a reply; the others end at once.
     let kept = Mutex::new(Vec::new());
     let kept_key = keys.query(Query::Scene);
     let _queries = server
@@ -75,22 +75,22 @@ fn a_query_without_an_answer_says_how_it_ended() {
         })
         .wait()
         .unwrap();
-    let link = Client::open(&args(&endpoint, "a")).unwrap();
+    let client = Client::open(&args(&endpoint, "a")).unwrap();
     let short = Duration::from_millis(300);
-    let kept = link.request_within(&v1::SceneRequest {}, short);
+    let kept = client.request_within(&v1::SceneRequest {}, short);
     let kept = kept.unwrap_err();
     assert!(matches!(kept, ClientError::Silent { .. }), "{kept}");
     assert!(kept.to_string().contains("within 0.3 s"), "{kept}");
-    let ended = link.request(&v1::StatusRequest {}).unwrap_err();
+    let ended = client.request(&v1::StatusRequest {}).unwrap_err();
     assert!(matches!(ended, ClientError::Unanswered { .. }), "{ended}");
-    assert!(ended.to_string().contains("ask again"), "{ended}");
+    assert!(ended.to_string().contains("try again"), "{ended}");
     drop(token);
-    let gone = link.request(&v1::StatusRequest {}).unwrap_err();
+    let gone = client.request(&v1::StatusRequest {}).unwrap_err();
     assert!(matches!(gone, ClientError::Gone { .. }), "{gone}");
 }
 
 #[test]
-fn a_question_waits_a_moment_for_a_server_whose_connection_broke() {
+fn query_waits_for_a_server_that_reconnects() {
     let endpoint = free_endpoint();
     let server = listen(&endpoint);
     let keys = Keys::new("a").unwrap();
@@ -106,17 +106,17 @@ fn a_question_waits_a_moment_for_a_server_whose_connection_broke() {
                         query.key_expr().clone(),
                         v1::Status::default().encode_to_vec(),
                     )
-                    .encoding(told("Status"))
+                    .encoding(encoding_of("Status"))
                     .wait()
                     .unwrap();
             });
         (queries.wait().unwrap(), token.wait().unwrap())
     };
     let before = serve();
-    let link = Client::open(&args(&endpoint, "a")).unwrap();
+    let client = Client::open(&args(&endpoint, "a")).unwrap();
     drop(before);
     let since = Instant::now();
-    while link.server().is_there() {
+    while client.server().is_there() {
         assert!(since.elapsed() < Duration::from_secs(60), "its token stays");
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -125,14 +125,14 @@ fn a_question_waits_a_moment_for_a_server_whose_connection_broke() {
             std::thread::sleep(Duration::from_millis(50));
             serve()
         });
-        let status = link.request(&v1::StatusRequest {});
+        let status = client.request(&v1::StatusRequest {});
         assert!(status.is_ok(), "{status:?}");
         drop(again.join().unwrap());
     });
 }
 
 #[test]
-fn replies_failures_names_and_order_get_through() {
+fn replies_failures_names_and_sample_order_arrive() {
     let endpoint = free_endpoint();
     let server = listen(&endpoint);
     let keys = Keys::new("a").unwrap();
@@ -152,7 +152,7 @@ fn replies_failures_names_and_order_get_through() {
                     code: v1::FailureCode::NoEpisode.into(),
                 };
                 let failure = query.reply_err(failure.encode_to_vec());
-                failure.encoding(told("Failure")).wait().unwrap();
+                failure.encoding(encoding_of("Failure")).wait().unwrap();
             } else if Keys::query_of(query.key_expr().as_str()) == Some(Query::Lease) {
                 let payload = query.payload().unwrap();
                 let request: v1::LeaseRequest = decode(payload, "lease").unwrap();
@@ -162,7 +162,7 @@ fn replies_failures_names_and_order_get_through() {
                 };
                 query
                     .reply(query.key_expr().clone(), reply.encode_to_vec())
-                    .encoding(told("LeaseReply"))
+                    .encoding(encoding_of("LeaseReply"))
                     .wait()
                     .unwrap();
             } else {
@@ -172,7 +172,7 @@ fn replies_failures_names_and_order_get_through() {
                 };
                 query
                     .reply(query.key_expr().clone(), status.encode_to_vec())
-                    .encoding(told("Status"))
+                    .encoding(encoding_of("Status"))
                     .wait()
                     .unwrap();
             }
@@ -180,7 +180,7 @@ fn replies_failures_names_and_order_get_through() {
         .wait()
         .unwrap();
 
-    // A command is answered by one joint state and a clock, in this order.
+    // The server sends one joint state and a clock for each command, in this order.
     let answer = server.clone();
     let source = SourceInfo::new(EntityGlobalId::new(server.zid(), 1), 0);
     let tick_of = |header: Option<v1::Header>| {
@@ -200,7 +200,7 @@ fn replies_failures_names_and_order_get_through() {
                 header: header.clone(),
                 ..Default::default()
             };
-            // A stranger's clock, which would be taken for the answer.
+            // A forged clock, which the client must drop.
             answer.put(&clock, tick_of(None)).wait().unwrap();
             let put = answer.put(&joints, state.encode_to_vec());
             put.source_info(source.clone()).wait().unwrap();
@@ -216,49 +216,49 @@ fn replies_failures_names_and_order_get_through() {
         .to_string();
     assert!(other.contains("found: a"), "{other}");
 
-    let link = Client::open(&args(&endpoint, "a")).unwrap();
-    let status: v1::Status = link.request(&v1::StatusRequest {}).unwrap();
+    let client = Client::open(&args(&endpoint, "a")).unwrap();
+    let status: v1::Status = client.request(&v1::StatusRequest {}).unwrap();
     assert_eq!(status.version, "7");
-    let refused = link
+    let refused = client
         .request(&v1::PauseRequest {})
         .err()
         .unwrap()
         .to_string();
     assert!(refused.contains("no episode runs"), "{refused}");
 
-    // A stranger that answers at once and says that it is the one to ask.
-    let stranger = open_session(&args(&endpoint, "a"), Silence::Gone).unwrap();
-    let _lies = stranger
+    // A foreign session that replies at once and claims to be complete.
+    let foreign = open_session(&args(&endpoint, "a"), Silence::Gone).unwrap();
+    let _forged = foreign
         .declare_queryable(keys.query(Query::Status))
         .complete(true)
         .callback(|query| {
-            let lie = v1::Status {
-                version: "lie".to_owned(),
+            let forged = v1::Status {
+                version: "forged".to_owned(),
                 ..Default::default()
             };
             let answer = query
-                .reply(query.key_expr().clone(), lie.encode_to_vec())
-                .encoding(told("Status"));
+                .reply(query.key_expr().clone(), forged.encode_to_vec())
+                .encoding(encoding_of("Status"));
             answer.wait().unwrap();
         })
         .wait()
         .unwrap();
     for _ in 0..20 {
-        let status: v1::Status = link.request(&v1::StatusRequest {}).unwrap();
+        let status: v1::Status = client.request(&v1::StatusRequest {}).unwrap();
         assert_eq!(status.version, "7");
     }
 
-    let streams = link
+    let streams = client
         .streams(&[TopicId::JointState, TopicId::Clock])
         .unwrap();
-    let mut commander = link.commander("test", false).unwrap();
+    let mut commander = client.commander("test", false).unwrap();
     for sequence in 0..50 {
         commander
             .answer(&v1::Header::default(), v1::Command::default())
             .unwrap();
         for _ in 0..2 {
             let got = streams.next(Duration::from_secs(5)).unwrap();
-            assert!(got.is_some(), "nothing came for command {sequence}");
+            assert!(got.is_some(), "no sample for command {sequence}");
         }
     }
     commander
@@ -267,21 +267,21 @@ fn replies_failures_names_and_order_get_through() {
     let first = streams.next(Duration::from_secs(5)).unwrap();
     let second = streams.next(Duration::from_secs(5)).unwrap();
     let Some(Sample::JointState(state)) = first else {
-        panic!("the joint state must come first, got {first:?}");
+        panic!("expected the joint state first, got {first:?}");
     };
     assert_eq!(state.header.unwrap().sequence, 50);
     assert!(matches!(second, Some(Sample::Clock(_))), "{second:?}");
 }
 
 /// Encoding of a message of this version.
-fn told(message: &str) -> String {
+fn encoding_of(message: &str) -> String {
     wheelarm_proto::schema::encoding(&format!("wheelarm.v1.{message}"))
 }
 
 #[test]
-fn a_server_of_another_version_is_refused_at_connection_with_the_cure() {
+fn server_of_another_version_is_rejected_at_connection_with_the_fix() {
     for (encoding, version) in [
-        // The first version told none.
+        // Version 1 sends no version.
         ("zenoh/bytes", "version 1"),
         ("application/protobuf;wheelarm.v1.Status@99", "version 99"),
     ] {

@@ -1,9 +1,9 @@
-//! A commander's turns: every control tick that it is to answer, with what was
-//! published up to it.
+//! Turns of a commander: each control tick that needs a command, after the samples
+//! published before it.
 //!
-//! In lock-step time waits for the answer; with `Command.over_ticks` it stands
-//! for several ticks, and the next turn comes behind them. In real time the
-//! turns come at 60 Hz whether they are answered or not.
+//! In lock-step, simulation time waits for the command. A command with
+//! `Command.over_ticks` covers several ticks, and the next turn follows them. In real
+//! time turns arrive at 60 Hz, with or without commands.
 
 use std::time::{Duration, Instant};
 
@@ -12,43 +12,43 @@ use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
 
 use super::{Client, ClientError, Commander, Streams};
 
-/// Silence after which the server is asked whether time waits for us: a clock
-/// may have been published before this commander listened, or be lost.
+/// Silence after which a status query checks whether simulation time waits for this
+/// commander: a clock may be lost, or published before the subscription.
 const SILENCE: Duration = Duration::from_secs(1);
-/// How long samples that were published before such an answer may still take:
-/// whoever answered without them would answer another state.
+/// Longest delay of samples published before such a reply. A command sent without them
+/// would use an older state.
 const GRACE: Duration = Duration::from_millis(250);
 
-/// What a commander is told.
+/// What a commander has to handle next.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "a turn is looked at and dropped")]
+#[expect(clippy::large_enum_variant, reason = "a turn is short-lived")]
 pub enum Turn {
-    /// A control tick is to be answered; its clock.
+    /// A control tick needs a command; its clock.
     Answer(v1::Clock),
-    /// One of its commands was refused.
+    /// The server refused one of its commands.
     Refused(v1::Refusal),
     /// An episode has ended.
     Ended(v1::EpisodeStopped),
-    /// Nothing came within the patience; what the server says that it does.
+    /// No sample arrived within the patience; the status of the server.
     Silent(v1::Status),
 }
 
-/// A commander that takes its turns.
+/// A commander and its queue of turns.
 pub struct Turns {
-    link: Client,
+    client: Client,
     commander: Commander,
     streams: Streams,
-    /// The tick to be answered.
-    asked: v1::Header,
+    /// Header of the tick that needs a command.
+    due: v1::Header,
     covered: Covered,
 }
 
-/// What the newest answer stands for.
+/// Ticks that the newest command covers.
 #[derive(Debug, Default)]
 struct Covered {
     run: String,
     episode: u64,
-    /// First tick that was answered, and the first behind.
+    /// First covered tick, and the first tick after them.
     ticks: [u64; 2],
 }
 
@@ -59,10 +59,10 @@ impl Covered {
         self.ticks = [header.tick, header.tick + ticks];
     }
 
-    /// Whether a tick is not answered yet.
+    /// Whether a tick needs a command.
     fn is_due(&self, header: &v1::Header) -> bool {
         let [first, behind] = self.ticks;
-        // Between episodes a reset sets time back.
+        // Between episodes a reset sets simulation time back.
         let set_back = header.episode == 0 && header.tick < first;
         self.run != header.run_id
             || self.episode != header.episode
@@ -72,8 +72,8 @@ impl Covered {
 }
 
 impl Client {
-    /// Takes control as `name`, as [`Client::commander`] does, and subscribes to
-    /// `topics` beside what a commander is told.
+    /// Acquires control as [`Client::commander`] does, and subscribes to `topics` and the
+    /// topics of a commander.
     ///
     /// # Errors
     /// As [`Client::commander`].
@@ -89,18 +89,18 @@ impl Client {
         let streams = self.streams(&wanted)?;
         Ok(Turns {
             commander: self.commander(name, take)?,
-            link: self.clone(),
+            client: self.clone(),
             streams,
-            asked: v1::Header::default(),
+            due: v1::Header::default(),
             covered: Covered::default(),
         })
     }
 }
 
 impl Turns {
-    /// Waits for the next turn until nothing at all has come for `patience`.
-    /// What is published until then, of the topics that were asked for, goes to
-    /// `taken` in its order; a tick's clock comes after its other samples.
+    /// Waits for the next turn until no sample has arrived for `patience`. Calls `taken`
+    /// with each sample of the requested topics in order of arrival; the clock of a tick
+    /// follows its other samples.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -109,27 +109,27 @@ impl Turns {
         patience: Duration,
         taken: &mut dyn FnMut(Sample),
     ) -> Result<Turn, ClientError> {
-        let (mut heard, mut waiting) = (Instant::now(), None);
+        let (mut received_at, mut waiting) = (Instant::now(), None);
         loop {
-            let left = patience.saturating_sub(heard.elapsed());
+            let left = patience.saturating_sub(received_at.elapsed());
             let next = self.streams.next(match waiting {
                 Some(_) => GRACE,
                 None => left.min(SILENCE),
             })?;
             if next.is_some() {
-                (heard, waiting) = (Instant::now(), None);
+                (received_at, waiting) = (Instant::now(), None);
             }
             match next {
                 Some(Sample::Clock(clock)) => {
                     let header = clock.header.clone().unwrap_or_default();
                     taken(Sample::Clock(clock.clone()));
                     if self.covered.is_due(&header) {
-                        self.asked = header;
+                        self.due = header;
                         return Ok(Turn::Answer(clock));
                     }
                 }
                 Some(Sample::Refusal(refusal)) if refusal.commander == self.commander.name() => {
-                    // A tick that is not answered is offered again.
+                    // A tick without an accepted command is due again.
                     let late = [v1::RefusalCode::Answered, v1::RefusalCode::TooOld];
                     if !late.contains(&refusal.code()) {
                         self.covered = Covered::default();
@@ -141,21 +141,21 @@ impl Turns {
                 None => {
                     if let Some(clock) = waiting.take() {
                         let clock: v1::Clock = clock;
-                        self.asked = clock.header.clone().unwrap_or_default();
+                        self.due = clock.header.clone().unwrap_or_default();
                         return Ok(Turn::Answer(clock));
                     }
-                    let status = self.link.request(&v1::StatusRequest {})?;
+                    let status = self.client.request(&v1::StatusRequest {})?;
                     let header = status.header.clone().unwrap_or_default();
                     let waits = status.episode.is_some() && !status.paused;
                     if waits && self.covered.is_due(&header) {
-                        // What was published before may still be on its way.
+                        // Samples published before the reply may still be in flight.
                         waiting = Some(v1::Clock {
                             header: Some(header),
                             real_time_factor: status.real_time_factor,
                         });
                         continue;
                     }
-                    if heard.elapsed() >= patience {
+                    if received_at.elapsed() >= patience {
                         return Ok(Turn::Silent(status));
                     }
                 }
@@ -163,18 +163,18 @@ impl Turns {
         }
     }
 
-    /// Answers the newest [`Turn::Answer`].
+    /// Sends the command for the newest [`Turn::Answer`].
     ///
     /// # Errors
     /// [`ClientError::Transport`].
     pub fn answer(&mut self, command: v1::Command) -> Result<(), ClientError> {
         let ticks = u64::from(command.over_ticks.max(1)) * TICKS_PER_CONTROL;
-        self.commander.answer(&self.asked, command)?;
-        self.covered.answered(&self.asked, ticks);
+        self.commander.answer(&self.due, command)?;
+        self.covered.answered(&self.due, ticks);
         Ok(())
     }
 
-    /// The commander whose turns they are.
+    /// The commander of these turns.
     #[must_use]
     pub fn commander(&self) -> &Commander {
         &self.commander
@@ -195,11 +195,11 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_is_answered_once_and_anew_when_time_was_set_back() {
+    fn tick_is_due_once_and_again_after_time_is_set_back() {
         let mut covered = Covered::default();
         assert!(covered.is_due(&at(1, 0)));
         covered.answered(&at(1, 40), 8);
-        // A clock that was overtaken by an answer to `status` is no turn.
+        // A clock older than a reply of `status` does not start a turn.
         assert!(!covered.is_due(&at(1, 36)) && !covered.is_due(&at(1, 44)));
         assert!(covered.is_due(&at(1, 48)) && covered.is_due(&at(2, 0)));
         covered.answered(&at(0, 40), 4);

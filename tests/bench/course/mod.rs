@@ -108,7 +108,7 @@ impl Course {
         RobotControl::new(&self.robot)
     }
 
-    /// What is newly asked at a control tick.
+    /// Control input of a control tick.
     pub fn input(&self, control_tick: u64) -> ControlInput {
         let mut input = ControlInput::default();
         let pose = |pose| {

@@ -1,9 +1,9 @@
 //! Writes the home and the robot for MuJoCo, as the reference of the benchmarks.
 //!
 //! `export_mujoco DIR [ASSETS] [PAIRS]` writes
-//! - `render.xml`, its meshes and textures: everything that the cameras draw,
+//! - `render.xml`, its meshes and textures: everything that the cameras render,
 //!   each body a mocap body, and the two robot cameras; `poses.f64`: for each of
-//!   PAIRS pictures each mocap body's position and quaternion (w x y z);
+//!   PAIRS images each mocap body's position and quaternion (w x y z);
 //! - `step.xml`: robot, furniture and objects to be simulated; `targets.f64`:
 //!   the controls of each tick of 1/240 s that our own control gave.
 

@@ -1,4 +1,4 @@
-//! What the cameras draw, as meshes on mocap bodies.
+//! Exports the geometry that the cameras render, as meshes on mocap bodies.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -141,11 +141,11 @@ fn material(item: &RenderItem) -> String {
     } else {
         material.color
     };
-    let picture = pattern
+    let texture = pattern
         .map(|name| format!("texture=\"{name}\""))
         .unwrap_or_default();
     format!(
-        "<material name=\"{}\" {picture} rgba=\"{} 1\" specular=\"0.2\" shininess=\"{}\" emission=\"{}\"/>",
+        "<material name=\"{}\" {texture} rgba=\"{} 1\" specular=\"0.2\" shininess=\"{}\" emission=\"{}\"/>",
         material.name,
         numbers(color),
         1.0 - material.roughness,
@@ -173,8 +173,8 @@ fn obj(mesh: &TriMesh) -> Result<String> {
 
 /// PNG rows run from the top, texture rows from the bottom.
 fn write_texture(out: &Path, assets: &Path, pattern: &str) -> Result<()> {
-    let picture = texture::load(assets, pattern)?;
-    let rgb: Vec<u8> = picture.levels[0]
+    let image = texture::load(assets, pattern)?;
+    let rgb: Vec<u8> = image.levels[0]
         .chunks_exact(4 * texture::SIZE)
         .rev()
         .flat_map(|row| row.chunks_exact(4))

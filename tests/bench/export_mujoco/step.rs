@@ -193,7 +193,7 @@ impl Mjcf {
                         settings.drive.caster_friction
                     )
                 };
-                // Only with the floor: its own bit is one that nobody asks for.
+                // Collides with the floor alone: no other geometry has its bit.
                 self.solid(
                     &ball,
                     &format!("contype=\"0\" conaffinity=\"{FLOOR}\" {tread}"),

@@ -1,4 +1,4 @@
-//! A made-up motion for pictures: the chair drives from its start to the coffee
+//! A synthetic motion for images: the chair drives from its start to the coffee
 //! table within 6 s, the arm waves, the first object bobs. No physics.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};

@@ -1,5 +1,5 @@
-//! From the sending of a command until it is applied, and until the robot is
-//! seen to move, while two cameras stream.
+//! Latency from sending a command until it is applied, and until the robot moves, while
+//! two cameras stream.
 
 use std::time::{Duration, Instant};
 
@@ -13,10 +13,10 @@ use zenoh::Wait;
 
 use super::CAMERAS;
 
-/// Commands measured until they are applied, and until motion is seen.
+/// Commands measured until they are applied, and until motion starts.
 const APPLIED: usize = 500;
 const MOVES: usize = 60;
-/// What counts as motion, rad: far above what a resting knuckle does.
+/// Threshold of motion, rad: far above the motion of a resting knuckle.
 const MOVED: f64 = 2e-4;
 /// Longest wait for what a command does.
 const LONGEST: Duration = Duration::from_secs(5);
@@ -24,14 +24,16 @@ const LONGEST: Duration = Duration::from_secs(5);
 pub fn measure() -> anyhow::Result<()> {
     println!("two cameras of 160x90 at 30 Hz stream meanwhile");
     let server = Server::start("latency", &CAMERAS)?;
-    let link = server.link();
-    let pictures = link.session().declare_subscriber(link.keys().camera("*"));
-    let _pictures = pictures
+    let client = server.link();
+    let images = client
+        .session()
+        .declare_subscriber(client.keys().camera("*"));
+    let _subscriber = images
         .callback(|_| {})
         .wait()
         .map_err(|e| anyhow::anyhow!("{e}"))?;
-    report("real time, command to applied", applied(&link)?);
-    report("real time, command to motion", moved(&link)?);
+    report("real time, command to applied", applied(&client)?);
+    report("real time, command to motion", moved(&client)?);
 
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("answers", &args)?;
@@ -71,23 +73,23 @@ fn sent_at_any_time(
     target: f64,
 ) -> anyhow::Result<Instant> {
     std::thread::sleep(Duration::from_micros((i as u64 * 7919) % 16_667));
-    let seen = newest(streams)?;
+    let newest_header = newest(streams)?;
     let sent = Instant::now();
-    send(commander, &seen, target)?;
+    send(commander, &newest_header, target)?;
     Ok(sent)
 }
 
 /// Header of the newest sample; waits for one where none has come.
 fn newest(streams: &Streams) -> anyhow::Result<v1::Header> {
-    let mut seen = None;
+    let mut newest_header = None;
     while let Some(sample) = streams.next(Duration::ZERO)? {
-        seen = sample.header().cloned();
+        newest_header = sample.header().cloned();
     }
-    if seen.is_none() {
+    if newest_header.is_none() {
         let sample = streams.next(LONGEST)?.context("no sample came")?;
-        seen = sample.header().cloned();
+        newest_header = sample.header().cloned();
     }
-    seen.context("a sample without a header")
+    newest_header.context("a sample without a header")
 }
 
 /// An error where `sent` is too long ago: a command was refused or got lost.
@@ -99,9 +101,9 @@ fn in_time(sent: Instant) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn applied(link: &Client) -> anyhow::Result<Vec<f64>> {
-    let streams = link.streams(&[TopicId::Applied])?;
-    let mut commander = link.commander("bench", false)?;
+fn applied(client: &Client) -> anyhow::Result<Vec<f64>> {
+    let streams = client.streams(&[TopicId::Applied])?;
+    let mut commander = client.commander("bench", false)?;
     let mut times = Vec::new();
     for i in 0..APPLIED {
         let sent = sent_at_any_time(&mut commander, &streams, i, 0.2)?;
@@ -123,10 +125,10 @@ fn applied(link: &Client) -> anyhow::Result<Vec<f64>> {
 }
 
 /// The gripper opens and closes.
-fn moved(link: &Client) -> anyhow::Result<Vec<f64>> {
-    let streams = link.streams(&[TopicId::JointState])?;
-    let mut commander = link.commander("bench", false)?;
-    let robot = link.request(&v1::SceneRequest {})?.robot;
+fn moved(client: &Client) -> anyhow::Result<Vec<f64>> {
+    let streams = client.streams(&[TopicId::JointState])?;
+    let mut commander = client.commander("bench", false)?;
+    let robot = client.request(&v1::SceneRequest {})?.robot;
     let joint = Roles::find(&robot.context("the robot")?)?.knuckle;
     let mut times = Vec::new();
     for i in 0..MOVES {
@@ -146,8 +148,8 @@ fn moved(link: &Client) -> anyhow::Result<Vec<f64>> {
     Ok(times)
 }
 
-fn send(commander: &mut Commander, seen: &v1::Header, target: f64) -> anyhow::Result<()> {
-    Ok(commander.answer(seen, knuckle(target))?)
+fn send(commander: &mut Commander, newest_header: &v1::Header, target: f64) -> anyhow::Result<()> {
+    Ok(commander.answer(newest_header, knuckle(target))?)
 }
 
 /// Waits until the joint rests; where it does.
@@ -173,14 +175,14 @@ fn settle(streams: &Streams, joint: usize) -> anyhow::Result<f64> {
 
 /// Every tick waits for its command; the commander keeps the pace of the clock,
 /// so that the cameras stream at 30 Hz here too.
-fn lock_step(link: &Client) -> anyhow::Result<Vec<f64>> {
-    let streams = link.streams(&[TopicId::Clock, TopicId::Applied])?;
-    let mut commander = link.commander(IdleCommander::NAME, false)?;
+fn lock_step(client: &Client) -> anyhow::Result<Vec<f64>> {
+    let streams = client.streams(&[TopicId::Clock, TopicId::Applied])?;
+    let mut commander = client.commander(IdleCommander::NAME, false)?;
     let request = v1::EpisodeStartRequest {
         label: "latency".into(),
         ..Default::default()
     };
-    let started: v1::EpisodeStarted = link.request(&request)?;
+    let started: v1::EpisodeStarted = client.request(&request)?;
     let mut header = started.header.context("a header")?;
     let mut times = Vec::new();
     let mut due = Instant::now();

@@ -16,7 +16,7 @@ use wheelarm_sdk::Client;
 use wheelarm_tests::{IdleCommander, Recorder, Server, wait_until};
 use zenoh::Wait;
 
-/// Cameras of the measurements that are not about pictures.
+/// Cameras of the measurements that are not about images.
 const CAMERAS: [&str; 6] = [
     "--camera",
     "gen3=160x90@30",
@@ -62,35 +62,36 @@ fn processor(server: &Server) -> anyhow::Result<f64> {
     Ok(ticks / 100.0)
 }
 
-fn tick(link: &Client) -> anyhow::Result<u64> {
-    let status: v1::Status = link.request(&v1::StatusRequest {})?;
+fn tick(client: &Client) -> anyhow::Result<u64> {
+    let status: v1::Status = client.request(&v1::StatusRequest {})?;
     Ok(status.header.unwrap_or_default().tick)
 }
 
-/// From the start of the process to the first picture of 1280x720.
+/// From the start of the process to the first image of 1280x720.
 fn start() -> anyhow::Result<()> {
     let begun = Instant::now();
     let server = Server::start("start", &[])?;
     let ready = begun.elapsed().as_secs_f64();
-    let link = server.link();
-    let pictures = link
+    let client = server.link();
+    let images = client
         .session()
-        .declare_subscriber(link.keys().camera("gen3"));
-    let pictures = pictures.wait().map_err(|e| anyhow::anyhow!("{e}"))?;
-    let first = pictures.recv_timeout(Duration::from_secs(60));
+        .declare_subscriber(client.keys().camera("gen3"));
+    let images = images.wait().map_err(|e| anyhow::anyhow!("{e}"))?;
+    let first = images.recv_timeout(Duration::from_secs(60));
     if !matches!(first, Ok(Some(_))) {
-        bail!("no picture came");
+        bail!("no image arrived");
     }
-    let picture = begun.elapsed().as_secs_f64();
+    let first_image = begun.elapsed().as_secs_f64();
     std::thread::sleep(Duration::from_secs(2));
     println!("ready after {ready:.3} s");
-    println!("first picture after {picture:.3} s");
+    println!("first image after {first_image:.3} s");
     println!("memory at most {:.0} MB", memory(&server, "VmHWM")?);
     Ok(())
 }
 
-/// What recorders cost in lock-step (1, 2 and 4 of them, or COUNT) over the runs without
-/// any right before and after: medians of the rounds. Nothing may be missed.
+/// Time per recorder in lock-step (1, 2 and 4 recorders, or COUNT) relative to runs
+/// without any recorder right before and after: medians of the rounds. Every sample
+/// must be recorded.
 fn recorders() -> anyhow::Result<()> {
     const ROUNDS: usize = 5;
     let counts = match std::env::args().nth(2) {
@@ -131,7 +132,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
     const SECONDS: u64 = 8;
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("cost", &args)?;
-    let link = server.link();
+    let client = server.link();
     let folder = tempfile::tempdir()?;
     let recorders: Vec<_> = (0..count)
         .map(|i| {
@@ -141,7 +142,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
         })
         .collect();
     wait_until("the recorders are there", || {
-        let status = link.request(&v1::StatusRequest {});
+        let status = client.request(&v1::StatusRequest {});
         status.is_ok_and(|s| s.recorders.len() == count)
     });
     let idle = IdleCommander::start(&server.link());
@@ -150,18 +151,18 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
         require_recorders: u32::try_from(count)?,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.request(&request)?;
-    let from = tick(&link)?;
-    wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
-    let (from, begun, cpu) = (tick(&link)?, Instant::now(), processor(&server)?);
+    let _: v1::EpisodeStarted = client.request(&request)?;
+    let from = tick(&client)?;
+    wait_until("time passes", || tick(&client).is_ok_and(|t| t > from + 60));
+    let (from, begun, cpu) = (tick(&client)?, Instant::now(), processor(&server)?);
     wait_until("time passes", || {
-        tick(&link).is_ok_and(|t| t > from + SECONDS * 240)
+        tick(&client).is_ok_and(|t| t > from + SECONDS * 240)
     });
-    let simulated = (tick(&link)? - from) as f64 / 240.0;
+    let simulated = (tick(&client)? - from) as f64 / 240.0;
     let wall = begun.elapsed().as_secs_f64() / simulated;
     let cpu = (processor(&server)? - cpu) / simulated;
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.request(&request)?;
+    let _: v1::EpisodeStopped = client.request(&request)?;
     drop(idle);
     for recorder in recorders {
         let text = recorder.finish();
@@ -210,7 +211,7 @@ fn sensors() -> anyhow::Result<()> {
 fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
     const SECONDS: u64 = 8;
     let server = Server::start("sensors", args)?;
-    let link = server.link();
+    let client = server.link();
     let folder = tempfile::tempdir()?;
     let recorder = Recorder::start(&server, "r", folder.path(), &["--episodes", "1"]);
     let idle = IdleCommander::start(&server.link());
@@ -219,16 +220,16 @@ fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
         require_recorders: 1,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.request(&request)?;
-    let from = tick(&link)?;
-    wait_until("time passes", || tick(&link).is_ok_and(|t| t > from + 60));
-    let (from, begun) = (tick(&link)?, Instant::now());
+    let _: v1::EpisodeStarted = client.request(&request)?;
+    let from = tick(&client)?;
+    wait_until("time passes", || tick(&client).is_ok_and(|t| t > from + 60));
+    let (from, begun) = (tick(&client)?, Instant::now());
     wait_until("time passes", || {
-        tick(&link).is_ok_and(|t| t > from + SECONDS * 240)
+        tick(&client).is_ok_and(|t| t > from + SECONDS * 240)
     });
-    let simulated = (tick(&link)? - from) as f64 / 240.0;
+    let simulated = (tick(&client)? - from) as f64 / 240.0;
     let rate = simulated / begun.elapsed().as_secs_f64();
-    let _: v1::EpisodeStopped = link.request(&v1::EpisodeStopRequest::default())?;
+    let _: v1::EpisodeStopped = client.request(&v1::EpisodeStopRequest::default())?;
     drop(idle);
     let text = recorder.finish();
     if !text.contains("complete") {
@@ -241,9 +242,9 @@ fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
 fn flood() -> anyhow::Result<()> {
     const SECONDS: f64 = 4.0;
     let server = Server::start("flood", &["--no-cameras"])?;
-    let (link, hostile) = (server.link(), server.link());
+    let (client, hostile) = (server.link(), server.link());
     let rate = |seconds: f64| -> anyhow::Result<f64> {
-        let clock = link.streams(&[TopicId::Clock])?;
+        let clock = client.streams(&[TopicId::Clock])?;
         let begun = Instant::now();
         let mut count = 0;
         while begun.elapsed().as_secs_f64() < seconds {

@@ -64,7 +64,7 @@ pub struct GuardRun {
     pub guard: bool,
 }
 
-/// What an episode came to.
+/// Result of an episode.
 #[derive(Clone, Debug, Default)]
 pub struct GuardVerdict {
     /// Control ticks.
@@ -88,7 +88,7 @@ impl GuardVerdict {
     }
 }
 
-/// How the operator commands the arm for a while.
+/// Kind of arm command for a while.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Device {
     /// Twists towards the target.
@@ -146,7 +146,7 @@ struct Operator {
 impl GuardRun {
     fn start(random: &mut ChaCha8Rng) -> (Start, Option<Isometry3<f64>>) {
         match random.random_range(0..4) {
-            0 => (Start::Drawn, None),
+            0 => (Start::Sampled, None),
             1 => (Start::Wall, Some(chair_at(-3.85, 2.48, 60.0))),
             _ => (Start::KitchenTable, Some(chair_at(-3.85, 2.48, 86.0))),
         }
@@ -246,7 +246,7 @@ fn plain() -> Scenario {
     }
 }
 
-/// Where an object stands whose grasp is 65 mm over its foot, in a level hand.
+/// Pose of an object in a level hand that grasps it 65 mm above its foot.
 fn in_hand(hand: &Isometry3<f64>, tool: f64) -> Isometry3<f64> {
     let forward = hand.rotation * Vector3::z();
     let mut closing = hand.rotation * Vector3::x();

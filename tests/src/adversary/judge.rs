@@ -3,7 +3,7 @@
 use wheelarm_server::sim::Simulation;
 use wheelarm_server::world::WorstOfSoft;
 
-/// What a run may show at the most.
+/// Upper limits of a valid run.
 struct Most {
     /// Speed of a node of a soft object, m/s.
     node_speed: f64,
@@ -21,9 +21,9 @@ struct Most {
     kick: f64,
 }
 
-/// What counts as exploded, in the numbers of the requirement. They are written
-/// here once more on purpose: the server's guard (`world/health`) is itself under
-/// test, and a threshold that moves there must not move here.
+/// Thresholds of an exploded run, from the requirement. They are duplicated on purpose:
+/// the server's guard (`world/health`) is itself under test, so a change of its thresholds
+/// must not change these.
 const MOST: Most = Most {
     node_speed: 20.0,
     soft_energy: 20.0,
@@ -37,7 +37,7 @@ const MOST: Most = Most {
 /// Rounding in a law, in its unit.
 const ROUNDING: f64 = 1e-6;
 
-/// Looks at a run while it goes on.
+/// Checks a run at every control tick.
 #[derive(Debug)]
 pub struct Judge {
     limits: Vec<f64>,
@@ -46,7 +46,7 @@ pub struct Judge {
     joint: f64,
 }
 
-/// What was seen of a run.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Verdict {
     /// Physics ticks that were run.
@@ -64,7 +64,7 @@ pub struct Verdict {
 }
 
 impl Judge {
-    /// A judge who knows the robot's limits.
+    /// A judge with the limits of the robot.
     #[must_use]
     pub fn new(sim: &Simulation) -> Self {
         let (model, roles) = (sim.model(), &sim.model().roles);
@@ -73,28 +73,28 @@ impl Judge {
             None => MOST.joint_speed,
         };
         Self {
-            limits: roles.joints.iter().map(|told| limit(told.joint)).collect(),
+            limits: roles.joints.iter().map(|role| limit(role.joint)).collect(),
             broken: Vec::new(),
             contact: 0.0,
             joint: 0.0,
         }
     }
 
-    /// Looks at the present tick; says whether enough was seen.
-    pub fn appearance(&mut self, sim: &Simulation) -> bool {
+    /// Checks the present tick; returns whether the run is broken.
+    pub fn observe(&mut self, sim: &Simulation) -> bool {
         let snapshot = sim.snapshot();
         let mut say = |what: String| self.broken.push(format!("tick {}: {what}", snapshot.tick));
         let model = sim.model();
-        let joints = model.roles.joints.iter().map(|told| told.joint);
+        let joints = model.roles.joints.iter().map(|role| role.joint);
         for ((state, limit), joint) in sim.recorded_joints().iter().zip(&self.limits).zip(joints) {
             self.joint = self.joint.max(state.velocity.abs());
-            // Written so that a number that is none counts.
+            // Written so that NaN counts as broken.
             if !(state.velocity.abs() <= *limit
                 && state.position.is_finite()
                 && state.effort.is_finite())
             {
                 let name = &model.joints[joint].name;
-                say(format!("{name} turns with {} rad/s", state.velocity));
+                say(format!("{name} turns at {} rad/s", state.velocity));
             }
         }
         for contact in &snapshot.contacts {
@@ -107,7 +107,7 @@ impl Judge {
                 ));
             }
         }
-        // A state that breaks is thrown away, and the one before stays.
+        // The simulation discards a broken state and keeps the previous one.
         if let Some(words) = sim.broken() {
             say(words.to_owned());
         }
@@ -117,12 +117,12 @@ impl Judge {
                 && finite(&body.linear)
                 && finite(&body.angular))
             {
-                say("a body is nowhere".to_owned());
+                say("a body has a pose that is not finite".to_owned());
             }
         }
         for worst in sim.worst_of_soft() {
             if worst.speed.is_nan() || worst.speed > MOST.node_speed {
-                say(format!("a node goes with {} m/s", worst.speed));
+                say(format!("a node moves at {} m/s", worst.speed));
             }
             if worst.energy.is_nan() || worst.energy > MOST.soft_energy {
                 say(format!("{} J are in the soft object", worst.energy));
@@ -131,7 +131,7 @@ impl Judge {
         !self.broken.is_empty()
     }
 
-    /// What was seen.
+    /// The result.
     #[must_use]
     pub fn verdict(self, sim: &Simulation) -> Verdict {
         let soft = sim.worst_of_soft().first().copied();

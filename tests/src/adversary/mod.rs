@@ -1,7 +1,7 @@
-//! Random operators who mean harm, and what the physics must stand.
+//! Random adversarial policies that try to break the physics.
 //!
 //! A [`Run`] is a scenario in process, without a network and without cameras:
-//! a policy drives the robot at 60 Hz and a judge looks at every control tick.
+//! a policy drives the robot at 60 Hz and a judge checks every control tick.
 
 mod guard;
 mod judge;
@@ -22,14 +22,14 @@ pub use judge::{Judge, Verdict};
 pub use policy::{Kind, Policy};
 pub use recorded::Recorded;
 
-/// Where a run begins.
+/// Initial pose of the chair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Where the seed draws it.
-    Drawn,
-    /// Before the kitchen table, within reach of what stands on it.
+    /// Sampled from the seed.
+    Sampled,
+    /// In front of the kitchen table, within reach of its objects.
     KitchenTable,
-    /// Before the wall beside the kitchen table.
+    /// In front of the wall beside the kitchen table.
     Wall,
 }
 
@@ -38,20 +38,20 @@ pub enum Start {
 pub struct Run {
     /// Task below assets/tasks.
     pub task: &'static str,
-    /// What the operator does.
+    /// Kind of policy.
     pub kind: Kind,
-    /// Seed of the scene and of the operator.
+    /// Seed of the scene and of the policy.
     pub seed: u64,
-    /// Where it begins.
+    /// Initial pose of the chair.
     pub start: Start,
 }
 
-/// `rigid` runs over the rigid tasks and `soft` at the bear, every kind in turn.
+/// `rigid` runs over the rigid tasks and `soft` runs at the bear, with the kinds in turn.
 #[must_use]
 pub fn runs(rigid: usize, soft: usize, first_seed: u64) -> Vec<Run> {
     let tasks: Vec<&'static str> = TASKS
         .into_iter()
-        // The runs that broke an earlier physics keep their tasks.
+        // Later tasks are left out, so that runs that broke an earlier physics keep their tasks.
         .filter(|task| {
             ![
                 "place_teddy_bear",
@@ -70,7 +70,7 @@ pub fn runs(rigid: usize, soft: usize, first_seed: u64) -> Vec<Run> {
         let start = if i % 3 == 0 {
             Start::KitchenTable
         } else {
-            Start::Drawn
+            Start::Sampled
         };
         let (task, seed) = (tasks[i % tasks.len()], first_seed + i as u64);
         Run {
@@ -108,7 +108,7 @@ impl Run {
             cameras: Vec::new(),
             pacing: Pacing::Fast,
             start: match self.start {
-                Start::Drawn => None,
+                Start::Sampled => None,
                 Start::KitchenTable => Some(chair_at(-3.85, 2.48, 86.0)),
                 Start::Wall => Some(chair_at(-3.85, 2.48, 60.0)),
             },
@@ -116,7 +116,7 @@ impl Run {
         }
     }
 
-    /// Runs it for a time; ends early when the judge has seen enough.
+    /// Plays it for `seconds`; ends early when the judge finds it broken.
     ///
     /// # Errors
     /// When the scenario cannot be made.
@@ -128,7 +128,7 @@ impl Run {
         for tick in 0..ticks {
             let input = policy.input(tick, &sim);
             sim.step(&input);
-            if judge.appearance(&sim) {
+            if judge.observe(&sim) {
                 break;
             }
         }

@@ -1,4 +1,4 @@
-//! What operators do who mean harm.
+//! Adversarial policies.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use rand::{RngExt as _, SeedableRng as _};
@@ -15,7 +15,7 @@ const HARD: f64 = 1e4;
 /// Target of the hand over an object, metres.
 const ABOVE: f64 = 0.12;
 
-/// A way to mean harm.
+/// Kind of adversarial policy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Joint targets jump between far ends at 60 Hz.
@@ -30,7 +30,7 @@ pub enum Kind {
     Poses,
     /// Full speed with the arm stretched out.
     Ram,
-    /// The hand pressed down on whatever is there.
+    /// The hand pressed down on the surface below.
     PressDown,
     /// The arm folded into its own chair.
     IntoItself,
@@ -38,15 +38,15 @@ pub enum Kind {
     Harass,
     /// The bear pressed onto the table with an open, then a closed hand.
     Press,
-    /// The bear held as hard as the gripper can and torn at.
+    /// The bear held with full force and pulled.
     Tear,
-    /// The bear taken, swung and let go.
+    /// The bear grasped, swung and released.
     Throw,
-    /// The bear pushed along the table and against what stands on it.
+    /// The bear pushed along the table and against its objects.
     SqueezeAtTable,
-    /// The bear taken and pressed against the wall.
+    /// The bear grasped and pressed against the wall.
     SqueezeAtWall,
-    /// The bear taken and pressed against the chair and the arm itself.
+    /// The bear grasped and pressed against the chair and the arm itself.
     SqueezeAtChair,
 }
 
@@ -76,7 +76,7 @@ impl Kind {
     ];
 }
 
-/// One operator with a memory.
+/// One policy with its state.
 #[derive(Debug)]
 pub struct Policy {
     kind: Kind,
@@ -92,7 +92,7 @@ pub struct Policy {
 }
 
 impl Policy {
-    /// An operator before a scene.
+    /// A policy at the start of a scene.
     #[must_use]
     pub fn new(kind: Kind, seed: u64, sim: &Simulation) -> Self {
         let target = &sim.scenario().target;
@@ -139,7 +139,7 @@ impl Policy {
         grip(self.knuckle)
     }
 
-    /// What is asked at a control tick.
+    /// Control input of a control tick.
     pub fn input(&mut self, tick: u64, sim: &Simulation) -> ControlInput {
         match self.kind {
             Kind::Limits => {

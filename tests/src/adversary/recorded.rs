@@ -1,4 +1,4 @@
-//! Commands that once broke the physics, as they were sent.
+//! Recorded commands that broke an earlier version of the physics.
 
 use std::path::Path;
 
@@ -12,11 +12,11 @@ use wheelarm_server::sim::{Pacing, Scenario, Simulation};
 
 use super::{Judge, Verdict};
 
-/// For how long a run goes on behind its last command, seconds.
+/// Length of a run after its last command, seconds.
 const BEYOND: f64 = 2.0;
 
-/// One run: the scenario with its drawn values, then every command with the
-/// control tick at which it was taken, each with its length before it.
+/// One run: the scenario with its sampled values, then every command with the control tick
+/// at which it was applied; each message follows its length.
 #[derive(Debug)]
 pub struct Recorded {
     scenario: Scenario,
@@ -27,7 +27,7 @@ impl Recorded {
     /// Reads a run.
     ///
     /// # Errors
-    /// When the file cannot be read or is no such run.
+    /// When the file cannot be read or decoded.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).with_context(|| format!("{}", path.display()))?;
         let mut rest = bytes.as_slice();
@@ -36,7 +36,7 @@ impl Recorded {
         while !rest.is_empty() {
             commands.push(v1::Applied::decode_length_delimited(&mut rest)?);
         }
-        // They came in lock-step, and a scenario cannot change the pacing.
+        // The commands were recorded in lock-step, and a scenario cannot change the pacing.
         let known = Scenario {
             pacing: Pacing::LockStep,
             ..Scenario::default()
@@ -49,7 +49,7 @@ impl Recorded {
         Ok(Self { scenario, commands })
     }
 
-    /// Plays it, to two seconds behind its last command, which stays in force.
+    /// Plays it until two seconds after its last command, which stays in force.
     ///
     /// # Errors
     /// When the scenario cannot be made or a command is malformed.
@@ -76,7 +76,7 @@ impl Recorded {
                 input = convert::control_input(&command, &map)?;
             }
             sim.step(&input);
-            if judge.appearance(&sim) {
+            if judge.observe(&sim) {
                 break;
             }
         }

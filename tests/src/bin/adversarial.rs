@@ -62,7 +62,7 @@ fn main() -> Result<ExitCode> {
     };
     anyhow::ensure!(
         !jobs.is_empty(),
-        "no run is asked for: see --only, --rigid, --soft"
+        "no run selected: use --rigid or --soft, and check --only"
     );
     let cores = std::thread::available_parallelism().map_or(1, Into::into);
     let workers = if options.jobs == 0 {
@@ -96,7 +96,7 @@ fn random(options: &Options) -> Vec<Job> {
         let (assets, seconds) = (options.assets.clone(), options.seconds);
         let name = format!("{} {:?} seed {}", run.task, run.kind, run.seed);
         let play = move || run.play(&assets, seconds);
-        (name, Box::new(move |name| told(name, &play)))
+        (name, Box::new(move |name| run_and_report(name, &play)))
     };
     let jobs = runs.into_iter().map(job);
     let only = options.only.as_deref().unwrap_or_default();
@@ -113,7 +113,7 @@ fn recorded(folder: &PathBuf, options: &Options) -> Result<Vec<Job>> {
         let assets = options.assets.clone();
         let name = path.display().to_string();
         let play = move || Recorded::read(&path)?.play(&assets);
-        (name, Box::new(move |name| told(name, &play)))
+        (name, Box::new(move |name| run_and_report(name, &play)))
     };
     Ok(files.into_iter().map(job).collect())
 }
@@ -169,8 +169,8 @@ fn report_failure<T>(name: &str, result: std::thread::Result<Result<T>>) -> bool
     false
 }
 
-/// Prints what came of a run; whether it was good.
-fn told(name: &str, job: &dyn Fn() -> Result<Verdict>) -> bool {
+/// Runs a job and prints its verdict; returns whether it was good.
+fn run_and_report(name: &str, job: &dyn Fn() -> Result<Verdict>) -> bool {
     let begin = Instant::now();
     let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(job));
     let wall = begin.elapsed().as_secs_f64();

@@ -1,14 +1,15 @@
 //! A policy for the tests: it holds the robot, and on some seeds it misbehaves.
 //!
 //! `wheelarm-test-policy MISBEHAVIOUR…`, for the seeds from 0 on: `well`, `shape`,
-//! `nan`, `huge`, `words`, `silent`, `dies`, `keys`, `sways` (its speed is that of how
-//! many are asked about together, as a network's last bits are); or at once `unfit` and `crash`.
+//! `nan`, `huge`, `words`, `silent`, `dies`, `keys`, `sways` (its speed depends on
+//! the number of observations in a request, like the last bits of a network); or at once
+//! `unfit` and `crash`.
 
 use wheelarm_proto::v1;
 use wheelarm_rollout::policy::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
 use wheelarm_sdk::Connect;
 
-/// Where hand and knuckle stand in a row of state.
+/// Columns of hand and knuckle in a row of state.
 const HAND: std::ops::Range<usize> = 14..23;
 const KNUCKLE: usize = 12;
 

@@ -1,5 +1,5 @@
-//! A Zenoh router and nothing else, as the published `zenohd` would be one:
-//! what stands between servers and recorders on a large network.
+//! A plain Zenoh router, like the published `zenohd`, between servers and recorders on a
+//! large network.
 //!
 //! Prints `ready ENDPOINT` when it serves; ends when standard input closes.
 
@@ -18,8 +18,8 @@ fn main() -> anyhow::Result<()> {
         ("mode", "\"router\"".to_owned()),
         ("listen/endpoints", format!("[{endpoint:?}]")),
         ("scouting/multicast/enabled", "false".to_owned()),
-        // As the guide says for `zenohd`: samples wait for room, where the
-        // default drops them after a millisecond.
+        // As the guide configures `zenohd`: samples wait for room; by default they are
+        // dropped after a millisecond.
         (
             format!("{drop}/wait_before_drop").as_str(),
             "5000000".to_owned(),

@@ -60,7 +60,7 @@ fn who_has_no_keys_or_wrong_ones_gets_nowhere() {
     let ghost = lab.connect_with(Some(lab.keys.of("ghost")), REFUSED);
     let told = Client::open(&ghost).err().expect("an error").to_string();
     assert!(
-        told.contains("shows no server") && told.contains("users list"),
+        told.contains("cannot see a server") && told.contains("users list"),
         "{told}"
     );
     // Bare TCP on the same port.
@@ -99,7 +99,7 @@ fn the_programs_take_keys_and_the_doctor_tries_every_right() {
     assert!(told.status.success(), "{}", printed(&told));
     let told = lab.client(&["--keys", anna, "shutdown"]);
     assert!(
-        !told.status.success() && printed(&told).contains("may not ask"),
+        !told.status.success() && printed(&told).contains("may lack the right"),
         "{}",
         printed(&told)
     );

@@ -1,5 +1,5 @@
-//! Programs that others write with `wheelarm-sdk`: the guide's, run as they
-//! stand there.
+//! Programs of the guide that use `wheelarm-sdk`, run as they are printed
+//! there.
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -109,7 +109,11 @@ fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
         let frame = camera.next(PATIENCE).expect("pictures");
         let frame = frame.expect("a picture");
         let mut pixels = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
-        pixels.any(|(x, y)| frame.id(x, y).is_some_and(|id| ids.contains(&id.into())))
+        pixels.any(|(x, y)| {
+            frame
+                .instance_at(x, y)
+                .is_some_and(|id| ids.contains(&id.into()))
+        })
     };
     let reset = |task: &str, limit: Option<f64>, person: Option<&str>| {
         let person = person.map(|text| v1::Person::from_text(text).expect("a person"));

@@ -87,7 +87,7 @@ impl From<Frame> for Picture {
         Self {
             width: frame.intrinsics.width as usize,
             height: frame.intrinsics.height as usize,
-            rgb: frame.rgb.to_vec(),
+            rgb: frame.color.to_vec(),
         }
     }
 }

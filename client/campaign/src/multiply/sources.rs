@@ -205,8 +205,8 @@ fn demonstration(
         source: name,
         scene: &scene,
         goal: &goal,
-        seen: &seen,
-        told: &told,
+        observations: &seen,
+        commanded: &told,
         opening: &opening.ok_or_else(|| anyhow!("its robot has no gripper"))?,
     };
     cut(&course).map_err(|why| anyhow!(why))

@@ -1,5 +1,5 @@
-//! Adapts demonstrations to a scene: where the hand would be for a thing that stands
-//! somewhere else, and for the region.
+//! Adapts demonstrations to a scene: poses of the hand for an object at another pose,
+//! and for the region.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -12,23 +12,23 @@ use crate::goal::Goal;
 use crate::grasp_candidate::{GraspCandidate, MARGINS, Shown, surroundings};
 use crate::scene::{Grasp, SceneModel};
 
-/// Turns of a round thing that are looked at.
+/// Number of sampled turns of a round object.
 const TURNS: u8 = 24;
 /// Two grasps are the same within this, metres and radians.
 const SAME: [f64; 2] = [0.004, 0.05];
-/// Poses of a track are looked at every so many metres.
+/// Spacing of the checked poses of a track, metres.
 pub const SPACING: f64 = 0.03;
-/// Who was shown it touches what the thing stands on by this much at most, metres.
+/// A demonstrated hand may overlap the support of the object by this much, metres.
 const TOUCHES: f64 = 0.012;
 
-/// A turn about a thing's vertical.
+/// Rotation about the vertical of an object, by radians.
 #[must_use]
 pub fn turned(turn: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn)
 }
 
-/// Every demonstrated grasp of the goal's thing as it stands now that keeps `margin`
-/// metres from everything else.
+/// Every demonstrated grasp of the goal's object at its present pose that keeps
+/// `margin` metres from obstacles.
 #[must_use]
 pub fn candidates(
     scene: &SceneModel,
@@ -41,7 +41,7 @@ pub fn candidates(
         return Vec::new();
     };
     let turns = turns(scene, goal.item());
-    // Somebody may have come closer than a plan would.
+    // A person may have come closer to obstacles than a plan would.
     let margin = match margin <= MARGINS[MARGINS.len() - 1] {
         true => margin.min(-TOUCHES),
         false => margin,
@@ -73,7 +73,7 @@ pub fn candidates(
                     shown: Some(Shown {
                         index,
                         turn: *turn,
-                        chair: on_floor(&(frame * one.thing_from_chair)),
+                        chair: on_floor(&(frame * one.object_from_chair)),
                     }),
                 });
             }
@@ -82,7 +82,7 @@ pub fn candidates(
     candidates
 }
 
-/// Where the pads of a hand meet that is at `house_from_tool`.
+/// Point where the pads meet, for a hand at `house_from_tool`.
 fn point(scene: &SceneModel, one: &Demonstration, house_from_tool: &Isometry3<f64>) -> Point3<f64> {
     house_from_tool * Point3::new(0.0, 0.0, scene.hand.pads(one.width))
 }
@@ -96,8 +96,8 @@ fn on_floor(house_from_chair: &Isometry3<f64>) -> Pose2 {
     }
 }
 
-/// Turns about its vertical after which a thing is taken as before: any of a round one,
-/// else those that make its grasps one another.
+/// Turns about its vertical that leave the grasps of an object the same, radians: any
+/// turn of a round object, else the symmetries of its grasps.
 fn turns(scene: &SceneModel, item: usize) -> Vec<f64> {
     let grasps: Vec<&Grasp> = scene.grasps.iter().filter(|g| g.item == item).collect();
     if grasps.iter().any(|grasp| grasp.symmetric) {
@@ -127,16 +127,16 @@ fn turns(scene: &SceneModel, item: usize) -> Vec<f64> {
         .collect()
 }
 
-/// What comes after the poses of a putting's track, in the end effector's frame, for a
-/// thing that sits in the hand as `tool_from_item` says and was taken after a turn: the
-/// thing, not the hand, goes the way that was shown.
+/// Correction after each pose of a putting's track, in the end effector's frame, for an
+/// object with the pose `tool_from_item` in the hand that was grasped after a turn. The
+/// object, not the hand, then follows the demonstrated path.
 #[must_use]
 pub fn correction(putting: &Putting, tool_from_item: &Isometry3<f64>, turn: f64) -> Isometry3<f64> {
-    putting.tool_from_thing * (tool_from_item * turned(turn)).inverse()
+    putting.tool_from_object * (tool_from_item * turned(turn)).inverse()
 }
 
-/// Demonstrated ways to put down a thing that sits in the hand as `tool_from_item` says;
-/// that of `taken` comes first.
+/// Demonstrated ways to put down an object with the pose `tool_from_item` in the hand;
+/// the demonstration of `taken` is first.
 #[must_use]
 pub fn puttings(
     shown: &Demonstrations,
@@ -172,8 +172,8 @@ pub fn puttings(
     indices.into_iter().filter_map(candidate).collect()
 }
 
-/// Poses of the end effector in `house` along the lift of what was taken as `taken`
-/// says from a thing at `house_from_item`; none where it was not shown.
+/// Poses of the end effector in `house` along the lift of an object at
+/// `house_from_item` that was grasped as `taken`; empty when it was not demonstrated.
 #[must_use]
 pub fn lift_stops(
     shown: &Demonstrations,
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thing_that_slipped_in_the_hand_is_still_put_where_it_was_shown() {
+    fn object_that_slipped_in_the_hand_is_put_at_the_demonstrated_pose() {
         let held = Isometry3::new(Vector3::new(0.0, 0.01, 0.12), Vector3::new(1.2, 0.0, 0.3));
         let lies = Isometry3::new(Vector3::new(0.03, 0.0, 0.02), Vector3::new(0.0, 0.0, 0.4));
         let one = Demonstration {
@@ -226,9 +226,9 @@ mod tests {
             putting: Some(Putting {
                 track: track(&[lies * held.inverse()]),
                 release: 0.0,
-                tool_from_thing: held,
+                tool_from_object: held,
             }),
-            thing_from_chair: Isometry3::identity(),
+            object_from_chair: Isometry3::identity(),
             opening: 0.08,
             width: 0.05,
         };
@@ -240,14 +240,14 @@ mod tests {
         let putting = one.putting.as_ref().unwrap();
         let after = correction(putting, &held_now, turn);
         let tool = region * putting.track.at(0.0).unwrap() * after;
-        let thing = tool * held_now * turned(turn);
+        let object = tool * held_now * turned(turn);
         let wanted = region * lies;
-        let off = wanted.inv_mul(&thing);
+        let off = wanted.inv_mul(&object);
         assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-9);
     }
 
     #[test]
-    fn a_box_that_is_taken_from_two_sides_may_be_turned_by_half() {
+    fn box_with_grasps_on_two_sides_may_be_turned_by_half() {
         let grasp = |yaw: f64, symmetric| Grasp {
             item: 0,
             name: "side".to_owned(),

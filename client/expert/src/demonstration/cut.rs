@@ -1,5 +1,5 @@
-//! Cuts the stretches about a thing out of an episode, by signals alone: forces at the
-//! pads, the knuckle, where the thing was. Who did it may have been anybody.
+//! Cuts the stretches around an object out of an episode, by signals alone: pad forces,
+//! knuckle angle and pose of the object. Any driver may have recorded the episode.
 
 use nalgebra::Isometry3;
 
@@ -17,7 +17,7 @@ const LONGEST: f64 = 15.0;
 const PRESSES: f64 = 1.0;
 /// Shorter losses of a grip are none, seconds.
 const GAP: f64 = 0.25;
-/// What is taken moves by this much at least, metres.
+/// An object counts as grasped when it moves by this much at least, metres.
 const MOVED: f64 = 0.02;
 /// The knuckle closes or opens faster than this, rad/s, over this time, seconds.
 const KNUCKLE: [f64; 2] = [0.1, 0.1];
@@ -26,35 +26,36 @@ const KNUCKLE: [f64; 2] = [0.1, 0.1];
 const SETS_OUT: f64 = 1e-3;
 /// It has stalled when it moves less in this time, radians and seconds.
 const STALLED: [f64; 2] = [0.008, 0.25];
-/// The lift is over this far up, metres; where the thing is put somewhere else, here.
+/// The lift ends at this height, metres; the second one when the object is put into a
+/// region.
 const UP: f64 = 0.15;
 const UP_TO_PUT: f64 = 0.06;
 /// The chair rests below these, m/s and rad/s.
 const RESTS: [f64; 2] = [0.02, 0.03];
-/// After the release the hand goes back by this much, metres.
+/// After the release the hand moves back by this much, metres.
 const BACK: f64 = 0.07;
 /// Rests longer than this are shortened to it, seconds.
 const REST: f64 = 0.4;
 /// The hand rests while it moves less than this in a tick, metres and radians.
 const STILL: [f64; 2] = [2e-4, 1e-3];
 
-/// What somebody did, tick by tick.
+/// One recorded episode, tick by tick.
 pub struct Course<'a> {
     /// Of which episode.
     pub source: &'a str,
-    /// What stood there.
+    /// Scene of the episode.
     pub scene: &'a SceneModel,
-    /// What was asked.
+    /// Goal of the task.
     pub goal: &'a Goal,
-    /// What was seen.
-    pub seen: &'a [Observation],
-    /// Opening that was asked for at each tick, metres.
-    pub told: &'a [Option<f64>],
+    /// Observation at each tick.
+    pub observations: &'a [Observation],
+    /// Commanded opening at each tick, metres; `None` without a command.
+    pub commanded: &'a [Option<f64>],
     /// Distance between the pads, metres.
     pub opening: &'a [f64],
 }
 
-/// The stretches about the thing of `course`.
+/// Cuts the stretches around the goal's object out of `course`.
 ///
 /// # Errors
 /// In words, what is not to be found in it.
@@ -62,7 +63,7 @@ pub fn cut(course: &Course<'_>) -> Result<Demonstration, String> {
     let rows = Rows::of(course);
     let [touch, end] = rows.grip().ok_or("nothing is taken and moved in it")?;
     let begin = rows.closing_begins(touch);
-    let first = rows.comes_near(begin);
+    let first = rows.near_since(begin);
     if begin < first + 2 {
         return Err("the hand does not come near and close".to_owned());
     }
@@ -73,7 +74,7 @@ pub fn cut(course: &Course<'_>) -> Result<Demonstration, String> {
         true => closed,
         false => rows.has_raised(closed, release.unwrap_or(end)),
     };
-    let frame_from_house = rows.thing[first].inverse();
+    let frame_from_house = rows.object[first].inverse();
     let putting = match (course.goal.region(), release) {
         (Some(region), Some(release)) => rows.putting(&region.pose, raised, release),
         _ => None,
@@ -89,7 +90,7 @@ pub fn cut(course: &Course<'_>) -> Result<Demonstration, String> {
             false => without_rests(rows.track(&frame_from_house, closed, raised)),
         },
         putting,
-        thing_from_chair: frame_from_house * course.seen[begin].house_from_chair,
+        object_from_chair: frame_from_house * course.observations[begin].house_from_chair,
         opening: openings.iter().copied().fold(0.0, f64::max),
         width: course.opening[closed],
     })
@@ -99,33 +100,42 @@ struct Rows<'a> {
     course: &'a Course<'a>,
     time: Vec<f64>,
     tool: Vec<Isometry3<f64>>,
-    thing: Vec<Isometry3<f64>>,
+    object: Vec<Isometry3<f64>>,
     knuckle: Vec<f64>,
 }
 
 impl<'a> Rows<'a> {
     fn of(course: &'a Course<'a>) -> Self {
         let item = course.goal.item();
-        let (scene, seen) = (course.scene, course.seen);
-        let thing = |seen: &Observation| {
-            let poses = scene.poses(seen);
+        let (scene, observations) = (course.scene, course.observations);
+        let object = |observation: &Observation| {
+            let poses = scene.poses(observation);
             poses.get(item).copied().unwrap_or_default()
         };
         Self {
             course,
-            time: seen.iter().map(|seen| seen.time).collect(),
-            tool: seen.iter().map(|s| scene.house_from_tool(s)).collect(),
-            thing: seen.iter().map(thing).collect(),
-            knuckle: seen.iter().map(|seen| seen.knuckle).collect(),
+            time: observations
+                .iter()
+                .map(|observation| observation.time)
+                .collect(),
+            tool: observations
+                .iter()
+                .map(|s| scene.house_from_tool(s))
+                .collect(),
+            object: observations.iter().map(object).collect(),
+            knuckle: observations
+                .iter()
+                .map(|observation| observation.knuckle)
+                .collect(),
         }
     }
 
-    /// First and last row in which the thing is held that moves furthest; of equals the
-    /// last.
+    /// First and last row of the grip in which the object moves furthest; of equal
+    /// grips the last.
     fn grip(&self) -> Option<[usize; 2]> {
         let mut grips: Vec<[usize; 2]> = Vec::new();
-        for (i, seen) in self.course.seen.iter().enumerate() {
-            if !seen.pad_force.iter().all(|force| *force > PRESSES) {
+        for (i, observation) in self.course.observations.iter().enumerate() {
+            if !observation.pad_force.iter().all(|force| *force > PRESSES) {
                 continue;
             }
             match grips.last_mut() {
@@ -134,7 +144,7 @@ impl<'a> Rows<'a> {
             }
         }
         let moved = |[a, b]: &[usize; 2]| {
-            let way = (*a..=*b).map(|i| distance(&self.thing[*a], &self.thing[i]));
+            let way = (*a..=*b).map(|i| distance(&self.object[*a], &self.object[i]));
             way.fold(0.0, f64::max)
         };
         let all = grips.into_iter().filter(|grip| moved(grip) > MOVED);
@@ -153,13 +163,12 @@ impl<'a> Rows<'a> {
         self.time.partition_point(|t| *t < self.time[i] - seconds)
     }
 
-    /// Where the closing begins that ends in a touch.
+    /// Row in which the closing begins that ends in a touch.
     fn closing_begins(&self, touch: usize) -> usize {
         self.stroke_begins(touch, 1.0)
     }
 
-    /// Where the opening begins with which a thing is let go that is held no longer
-    /// after row `end`.
+    /// Row in which the opening begins that releases the object held until row `end`.
     fn opening_begins(&self, end: usize) -> usize {
         let last = self.time.len() - 1;
         let after = self.time.partition_point(|t| *t < self.time[end] + 0.5);
@@ -182,14 +191,15 @@ impl<'a> Rows<'a> {
         // The command that did it is a little older.
         let course = self.course;
         let asks = |&i: &usize| {
-            course.told[i].is_some_and(|told| sign * (course.opening[i] - told) > SETS_OUT)
+            course.commanded[i].is_some_and(|target| sign * (course.opening[i] - target) > SETS_OUT)
         };
-        let told = (self.back(begin, 2.0 * KNUCKLE[1])..=begin).find(asks);
-        told.unwrap_or(begin)
+        let command = (self.back(begin, 2.0 * KNUCKLE[1])..=begin).find(asks);
+        command.unwrap_or(begin)
     }
 
-    /// Where the hand comes near to what it takes at row `begin`, from a chair at rest.
-    fn comes_near(&self, begin: usize) -> usize {
+    /// Row in which the hand is first near its pose at row `begin`, with the chair at
+    /// rest.
+    fn near_since(&self, begin: usize) -> usize {
         let mut first = begin;
         while first > 0 {
             let before = first - 1;
@@ -205,11 +215,12 @@ impl<'a> Rows<'a> {
     }
 
     fn rests(&self, i: usize) -> bool {
-        let [speed, rate] = self.course.seen[i].chair_speed;
+        let [speed, rate] = self.course.observations[i].chair_speed;
         speed.abs() < RESTS[0] && rate.abs() < RESTS[1]
     }
 
-    /// Where the fingers have closed after a touch, or the thing moves already.
+    /// Row in which the fingers have closed after a touch, or in which the object
+    /// already moves.
     fn has_closed(&self, touch: usize, end: usize) -> usize {
         let stalls = |&i: &usize| {
             let later = self
@@ -217,14 +228,14 @@ impl<'a> Rows<'a> {
                 .partition_point(|t| *t < self.time[i] + STALLED[1]);
             let later = later.min(self.time.len() - 1);
             (self.knuckle[later] - self.knuckle[i]).abs() < STALLED[0]
-                || distance(&self.thing[i], &self.thing[touch]) > 0.3 * MOVED
+                || distance(&self.object[i], &self.object[touch]) > 0.3 * MOVED
         };
         (touch..end).find(stalls).unwrap_or(end)
     }
 
-    /// Where the lift is over.
+    /// Row in which the lift ends.
     fn has_raised(&self, closed: usize, end: usize) -> usize {
-        let rise = |i: usize| self.thing[i].translation.z - self.thing[closed].translation.z;
+        let rise = |i: usize| self.object[i].translation.z - self.object[closed].translation.z;
         let most = (closed..=end).map(rise).fold(0.0, f64::max);
         let wanted = match self.course.goal.region() {
             Some(_) => UP_TO_PUT,
@@ -235,7 +246,7 @@ impl<'a> Rows<'a> {
         (closed..end).find(over).unwrap_or(end)
     }
 
-    /// How the thing is put down that is let go at row `release`.
+    /// How the object is put down that is released at row `release`.
     fn putting(
         &self,
         house_from_region: &Isometry3<f64>,
@@ -263,12 +274,12 @@ impl<'a> Rows<'a> {
         });
         // The command at the release itself belongs to what follows.
         let mut samples = before.samples;
-        samples.last_mut()?.opening = self.course.told[release];
+        samples.last_mut()?.opening = self.course.commanded[release];
         samples.extend(moved);
         (last > release + 1).then(|| Putting {
             track: Track { samples },
             release: begin,
-            tool_from_thing: self.tool[first].inv_mul(&self.thing[first]),
+            tool_from_object: self.tool[first].inv_mul(&self.object[first]),
         })
     }
 
@@ -276,7 +287,7 @@ impl<'a> Rows<'a> {
         let sample = |i: usize| Sample {
             time: self.time[i] - self.time[first],
             frame_from_tool: frame_from_house * self.tool[i],
-            opening: self.course.told[i],
+            opening: self.course.commanded[i],
         };
         Track {
             samples: (first..=last).map(sample).collect(),
@@ -284,7 +295,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The same with long rests shortened: somebody looked, or thought.
+/// The same track with long rests shortened: the demonstrator looked or thought.
 fn without_rests(track: Track) -> Track {
     let mut out: Vec<Sample> = Vec::new();
     let (mut rested, mut left_out) = (0.0, 0.0);
@@ -300,7 +311,7 @@ fn without_rests(track: Track) -> Track {
             };
             if rested > REST {
                 left_out += step;
-                // What comes next follows the last that was kept.
+                // The next sample follows the last one kept.
                 if let Some(last) = out.last_mut() {
                     last.frame_from_tool = sample.frame_from_tool;
                 }
@@ -352,14 +363,14 @@ mod tests {
         }
     }
 
-    /// Drives for a second, rests for one, comes 0.4 m down the way to the can in
-    /// 4 s, closes in 0.6 s, raises it by 0.3 m in 3 s.
+    /// Drives for 1 s, rests for 1 s, moves 0.4 m to the can in 4 s, closes in 0.6 s,
+    /// raises it by 0.3 m in 3 s.
     fn episode(goal: &Goal, yaw: f64) -> (Vec<Observation>, Vec<Option<f64>>, Vec<f64>) {
         let can = Isometry3::from_parts(
             Translation3::new(2.0, 1.0, 0.9),
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw),
         );
-        // The hand comes along the can's x.
+        // The hand approaches along the can's x.
         let can_from_tool =
             UnitQuaternion::from_basis_unchecked(&[Vector3::y(), Vector3::z(), Vector3::x()]);
         let scene = scene();
@@ -409,20 +420,20 @@ mod tests {
     }
 
     fn shown(goal: &Goal, yaw: f64) -> Demonstration {
-        let (seen, told, opening) = episode(goal, yaw);
+        let (observations, commanded, opening) = episode(goal, yaw);
         let course = Course {
             source: "one",
             scene: &scene(),
             goal,
-            seen: &seen,
-            told: &told,
+            observations: &observations,
+            commanded: &commanded,
             opening: &opening,
         };
         cut(&course).unwrap()
     }
 
     #[test]
-    fn an_episode_is_cut_into_approach_closing_and_lift() {
+    fn episode_is_cut_into_approach_closing_and_lift() {
         let shown = shown(&Goal::Lift { item: 0 }, 0.7);
         let [first, grasp] = shown.approach.ends().unwrap();
         assert!((distance(&first, &grasp) - NEAR).abs() < 0.005);
@@ -442,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_way_to_a_thing_is_the_same_demonstration_wherever_it_stands() {
+    fn same_motion_relative_to_an_object_is_the_same_demonstration_at_any_pose() {
         let [a, b] = [0.0, 2.5].map(|yaw| shown(&Goal::Lift { item: 0 }, yaw));
         // The ends are the same: which tick was near enough first may be rounding.
         let back = |one: &Demonstration| one.approach.samples.clone().into_iter().rev();
@@ -452,7 +463,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_put_down_is_shown_relative_to_the_region() {
+    fn putting_is_demonstrated_relative_to_the_region() {
         let region = Obb {
             pose: Isometry3::translation(2.0, 1.0, 0.85),
             half: Vector3::new(0.1, 0.1, 0.0),
@@ -463,14 +474,14 @@ mod tests {
         let at = putting.track.at(putting.release).unwrap();
         let off = at.translation.vector - Vector3::new(-0.12, 0.0, 0.05);
         assert!(off.norm() < 0.005, "{off}");
-        let told = putting.track.told(putting.release - 1e-6, 99.0);
-        assert_eq!(told, Some(0.08));
+        let opening = putting.track.opening_between(putting.release - 1e-6, 99.0);
+        assert_eq!(opening, Some(0.08));
         let [first, last] = putting.track.ends().unwrap();
         assert!(distance(&first, &at) > 0.1 && distance(&last, &at) > 0.06);
     }
 
     #[test]
-    fn long_rests_are_shortened_and_what_the_gripper_is_told_is_kept() {
+    fn long_rests_are_shortened_and_gripper_commands_are_kept() {
         let sample = |i: u32, x: f64| Sample {
             time: f64::from(i) * 0.1,
             frame_from_tool: Isometry3::translation(x, 0.0, 0.0),
@@ -488,8 +499,8 @@ mod tests {
             "{}",
             short.duration()
         );
-        let told = short.samples.iter().filter(|s| s.opening.is_some());
-        assert_eq!(told.count(), 1);
+        let commands = short.samples.iter().filter(|s| s.opening.is_some());
+        assert_eq!(commands.count(), 1);
         let times = short.samples.windows(2);
         assert!(times.into_iter().all(|w| w[0].time < w[1].time));
     }

@@ -1,6 +1,6 @@
-//! Demonstrations: what the hand did about a thing while somebody took it, relative to
-//! the thing, and about a region while it was put down there, relative to the region.
-//! Free motion is not among it: it is planned anew in every scene.
+//! Demonstrations: the motion of the hand around an object while it was grasped,
+//! relative to the object, and around a region while it was put down, relative to the
+//! region. Free motion is planned again in every scene.
 //!
 //! `cut` makes them of an episode, `adapt` makes grasp candidates of them. Pure.
 
@@ -13,14 +13,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// Where the hand was at a time, and what the gripper was told then.
+/// Pose of the hand at a time, and the command of the gripper then.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Seconds since the beginning of its track.
     pub time: f64,
     /// End effector in the frame of the track.
     pub frame_from_tool: Isometry3<f64>,
-    /// Opening that was asked for at this time, metres.
+    /// Commanded opening at this time, metres.
     pub opening: Option<f64>,
 }
 
@@ -31,20 +31,20 @@ pub struct Track {
     pub samples: Vec<Sample>,
 }
 
-/// How a thing was put down.
+/// A recorded way to put an object down.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Putting {
-    /// From before it lies in the region until the hand has left it, in the region's
-    /// frame.
+    /// From above the region until the hand has left the object, in the region's frame.
     pub track: Track,
     /// When the gripper opened, seconds since the track's beginning.
     pub release: f64,
-    /// The thing in the end effector's frame when it was put down.
-    pub tool_from_thing: Isometry3<f64>,
+    /// The object in the end effector's frame when it was put down.
+    #[serde(rename = "tool_from_thing")]
+    pub tool_from_object: Isometry3<f64>,
 }
 
-/// How somebody took a thing. Tracks are in the frame of the thing, or of the slide, as
-/// it stood before the hand came near.
+/// A recorded grasp. Tracks are in the frame of the object, or of the slide, before the
+/// hand came near.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Demonstration {
     /// Of which episode.
@@ -53,24 +53,25 @@ pub struct Demonstration {
     pub approach: Track,
     /// The gripper closes.
     pub closing: Track,
-    /// The thing is raised; empty for what slides.
+    /// The object is raised; empty for a slide.
     pub lift: Track,
-    /// How it was put down, where it was.
+    /// How the object was put down, if it was.
     pub putting: Option<Putting>,
     /// The chair, `wheelchair_root`, in the same frame.
-    pub thing_from_chair: Isometry3<f64>,
+    #[serde(rename = "thing_from_chair")]
+    pub object_from_chair: Isometry3<f64>,
     /// Widest opening of the approach, metres.
     pub opening: f64,
-    /// Distance between the pads when the thing was held, metres.
+    /// Distance between the pads while the object was held, metres.
     pub width: f64,
 }
 
-/// What an operator has been shown.
+/// Demonstrations for an operator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Demonstrations {
-    /// From which to choose; with none the operator knows its own ways.
+    /// The demonstrations; when empty, the operator plans its own grasps.
     pub list: Vec<Demonstration>,
-    /// Which are liked best, and how the hand is off.
+    /// Seed of the preference among them and of the deviation of the hand.
     pub seed: u64,
     /// Deviation of the hand from what was shown, metres along each axis; ten times as
     /// many radians about it.
@@ -81,8 +82,8 @@ pub struct Demonstrations {
 const RADIANS: f64 = 10.0;
 /// The noise changes within this time, seconds.
 const KNOT: f64 = 0.5;
-/// Where the fingers close, its deviation is this share of the room that they leave
-/// about the thing at most: a smooth bottle that is held askew slips.
+/// At the closing of the fingers the deviation is at most this share of their clearance
+/// around the object: a smooth bottle that is grasped askew slips.
 const OF_ROOM: f64 = 1.0 / 16.0;
 /// It becomes so within this time, seconds.
 const FADE: f64 = 1.0;
@@ -90,8 +91,8 @@ const FADE: f64 = 1.0;
 const LIKING: f64 = 0.3;
 
 impl Demonstrations {
-    /// What each costs beside what speaks against it in a scene: who multiplies wants
-    /// all of them to be used.
+    /// Additional cost of each demonstration, from a random order of preference, so
+    /// that episodes with different seeds use all of them.
     #[must_use]
     pub fn costs(&self) -> Vec<f64> {
         let mut order: Vec<usize> = (0..self.list.len()).collect();
@@ -103,15 +104,15 @@ impl Demonstrations {
         costs
     }
 
-    /// How the hand is off during `seconds`, in its own frame, on its way to a thing
-    /// about which its open fingers leave `room`, metres.
+    /// Deviation of the hand during `seconds`, in its own frame, on its way to an
+    /// object around which its open fingers leave `room`, metres.
     #[must_use]
     pub fn wander(&self, seconds: f64, room: f64) -> Wander {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x6f66_6620_6279);
-        // Nearly normal: the sum of twelve even draws.
+        // Nearly normal: the sum of twelve uniform samples.
         let mut normal = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>();
         let knots = (seconds.max(0.0) / KNOT).ceil() as usize + 1;
-        let mut draw = |scale: f64| Vector3::from_fn(|_, _| normal() * scale);
+        let mut sample = |scale: f64| Vector3::from_fn(|_, _| normal() * scale);
         let least = self.noise.min(OF_ROOM * room.max(0.0));
         let deviation = |knot: usize| {
             // The last two knots have the end between them.
@@ -120,20 +121,20 @@ impl Demonstrations {
         };
         Wander {
             knots: (0..knots)
-                .map(|knot| [draw(deviation(knot)), draw(RADIANS * deviation(knot))])
+                .map(|knot| [sample(deviation(knot)), sample(RADIANS * deviation(knot))])
                 .collect(),
         }
     }
 }
 
-/// How the hand is off, by time.
+/// Deviation of the hand over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Wander {
     knots: Vec<[Vector3<f64>; 2]>,
 }
 
 impl Wander {
-    /// That does not change any more.
+    /// A constant deviation.
     #[must_use]
     pub fn still(offset: [Vector3<f64>; 2]) -> Self {
         Self {
@@ -179,14 +180,14 @@ impl Track {
         self.samples.is_empty()
     }
 
-    /// Where it begins and where it ends.
+    /// First and last pose.
     #[must_use]
     pub fn ends(&self) -> Option<[Isometry3<f64>; 2]> {
         let (first, last) = (self.samples.first()?, self.samples.last()?);
         Some([first.frame_from_tool, last.frame_from_tool])
     }
 
-    /// Where the hand was `time` seconds after the start.
+    /// Pose of the hand `time` seconds after the start.
     #[must_use]
     pub fn at(&self, time: f64) -> Option<Isometry3<f64>> {
         let after = self.samples.partition_point(|sample| sample.time <= time);
@@ -199,9 +200,9 @@ impl Track {
         Some(a.lerp_slerp(b, share.clamp(0.0, 1.0)))
     }
 
-    /// What the gripper was told last after `from` and not after `to`, seconds, metres.
+    /// Last commanded opening after `from` and not after `to` (seconds), metres.
     #[must_use]
-    pub fn told(&self, from: f64, to: f64) -> Option<f64> {
+    pub fn opening_between(&self, from: f64, to: f64) -> Option<f64> {
         let among = self.samples.iter();
         among
             .filter(|sample| from < sample.time && sample.time <= to)
@@ -250,18 +251,18 @@ mod tests {
     }
 
     #[test]
-    fn a_track_is_read_between_its_samples_and_held_at_its_ends() {
+    fn track_is_interpolated_between_samples_and_held_at_its_ends() {
         let track = line();
         let z = |time| track.at(time).unwrap().translation.z;
         assert!((z(0.25) - 0.025).abs() < 1e-12);
         assert!((z(-1.0), z(9.0)) == (0.0, 0.1));
-        assert_eq!(track.told(0.0, 0.25), None);
-        assert_eq!(track.told(0.25, 0.31), Some(0.05));
-        assert_eq!(track.told(0.31, 9.0), None);
+        assert_eq!(track.opening_between(0.0, 0.25), None);
+        assert_eq!(track.opening_between(0.25, 0.31), Some(0.05));
+        assert_eq!(track.opening_between(0.31, 9.0), None);
     }
 
     #[test]
-    fn a_track_in_a_moved_and_turned_frame_keeps_its_poses_to_the_frame() {
+    fn track_in_a_moved_frame_keeps_its_poses_relative_to_the_frame() {
         let track = line();
         let frame = Isometry3::new(Vector3::new(1.0, -2.0, 0.8), Vector3::new(0.0, 0.0, 2.1));
         let stops = track.stops(&frame, 0.03);
@@ -297,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn fingers_that_leave_little_room_close_where_it_was_shown() {
+    fn fingers_with_little_clearance_close_at_the_demonstrated_pose() {
         let off = |room: f64, time: f64| {
             let squares = (0..400).map(|seed| {
                 let shown = Demonstrations {

@@ -1,5 +1,5 @@
-//! Mistakes on purpose, each made once and told: the wrong thing is taken first, and
-//! then what is asked. Which there are stands in [`crate::forced`].
+//! Forced errors, each made once and reported: for example the wrong object is grasped
+//! first, and then the right one. [`crate::forced`] lists them.
 
 use nalgebra::Isometry3;
 
@@ -9,13 +9,13 @@ use crate::forced::ForcedError;
 use crate::goal::Goal;
 use crate::skill::release::Release;
 
-/// Another thing than the goal's, the nearest to it that can be taken; a wrong one
-/// further away than this is none, metres.
+/// The wrong object is the nearest to the goal's that can be grasped, at most this far
+/// from it, metres.
 const NEAR: f64 = 0.6;
 
 impl Operator {
-    /// Begins with the wrong thing, where there is one near by.
-    pub(super) fn take_the_wrong_one(&mut self, poses: &[Isometry3<f64>]) {
+    /// Begins with the wrong object, when there is one nearby.
+    pub(super) fn take_the_wrong_object(&mut self, poses: &[Isometry3<f64>]) {
         let item = self.goal.item();
         let off = |other: usize| {
             (poses[other].translation.vector - poses[item].translation.vector).norm()
@@ -27,19 +27,19 @@ impl Operator {
         let Some(other) = nearest.filter(|_| !slides) else {
             self.memory
                 .notes
-                .push("there is no other thing near by to take by mistake".to_owned());
+                .push("no other object nearby to take by mistake".to_owned());
             return;
         };
         self.force(ForcedError::WrongObject);
         let wrong = Goal::Lift { item: other };
-        self.asked = Some(std::mem::replace(&mut self.goal, wrong));
+        self.requested = Some(std::mem::replace(&mut self.goal, wrong));
     }
 
-    /// Goes on with what is asked.
+    /// Goes on with the requested goal.
     pub(super) fn correct(&mut self, goal: Goal) {
         self.memory
             .notes
-            .push("that was the wrong thing; takes the right one".to_owned());
+            .push("that was the wrong object; takes the right one".to_owned());
         self.goal = goal;
         self.forcing = false;
         self.about_to = None;
@@ -57,13 +57,13 @@ impl Operator {
         self.forcing = true;
         self.erred = true;
         match error {
-            // Told when the hand sets off: until then the way is the same.
+            // Reported when the hand sets off: until then the way is the same.
             ForcedError::WrongObject => self.about_to = Some(error.incident()),
             ForcedError::WrongGrasp | ForcedError::Drop => self.incident = error.incident(),
         }
         let note = match error {
             ForcedError::WrongGrasp => "forced: closes beside it",
-            ForcedError::WrongObject => "forced: takes another thing first",
+            ForcedError::WrongObject => "forced: takes another object first",
             ForcedError::Drop => "forced: drops it",
         };
         self.memory.notes.push(note.to_owned());

@@ -29,7 +29,7 @@ pub use super::skill::Act;
 use super::skill::fumble::Fumble;
 use super::skill::{Memory, Now, Skill, Step};
 
-/// How the work ended.
+/// Result of the work.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Outcome {
     /// The task's conditions hold.
@@ -77,15 +77,15 @@ pub struct Operator {
     opened: bool,
     over: bool,
     trouble: Trouble,
-    /// What is asked, while the wrong thing is taken on purpose.
-    asked: Option<Goal>,
+    /// The requested goal, while the wrong object is grasped on purpose.
+    requested: Option<Goal>,
     /// An error is being made on purpose.
     forcing: bool,
     /// An error was made that a firm grasp puts right.
     erred: bool,
-    /// What went wrong or right again since the last command.
+    /// Error or recovery since the last command.
     incident: v1::Incident,
-    /// What will be told when the hand sets off for the wrong thing.
+    /// The incident to report when the hand sets off for the wrong object.
     about_to: Option<v1::Incident>,
     longest: f64,
     /// The hand is not brought home first, as long as that works.
@@ -98,7 +98,7 @@ pub struct Operator {
     own_time: Option<(f64, f64)>,
 }
 
-/// What may go wrong in an episode, on purpose.
+/// Intentional difficulties of an episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Trouble {
     /// The scenario hinders the robot.
@@ -113,7 +113,7 @@ impl Operator {
     /// An operator that works towards `goal`.
     ///
     /// # Errors
-    /// When there is no goal, or the scene knows no grasp for it.
+    /// When the goal is missing, or the scene has no grasp for it.
     pub fn new(
         scene: SceneModel,
         goal: Option<Goal>,
@@ -145,7 +145,7 @@ impl Operator {
             opened: false,
             over: false,
             trouble: Trouble::default(),
-            asked: None,
+            requested: None,
             forcing: false,
             erred: false,
             incident: v1::Incident::Unspecified,
@@ -157,7 +157,7 @@ impl Operator {
         })
     }
 
-    /// That does only a part of the work.
+    /// Does only a part of the work.
     #[must_use]
     pub fn only(mut self, extent: Extent) -> Self {
         self.extent = extent;
@@ -165,11 +165,11 @@ impl Operator {
         self
     }
 
-    /// That takes the thing as somebody has shown it, by one of `shown`, and in no other
-    /// way; of none it knows its own ways.
+    /// Grasps the object only as one of the demonstrations `shown` does; with an empty
+    /// list, by its own plan.
     #[must_use]
     pub fn shown(mut self, shown: Demonstrations) -> Self {
-        // What was shown stands in the place of habits.
+        // Demonstrations replace habits.
         if !shown.list.is_empty() {
             self.profile.habits = None;
         }
@@ -177,7 +177,7 @@ impl Operator {
         self
     }
 
-    /// The episode of the demonstration by which it took the thing last.
+    /// The episode of the demonstration of the last grasp.
     #[must_use]
     pub fn source(&self) -> Option<&str> {
         let shown = self.memory.candidate.as_ref()?.shown?;
@@ -185,17 +185,17 @@ impl Operator {
         Some(&one.source)
     }
 
-    /// That goes on from wherever somebody else left the hand, instead of bringing it
-    /// home and looking for a place to stop: who learns from that sees how to put right
-    /// what is a little off, and not how to begin again. Where the arm cannot take the
-    /// thing from there, and after a miss, it begins again.
+    /// Goes on from the present pose of the hand instead of stowing the arm and
+    /// choosing a base placement. A policy then learns to correct small errors instead
+    /// of beginning again. When the arm cannot reach the object from there, and after a
+    /// miss, the operator begins again.
     #[must_use]
     pub fn on_the_spot(mut self) -> Self {
         self.on_the_spot = true;
         self
     }
 
-    /// That turns on the spot until the robot faces the target, before it drives.
+    /// Turns on the spot until the robot faces the target, before it drives.
     #[must_use]
     pub fn looking_around(mut self) -> Self {
         self.looks_around = true;
@@ -212,33 +212,35 @@ impl Operator {
         self
     }
 
-    /// What went wrong or right again since the last call.
+    /// Error or recovery since the last call.
     pub fn incident(&mut self) -> v1::Incident {
         std::mem::take(&mut self.incident)
     }
 
-    /// What happened, in words, since the last call.
+    /// Notes for people since the last call.
     pub fn notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.memory.notes)
     }
 
-    /// Decides what to do at one control tick; the outcome comes once, with
-    /// the last action. At the human-like pace the skills see a time of their own, which
-    /// rests in a pause, and the chair goes as much slower or faster as that time does.
+    /// Decides the action of one control tick. The outcome is returned once, with the
+    /// last action. At the human-like pace the skills use their own time, which stops
+    /// during pauses and scales the speed of the chair.
     pub fn step(
         &mut self,
-        seen: &Observation,
+        observation: &Observation,
         arm: &mut dyn ArmReachability,
     ) -> (Act, Option<Outcome>) {
         let Some(pace) = &mut self.pace else {
-            return self.decide(seen, arm);
+            return self.decide(observation, arm);
         };
-        let (mut own, last) = self.own_time.unwrap_or((seen.time, seen.time));
-        let begun = self.begun.unwrap_or(seen.time);
-        let rate = pace.rate(seen.time - begun);
-        own += (seen.time - last) * rate;
-        self.own_time = Some((own, seen.time));
-        let mut slowed = seen.clone();
+        let (mut own, last) = self
+            .own_time
+            .unwrap_or((observation.time, observation.time));
+        let begun = self.begun.unwrap_or(observation.time);
+        let rate = pace.rate(observation.time - begun);
+        own += (observation.time - last) * rate;
+        self.own_time = Some((own, observation.time));
+        let mut slowed = observation.clone();
         slowed.time = own;
         let (mut act, outcome) = self.decide(&slowed, arm);
         act.base = act.base.map(|base| base.map(|v| v * rate));
@@ -247,47 +249,47 @@ impl Operator {
 
     fn decide(
         &mut self,
-        seen: &Observation,
+        observation: &Observation,
         arm: &mut dyn ArmReachability,
     ) -> (Act, Option<Outcome>) {
         let holds = self.extent == Extent::Put;
         if self.begun.is_none() && !holds {
-            self.set_off(seen);
+            self.set_off(observation);
         }
-        let begun = *self.begun.get_or_insert(seen.time);
+        let begun = *self.begun.get_or_insert(observation.time);
         if self.detour.is_none() && !self.on_the_spot {
-            self.memory.home.get_or_insert(seen.base_from_tool);
+            self.memory.home.get_or_insert(observation.base_from_tool);
         }
         if self.over {
             return (Act::named(Phase::Unspecified, "over"), None);
         }
-        if self.extent == Extent::Task && seen.done && !seen.success {
+        if self.extent == Extent::Task && observation.done && !observation.success {
             return self.finish(Outcome::Failure(format!(
                 "the task failed: {}",
-                seen.failure
+                observation.failure
             )));
         }
-        if seen.person_force > FORCE_LIMIT {
+        if observation.person_force > FORCE_LIMIT {
             return self.finish(Outcome::Failure(format!(
                 "the robot pressed the person with {:.0} N (limit {FORCE_LIMIT} N)",
-                seen.person_force
+                observation.person_force
             )));
         }
-        if seen.time - begun > self.longest {
+        if observation.time - begun > self.longest {
             let longest = self.longest;
             return self.finish(Outcome::Failure(format!("not done within {longest} s")));
         }
-        let poses = self.scene.poses(seen);
+        let poses = self.scene.poses(observation);
         if let Some(ForcedError::WrongObject) = self.trouble.forced {
             self.trouble.forced = None;
-            self.take_the_wrong_one(&poses);
+            self.take_the_wrong_object(&poses);
         }
         for _ in 0..ENDINGS {
             let mut now = Now {
                 scene: &self.scene,
                 goal: &self.goal,
                 profile: &self.profile,
-                seen,
+                observation,
                 poses: &poses,
                 reach: &mut *arm,
                 shown: &self.shown,
@@ -323,7 +325,7 @@ impl Operator {
                         return self.finish(outcome);
                     }
                 }
-                Step::Impossible(why) => match self.asked.take() {
+                Step::Impossible(why) => match self.requested.take() {
                     Some(goal) => self.correct(goal),
                     None => return self.finish(Outcome::Failure(why)),
                 },
@@ -332,14 +334,14 @@ impl Operator {
         (Act::named(Phase::Unspecified, "thinking"), None)
     }
 
-    /// What comes after a skill that has done its part.
+    /// Chooses what follows a completed skill.
     fn done(&mut self) -> Option<Outcome> {
         if self.detour.take().is_some() {
             return None;
         }
         let stage = plan(&self.goal, self.extent).get(self.at).copied();
         if stage == Some(Stage::Grasp) {
-            if let Some(goal) = self.asked.take() {
+            if let Some(goal) = self.requested.take() {
                 self.correct(goal);
                 return None;
             }
@@ -377,12 +379,12 @@ impl Operator {
         (act, Some(outcome))
     }
 
-    /// The goal's thing in the end effector's frame.
+    /// The goal's object in the end effector's frame.
     #[must_use]
-    pub fn thing_in_hand(&self, seen: &Observation) -> Isometry3<f64> {
-        let poses = self.scene.poses(seen);
-        let thing = poses.get(self.goal.item()).copied().unwrap_or_default();
-        self.scene.house_from_tool(seen).inv_mul(&thing)
+    pub fn object_in_hand(&self, observation: &Observation) -> Isometry3<f64> {
+        let poses = self.scene.poses(observation);
+        let object = poses.get(self.goal.item()).copied().unwrap_or_default();
+        self.scene.house_from_tool(observation).inv_mul(&object)
     }
 
     /// The action as a command.

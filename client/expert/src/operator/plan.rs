@@ -13,21 +13,21 @@ use crate::skill::reach::Reach;
 use crate::skill::release::Release;
 use crate::skill::watch::Watch;
 
-/// How much of the work is done.
+/// Extent of the work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extent {
     /// All of it, until the task's conditions hold.
     #[default]
     Task,
-    /// Until the hand stands before the thing.
+    /// Until the hand is in front of the object.
     Near,
-    /// Until the thing is held and lifted.
+    /// Until the object is held and lifted.
     Take,
     /// From there on: what the hand holds is put into the region.
     Put,
 }
 
-/// One step of the plan: which skill comes.
+/// One step of the plan: the skill to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     Navigate(Purpose),

@@ -1,5 +1,5 @@
-//! What follows a skill that did not come out as meant: another attempt, another place
-//! for the chair, or the end.
+//! Chooses what follows a failed skill: another attempt, another base placement, or the
+//! end.
 
 use wheelarm_proto::v1;
 
@@ -9,7 +9,7 @@ use crate::skill::navigate::Purpose;
 use crate::skill::release::Release;
 use crate::skill::stow::Stow;
 
-/// Attempts at the thing before the operator gives up.
+/// Attempts at the object before the operator gives up.
 const ATTEMPTS: usize = 3;
 /// The same where the scenario hinders the robot.
 const HINDERED_ATTEMPTS: usize = 8;
@@ -28,13 +28,13 @@ impl Operator {
         self.detour = Some(Box::new(Stow::default()));
     }
 
-    /// Gives this attempt up: lets go, backs off, looks again; or the end.
+    /// Ends this attempt: releases, backs off and looks again; or returns the outcome.
     pub(super) fn missed(&mut self, why: &str) -> Option<Outcome> {
         if self.on_the_spot {
             self.begin_again(why);
             return None;
         }
-        if let Some(goal) = self.asked.take() {
+        if let Some(goal) = self.requested.take() {
             self.correct(goal);
             return None;
         }
@@ -81,7 +81,7 @@ impl Operator {
             self.begin_again(&why);
             return None;
         }
-        if let Some(goal) = self.asked.take() {
+        if let Some(goal) = self.requested.take() {
             self.correct(goal);
             return None;
         }

@@ -38,7 +38,7 @@ impl BackOff {
     pub fn plan(now: &Now<'_>, poses: &[Isometry3<f64>], seconds: f64) -> Option<Self> {
         let by = now.profile.habits?.back_off?;
         let footprint = now.scene.footprint_check(now.poses);
-        let chair = now.seen.chair();
+        let chair = now.observation.chair();
         let steps = ((by + BEHIND) / SPACING).ceil() as usize;
         let is_free =
             |i| footprint.is_free(&chair.rolled(-SPACING * i as f64, 0.0), PLACEMENT_MARGIN);
@@ -46,10 +46,10 @@ impl BackOff {
             return None;
         }
         let item = now.goal.item();
-        let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+        let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
         let balls = held_balls(&now.scene.items[item].boxes, &held);
         let width = now.memory.candidate.map_or(0.0, |taken| taken.width);
-        let back = now.seen.house_from_chair.rotation * Vector3::x() * -by;
+        let back = now.observation.house_from_chair.rotation * Vector3::x() * -by;
         let moved = |share: f64| {
             let offset = Translation3::from(back * share);
             poses.iter().map(move |pose| offset * pose)
@@ -67,7 +67,7 @@ impl BackOff {
         let quickest = by / (peak * (1.0 - RAMP));
         let seconds = seconds.min(by / SLOWEST).max(quickest);
         Some(Self {
-            since: now.seen.time,
+            since: now.observation.time,
             seconds,
             peak: by / (seconds * (1.0 - RAMP)),
         })

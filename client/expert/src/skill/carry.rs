@@ -21,12 +21,12 @@ impl Skill for Carry {
         if let Some(why) = now.slipped() {
             return Step::Missed(why);
         }
-        let time = now.seen.time;
+        let time = now.observation.time;
         if self.motion.is_none() {
             let at = now.house_from_desired();
-            // Back along the hand, level; a hand from above goes towards the chair.
+            // Back along the hand, level; a hand from above moves towards the chair.
             let back = at.rotation * -Vector3::z();
-            let chair = now.seen.house_from_chair.rotation * -Vector3::x();
+            let chair = now.observation.house_from_chair.rotation * -Vector3::x();
             let level = Vector3::new(back.x, back.y, 0.0);
             let direction = if level.norm() > 0.5 { level } else { chair };
             let stop = Translation3::from(direction.normalize() * now.profile.retract) * at;
@@ -35,7 +35,7 @@ impl Skill for Carry {
             }
             let speed = now.profile.carry_speed;
             self.motion = Some(lift::carried(now, &[(stop, speed)]));
-            // What is brought to the person has a longer way, on which the chair backs off.
+            // The way to the person is longer, and the chair backs off on it.
             self.back_off = match now.goal {
                 Goal::Bring { .. } | Goal::Give { .. } => None,
                 _ => BackOff::plan(now, &[at], 0.0),

@@ -7,8 +7,8 @@ use super::motion::{Motion, Progress};
 use super::{Act, Now, Skill, Step};
 use crate::goal::Goal;
 
-/// Height from which a thing is dropped, metres: it mostly stays upright, and no
-/// task counts it as lifted.
+/// Height from which an object is dropped, metres: it mostly stays upright, and no task
+/// counts it as lifted.
 const HEIGHT: f64 = 0.02;
 /// The same of what is soft, which falls over from higher.
 const SOFT_HEIGHT: f64 = 0.004;

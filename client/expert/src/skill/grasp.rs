@@ -21,7 +21,7 @@ const LONGEST: f64 = 5.0;
 #[derive(Clone, Debug, Default)]
 pub struct Grasp {
     begun: Option<f64>,
-    /// Where the knuckle was when it last moved, and when.
+    /// Knuckle angle and time of its last movement.
     still: Option<(f64, f64)>,
     /// As it was shown.
     play: Option<Play>,
@@ -29,8 +29,8 @@ pub struct Grasp {
 
 impl Skill for Grasp {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
-        let seen = now.seen;
-        let begun = *self.begun.get_or_insert(seen.time);
+        let observation = now.observation;
+        let begun = *self.begun.get_or_insert(observation.time);
         let mut act = Act::named(Phase::Grasping, "closing");
         if self.play.is_none()
             && let Some((one, _)) = now.taken_as()
@@ -51,7 +51,7 @@ impl Skill for Grasp {
                     ..act
                 });
             }
-            // What is in the fingers may keep the hand a little off.
+            // The held object may keep the hand a little off.
             Some((played, _, seconds)) => {
                 if let Played::Moving(_, opening) = played {
                     act.opening = opening;
@@ -59,31 +59,33 @@ impl Skill for Grasp {
                 begun + seconds
             }
             None => {
-                // The cap on the force stops the fingers at the thing.
-                if seen.time - begun < 0.05 {
+                // The force cap stops the fingers at the object.
+                if observation.time - begun < 0.05 {
                     act.opening = Some(0.0);
                 }
                 begun
             }
         };
-        let touching = seen.pad_force.iter().all(|force| *force > TOUCH);
-        let (knuckle, since) = *self.still.get_or_insert((seen.knuckle, seen.time));
+        let touching = observation.pad_force.iter().all(|force| *force > TOUCH);
+        let (knuckle, since) = *self
+            .still
+            .get_or_insert((observation.knuckle, observation.time));
         let soft = now
             .memory
             .candidate
             .is_some_and(|candidate| candidate.force.is_some());
         let still = if soft { SOFT_STILL } else { STILL };
-        if !touching || (seen.knuckle - knuckle).abs() > still {
-            self.still = Some((seen.knuckle, seen.time));
-        } else if seen.time - since > FIRM {
-            now.memory.held = Some(now.thing_in_hand());
+        if !touching || (observation.knuckle - knuckle).abs() > still {
+            self.still = Some((observation.knuckle, observation.time));
+        } else if observation.time - since > FIRM {
+            now.memory.held = Some(now.object_in_hand());
             return Step::Done;
         }
-        if now.scene.hand.is_empty(seen.knuckle) {
+        if now.scene.hand.is_empty(observation.knuckle) {
             now.refuse_candidate();
             return Step::Missed("the fingers closed on nothing".to_owned());
         }
-        if seen.time - begun > LONGEST {
+        if observation.time - begun > LONGEST {
             now.refuse_candidate();
             return Step::Missed("the fingers found no firm grip".to_owned());
         }

@@ -10,24 +10,25 @@ use crate::clearance::held_balls;
 use crate::goal::Goal;
 use crate::tool_path::Shape;
 
-/// Heights to raise by under a board, metres; the operator profile's comes first.
+/// Heights to raise by under a board, metres, after that of the operator profile.
 const LOW: [f64; 5] = [0.13, 0.10, 0.07, 0.04, 0.02];
-/// The thing leaves what it stands on by this much before it is looked at, metres.
+/// The object is raised above its support by this much before the grip is checked,
+/// metres.
 const OFF: f64 = 0.012;
 /// Room above while lifting, metres.
 const ROOM: f64 = 0.004;
-/// Distances to draw out from under a board, metres.
+/// Distances to move out from under a board, metres.
 const OUT: [f64; 5] = [0.26, 0.22, 0.18, 0.14, 0.10];
 
 /// A soft object bows out by this share of what a rigid one does.
 const SOFT_BOW: f64 = 0.65;
-/// The thing is raised straight by this before it goes back as well, metres.
+/// The object is raised straight by this before it moves back as well, metres.
 const FIRST: f64 = 0.05;
-/// How far it may go back towards the arm while it is raised, metres.
+/// Greatest distance back towards the arm during the lift, metres.
 const TOWARDS: [f64; 3] = [0.08, 0.15, 0.22];
 
-/// How far a thing is raised for a goal, metres; what is only moved somewhere
-/// else need not go high.
+/// How far an object is raised for a goal, metres; less when it is only moved
+/// elsewhere.
 #[must_use]
 pub fn height(goal: &Goal, lift: f64) -> f64 {
     match goal {
@@ -82,7 +83,7 @@ impl Skill for Lift {
         match self.motion.as_ref().map(|motion| motion.step(now)) {
             Some(Progress::Moving(tool)) => Step::Going(Act { tool, ..act }),
             Some(Progress::Late(why)) => {
-                // What it holds is worth more than the exact place.
+                // Keeping the object has priority over the exact pose.
                 now.note(format!("lifting: {why}"));
                 Step::Done
             }
@@ -96,11 +97,11 @@ impl Skill for Lift {
 #[must_use]
 pub fn carried(now: &mut Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Motion {
     let item = now.goal.item();
-    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
     let balls = held_balls(&now.scene.items[item].boxes, &held);
     let taken = now.memory.candidate;
     let width = taken.map_or(0.0, |candidate| candidate.width);
-    // What is soft hangs from the fingers and swings: it bows less, without overlap.
+    // A deformable object hangs from the fingers and swings: bow less, without overlap.
     let soft = taken.is_some_and(|candidate| candidate.force.is_some());
     let shape = match now.profile.habits {
         Some(_) if soft => Shape {
@@ -114,7 +115,7 @@ pub fn carried(now: &mut Now<'_>, stops: &[(Isometry3<f64>, f64)]) -> Motion {
         None => Shape::default(),
     };
     Motion::curved(now, stops, &shape, |now, poses| {
-        // What it stands on is left straight enough within the first part.
+        // The first part leaves the support straight enough.
         let start = poses[0].translation.vector;
         let left = |pose: &&Isometry3<f64>| (pose.translation.vector - start).norm() < OFF;
         let poses = &poses[poses.iter().take_while(left).count()..];
@@ -156,7 +157,7 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
     let around = now
         .scene
         .around(&[start, up(0.2) * start], now.poses, Some(item));
-    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
     let balls = held_balls(&now.scene.items[item].boxes, &held);
     let width = now
         .memory
@@ -172,7 +173,7 @@ fn stops(now: &mut Now<'_>) -> Vec<Isometry3<f64>> {
     let highest = [whole].into_iter().chain(LOW).find(|height| free(*height));
     let first = highest.unwrap_or(whole);
     if first >= whole {
-        let base = now.scene.house_from_base(now.seen);
+        let base = now.scene.house_from_base(now.observation);
         let paths = lift_paths(&base, &start, whole);
         let path = paths.iter().find(|path| now.reaches(path));
         return path.or(paths.first()).cloned().unwrap_or_default();

@@ -60,7 +60,7 @@ fn turns(
 impl LookAround {
     fn plan(&mut self, now: &mut Now<'_>) {
         self.planned = true;
-        let chair = now.seen.chair();
+        let chair = now.observation.chair();
         let target = now.poses[now.goal.item()].translation;
         let bearing = exact::atan2(target.y - chair.y, target.x - chair.x);
         let bearing = wrap(bearing - chair.heading);
@@ -93,9 +93,9 @@ impl Skill for LookAround {
             })
         };
         if let Some((drive, begun)) = &self.turning {
-            let time = now.seen.time - begun;
+            let time = now.observation.time - begun;
             if time <= drive.duration() {
-                return act(drive.command(time, &now.seen.chair()));
+                return act(drive.command(time, &now.observation.chair()));
             }
             if time <= drive.duration() + FACES {
                 return act([0.0, 0.0]);
@@ -107,8 +107,8 @@ impl Skill for LookAround {
             Some(turn) if turn.abs() < LEAST => act([0.0, 0.0]),
             Some(turn) => {
                 let turn = [Segment::Turn(turn)];
-                let drive = Drive::new(now.seen.chair(), &turn, &now.profile.drive);
-                self.turning = Some((drive, now.seen.time));
+                let drive = Drive::new(now.observation.chair(), &turn, &now.profile.drive);
+                self.turning = Some((drive, now.observation.time));
                 act([0.0, 0.0])
             }
         }
@@ -121,7 +121,7 @@ mod tests {
     use wheelarm_planning::footprint_check::{Outline, Rectangle};
 
     #[test]
-    fn the_chair_turns_to_the_target_where_there_is_room() {
+    fn chair_turns_to_the_target_when_there_is_room() {
         let outline = Outline {
             sides: [-0.4, 0.8, -0.3, 0.3],
         };

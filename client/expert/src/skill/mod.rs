@@ -1,6 +1,6 @@
-//! The skills: one small state machine each. A skill sees observations, says
-//! what to do, and ends done, missed or unable. It knows nothing of tasks and
-//! of the skills before or after it, beside what is in the hand.
+//! The skills: one small state machine each. A skill reads observations, returns
+//! actions, and ends done, missed or unable. It depends neither on the task nor on the
+//! skills before or after it, except for the object in the hand.
 
 pub mod back_off;
 pub mod bring;
@@ -33,7 +33,7 @@ use super::scene::SceneModel;
 use super::tool_path::distance;
 use wheelarm_planning::footprint_check::Pose2;
 
-/// What is done at one control tick.
+/// The action of one control tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Act {
     /// New end effector target in `base_link`, if any.
@@ -65,16 +65,16 @@ impl Act {
     }
 }
 
-/// What a skill says at one control tick.
+/// The result of a skill at one control tick.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// It is at work.
     Going(Act),
     /// It has done its part.
     Done,
-    /// It did not come out as meant: let go and try again.
+    /// The attempt failed: release and try again.
     Missed(String),
-    /// It cannot be done from where the chair stands.
+    /// It cannot be done from the present pose of the chair.
     Elsewhere(String),
     /// It cannot be done at all.
     Impossible(String),
@@ -86,74 +86,77 @@ pub trait Skill: Send {
     fn step(&mut self, now: &mut Now<'_>) -> Step;
 }
 
-/// What a skill works with at one control tick.
+/// The inputs of a skill at one control tick.
 pub struct Now<'a> {
-    /// What stands where.
+    /// Geometry of the scene.
     pub scene: &'a SceneModel,
-    /// What is asked.
+    /// Goal of the task.
     pub goal: &'a Goal,
     /// The operator profile.
     pub profile: &'a OperatorProfile,
     /// The observation.
-    pub seen: &'a Observation,
-    /// Poses of all things in `house`.
+    pub observation: &'a Observation,
+    /// Poses of all objects in `house`.
     pub poses: &'a [Isometry3<f64>],
     /// The arm's kinematics.
     pub reach: &'a mut dyn ArmReachability,
-    /// What somebody has shown.
+    /// Demonstrations of the grasp.
     pub shown: &'a Demonstrations,
-    /// What skills leave for each other.
+    /// State that skills share.
     pub memory: &'a mut Memory,
 }
 
-/// What skills leave for each other.
+/// State that skills share.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     /// End effector in `base_link` at the start: a safe place for the hand.
     pub home: Option<Isometry3<f64>>,
     /// The grasp candidate that was chosen.
     pub candidate: Option<GraspCandidate>,
-    /// The grasp for which the chair was placed, as the end effector in the thing's frame.
+    /// The grasp for which the chair was placed, as the end effector in the object's
+    /// frame.
     pub planned: Option<Isometry3<f64>>,
-    /// Grasp candidates that did not work, as the end effector in the thing's frame.
+    /// Grasp candidates that failed, as the end effector in the object's frame.
     pub refused: Vec<Isometry3<f64>>,
     /// Stops of the chair from which it did not work.
     pub left: Vec<Pose2>,
-    /// The thing in the end effector's frame when the hand was closed.
+    /// The object in the end effector's frame when the hand closed.
     pub held: Option<Isometry3<f64>>,
-    /// The thing in `house` before it was taken.
+    /// The object in `house` before it was grasped.
     pub rest: Option<Isometry3<f64>>,
-    /// What happened, in words.
+    /// Notes for people.
     pub notes: Vec<String>,
     /// The scenario hinders the robot: what is taken may be moved by others.
     pub hindered: bool,
-    /// The next grasp closes beside the thing, on purpose.
+    /// The next grasp closes beside the object, on purpose.
     pub aside: bool,
     /// Frame of the demonstration that is played, in `house`, and how the hand is off.
     pub playing: Option<(Isometry3<f64>, Wander)>,
 }
 
-/// The thing has slipped when it moved this far in the hand, metres.
+/// The object has slipped when it moved this far in the hand, metres.
 const SLIP: f64 = 0.03;
 
 impl Now<'_> {
-    /// The goal's thing in `house`.
+    /// The goal's object in `house`.
     #[must_use]
-    pub fn thing(&self) -> Isometry3<f64> {
+    pub fn object(&self) -> Isometry3<f64> {
         self.poses[self.goal.item()]
     }
 
-    /// The goal's thing in the end effector's frame.
+    /// The goal's object in the end effector's frame.
     #[must_use]
-    pub fn thing_in_hand(&self) -> Isometry3<f64> {
-        self.scene.house_from_tool(self.seen).inv_mul(&self.thing())
+    pub fn object_in_hand(&self) -> Isometry3<f64> {
+        self.scene
+            .house_from_tool(self.observation)
+            .inv_mul(&self.object())
     }
 
-    /// Why the thing is no longer held; `None` while it is.
+    /// The reason why the object is not held any more; `None` while it is held.
     #[must_use]
     pub fn slipped(&self) -> Option<String> {
         let held = self.memory.held?;
-        let moved = distance(&held, &self.thing_in_hand());
+        let moved = distance(&held, &self.object_in_hand());
         (moved > SLIP).then(|| {
             format!(
                 "the {} slipped {:.0} mm in the hand",
@@ -163,8 +166,8 @@ impl Now<'_> {
         })
     }
 
-    /// Candidates to take the goal's thing as it lies now that keep `margin` metres from
-    /// everything else: those that were shown, if any were, and no others.
+    /// Grasp candidates of the goal's object at its present pose that keep `margin`
+    /// metres from obstacles: only demonstrated ones when there are demonstrations.
     #[must_use]
     pub fn candidates(&self, margin: f64) -> Vec<GraspCandidate> {
         match self.shown.list.is_empty() {
@@ -178,55 +181,55 @@ impl Now<'_> {
         }
     }
 
-    /// The demonstration as which the thing was taken, or is to be.
+    /// The demonstration of the present or planned grasp.
     #[must_use]
     pub fn taken_as(&self) -> Option<(&Demonstration, Shown)> {
         let shown = self.memory.candidate.as_ref()?.shown?;
         Some((self.shown.list.get(shown.index)?, shown))
     }
 
-    /// Where the server wants the end effector to be, in `house`.
+    /// Target of the server for the end effector, in `house`.
     #[must_use]
     pub fn house_from_desired(&self) -> Isometry3<f64> {
         let desired = self
-            .seen
+            .observation
             .base_from_desired
-            .unwrap_or(self.seen.base_from_tool);
-        self.scene.house_from_base(self.seen) * desired
+            .unwrap_or(self.observation.base_from_tool);
+        self.scene.house_from_base(self.observation) * desired
     }
 
     /// Whether the arm, from where the end effector is meant to be, reaches
     /// `poses` in `house` one after another without folding over.
     pub fn reaches(&mut self, poses: &[Isometry3<f64>]) -> bool {
         let tool = self
-            .seen
+            .observation
             .base_from_desired
-            .unwrap_or(self.seen.base_from_tool);
-        let chair = self.seen.house_from_chair;
+            .unwrap_or(self.observation.base_from_tool);
+        let chair = self.observation.house_from_chair;
         base_placement::reaches_from(self.scene, &chair, &tool, poses, self.reach)
     }
 
     /// The same along a path on which no joint has to be quick.
     pub fn reaches_gently(&mut self, poses: &[Isometry3<f64>]) -> bool {
-        let base_from_house = self.scene.house_from_base(self.seen).inverse();
+        let base_from_house = self.scene.house_from_base(self.observation).inverse();
         let poses: Vec<_> = poses.iter().map(|pose| base_from_house * pose).collect();
-        let tool = self.seen.base_from_desired;
-        let tool = tool.unwrap_or(self.seen.base_from_tool);
+        let tool = self.observation.base_from_desired;
+        let tool = tool.unwrap_or(self.observation.base_from_tool);
         base_placement::reaches_within(&tool, &poses, base_placement::GENTLE, self.reach)
     }
 
     /// Gives up this stop of the chair: it is not taken again.
     #[must_use]
     pub fn elsewhere(&mut self, why: &str) -> Step {
-        self.memory.left.push(self.seen.chair());
+        self.memory.left.push(self.observation.chair());
         Step::Elsewhere(why.to_owned())
     }
 
     /// The candidate that was chosen is not chosen again.
     pub fn refuse_candidate(&mut self) {
         if let Some(candidate) = self.memory.candidate {
-            let thing_from_tool = self.thing().inv_mul(&candidate.grasp);
-            self.memory.refused.push(thing_from_tool);
+            let object_from_tool = self.object().inv_mul(&candidate.grasp);
+            self.memory.refused.push(object_from_tool);
         }
     }
 

@@ -18,7 +18,7 @@ pub struct Motion {
     begun: f64,
 }
 
-/// How a movement stands.
+/// State of a movement.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
     /// Under way, with the target of this tick in `base_link`.
@@ -48,7 +48,7 @@ impl Motion {
     ) -> Self {
         for shape in shapes(shape) {
             let motion = Self::shaped(now, stops, &shape);
-            let house_from_base = now.scene.house_from_base(now.seen);
+            let house_from_base = now.scene.house_from_base(now.observation);
             let poses = motion.path.poses().into_iter();
             let poses: Vec<_> = poses.map(|pose| house_from_base * pose).collect();
             if shape != Shape::default() && allowed(now, &poses) {
@@ -60,32 +60,32 @@ impl Motion {
 
     /// In a shape.
     fn shaped(now: &Now<'_>, stops: &[(Isometry3<f64>, f64)], shape: &Shape) -> Self {
-        let base_from_house = now.scene.house_from_base(now.seen).inverse();
+        let base_from_house = now.scene.house_from_base(now.observation).inverse();
         let stops: Vec<_> = stops
             .iter()
             .map(|(pose, speed)| (base_from_house * pose, *speed))
             .collect();
         let start = now
-            .seen
+            .observation
             .base_from_desired
-            .unwrap_or(now.seen.base_from_tool);
+            .unwrap_or(now.observation.base_from_tool);
         Self {
             path: ToolPath::shaped(start, &stops, shape),
-            begun: now.seen.time,
+            begun: now.observation.time,
         }
     }
 
     /// Whether the last of its legs has begun.
     #[must_use]
     pub fn is_on_last_leg(&self, now: &Now<'_>) -> bool {
-        now.seen.time - self.begun >= self.path.last_leg()
+        now.observation.time - self.begun >= self.path.last_leg()
     }
 
     /// Moves on.
     #[must_use]
     pub fn step(&self, now: &Now<'_>) -> Progress {
-        let time = now.seen.time - self.begun;
-        let tool = &now.seen.base_from_tool;
+        let time = now.observation.time - self.begun;
+        let tool = &now.observation.base_from_tool;
         let end = self.path.end();
         let (off, turn) = (distance(tool, &end), tool.rotation.angle_to(&end.rotation));
         if time >= self.path.duration() {
@@ -93,7 +93,7 @@ impl Motion {
                 return Progress::Arrived;
             }
             if time > self.path.duration() + ARRIVAL_TIME {
-                let problem = &now.seen.arm_problem;
+                let problem = &now.observation.arm_problem;
                 return Progress::Late(format!(
                     "the hand stays {:.0} mm and {turn:.2} rad off{}",
                     off * 1e3,

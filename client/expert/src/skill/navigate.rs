@@ -28,7 +28,7 @@ const WANTED: usize = 60;
 const PATHLESS: usize = 12;
 /// A placement this near to one without a path has none either, metres and radians.
 const NEIGHBOUR: [f64; 2] = [0.045, 0.15];
-/// Levels of content with a placement: all in one go, or only what comes first.
+/// Levels of requirements on a placement: the whole work, or only its first step.
 const LEVELS: usize = 2;
 /// A placement that did not work is not taken again within this, metres and radians.
 const LEFT: [f64; 2] = [0.12, 0.25];
@@ -37,14 +37,14 @@ const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the operator profile's.
 const ARCS: [f64; 2] = [1.0, 0.75];
 
-/// Nodes of a rough search that tells whether there is any path: where there is none, each
-/// full search would look at all of its nodes.
+/// Nodes of a rough search that finds out whether any path exists: without one, each
+/// full search would visit all of its nodes.
 const ROUGH: usize = 12_000;
 
-/// What the chair is to stop for.
+/// Purpose of a stop of the chair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// To take the thing.
+    /// To grasp the object.
     Take,
     /// To put down what is in the hand.
     Put,
@@ -94,14 +94,14 @@ impl Navigate {
                 let prepare = match self.purpose {
                     Purpose::Put => None,
                     Purpose::Take => {
-                        now.memory.planned = Some(now.thing().inv_mul(&candidate.grasp));
+                        now.memory.planned = Some(now.object().inv_mul(&candidate.grasp));
                         let at = base_placement::standing(&stop);
                         Prepare::plan(now, &at, &candidate, drive.duration())
                     }
                 };
                 self.state = State::Drive {
                     drive,
-                    begun: now.seen.time,
+                    begun: now.observation.time,
                     prepare,
                 };
                 Step::Going(Act::named(Phase::Navigating, "planning"))
@@ -121,15 +121,15 @@ impl Skill for Navigate {
                 begun,
                 prepare,
             } => {
-                let time = now.seen.time - begun;
+                let time = now.observation.time - begun;
                 let mut act = Act::named(Phase::Navigating, "driving");
                 if time > drive.duration() + 0.3 {
                     act.base = still;
                     self.state = State::Rest {
-                        since: now.seen.time,
+                        since: now.observation.time,
                     };
                 } else {
-                    act.base = Some(drive.command(time, &now.seen.chair()));
+                    act.base = Some(drive.command(time, &now.observation.chair()));
                     act.tool = prepare.as_ref().and_then(|prepare| prepare.target(time));
                     if act.tool.is_some() {
                         act.name = "driving and preparing";
@@ -138,8 +138,8 @@ impl Skill for Navigate {
                 Step::Going(act)
             }
             State::Rest { since } => {
-                let [speed, rate] = now.seen.chair_speed;
-                let waited = now.seen.time - since;
+                let [speed, rate] = now.observation.chair_speed;
+                let waited = now.observation.time - since;
                 if waited > 0.3 && (speed < 0.005 && rate.abs() < 0.01 || waited > 3.0) {
                     return Step::Done;
                 }
@@ -152,16 +152,16 @@ impl Skill for Navigate {
     }
 }
 
-/// What an arm with its base at `house_from_base` has to reach, in `house`.
+/// Poses that an arm with its base at `house_from_base` must reach, in `house`.
 struct Wanted {
     /// Pregrasp and grasp.
     approach: Vec<Isometry3<f64>>,
-    /// What comes after it: for each level of content, the best first, lists
-    /// of poses of which one has to be reached.
+    /// Poses after it: for each level of requirements, the highest first, lists of
+    /// poses, one of which must be reachable.
     then: Vec<Vec<Vec<Isometry3<f64>>>>,
 }
 
-/// What a base placement is good for.
+/// Poses that a base placement must reach.
 fn wanted(
     now: &Now<'_>,
     candidate: &GraspCandidate,
@@ -176,8 +176,8 @@ fn wanted(
     let height = lift::height(now.goal, now.profile.grasp.lift);
     let mut raised = lift::lift_paths(house_from_base, &candidate.grasp, height);
     if let Some(shown) = &candidate.shown {
-        approach = adapt::approach_stops(now.shown, shown, &now.thing());
-        let lift = adapt::lift_stops(now.shown, shown, &now.thing());
+        approach = adapt::approach_stops(now.shown, shown, &now.object());
+        let lift = adapt::lift_stops(now.shown, shown, &now.object());
         if !lift.is_empty() {
             raised = vec![lift];
         }
@@ -190,7 +190,7 @@ fn wanted(
             vec![vec![best], raised]
         }
         Goal::Put { .. } => {
-            let held = candidate.grasp.inv_mul(&now.thing());
+            let held = candidate.grasp.inv_mul(&now.object());
             let puts = place::candidates(now, &held, candidate);
             let both = |put: &GraspCandidate| {
                 let then = |up: &Vec<_>| [&up[..], &[put.pregrasp, put.grasp]].concat();
@@ -203,7 +203,7 @@ fn wanted(
             vec![bring::after(now, &chair, candidate), raised]
         }
         Goal::Open { slide, .. } | Goal::Close { slide, .. } => {
-            let slide_now = now.seen.slides.get(*slide).copied().unwrap_or(0.0);
+            let slide_now = now.observation.slides.get(*slide).copied().unwrap_or(0.0);
             let axis = now.scene.slides[*slide].axis;
             let aim = now.goal.slide().map_or(slide_now, |(_, aim)| aim);
             let pulled = |share: f64| {
@@ -225,7 +225,7 @@ impl Wanted {
         house_from_chair: &Isometry3<f64>,
         never: impl FnOnce(),
     ) -> bool {
-        let tool = now.seen.base_from_tool;
+        let tool = now.observation.base_from_tool;
         let scene = now.scene;
         let mut reaches = |poses: &[Isometry3<f64>]| {
             base_placement::reaches_from(scene, house_from_chair, &tool, poses, now.reach)
@@ -257,7 +257,7 @@ fn key(house_from_base: &Isometry3<f64>, candidate: &GraspCandidate) -> [u64; 10
     [x, y, z, i, j, k, w, a, b, c].map(f64::to_bits)
 }
 
-/// What became of the placements that were looked at.
+/// Counts of rejected placements, by reason.
 #[derive(Default)]
 struct Tally {
     /// Most grasp candidates that a margin left.
@@ -272,7 +272,7 @@ struct Tally {
 
 /// The drive to the best base placement, and the candidate that it is for.
 fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), String> {
-    let chair = now.seen.chair();
+    let chair = now.observation.chair();
     let footprint = now.scene.footprint_check(now.poses);
     let opened = opened(now);
     let mut tally = Tally::default();
@@ -326,7 +326,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
     ))
 }
 
-/// What the chair must not touch once the goal's slide is open; `None` for other goals.
+/// Obstacles of the chair after the goal's slide is open; `None` for other goals.
 fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
     let Goal::Open { slide, .. } = now.goal else {
         return None;
@@ -338,18 +338,18 @@ fn opened(now: &Now<'_>) -> Option<FootprintCheck> {
     Some(now.scene.footprint_check(&poses))
 }
 
-/// Candidates to take the thing, or to put down what is in the hand.
+/// Candidates to grasp the object, or to put down the object in the hand.
 fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidate> {
     match purpose {
         Purpose::Take => now.candidates(margin),
         Purpose::Put => {
-            let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+            let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
             place::candidates(now, &held, &place::taken(now, &held))
         }
     }
 }
 
-/// What one search for a base placement knows already.
+/// State of one search for a base placement.
 struct Search<'a> {
     footprint: &'a FootprintCheck,
     tally: &'a mut Tally,
@@ -363,7 +363,7 @@ fn are_neighbours(a: &Pose2, b: &Pose2) -> bool {
     a.distance(b) < NEIGHBOUR[0] && a.to(b)[2].abs() < NEIGHBOUR[1]
 }
 
-/// Where the chair may stop, and for what.
+/// Grasp candidates of one purpose.
 struct Choice {
     purpose: Purpose,
     candidates: Vec<GraspCandidate>,
@@ -379,7 +379,7 @@ impl Choice {
         now: &mut Now<'_>,
         search: &mut Search<'_>,
     ) -> Option<(Drive, GraspCandidate)> {
-        let chair = now.seen.chair();
+        let chair = now.observation.chair();
         let (mut looked, mut without_path) = (0, 0);
         let mut refused: Vec<(Pose2, usize)> = Vec::new();
         for placement in placements {

@@ -1,5 +1,5 @@
-//! Place: carries what is in the hand over the region, lowers it, lets go and
-//! draws the hand back.
+//! Place: carries the held object over the region, lowers it, releases it and moves the
+//! hand back.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::v1::Phase;
@@ -13,14 +13,13 @@ use crate::grasp_candidate::GraspCandidate;
 use crate::tool_path::distance;
 use wheelarm_planning::obb::Obb;
 
-/// The hand comes from this far above, metres.
+/// The hand approaches from this far above, metres.
 const ABOVE: f64 = 0.06;
-/// It lets go this far above the region, metres.
+/// The hand releases this far above the region, metres.
 const DROP: f64 = 0.003;
-/// Turns about the vertical that are tried beside the one in which the thing
-/// was taken, radians.
+/// Turns about the vertical that are tried besides the one of the grasp, radians.
 const TURNS: [f64; 9] = [0.0, 0.35, -0.35, 0.7, -0.7, 1.1, -1.1, 1.57, -1.57];
-/// The path there: metres back towards the arm, where fewer things stand, and
+/// The path there: metres back towards the arm, where there are fewer objects, and
 /// metres up.
 const PATHS: [[f64; 2]; 10] = [
     [0.0, 0.0],
@@ -34,18 +33,18 @@ const PATHS: [[f64; 2]; 10] = [
     [0.0, 0.15],
     [0.25, 0.15],
 ];
-/// Hand and thing keep this far from what stands beside the path, metres; where
-/// that is not possible, any distance will do.
+/// Clearance of hand and object beside the path, metres; the second when the first is
+/// not possible.
 const CLEAR: [f64; 2] = [0.015, 0.0];
-/// A held thing is looked at in slices no thicker than this, metres.
+/// A held object is checked in slices no thicker than this, metres.
 const SLICE: f64 = 0.03;
 /// Time for the fingers to open, seconds.
 const OPENING: f64 = 0.8;
 /// Longest time until what springs back leaves the pads, seconds.
 const LONGEST: f64 = 4.0;
-/// A pad that presses less has let go, N.
+/// A pad with less force has released, N.
 const LOOSE: f64 = 0.05;
-/// The fingers open wider than the thing by this much, metres.
+/// The fingers open wider than the object by this much, metres.
 const ROOM: f64 = 0.03;
 
 #[derive(Clone, Debug)]
@@ -125,10 +124,10 @@ impl Skill for Place {
                     tool,
                     ..Act::named(Phase::Retracting, "placing")
                 }),
-                // It stands on something a little earlier than was thought.
+                // It touches the support a little earlier than planned.
                 Progress::Late(_) | Progress::Arrived => {
                     self.state = State::Open {
-                        since: now.seen.time,
+                        since: now.observation.time,
                     };
                     now.memory.held = None;
                     Step::Going(Act {
@@ -138,11 +137,11 @@ impl Skill for Place {
                 }
             },
             State::Open { since } => {
-                let open = now.seen.time - since;
-                let loose = now.seen.pad_force.iter().all(|force| *force < LOOSE);
+                let open = now.observation.time - since;
+                let loose = now.observation.pad_force.iter().all(|force| *force < LOOSE);
                 if open > OPENING && (loose || open > LONGEST) {
                     let at = now.house_from_desired();
-                    // Out of a soft thing's limbs along the approach.
+                    // Out of the limbs of a deformable object along the approach.
                     let soft = now
                         .memory
                         .candidate
@@ -189,10 +188,11 @@ fn playing(now: &Now<'_>, candidate: &GraspCandidate) -> Option<Play> {
     Some(Play::new(now, &putting.track, &region).after(after))
 }
 
-/// As what is in the hand was taken; where nobody knows, as it is held.
+/// The grasp of the held object; its present pose in the hand when the grasp is
+/// unknown.
 #[must_use]
 pub fn taken(now: &Now<'_>, tool_from_item: &Isometry3<f64>) -> GraspCandidate {
-    let at = now.thing() * tool_from_item.inverse();
+    let at = now.object() * tool_from_item.inverse();
     now.memory.candidate.unwrap_or(GraspCandidate {
         pregrasp: at,
         grasp: at,
@@ -207,8 +207,8 @@ pub fn taken(now: &Now<'_>, tool_from_item: &Isometry3<f64>) -> GraspCandidate {
     })
 }
 
-/// Candidates to put down a thing that sits in the hand as `tool_from_item` says and
-/// was `taken` so: as it was shown, then the operator's own.
+/// Candidates to put down an object with the pose `tool_from_item` in the hand that was
+/// grasped as `taken`: the demonstrated ones, then the operator's own.
 #[must_use]
 pub fn candidates(
     now: &Now<'_>,
@@ -234,14 +234,14 @@ fn own(
     width: f64,
 ) -> Vec<GraspCandidate> {
     let boxes = &now.scene.items[now.goal.item()].boxes;
-    // As it lay before it was taken, or as it lies now.
-    let lying = now.memory.rest.unwrap_or_else(|| now.thing()).rotation;
+    // Rotation before the grasp, or the present one.
+    let lying = now.memory.rest.unwrap_or_else(|| now.object()).rotation;
     let top = region.pose.translation.z - region.half.z;
     TURNS
         .iter()
         .map(|turn| {
             let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), *turn) * lying;
-            // The middle of the thing comes over the middle of the region.
+            // Put the middle of the object over the middle of the region.
             let mut low = Vector3::repeat(f64::INFINITY);
             let mut high = Vector3::repeat(f64::NEG_INFINITY);
             for corner in boxes.iter().flat_map(|obb| obb.corners()) {
@@ -279,18 +279,22 @@ fn own(
 fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
     let start = now.house_from_desired();
     let item = now.goal.item();
-    // What is soft hangs otherwise than it sat.
+    // A deformable object hangs in another shape than it lay.
     let soft = now
         .memory
         .candidate
         .is_some_and(|candidate| candidate.force.is_some());
     let held = now.memory.held.filter(|_| !soft);
-    let held = held.unwrap_or_else(|| now.thing_in_hand());
+    let held = held.unwrap_or_else(|| now.object_in_hand());
     let taken = taken(now, &held);
     let width = taken.width;
     let balls = held_balls(&slices(&now.scene.items[item].boxes), &held);
     let candidates = candidates(now, &held, &taken);
-    let base = now.scene.house_from_base(now.seen).translation.vector;
+    let base = now
+        .scene
+        .house_from_base(now.observation)
+        .translation
+        .vector;
     let towards = Vector3::new(
         base.x - start.translation.x,
         base.y - start.translation.y,

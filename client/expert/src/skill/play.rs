@@ -1,5 +1,5 @@
-//! A stretch of a demonstration, played in the place of a planned movement: at the speed
-//! at which it was shown, with what the gripper was told.
+//! Plays a stretch of a demonstration in place of a planned movement: at its
+//! demonstrated speed and with its gripper commands.
 
 use nalgebra::Isometry3;
 
@@ -11,7 +11,7 @@ use crate::tool_path::distance;
 const ARRIVED: [f64; 2] = [0.008, 0.04];
 /// Extra time for the hand to arrive, seconds.
 const ARRIVAL_TIME: f64 = 2.5;
-/// From rest it comes to its speed within this time, seconds.
+/// Time from rest to full speed, seconds.
 const RAMP: f64 = 0.3;
 
 /// A stretch under way.
@@ -23,11 +23,11 @@ pub struct Play {
     after: Isometry3<f64>,
     wander: Wander,
     begun: f64,
-    /// Up to when the gripper was told, seconds of the track.
-    told: f64,
+    /// Time of the track up to which gripper commands were sent, seconds.
+    commanded_until: f64,
 }
 
-/// How it stands.
+/// State of the playback.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Played {
     /// Under way, with the target of this tick in `base_link` and the opening of the
@@ -47,12 +47,12 @@ impl Play {
             track: track.clone(),
             base_from_frame: now
                 .scene
-                .house_from_base(now.seen)
+                .house_from_base(now.observation)
                 .inv_mul(house_from_frame),
             after: Isometry3::identity(),
             wander: Wander::default(),
-            begun: now.seen.time,
-            told: -1.0,
+            begun: now.observation.time,
+            commanded_until: -1.0,
         }
     }
 
@@ -70,7 +70,7 @@ impl Play {
         self
     }
 
-    /// How the hand is off at its end.
+    /// Deviation of the hand at its end.
     #[must_use]
     pub fn off_at_end(&self) -> Wander {
         Wander::still(self.wander.offset(self.track.duration()))
@@ -85,7 +85,7 @@ impl Play {
     /// Seconds of the track that have passed.
     #[must_use]
     pub fn time(&self, now: &Now<'_>) -> f64 {
-        let passed = now.seen.time - self.begun;
+        let passed = now.observation.time - self.begun;
         match passed < RAMP {
             true => passed * passed / (2.0 * RAMP),
             false => passed - RAMP / 2.0,
@@ -103,10 +103,10 @@ impl Play {
         let Some(end) = self.at(duration) else {
             return Played::Arrived;
         };
-        let opening = self.track.told(self.told, time);
-        self.told = time;
+        let opening = self.track.opening_between(self.commanded_until, time);
+        self.commanded_until = time;
         if time >= duration && opening.is_none() {
-            let tool = &now.seen.base_from_tool;
+            let tool = &now.observation.base_from_tool;
             let off = distance(tool, &end);
             if off < ARRIVED[0] && tool.rotation.angle_to(&end.rotation) < ARRIVED[1] {
                 return Played::Arrived;

@@ -17,13 +17,14 @@ const TURN: f64 = 0.5;
 const TOWARDS: f64 = 0.12;
 /// Shares of the movement that are tried.
 const SHARES: [f64; 4] = [1.0, 0.7, 0.45, 0.25];
-/// The hand may stand out of the outline by this, metres: the footprint keeps more room.
+/// The hand may project from the outline by this, metres: the footprint keeps more
+/// room.
 const OUT: f64 = 0.02;
 /// Room from a seated person, metres.
 const FROM_PERSON: f64 = 0.12;
 /// Share of the rest of the drive that the movement takes at most.
 const LONG: f64 = 0.95;
-/// The hand goes through as many places as there are of these in the drive, seconds.
+/// Drive time per intermediate position of the hand, seconds.
 const LEG: f64 = 3.5;
 /// Overlap of the legs between them.
 const OVERLAP: f64 = 0.4;
@@ -49,9 +50,9 @@ impl Prepare {
     ) -> Option<Self> {
         let (begin, moved) = now.profile.habits?.prepare?;
         let start = now
-            .seen
+            .observation
             .base_from_desired
-            .unwrap_or(now.seen.base_from_tool);
+            .unwrap_or(now.observation.base_from_tool);
         if distance(&now.memory.home?, &start) > HOME {
             return None;
         }
@@ -73,7 +74,7 @@ impl Prepare {
         let begin = begin * seconds;
         let seconds = LONG * (seconds - begin);
         let legs = ((seconds / LEG) as usize).clamp(1, STOPS);
-        // Where the pregrasp is not reached from there, the hand comes back.
+        // When the pregrasp is not reachable from there, the hand returns.
         for comes_back in [false, true] {
             for (share, legs) in SHARES.iter().flat_map(|share| [(share, legs), (share, 1)]) {
                 let stops = (STOPS - legs..STOPS).map(|stop| at(stop, *share));

@@ -1,5 +1,5 @@
-//! Pull: draws a slide open by its handle, or pushes it shut: with the arm as far
-//! as it reaches, then with the chair.
+//! Pull: pulls a slide open by its handle, or pushes it shut: with the arm as far as it
+//! reaches, then with the chair.
 
 use nalgebra::Translation3;
 use wheelarm_proto::v1::Phase;
@@ -55,13 +55,13 @@ impl Skill for Pull {
             return Step::Impossible("there is nothing to pull".to_owned());
         };
         let opens = !matches!(now.goal, Goal::Close { .. });
-        let open = now.seen.slides.get(slide).copied().unwrap_or(0.0);
+        let open = now.observation.slides.get(slide).copied().unwrap_or(0.0);
         // Along the axis, still to go; past the aim is as good.
         let way = aim - open;
         let left = if opens { way } else { -way };
         let act = Act::named(Phase::Retracting, if opens { "pulling" } else { "pushing" });
         let slipped = now.memory.held.is_some_and(|held| {
-            let moved = held.translation.vector - now.thing_in_hand().translation.vector;
+            let moved = held.translation.vector - now.object_in_hand().translation.vector;
             moved.norm() > SLIP
         });
         if slipped && left > SHORT {
@@ -86,7 +86,7 @@ impl Skill for Pull {
                         State::Arm(Motion::new(now, &[stop]))
                     }
                     None => State::Chair {
-                        since: now.seen.time,
+                        since: now.observation.time,
                     },
                 };
                 Step::Going(act)
@@ -98,7 +98,7 @@ impl Skill for Pull {
                         return Step::Done;
                     }
                     self.state = State::Chair {
-                        since: now.seen.time,
+                        since: now.observation.time,
                     };
                     Step::Going(act)
                 }
@@ -106,9 +106,9 @@ impl Skill for Pull {
             State::Chair { since } => {
                 if left <= SHORT {
                     self.state = State::Stop {
-                        since: now.seen.time,
+                        since: now.observation.time,
                     };
-                } else if now.seen.time - since > LONGEST {
+                } else if now.observation.time - since > LONGEST {
                     return Step::Missed(format!("the slide stays at {open:.3} m"));
                 }
                 Step::Going(Act {
@@ -117,7 +117,7 @@ impl Skill for Pull {
                 })
             }
             State::Stop { since } => {
-                if now.seen.time - since > 0.5 {
+                if now.observation.time - since > 0.5 {
                     return Step::Done;
                 }
                 Step::Going(Act {

@@ -1,6 +1,6 @@
-//! Reach: chooses a grasp candidate from where the chair stands, moves the hand
-//! to the pregrasp and then straight to the grasp. A hand that somebody else left
-//! before the thing is corrected on the spot: no further back than it must.
+//! Reach: chooses a grasp candidate for the present pose of the chair, moves the hand
+//! to the pregrasp and then straight to the grasp. A hand that another driver left in
+//! front of the object is corrected on the spot, with the least retreat.
 
 use nalgebra::{Isometry3, Translation3};
 use wheelarm_proto::v1::Phase;
@@ -15,19 +15,18 @@ use crate::habits::ApproachHabit;
 use crate::tool_path::{Shape, distance};
 use wheelarm_planning::footprint_check::wrap;
 
-/// Heights of a path over the things that are tried, metres.
+/// Heights of a path over the objects that are tried, metres.
 const OVER: [f64; 5] = [0.08, 0.14, 0.20, 0.26, 0.32];
 /// A candidate counts as refused within this, metres and radians.
 const SAME: [f64; 2] = [0.01, 0.1];
-/// Something else has moved the thing when it is this far from where the hand was
-/// aimed at it, metres.
+/// The object counts as moved when it is this far from where the hand aimed, metres.
 const MOVED: f64 = 0.015;
-/// How far off the hand closes on purpose: room between finger and thing, and the
-/// way short of it where there is no room beside it, metres.
+/// Forced miss of the hand: clearance between finger and object, and the distance short
+/// of it for lack of room beside it, metres.
 const BESIDE: [f64; 2] = [0.015, 0.09];
-/// Candidates that are looked at from one stop.
+/// Most candidates that are checked from one pose of the chair.
 const LOOKS: usize = 60;
-/// How far before the grasp a hand is brought that is corrected on the spot, metres.
+/// Distance before the grasp at which a hand is corrected on the spot, metres.
 const SHORT_STANDOFF: f64 = 0.03;
 /// A hand that is further from the pregrasp than this has misjudged it, metres.
 const CORRECTED: f64 = 0.008;
@@ -35,9 +34,10 @@ const CORRECTED: f64 = 0.008;
 const ON_THE_SPOT: [f64; 2] = [0.25, 0.9];
 /// Room that a curved path keeps, metres.
 const CURVE_MARGIN: f64 = 0.004;
-/// How far it is drawn back first, metres: as little as will do.
+/// Retreats of the hand that are tried first, metres: the smallest that works is used.
 const BACK: [f64; 6] = [0.0, 0.02, 0.04, 0.06, 0.09, 0.12];
-/// Part of the way from the pregrasp to the grasp on which the fingers are around the thing.
+/// Share of the way from the pregrasp to the grasp on which the fingers are around the
+/// object.
 const AROUND: f64 = 0.7;
 /// A candidate for which the chair was not placed is worse by this for each of these
 /// metres and radians in which it differs.
@@ -64,9 +64,9 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Reach {
     state: State,
-    /// The thing in `house` when the hand was aimed at it.
+    /// The object in `house` when the hand was aimed at it.
     aimed: Option<Isometry3<f64>>,
-    /// It ends before the thing.
+    /// Ends in front of the object.
     before: bool,
     /// From wherever the hand was left.
     on_the_spot: bool,
@@ -84,8 +84,8 @@ impl Reach {
         }
     }
 
-    /// Begins with a hand that somebody else has left anywhere: brakes and opens,
-    /// and then goes straight on where the hand is before the thing.
+    /// Begins at the pose in which another driver left the hand: brakes, opens, and
+    /// goes straight on from in front of the object.
     #[must_use]
     pub fn on_the_spot() -> Self {
         Self {
@@ -95,7 +95,7 @@ impl Reach {
         }
     }
 
-    /// Begins, and ends before the thing.
+    /// Ends in front of the object.
     #[must_use]
     pub fn before() -> Self {
         Self {
@@ -106,11 +106,11 @@ impl Reach {
 
     /// Waits until the chair rests and the fingers are open.
     fn ready(&mut self, since: Option<f64>, now: &Now<'_>) -> Step {
-        let begun = since.unwrap_or(now.seen.time);
-        let waited = now.seen.time - begun;
-        let [speed, rate] = now.seen.chair_speed;
+        let begun = since.unwrap_or(now.observation.time);
+        let waited = now.observation.time - begun;
+        let [speed, rate] = now.observation.chair_speed;
         let rests = speed.abs() < 0.005 && rate.abs() < 0.01;
-        let ready = rests && now.scene.hand.is_open(now.seen.knuckle);
+        let ready = rests && now.scene.hand.is_open(now.observation.knuckle);
         self.state = match ready || waited > LONGEST_READY {
             true => State::Aim,
             false => State::Ready(Some(begun)),
@@ -126,7 +126,7 @@ impl Reach {
         if self.on_the_spot
             && let Some((candidate, stops)) = choose_on_the_spot(now)
         {
-            self.aimed = Some(now.thing());
+            self.aimed = Some(now.object());
             let stops: Vec<_> = stops
                 .into_iter()
                 .map(|pose| (pose, now.profile.approach_speed))
@@ -140,7 +140,7 @@ impl Reach {
             });
         }
         let mut chosen = choose(now);
-        // What hindered it the last time may be gone.
+        // The cause of the last failure may be gone.
         if chosen.is_none() && now.memory.hindered && !now.memory.refused.is_empty() {
             now.memory.refused.clear();
             chosen = choose(now);
@@ -148,7 +148,7 @@ impl Reach {
         let Some((mut candidate, mut stops)) = chosen else {
             return now.elsewhere("the arm cannot take it from here");
         };
-        self.aimed = Some(now.thing());
+        self.aimed = Some(now.object());
         if std::mem::take(&mut now.memory.aside) {
             let by = beside(now, &candidate, &stops);
             candidate.pregrasp *= by;
@@ -185,14 +185,14 @@ impl Reach {
 }
 
 impl Reach {
-    /// Begins with the stretch that was shown, about the thing as it stood when the hand
-    /// was aimed at it.
+    /// Begins the demonstrated stretch, relative to the pose of the object at which the
+    /// hand was aimed.
     fn begin_to_play(&mut self, now: &mut Now<'_>) {
-        let thing = self.aimed.unwrap_or_else(|| now.thing());
+        let object = self.aimed.unwrap_or_else(|| now.object());
         let Some((one, shown)) = now.taken_as() else {
             return;
         };
-        let frame = thing * adapt::turned(shown.turn);
+        let frame = object * adapt::turned(shown.turn);
         let wander = now
             .shown
             .wander(one.approach.duration(), one.opening - one.width);
@@ -205,7 +205,7 @@ impl Reach {
         let State::Shown(play) = &mut self.state else {
             return Step::Done;
         };
-        let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.thing()));
+        let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.object()));
         if now.memory.hindered && moved > MOVED {
             return Step::Missed(format!("it was moved by {:.0} mm", moved * 1e3));
         }
@@ -215,17 +215,17 @@ impl Reach {
                 opening,
                 ..Act::named(Phase::Reaching, "approaching")
             }),
-            // The way into a thing may end at the thing.
+            // The approach into an object may end at the object.
             Played::Late(off) if off > 2.0 * MOVED => {
                 now.refuse_candidate();
-                let problem = &now.seen.arm_problem;
+                let problem = &now.observation.arm_problem;
                 Step::Missed(format!(
                     "approaching: the hand stays {:.0} mm off {problem}",
                     off * 1e3
                 ))
             }
             Played::Late(_) | Played::Arrived => {
-                now.memory.rest = Some(now.thing());
+                now.memory.rest = Some(now.object());
                 Step::Done
             }
         }
@@ -250,7 +250,7 @@ impl Skill for Reach {
             State::Approach(motion) => (motion, "approaching"),
             State::Shown(_) => return self.play(now),
         };
-        let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.thing()));
+        let moved = self.aimed.map_or(0.0, |at| distance(&at, &now.object()));
         if now.memory.hindered && moved > MOVED {
             return Step::Missed(format!("it was moved by {:.0} mm", moved * 1e3));
         }
@@ -281,7 +281,7 @@ impl Skill for Reach {
                     Step::Going(Act::named(Phase::Reaching, "approaching"))
                 }
                 _ => {
-                    now.memory.rest = Some(now.thing());
+                    now.memory.rest = Some(now.object());
                     Step::Done
                 }
             },
@@ -312,7 +312,7 @@ fn approach(now: &mut Now<'_>, candidate: &GraspCandidate, stops: &[Isometry3<f6
             }
         }
         Some(ApproachHabit::Correct([x, y, z])) => {
-            let start = now.scene.house_from_tool(now.seen);
+            let start = now.scene.house_from_tool(now.observation);
             // The lateral error shrinks where it would collide; the error along the approach stays.
             for share in [1.0, 0.5, 0.0] {
                 let misjudged = candidate.pregrasp * Translation3::new(share * x, share * y, z);
@@ -349,9 +349,9 @@ fn timed(now: &Now<'_>, stops: &[Isometry3<f64>]) -> Vec<(Isometry3<f64>, f64)> 
     stops.iter().map(|pose| (*pose, speed)).collect()
 }
 
-/// Whether the hand can pass `poses` on the way to a candidate, and what comes after it: it
-/// touches nothing, and the arm reaches all of them. Around the grasp the fingers may be
-/// around the thing.
+/// Whether the hand can pass `poses` on the way to a candidate, and the poses after it:
+/// without a collision, and within reach of the arm. Near the grasp the fingers may
+/// enclose the object.
 fn is_clear(now: &mut Now<'_>, candidate: &GraspCandidate, poses: &[Isometry3<f64>]) -> bool {
     // A soft object gives way.
     let margin = match candidate.force {
@@ -376,15 +376,15 @@ fn is_clear(now: &mut Now<'_>, candidate: &GraspCandidate, poses: &[Isometry3<f6
         .any(|then| now.reaches(&[poses, &then[..]].concat()))
 }
 
-/// A shift in the hand's frame with which the fingers close on nothing: to one side
-/// of the thing, or short of it.
+/// A shift in the hand's frame with which the fingers miss the object: to one side, or
+/// short of it.
 fn beside(
     now: &mut Now<'_>,
     candidate: &GraspCandidate,
     stops: &[Isometry3<f64>],
 ) -> Translation3<f64> {
     let off = (candidate.opening + candidate.width) / 2.0 + BESIDE[0];
-    let start = now.scene.house_from_tool(now.seen);
+    let start = now.scene.house_from_tool(now.observation);
     let sides = [off, -off].map(|x| Translation3::new(x, 0.0, 0.0));
     let free = sides.into_iter().find(|by| {
         let (pregrasp, grasp) = (candidate.pregrasp * by, candidate.grasp * by);
@@ -406,10 +406,10 @@ fn choose(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
     whole.or_else(|| choose_for(now, |_, _| true))
 }
 
-/// Whether the thing can be brought to who asks when it is taken so.
+/// Whether the object can be brought to the person with this grasp.
 fn can_bring(now: &mut Now<'_>, candidate: &GraspCandidate) -> bool {
     let approach = [candidate.pregrasp, candidate.grasp];
-    let lists = bring::after(now, &now.seen.house_from_chair, candidate);
+    let lists = bring::after(now, &now.observation.house_from_chair, candidate);
     lists
         .iter()
         .any(|then| now.reaches(&[&approach, &then[..]].concat()))
@@ -420,13 +420,13 @@ fn choose_for(
     now: &mut Now<'_>,
     will_do: impl Fn(&mut Now<'_>, &GraspCandidate) -> bool,
 ) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
-    let chair = now.seen.chair();
-    let thing = now.thing();
-    let start = now.scene.house_from_tool(now.seen);
+    let chair = now.observation.chair();
+    let object = now.object();
+    let start = now.scene.house_from_tool(now.observation);
     for margin in MARGINS {
         let mut candidates = now.candidates(margin);
         candidates.retain(|candidate| {
-            let at = thing.inv_mul(&candidate.grasp);
+            let at = object.inv_mul(&candidate.grasp);
             !now.memory.refused.iter().any(|refused| {
                 distance(refused, &at) < SAME[0]
                     && refused.rotation.angle_to(&at.rotation) < SAME[1]
@@ -441,7 +441,7 @@ fn choose_for(
         let planned = now.memory.planned.filter(|_| now.profile.habits.is_some());
         let rank = |candidate: &GraspCandidate| match planned {
             Some(planned) => {
-                let at = thing.inv_mul(&candidate.grasp);
+                let at = object.inv_mul(&candidate.grasp);
                 let turn = planned.rotation.angle_to(&at.rotation);
                 distance(&planned, &at) / UNPLANNED[0] + turn / UNPLANNED[1]
             }
@@ -459,10 +459,10 @@ fn choose_for(
     None
 }
 
-/// The nearest candidate to a hand that is before the thing already, with a short
-/// way in, and the stops up to its pregrasp.
+/// The candidate nearest to a hand in front of the object, with a short approach, and
+/// the stops up to its pregrasp.
 fn choose_on_the_spot(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry3<f64>>)> {
-    let start = now.scene.house_from_tool(now.seen);
+    let start = now.scene.house_from_tool(now.observation);
     let off = |candidate: &GraspCandidate| {
         let turn = start.rotation.angle_to(&candidate.pregrasp.rotation);
         let way = distance(&start, &candidate.pregrasp);
@@ -499,13 +499,13 @@ fn choose_on_the_spot(now: &mut Now<'_>) -> Option<(GraspCandidate, Vec<Isometry
     None
 }
 
-/// Poses after the pregrasp: the grasp, and what comes then; several lists of
-/// which one will do.
+/// Poses after the pregrasp: the grasp and the next steps; several lists, one of which
+/// must be reachable.
 fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isometry3<f64>>> {
     let mut approach = vec![candidate.grasp];
     if let Some(shown) = &candidate.shown {
-        approach = adapt::approach_stops(now.shown, shown, &now.thing());
-        let lift = adapt::lift_stops(now.shown, shown, &now.thing());
+        approach = adapt::approach_stops(now.shown, shown, &now.object());
+        let lift = adapt::lift_stops(now.shown, shown, &now.object());
         if !lift.is_empty() {
             return vec![[&approach[..], &lift[..]].concat()];
         }
@@ -514,7 +514,7 @@ fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isom
         Goal::Lift { .. } | Goal::Put { .. } | Goal::Give { .. } | Goal::Bring { .. } => {
             let height = lift::height(now.goal, now.profile.grasp.lift);
             lift::lift_paths(
-                &now.scene.house_from_base(now.seen),
+                &now.scene.house_from_base(now.observation),
                 &candidate.grasp,
                 height,
             )
@@ -535,7 +535,8 @@ fn then_from_pregrasp(now: &Now<'_>, candidate: &GraspCandidate) -> Vec<Vec<Isom
         .collect()
 }
 
-/// Stops of a free path of the hand in `house`: straight, or over the things.
+/// Stops of a collision-free path of the hand in `house`: straight, or over the
+/// objects.
 fn path_to(
     now: &mut Now<'_>,
     start: &Isometry3<f64>,
@@ -546,16 +547,16 @@ fn path_to(
     let around = now
         .scene
         .around(&[*start, candidate.pregrasp, above(0.2)], now.poses, None);
-    // Straight, over the things, from nearer to the arm, or first back to
-    // where the hand began.
+    // Straight, over the objects, from nearer to the arm, or first back to where the
+    // hand began.
     let home = now
         .memory
         .home
-        .map(|home| now.scene.house_from_base(now.seen) * home);
+        .map(|home| now.scene.house_from_base(now.observation) * home);
     let mut paths = vec![vec![candidate.pregrasp]];
     paths.extend(OVER.map(|height| vec![above(height), candidate.pregrasp]));
     // Down from the side of the arm, which reaches higher there.
-    let base = now.scene.house_from_base(now.seen);
+    let base = now.scene.house_from_base(now.observation);
     for height in OVER {
         let lifts = lift::lift_paths(&base, &candidate.pregrasp, height);
         let vias = lifts.iter().skip(1).filter_map(|lift| lift.last());

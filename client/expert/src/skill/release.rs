@@ -1,5 +1,5 @@
-//! Release: opens the gripper, draws the hand back, and brings it home before
-//! another attempt.
+//! Release: opens the gripper, moves the hand back, and stows the arm before another
+//! attempt.
 
 use nalgebra::Translation3;
 use wheelarm_proto::v1::Phase;
@@ -9,8 +9,7 @@ use super::{Act, Now, Skill, Step};
 
 /// Longest time for the fingers to open, seconds.
 const LONGEST: f64 = 3.0;
-/// How far the hand is drawn back when it stays near, metres: the first that
-/// the arm reaches.
+/// Retreats of a hand that stays near, metres: the first reachable one is used.
 const RETREAT: [f64; 4] = [0.08, 0.05, 0.03, 0.015];
 
 /// See the module.
@@ -49,7 +48,7 @@ impl Skill for Release {
         } else {
             Phase::Retracting
         };
-        let begun = *self.begun.get_or_insert(now.seen.time);
+        let begun = *self.begun.get_or_insert(now.observation.time);
         now.memory.held = None;
         if let Some(motion) = &self.motion {
             return match motion.step(now) {
@@ -64,15 +63,15 @@ impl Skill for Release {
                 Progress::Arrived => Step::Done,
             };
         }
-        let waited = now.seen.time - begun;
-        if waited < 0.3 || (!now.scene.hand.is_open(now.seen.knuckle) && waited < LONGEST) {
+        let waited = now.observation.time - begun;
+        if waited < 0.3 || (!now.scene.hand.is_open(now.observation.knuckle) && waited < LONGEST) {
             return Step::Going(Act {
                 base: Some([0.0, 0.0]),
                 opening: (waited < 0.05).then_some(now.scene.hand.stroke),
                 ..Act::named(phase, "opening")
             });
         }
-        // Straight back first, so that the fingers leave the thing.
+        // Straight back first, so that the fingers leave the object.
         let start = now.house_from_desired();
         let retreat = |by: f64| start * Translation3::new(0.0, 0.0, -by);
         let by = if self.go_home {
@@ -87,7 +86,7 @@ impl Skill for Release {
         };
         let mut stops = vec![(retreat(by), now.profile.approach_speed)];
         if let (true, Some(home)) = (self.go_home, now.memory.home) {
-            let home = now.scene.house_from_base(now.seen) * home;
+            let home = now.scene.house_from_base(now.observation) * home;
             stops.push((home, now.profile.free_speed));
         }
         self.motion = Some(Motion::new(now, &stops));

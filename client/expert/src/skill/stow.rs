@@ -26,12 +26,12 @@ impl Stow {
 
 impl Skill for Stow {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
-        let begun = *self.begun.get_or_insert(now.seen.time);
+        let begun = *self.begun.get_or_insert(now.observation.time);
         let home = now.scene.home;
-        if Self::is_home(&now.seen.arm, &home) {
+        if Self::is_home(&now.observation.arm, &home) {
             return Step::Done;
         }
-        if now.seen.time - begun > LONGEST {
+        if now.observation.time - begun > LONGEST {
             return Step::Impossible("the arm does not come home".to_owned());
         }
         Step::Going(Act {

@@ -18,21 +18,21 @@ pub struct Watch {
 
 impl Skill for Watch {
     fn step(&mut self, now: &mut Now<'_>) -> Step {
-        let seen = now.seen;
+        let observation = now.observation;
         if let Some(why) = now.slipped() {
             return Step::Missed(why);
         }
-        let begun = *self.begun.get_or_insert(seen.time);
-        self.success_since = seen
+        let begun = *self.begun.get_or_insert(observation.time);
+        self.success_since = observation
             .success
-            .then(|| self.success_since.unwrap_or(seen.time));
+            .then(|| self.success_since.unwrap_or(observation.time));
         if self
             .success_since
-            .is_some_and(|first| seen.time - first >= WATCH)
+            .is_some_and(|first| observation.time - first >= WATCH)
         {
             return Step::Done;
         }
-        if seen.time - begun > WAIT && self.success_since.is_none() {
+        if observation.time - begun > WAIT && self.success_since.is_none() {
             return Step::Missed("the task's conditions do not hold".to_owned());
         }
         let act = Act::named(Phase::Retracting, "holding");

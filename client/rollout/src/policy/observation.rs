@@ -363,7 +363,7 @@ fn exact(
             Vec::new()
         };
         return Ok(v1::PolicyImage {
-            color: frame.rgb,
+            color: frame.color,
             depth: depth.into(),
             ..Default::default()
         });

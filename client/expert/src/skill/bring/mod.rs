@@ -1,11 +1,11 @@
-//! Bring: carries what is in the hand round to who sits in the chair, level all the
-//! way: to the mouth, where it holds the tip before the lips until the task is done, or
-//! over the lap, where it ends.
+//! Bring: carries the held object level to the seated person: to the mouth, where the
+//! hand holds the tip in front of the lips until the task is done, or over the lap,
+//! where the skill ends.
 //!
-//! All of it is planned in the frame of the chair, `wheelchair_root`: the hand goes
-//! about the arm's base on a curve, then straight to its aim: to the lips, which it
-//! follows, or down to the lap. `plan` knows where the hand is on a way, `ways` which
-//! ways are tried, `pace` how fast it goes round.
+//! All poses are planned in the frame of the chair, `wheelchair_root`. The hand moves
+//! on a curve about the arm's base, then straight to its target: to the lips, which it
+//! follows, or down to the lap. `plan` computes the pose of the hand on a way, `ways`
+//! lists the ways to try, `pace` sets the speed.
 
 mod pace;
 mod plan;
@@ -24,26 +24,26 @@ use crate::grasp_candidate::GraspCandidate;
 use crate::hand::Ball;
 use crate::tool_path::distance;
 
-/// Ways that are looked at for one stop of the chair.
+/// Most ways that are tried for one pose of the chair.
 const TRIED: usize = 40;
-/// What is carried keeps this far from the person's capsules, metres, and from the
-/// head, which moves; the second where there is no way with the first.
+/// Clearances of the carried object from the person's capsules and from the head, which
+/// moves, metres; the second pair when no path keeps the first.
 const ROOMS: [[f64; 2]; 2] = [[0.02, 0.04], [0.01, 0.025]];
-/// Hand and thing keep this far from everything else, metres.
+/// Clearance of hand and object from everything else, metres.
 const CLEAR: f64 = 0.01;
 /// Speed to the lips and after them, and down to the lap, m/s: below what the guard
 /// allows at the face.
 const LIPS_SPEED: f64 = 0.025;
 /// This near to the lips it is the whole speed, metres.
 const FOLLOWS: f64 = 0.015;
-/// The slowest operator goes at this share of it.
+/// Share of it for the slowest operator.
 const SLOWEST: f64 = 0.5;
 /// Speed at which an object is laid into the lap, m/s: the arm behind it presses with its
 /// momentum within a tick.
 const LAY_SPEED: f64 = 0.006;
-/// Force on the lap at which the object lies there, N.
+/// Force on the lap from which the object counts as laid down, N.
 const LAID: f64 = 0.3;
-/// The hand rests for this long before it lets go, seconds.
+/// The hand rests for this long before it releases, seconds.
 const REST: f64 = 0.3;
 /// Extra time for the hand to come round, seconds.
 const LATE: f64 = 4.0;
@@ -56,9 +56,9 @@ const WATCH: f64 = 1.0;
 /// The hand counts as come round within this, metres.
 const ARRIVED: f64 = 0.012;
 
-/// Poses of the end effector in `house` from the lift of a thing that is taken by
-/// `candidate` up to its end, for a chair at `house_from_chair`; several lists of which
-/// one has to be reached.
+/// Poses of the end effector in `house` from the lift of an object grasped as
+/// `candidate` to its end, for a chair at `house_from_chair`; several lists, one of
+/// which must be reachable.
 #[must_use]
 pub fn after(
     now: &Now<'_>,
@@ -67,9 +67,9 @@ pub fn after(
 ) -> Vec<Vec<Isometry3<f64>>> {
     let base = house_from_chair * now.scene.chair_from_base;
     let height = lift::height(now.goal, now.profile.grasp.lift);
-    let held = candidate.grasp.inv_mul(&now.thing());
+    let held = candidate.grasp.inv_mul(&now.object());
     let lifts = lift::lift_paths(&base, &candidate.grasp, height);
-    // Straight up: round to the person goes another way than back to the arm.
+    // Straight up: the way to the person differs from the way back to the arm.
     let straight = lifts.into_iter().take(1);
     straight
         .flat_map(|up| {
@@ -80,8 +80,8 @@ pub fn after(
         .collect()
 }
 
-/// Paths of the end effector in `house` to where it is brought, of which one has to be reached,
-/// for a chair at `house_from_chair` and a hand that has raised the thing at `raised`.
+/// Paths of the end effector in `house` to the person, one of which must be reachable,
+/// for a chair at `house_from_chair` and a hand that has raised the object at `raised`.
 fn paths(
     now: &Now<'_>,
     house_from_chair: &Isometry3<f64>,
@@ -124,7 +124,7 @@ enum State {
         end: End,
         start: Isometry3<f64>,
         aim: Isometry3<f64>,
-        /// When the object came to lie in the lap.
+        /// Time at which the object touched the lap, seconds.
         laid: Option<f64>,
     },
 }
@@ -164,7 +164,7 @@ impl Bring {
         let back_off = back_off(now, &way);
         self.state = State::Round {
             way,
-            begun: now.seen.time,
+            begun: now.observation.time,
             back_off,
         };
         Step::Going(Act::named(Phase::Retracting, "carrying"))
@@ -182,8 +182,8 @@ impl Skill for Bring {
         if let Some(why) = now.slipped() {
             return Step::Missed(why);
         }
-        let time = now.seen.time;
-        let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+        let time = now.observation.time;
+        let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
         let mouth = mouth(now);
         let start = match &self.state {
             State::Choose => return self.choose(now),
@@ -191,7 +191,7 @@ impl Skill for Bring {
             State::Last { start, .. } => *start,
         };
         let Some(plan) = Plan::of(now, &held, &start, mouth) else {
-            return Step::Impossible("nobody sits there to whom it could be brought".to_owned());
+            return Step::Impossible("no seated person to bring it to".to_owned());
         };
         let base = now.scene.chair_from_base;
         let still = Some([0.0, 0.0]);
@@ -205,11 +205,11 @@ impl Skill for Bring {
                 let seconds = plan.seconds(way);
                 let since = time - *begun;
                 let target = plan.along(way, since + 1.0 / 60.0);
-                let tool = base * now.seen.base_from_tool;
+                let tool = base * now.observation.base_from_tool;
                 let off = distance(&tool, &plan.along(way, seconds));
                 if since > seconds && (off < ARRIVED || since > seconds + LATE) {
                     if off >= ARRIVED {
-                        let problem = &now.seen.arm_problem;
+                        let problem = &now.observation.arm_problem;
                         return Step::Impossible(format!(
                             "on the way to {} the hand stays {:.0} mm off {problem}",
                             aim_of(now.goal),
@@ -244,7 +244,10 @@ impl Skill for Bring {
                 aim,
                 laid,
             } => {
-                self.success_since = now.seen.success.then(|| self.success_since.unwrap_or(time));
+                self.success_since = now
+                    .observation
+                    .success
+                    .then(|| self.success_since.unwrap_or(time));
                 if self
                     .success_since
                     .is_some_and(|first| time - first >= WATCH)
@@ -252,7 +255,7 @@ impl Skill for Bring {
                     return Step::Done;
                 }
                 let wanted = plan.last(start, *end);
-                let tool = base * now.seen.base_from_tool;
+                let tool = base * now.observation.base_from_tool;
                 let waited = time - *since;
                 // At the lips a slow operator too follows the head.
                 let mut speed = match distance(aim, &wanted) < FOLLOWS {
@@ -264,7 +267,7 @@ impl Skill for Bring {
                     if aim.translation.z < over.translation.z + LIPS_SPEED / 60.0 {
                         speed = LAY_SPEED;
                     }
-                    let lies = now.seen.lap_force > LAID || distance(&tool, &wanted) < 1e-3;
+                    let lies = now.observation.lap_force > LAID || distance(&tool, &wanted) < 1e-3;
                     if laid.is_none() && (lies || waited > WAIT) {
                         *laid = Some(time);
                         *aim = tool;
@@ -294,18 +297,18 @@ impl Skill for Bring {
     }
 }
 
-/// How the chair backs off while the hand goes round on `way`.
+/// The motion of the chair while the hand moves on `way`.
 fn back_off(now: &Now<'_>, way: &Way) -> Option<BackOff> {
-    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
     let plan = Plan::of(now, &held, &way.start, mouth(now))?;
-    let chair = now.seen.house_from_chair;
+    let chair = now.observation.house_from_chair;
     let poses = plan.poses(way).into_iter();
     let poses: Vec<_> = [way.start].into_iter().chain(poses).collect();
     let poses: Vec<_> = poses.iter().map(|pose| chair * pose).collect();
     BackOff::plan(now, &poses, ROUND_SHARE * plan.seconds(way))
 }
 
-/// Where a goal's thing is brought, in words.
+/// Name of the place to which the object of a goal is brought.
 fn aim_of(goal: &Goal) -> &'static str {
     match goal {
         Goal::Give { .. } => "the lap",
@@ -315,30 +318,30 @@ fn aim_of(goal: &Goal) -> &'static str {
 
 /// The mouth now, in the frame of the chair.
 fn mouth(now: &Now<'_>) -> Option<Isometry3<f64>> {
-    let chair = now.seen.house_from_chair;
-    now.seen.mouth.map(|mouth| chair.inverse() * mouth)
+    let chair = now.observation.house_from_chair;
+    now.observation.mouth.map(|mouth| chair.inverse() * mouth)
 }
 
 /// The best way that the arm can go and on which nothing is touched, or what hinders.
 fn choose(now: &mut Now<'_>) -> Result<Way, String> {
-    const NOBODY: &str = "nobody sits there";
-    let held = now.memory.held.unwrap_or_else(|| now.thing_in_hand());
+    const NO_PERSON: &str = "no seated person";
+    let held = now.memory.held.unwrap_or_else(|| now.object_in_hand());
     let item = now.goal.item();
     let balls = held_balls(&now.scene.items[item].boxes, &held);
     let width = now
         .memory
         .candidate
         .map_or(0.0, |candidate| candidate.width);
-    let chair = now.seen.house_from_chair;
+    let chair = now.observation.house_from_chair;
     let start = chair.inverse() * now.house_from_desired();
     let ways = Plan::of(now, &held, &start, mouth(now))
-        .ok_or(NOBODY)?
+        .ok_or(NO_PERSON)?
         .ways(&start);
-    let [mut person, mut things, mut reach] = [0; 3];
+    let [mut person, mut obstacles, mut reach] = [0; 3];
     let mut quick = None;
     for room in ROOMS {
         for way in &ways {
-            let plan = Plan::of(now, &held, &start, mouth(now)).ok_or(NOBODY)?;
+            let plan = Plan::of(now, &held, &start, mouth(now)).ok_or(NO_PERSON)?;
             if !plan.keeps_clear(way, &balls, room) {
                 person += 1;
                 continue;
@@ -347,7 +350,7 @@ fn choose(now: &mut Now<'_>) -> Result<Way, String> {
             let stops = [&[chair * start], &poses[..]].concat();
             let around = now.scene.around(&stops, now.poses, Some(item));
             if !is_free(&around, now, &stops, &balls, width) {
-                things += 1;
+                obstacles += 1;
             } else if now.reaches_gently(&poses) {
                 return Ok(way.clone());
             } else if quick.is_none() && now.reaches(&poses) {
@@ -359,12 +362,12 @@ fn choose(now: &mut Now<'_>) -> Result<Way, String> {
     }
     quick.ok_or_else(|| {
         format!(
-            "{person} touch the person, {things} something else, {reach} are out of the arm's reach"
+            "{person} touch the person, {obstacles} something else, {reach} are out of the arm's reach"
         )
     })
 }
 
-/// Whether hand and thing keep clear of furniture and other things between `stops`.
+/// Whether hand and object keep clear of furniture and other objects between `stops`.
 fn is_free(
     around: &Surroundings,
     now: &Now<'_>,

@@ -1,5 +1,5 @@
-//! How fast the hand goes round: along all corners of a way with one smooth start and
-//! one smooth stop.
+//! Speed of the hand on its way: along all corners with one smooth start and one smooth
+//! stop.
 
 use nalgebra::Isometry3;
 use wheelarm_planning::footprint_check::wrap;

@@ -1,5 +1,5 @@
-//! Where the end effector is on a way to who sits in the chair, and whether what it
-//! carries keeps clear of the person there. All of it in the frame of the chair.
+//! Poses of the end effector on a way to the seated person, and clearance of the
+//! carried object from the person. All in the frame of the chair.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_planning::obb::Obb;
@@ -19,11 +19,11 @@ const OVER: f64 = 0.02;
 const LAY: f64 = 0.05;
 /// The straight way to the lips or down to the lap begins this far off, metres.
 pub const AWAY: f64 = 0.11;
-/// What is carried keeps this far from the person on the last way down to the lap,
+/// Clearance of the carried object from the person on the last way down to the lap,
 /// metres.
 const LAP_ROOM: f64 = 0.003;
 
-/// The slowest operator goes round at this share of the plain one's speed.
+/// Share of the plain operator's speed for the slowest operator.
 const SLOWEST: f64 = 0.4;
 
 /// A way of the end effector to the mouth.
@@ -35,22 +35,22 @@ pub struct Way {
     pub(super) corners: Vec<[f64; 5]>,
     /// The end effector at its start, in `base_link` turned as the chair.
     pub(super) start: Isometry3<f64>,
-    /// How the hand comes in the end.
+    /// Final approach of the hand.
     pub(super) end: End,
 }
 
-/// How a hand comes in the end.
+/// Final approach of a hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {
     /// Its heading beside that at the start, radians.
     pub(super) turn: f64,
-    /// How far it leans forward, radians; `ways` says which leans are tried.
+    /// Forward lean, radians; `ways` lists the leans to try.
     pub(super) lean: f64,
     /// The place in the lap, forward of its middle, in shares of its half length.
     pub(super) forward: f64,
 }
 
-/// Where a thing is brought.
+/// The place to which an object is brought.
 pub enum To {
     /// The mouth in the frame of the chair.
     Lips(Isometry3<f64>),
@@ -58,15 +58,16 @@ pub enum To {
     Lap(Obb),
 }
 
-/// What a way is planned for.
+/// A plan of the ways to the lips or the lap.
 pub struct Plan<'a> {
     person: &'a Seated,
     /// The arm's base in the frame of the chair.
     base: Translation3<f64>,
     pub(super) to: To,
-    /// What comes to the lips, or to the middle of the lap, in the end effector's frame.
+    /// The point that is brought to the lips, or to the middle of the lap, in the end
+    /// effector's frame.
     tip: Point3<f64>,
-    /// The longest side of the thing in the end effector's frame.
+    /// The longest side of the object in the end effector's frame.
     pub(super) long: Vector3<f64>,
     /// Half of its width across that on the floor plan, metres.
     wide: f64,
@@ -76,8 +77,8 @@ pub struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// The plan for a thing that sits in the hand as `tool_from_item` says, for an end
-    /// effector at `start`; `None` where nobody sits there or nothing is to be brought.
+    /// The plan for an object with the pose `tool_from_item` in the hand and an end
+    /// effector at `start`; `None` without a seated person or an object to bring.
     pub fn of(
         now: &Now<'a>,
         tool_from_item: &Isometry3<f64>,
@@ -118,7 +119,7 @@ impl<'a> Plan<'a> {
                 mouth.translation.vector + out * off
             }
             To::Lap(lap) => {
-                // What leans hangs deeper.
+                // A leaning object hangs deeper.
                 let deeper = self.wide * exact::sin_cos(end.lean).0;
                 let place = Vector3::new(end.forward * lap.half.x, 0.0, off + deeper);
                 lap.pose.translation.vector + place
@@ -131,7 +132,7 @@ impl<'a> Plan<'a> {
         )
     }
 
-    /// How near the tip comes in the end, metres.
+    /// Final distance of the tip from the target, metres.
     pub fn near(&self) -> f64 {
         match self.to {
             To::Lips(_) => BEFORE,
@@ -139,7 +140,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Where the object is laid down at the latest; the tip at the lips.
+    /// Final pose: the lowest one at which the object is laid down, or the one with the
+    /// tip at the lips.
     pub fn last(&self, start: &Isometry3<f64>, end: End) -> Isometry3<f64> {
         match self.to {
             To::Lips(_) => self.at(start, end, BEFORE),
@@ -210,7 +212,7 @@ fn turned(turn: f64, lean: f64) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::y_axis(), lean) * turn
 }
 
-/// Under the middle of a thing, at its lowest, the direction of its longest side on the
+/// Lowest point under the middle of an object, direction of its longest side on the
 /// floor plan, and half of its width across that, metres.
 fn extent<'b>(
     boxes: impl Iterator<Item = &'b Obb>,

@@ -20,9 +20,9 @@ const HEADINGS: [f64; 15] = [
 const LIPS_LEANS: [f64; 3] = [0.0, -0.12, -0.23];
 /// The hand turns by less than this on the way round, radians.
 const MOST_TURN: f64 = 5.0;
-/// Directions of a thing's longest side in the lap: across the thighs, radians.
+/// Directions of an object's longest side in the lap: across the thighs, radians.
 const ACROSS: [f64; 2] = [FRAC_PI_2, -FRAC_PI_2];
-/// How far the hand leans forward there, so that a belly has room, radians.
+/// Forward leans of the hand there, which leave room for a belly, radians.
 const LEANS: [f64; 3] = [0.0, 0.4, 0.7];
 /// Places in the lap forward of its middle, in shares of its half length.
 const FORWARD: [f64; 2] = [0.0, 0.5];
@@ -34,7 +34,7 @@ const HEIGHTS: [f64; 3] = [1.06, 1.14, 1.21];
 const LAP_HEIGHTS: [f64; 3] = [0.98, 0.93, 1.04];
 /// Whether the hand turns evenly on the way round, in its first half or in its second.
 const TURNS: [[f64; 2]; 3] = [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]];
-/// Parts of the way round that are looked at.
+/// Number of checked parts of the curve.
 const PARTS: usize = 16;
 
 impl Plan<'_> {
@@ -77,7 +77,7 @@ impl Plan<'_> {
                 }
             }
         }
-        // What is level comes before what leans.
+        // Level poses before leaning ones.
         if let To::Lips(_) = self.to {
             ways.sort_by(|a, b| a.end.lean.abs().total_cmp(&b.end.lean.abs()));
         }

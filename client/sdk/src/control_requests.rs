@@ -1,14 +1,14 @@
-//! What whoever holds control asks without force: the secret of its lease goes
-//! with the question. Anybody may ask the same while nobody is in control.
+//! Requests that change the server: reset, stop and shutdown. They carry the secret of
+//! this client's lease. While no client holds control, they need no lease.
 
 use wheelarm_proto::v1;
 
 use super::{Client, ClientError};
 
 impl Client {
-    /// Sets up a new scenario: the one in force with what `scenario` names
-    /// replaced. Places are drawn anew, also where the seed is the same. With
-    /// `force` also while somebody else is in control.
+    /// Sets up a new scenario: the present one with the fields of `scenario` replaced.
+    /// Object poses are sampled again, also for the same seed. `force` works while
+    /// another client is in control. Returns the scenario in force.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -17,7 +17,7 @@ impl Client {
         mut scenario: v1::Scenario,
         force: bool,
     ) -> Result<v1::Scenario, ClientError> {
-        // Everything that is not said stays as it is; the same seed says "draw".
+        // An absent field keeps its value; a seed, also an equal one, samples again.
         if scenario.seed.is_none() {
             let status = self.request(&v1::StatusRequest {})?;
             scenario.seed = status.scenario.map(|scenario| scenario.seed());
@@ -31,7 +31,7 @@ impl Client {
         Ok(reply.scenario.unwrap_or_default())
     }
 
-    /// Ends whichever episode runs; with `discard` recorders throw it away.
+    /// Ends the running episode; with `discard` recorders delete it.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -39,11 +39,10 @@ impl Client {
         self.stop(None, discard)
     }
 
-    /// Ends the episode that was started, and never one that somebody else began
-    /// after it; with `discard` recorders throw it away.
+    /// Ends the given episode, never a later one; with `discard` recorders delete it.
     ///
     /// # Errors
-    /// [`ClientError`], with the code `NoEpisode` where it is over.
+    /// [`ClientError`], with the code `NoEpisode` when it has ended already.
     pub fn stop_episode_of(
         &self,
         started: &v1::EpisodeStarted,
@@ -61,7 +60,7 @@ impl Client {
         })
     }
 
-    /// Ends the server; with `force` also while somebody else is in control.
+    /// Ends the server; `force` works while another client is in control.
     ///
     /// # Errors
     /// [`ClientError`].
