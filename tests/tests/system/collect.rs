@@ -394,7 +394,7 @@ fn a_worker_killed_for_memory_costs_no_seed() {
     let text = printed(&ended);
     assert_eq!(ended.status.code(), Some(0), "{text}");
     assert!(
-        text.contains("is made again: the worker died (signal: 9"),
+        text.contains("is repeated: the worker died (signal: 9"),
         "{text}"
     );
     let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");

@@ -1,8 +1,7 @@
 //! A campaign's plan: TOML, checked in full before anything starts.
 //!
-//! Every error names the file, the line and the cure. What a task is, which
-//! ranges it draws from and how it is done are not said here: that lies in
-//! the assets and in the operator.
+//! Every error names the file, the line and the fix. The assets define the tasks and their
+//! sampling ranges; the operator defines how a task is done.
 
 mod check;
 mod form;
@@ -29,7 +28,7 @@ pub struct Plan {
     pub text: String,
     /// Name of the dataset.
     pub name: String,
-    /// Folder for the dataset, unless told otherwise on the command line.
+    /// Folder for the dataset; the command line overrides it.
     pub out: Option<PathBuf>,
     /// Attempts at one episode, each with a fresh seed, before it is dropped.
     pub attempts: u32,
@@ -57,7 +56,7 @@ impl Plan {
     /// Reads and checks a plan.
     ///
     /// # Errors
-    /// [`PlanError`] with file, line and cure.
+    /// [`PlanError`] with file, line and fix.
     pub fn read(path: &Path) -> Result<Self, PlanError> {
         let path = &file_or_asset(path);
         let text = crate::text_file::read(path).map_err(|source| PlanError {
@@ -70,7 +69,7 @@ impl Plan {
         Self::parse(path, text)
     }
 
-    /// Checks the text of a plan; `path` stands in errors.
+    /// Checks the text of a plan; errors name `path`.
     ///
     /// # Errors
     /// As [`Plan::read`].
@@ -81,7 +80,7 @@ impl Plan {
         };
         let mut table: toml::Table = toml::from_str(&text).map_err(at)?;
         let warnings = renamed_keys::translate(&mut table).map_err(|what| check.whole(&what))?;
-        // The text itself while its keys are those of today, for the lines of errors.
+        // Without former keys the text itself is parsed, so that errors have its lines.
         let file: PlanFile = match warnings.is_empty() {
             true => toml::from_str(&text).map_err(at)?,
             false => {
@@ -149,7 +148,7 @@ impl Plan {
         self.scenario().cameras.iter().map(pixels_per_second).sum()
     }
 
-    /// Pixels per simulated second of those cameras through which sensor models see.
+    /// Pixels per simulated second of cameras with a sensor model.
     #[must_use]
     pub fn sensed_pixels_per_second(&self) -> f64 {
         let scenario = self.scenario();
@@ -250,8 +249,8 @@ mod tests {
     }
 
     #[test]
-    fn training_sees_no_test_sentences_and_no_sensor_is_blind() {
-        let told = |more: &str| {
+    fn training_plan_rejects_held_out_sentences_and_unrecorded_sensor_cameras() {
+        let check = |more: &str| {
             let text = GOOD.replace(
                 "[[scenario.cameras]]",
                 &format!("{more}\n[[scenario.cameras]]"),
@@ -261,23 +260,23 @@ mod tests {
         let train = "purpose = \"train\"\nfirst_seed = 10000\n";
         for split in ["held_out", "any"] {
             let held_out = format!("{train}[variation.language]\nsplit = \"{split}\"");
-            assert!(told(&held_out).unwrap_err().contains("split = \"train\""));
+            assert!(check(&held_out).unwrap_err().contains("split = \"train\""));
         }
         assert_eq!(
-            told(&format!("{train}[variation.language]\nsplit = \"train\"")),
+            check(&format!("{train}[variation.language]\nsplit = \"train\"")),
             Ok(())
         );
         assert_eq!(
-            told("[[scenario.sensors]]\nmodel = \"kinova_vision\"\ncamera = \"gen3\""),
+            check("[[scenario.sensors]]\nmodel = \"kinova_vision\"\ncamera = \"gen3\""),
             Ok(())
         );
-        let blind = told("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
+        let blind = check("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
             .unwrap_err();
         assert!(blind.contains("its cameras are gen3"), "{blind}");
     }
 
     #[test]
-    fn errors_name_the_line_and_the_cure() {
+    fn errors_name_the_line_and_the_fix() {
         for (from, to, line, words) in [
             (
                 "[[scenario.cameras]]",
@@ -297,7 +296,7 @@ mod tests {
                 3,
                 "at least 1",
             ),
-            ("episodes = 2", "episodes = 0", 8, "leave the task out"),
+            ("episodes = 2", "episodes = 0", 8, "remove the task"),
             ("width = 64", "width = 0", 2, "16 to 4096"),
             ("height = 48", "height = 4097", 2, "16 to 4096"),
             (
