@@ -1,4 +1,4 @@
-//! Watches the streams of an episode beside its driver, to see how far the episode came.
+//! Monitors the streams of an episode to measure its progress.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,12 +12,13 @@ use wheelarm_proto::v1;
 use wheelarm_rollout::Observer;
 use wheelarm_sdk::Client;
 
-use super::progress::{Course, Follower, STREAMS};
+use super::milestone::Course;
+use super::progress::{Follower, STREAMS};
 
 /// Wait for samples that were published and have not arrived.
 const LATE: Duration = Duration::from_millis(5);
 
-/// Watches one episode of a server outside of this process.
+/// Monitors one episode of a server outside of this process.
 #[derive(Default)]
 pub struct EpisodeMonitor {
     is_over: Arc<AtomicBool>,
@@ -26,7 +27,7 @@ pub struct EpisodeMonitor {
 }
 
 impl EpisodeMonitor {
-    /// How far the episode came; absent when nothing was watched.
+    /// Progress of the episode; absent when it was not monitored.
     #[must_use]
     pub fn course(&self, success: bool, seconds: f64) -> Option<Course> {
         self.is_over.store(true, Ordering::Release);

@@ -9,7 +9,7 @@ use super::entry::Entry;
 use super::scope::Scope;
 use super::statistics::{clopper_pearson, mean, quantiles, wilson};
 
-/// What came of one task.
+/// Results of one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TaskReport {
     /// Task.
@@ -32,7 +32,7 @@ pub struct TaskReport {
     /// without any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_quantiles: Option<[f64; 5]>,
-    /// How far the episodes came; absent where none was watched.
+    /// Progress of the episodes; absent when none was monitored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub progress: Option<ProgressReport>,
     /// Episodes in which something else than the target was knocked over.
@@ -61,7 +61,7 @@ pub struct TaskReport {
     pub failed_seeds: BTreeMap<u64, String>,
 }
 
-/// Shares of which quantiles are told.
+/// Shares of the reported quantiles.
 pub const SHARES: [f64; 5] = [0.1, 0.25, 0.5, 0.75, 0.9];
 
 /// How far episodes came, percent of the way.
@@ -77,7 +77,7 @@ pub struct ProgressReport {
     pub furthest: Vec<(String, f64)>,
 }
 
-/// What came of all tasks.
+/// Results of all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// The split; absent where seeds were named.
@@ -99,8 +99,8 @@ pub struct Report {
     pub interval: [f64; 2],
     /// Clopper and Pearson's exact interval of their share at 95 %.
     pub exact_interval: [f64; 2],
-    /// Start poses that the server drew, and of these the ones that it rejected because
-    /// of the person.
+    /// Start poses that the server sampled, and those that it rejected because of the
+    /// person.
     pub drawn_starts: [usize; 2],
 }
 
@@ -325,7 +325,7 @@ impl fmt::Display for Report {
 mod tests {
     use super::*;
     use crate::evaluate::entry::Condition;
-    use crate::evaluate::progress::{Course, Milestone, Way};
+    use crate::evaluate::milestone::{Course, Milestone, Way};
     use crate::variation::Variation;
     use wheelarm_rollout::FailureCause;
 
@@ -397,7 +397,7 @@ mod tests {
         assert_eq!((c.episodes, c.rate), (0, 0.0));
         let far = a.progress.clone().unwrap();
         assert!((far.mean - 80.0).abs() < 1e-12, "{far:?}");
-        // One that broke has no course: the mean says of how many it is.
+        // A broken episode has no course: the mean covers the others.
         let mut broken = entry("a", 3, false);
         (broken.course, broken.broken) = (None, Some(FailureCause::Server));
         let with = Report::new(&names, &[&entries[..], &[broken]].concat(), &scope);

@@ -76,8 +76,8 @@ pub fn mean(values: &[f64]) -> f64 {
 /// Samples of a bootstrap.
 const RESAMPLES: u64 = 10_000;
 
-/// Where the mean lies at 95 %: percentiles of the means of resampled values. Always
-/// the same for the same values.
+/// Interval of the mean at 95 %: percentiles of the means of resampled values.
+/// Deterministic for the same values.
 #[must_use]
 pub fn bootstrap(values: &[f64]) -> [f64; 2] {
     let count = values.len() as u64;
