@@ -51,7 +51,7 @@ impl Observer for EpisodeMonitor {
             loop {
                 let is_last = is_over.load(Ordering::Acquire);
                 match streams.next(LATE) {
-                    Ok(Some(sample)) => follower.take(&sample),
+                    Ok(Some(sample)) => follower.add(&sample),
                     Ok(None) if is_last => break,
                     Ok(None) => {}
                     // The driver reports a lost connection.

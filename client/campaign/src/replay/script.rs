@@ -1,4 +1,4 @@
-//! What a recording tells a replay: where to start and what to do at each tick.
+//! Script of a replay: initial state and command of each tick, from a recording.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -203,7 +203,7 @@ fn by_tick<T>(list: Vec<T>, header: impl Fn(&T) -> Option<&v1::Header>) -> BTree
 mod tests {
     use super::*;
 
-    /// An episode that was made by another version, or by one that told none.
+    /// An episode of the given physics version; 0 for none.
     fn made_by(physics: u32) -> Script {
         Script {
             label: String::new(),
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn an_episode_of_another_physics_is_refused_with_the_way_on() {
+    fn episode_of_another_physics_is_rejected_with_the_fix() {
         let file = Path::new("old.h5");
         assert!(made_by(PHYSICS_VERSION).check_physics(file).is_ok());
         for version in [0, PHYSICS_VERSION - 1, PHYSICS_VERSION + 1] {
@@ -233,11 +233,11 @@ mod tests {
                 0 => "names no physics version".to_owned(),
                 other => format!("was made with physics version {other};"),
             };
-            let told = made_by(version).check_physics(file).unwrap_err();
-            let told = told.to_string();
-            assert!(told.starts_with("old.h5 "), "{told}");
-            assert!(told.contains(&words), "{told}");
-            assert!(told.contains("--task pick_mustard --seed 7"), "{told}");
+            let error = made_by(version).check_physics(file).unwrap_err();
+            let error = error.to_string();
+            assert!(error.starts_with("old.h5 "), "{error}");
+            assert!(error.contains(&words), "{error}");
+            assert!(error.contains("--task pick_mustard --seed 7"), "{error}");
         }
     }
 
@@ -249,15 +249,15 @@ mod tests {
             ..v1::Scenario::default()
         };
         let others = ["room=960x540@7.5", "gen3=64x48@0"].map(camera);
-        let taken = cameras(&scenario, Some(32), None, &others[..1]);
+        let replayed = cameras(&scenario, Some(32), None, &others[..1]);
         let wanted = ["gen3=32x48@10", "room=960x540@7.5"].map(camera);
-        assert_eq!(taken, wanted);
+        assert_eq!(replayed, wanted);
         // A rate of 0 switches a camera off.
         assert_eq!(cameras(&scenario, None, None, &others), [others[0].clone()]);
         for bad in ["room", "room=960@10", "room=axb@10"] {
             assert!(
                 v1::CameraSetting::from_text(bad).is_err(),
-                "{bad:?} was taken"
+                "{bad:?} was accepted"
             );
         }
     }
