@@ -10,20 +10,21 @@ use crate::state::SIX;
 /// What the numbers of an action are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ActionKind {
-    /// In force at the next picture: pose of the hand in `base_link` (3, and 6
+    /// In force at the next image: pose of the hand in `base_link` (3, and 6
     /// of its rotation), knuckle, v and ω. 12 numbers.
     #[default]
     NextPose,
     /// The same with the arm's joints instead of the hand's pose. 9 numbers.
     NextJoints,
-    /// What the controllers got at this picture: joints, wheel speeds, knuckle.
-    /// 9 numbers. It is practically the present state: what learns it stands still.
+    /// Set points of the controllers at this image: joints, wheel speeds, knuckle. 9
+    /// numbers. They nearly equal the present state, so a policy that learns them stays at
+    /// rest.
     Applied,
 }
 
 /// A word that names no kind.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no kind of action; there are next-pose, next-joints and applied")]
+#[error("{0:?} is not a kind of action; use next-pose, next-joints or applied")]
 pub struct NoKind(pub String);
 
 impl FromStr for ActionKind {

@@ -8,14 +8,14 @@
 
 mod action;
 mod applied;
-mod pilot;
+mod chunk_executor;
 mod player;
 mod rotation;
 mod state;
 
 pub use action::{ActionKind, NoKind};
 pub use applied::{Applied, NEAR_ANGLE, NEAR_DISTANCE};
-pub use pilot::{ChunkError, Pilot, PilotOptions};
+pub use chunk_executor::{ChunkError, ChunkExecutor, ExecutorOptions};
 pub use player::{Player, RowError};
 pub use rotation::{from_six, to_six};
 pub use state::{Observed, STATE, state, state_names, state_units};

@@ -6,7 +6,7 @@ use wheelarm_proto::{CONTROL_HZ, v1};
 use crate::action::ActionKind;
 use crate::rotation::from_six;
 
-/// Turns rows into commands, one for all control ticks until the next picture;
+/// Turns rows into commands, one for all control ticks until the next image;
 /// the server goes straight from what is in force to the row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Player {
@@ -17,7 +17,7 @@ pub struct Player {
     /// Force cap at each pad, N, that goes with every row; the robot's usual
     /// force without it.
     pub max_force: Option<f64>,
-    /// Said of the commands.
+    /// Device label of the commands.
     pub device: v1::Device,
     /// Wheel radius and distance between the wheels, m.
     drive: [f64; 2],
@@ -28,7 +28,7 @@ pub struct Player {
     closed: f64,
 }
 
-/// No value of a row, in SI units, is as great as this: what is, is no answer.
+/// Limit of the values of a row, SI units; larger ones are errors.
 const ABSURD: f64 = 100.0;
 
 /// A row that no command can be made of.
@@ -49,7 +49,7 @@ pub enum RowError {
     NotFinite {
         /// Place in the row, from 0.
         index: usize,
-        /// What stands there.
+        /// The value.
         value: f64,
     },
     /// So large that it can be no pose, angle or speed of the robot.
@@ -59,10 +59,10 @@ pub enum RowError {
     Absurd {
         /// Place in the row, from 0.
         index: usize,
-        /// What stands there.
+        /// The value.
         value: f64,
     },
-    /// The six numbers of the rotation are no rotation.
+    /// The six numbers do not define a rotation.
     #[error("the rotation of the hand {0:?} spans no plane: its two columns are parallel or zero")]
     Rotation([f64; 6]),
 }
@@ -90,8 +90,8 @@ impl Player {
         }
     }
 
-    /// The command of a row. What a network answers may lie a hair beyond what the
-    /// robot can: speeds and the knuckle are cut to their limits.
+    /// The command of a row. Speeds and the knuckle are clamped to the limits of
+    /// the robot, which the output of a network may exceed slightly.
     ///
     /// # Errors
     /// [`RowError`].
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_one_command_until_the_next_picture() {
+    fn every_kind_gives_one_command_until_the_next_image() {
         let base = |kind, row: &[f64]| {
             let command = Player::new(kind, &robot(), 10.0).command(row).unwrap();
             assert_eq!(command.over_ticks, 6);

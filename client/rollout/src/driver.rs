@@ -268,7 +268,7 @@ mod tests {
 
         fn reset(&self, _: v1::PolicyResetRequest) -> Result<(), PolicyError> {
             self.compute();
-            Err(PolicyError::Said("no".to_owned()))
+            Err(PolicyError::Rejected("no".to_owned()))
         }
 
         fn infer(&self, _: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {

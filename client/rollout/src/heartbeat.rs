@@ -109,8 +109,8 @@ impl Heartbeat {
         self.alive().scenario = Some(scenario.clone());
     }
 
-    /// The driver begins or ends to wait for its policy. Meanwhile simulated time may
-    /// stand still: the policy has a time limit of its own.
+    /// The driver begins or ends to wait for its policy. Meanwhile simulated time need
+    /// not advance: the policy has its own time limit.
     pub fn set_policy_turn(&self, is_on: bool) {
         self.alive().policy_turn = is_on;
     }

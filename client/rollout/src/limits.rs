@@ -20,7 +20,7 @@ pub const CONNECT: Duration = Duration::from_secs(10);
 pub struct Limits {
     /// Longest time for which the server may be silent.
     pub silence: Duration,
-    /// Longest time for which simulated time may stand still while the server answers.
+    /// Longest time without progress of simulated time while the server replies.
     pub stall: Duration,
     /// Returns true when the caller cancels the episode.
     pub cancelled: Arc<dyn Fn() -> bool + Send + Sync>,

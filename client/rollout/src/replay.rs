@@ -128,7 +128,7 @@ fn feed(
             Turn::Refused(refusal) => {
                 bail!("the server refused a recorded command: {}", refusal.reason);
             }
-            Turn::Ended(_) => bail!("the episode was ended by somebody else"),
+            Turn::Ended(_) => bail!("another client ended the episode"),
             Turn::Silent(status) => bail!(
                 "nothing came for {:.0} s after tick {newest}; the server waits for: {}",
                 PATIENCE.as_secs_f64(),

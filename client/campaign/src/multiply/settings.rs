@@ -77,7 +77,7 @@ impl Settings {
             (begun.noise != self.noise).then(|| format!("--noise {}", begun.noise)),
             (begun.disturb != self.disturb).then(|| match begun.disturb.as_str() {
                 "" => "no --disturb".to_owned(),
-                format!("--disturb {error}"), => disturb => format!("--disturb {disturb}"), => format!("--disturb {format!("--disturb {error}"), => disturb => format!("--disturb {disturb}"),}"),
+                disturb => format!("--disturb {disturb}"),
             }),
             (begun.sources != self.sources).then(|| "other sources".to_owned()),
         ];

@@ -91,7 +91,7 @@ impl Processes {
             StartError::Scenario(words) => anyhow!(words),
             StartError::Broke(problem) => problem,
         })?;
-        let link = server.link()?;
+        let link = server.client()?;
         // A folder has room for the messages of one episode.
         let lifetime = match rollout.folder {
             Some(_) => Lifetime::OneEpisode,
@@ -307,7 +307,7 @@ impl Run<'_> {
         }
     }
 
-    /// Ends an episode whose simulated time stands still.
+    /// Ends an episode whose simulated time does not advance.
     fn check_stall(&mut self) -> anyhow::Result<()> {
         let Some(words) = self.watch.stall() else {
             return Ok(());
@@ -339,7 +339,7 @@ impl Run<'_> {
             return self.watch.failed(FailureCause::Stall, words);
         }
         let tail = self.programs.server.process.tail();
-        problem.context(format!("the driver failed; the server said:\n{tail}"))
+        problem.context(format!("the driver failed; output of the server:\n{tail}"))
     }
 }
 

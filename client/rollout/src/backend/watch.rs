@@ -44,7 +44,7 @@ impl Watch<'_> {
         Err(self.failed(FailureCause::Server, words))
     }
 
-    /// How simulated time stands still while the program answers, if it does for too long.
+    /// Message when simulated time does not advance for too long while the program replies.
     pub fn stall(&self) -> Option<String> {
         let patience = self.rollout.limits.stall;
         (self.heartbeat.stalled_for() >= patience).then(|| {

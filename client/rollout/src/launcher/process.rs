@@ -17,7 +17,7 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use super::program::required_program;
 use crate::limits;
 
-/// Lines of a program's messages that stand in an error.
+/// Lines of a program's output that an error contains.
 const TAIL_LINES: usize = 30;
 /// Newest bytes of its messages that are read.
 const TAIL_BYTES: u64 = 1 << 16;
@@ -74,7 +74,7 @@ pub struct Process {
     /// This program killed it.
     ended_here: bool,
     log: File,
-    /// Where its own messages begin: those of another before it may stand there.
+    /// Offset of its own output; the log may contain that of an earlier process.
     begin: u64,
 }
 
@@ -168,7 +168,7 @@ impl Process {
         Ok(self.status)
     }
 
-    /// Signals the whole group. The group may be gone; its number is nobody else's while
+    /// Signals the whole group. The group may be gone; its number is not reused while
     /// one of it lives, or its first has not been waited for.
     fn signal(&self, signal: Signal) {
         if let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
@@ -265,7 +265,7 @@ impl Process {
         }
     }
 
-    /// The last lines of what it said, indented, each with its end.
+    /// The last lines of its output, indented, each with its line end.
     #[must_use]
     pub fn tail(&self) -> String {
         let text = self.messages();
@@ -275,7 +275,7 @@ impl Process {
     }
 
     /// Why it ended by its own words: those of a panic, else its error; empty
-    /// when it said neither.
+    /// without either.
     #[must_use]
     pub fn last_words(&self) -> String {
         last_words(&self.messages())
@@ -299,7 +299,7 @@ pub fn end_with_parent(command: &mut Command) {
     let parent = std::process::id();
     let hook = move || {
         rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
-        // The parent may have gone before the kernel was asked.
+        // The parent may have ended before this request to the kernel.
         if std::os::unix::process::parent_id() == parent {
             Ok(())
         } else {
@@ -354,10 +354,10 @@ mod tests {
 
     #[test]
     fn a_panic_is_the_last_word_of_a_program() {
-        let said = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
+        let output = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
                     index out of bounds\nnote: run with RUST_BACKTRACE=1\n\
                     Error: the simulation thread panicked\n";
-        let words = last_words(said);
+        let words = last_words(output);
         assert!(
             words.ends_with("src/a.rs:3:4: index out of bounds"),
             "{words}"
@@ -394,7 +394,7 @@ mod tests {
         assert_eq!(other.end().unwrap().code(), Some(5));
     }
 
-    /// Whether a process runs; one that nobody has waited for does not.
+    /// Whether a process runs; a zombie does not.
     fn runs(id: &str) -> bool {
         let status = std::fs::read_to_string(format!("/proc/{id}/status"));
         status.is_ok_and(|status| !status.contains("State:\tZ"))
@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_absent_is_told_with_the_cure() {
+    fn missing_program_is_an_error_with_its_fix() {
         let launch = Launch {
             name: "ghost",
             program: Program::Own("wheelarm-ghost"),
@@ -436,7 +436,7 @@ mod tests {
             input: Input::Lifeline,
             folder: None,
         };
-        let told = Process::start(launch).unwrap_err().to_string();
-        assert!(told.contains("cargo build"), "{told}");
+        let error = Process::start(launch).unwrap_err().to_string();
+        assert!(error.contains("cargo build"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Where the programs of WheelArm lie.
+//! Finds the programs of WheelArm.
 
 use std::path::{Path, PathBuf};
 

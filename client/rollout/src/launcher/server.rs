@@ -43,10 +43,10 @@ pub fn all_cameras(width: u32, height: u32, rate_hz: f64) -> v1::CameraSetting {
     }
 }
 
-/// Why there is no server.
+/// Why the server did not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// Whoever waited for it wants it no more.
+    /// The caller no longer waits for the server.
     #[error("the start was called off")]
     CalledOff,
     /// The scenario cannot be simulated; its words.
@@ -122,7 +122,7 @@ impl Server {
     fn wait_until_ready(&mut self, called_off: impl Fn() -> bool) -> Result<(), StartError> {
         let deadline = Instant::now() + limits::READY;
         loop {
-            // Before its messages are read: what it said last is among them.
+            // Before its messages are read, which include the last ones.
             let ended = self.process.ended().map_err(StartError::Broke)?;
             let messages = self.process.messages();
             if let Some(ready) = messages.lines().find_map(Ready::parse) {
@@ -160,15 +160,15 @@ impl Server {
     ///
     /// # Errors
     /// With the server's last messages.
-    pub fn link(&self) -> anyhow::Result<Client> {
+    pub fn client(&self) -> anyhow::Result<Client> {
         Client::open(&self.connect)
-            .with_context(|| format!("the server said:\n{}", self.process.tail()))
+            .with_context(|| format!("output of the server:\n{}", self.process.tail()))
     }
 
     /// Asks it to end; after [`limits::END`] it is terminated, then killed.
     ///
     /// # Errors
-    /// When it cannot be asked.
+    /// When the server does not reply.
     pub fn stop(mut self, link: Client) -> anyhow::Result<()> {
         link.shutdown(true)?;
         // A client that goes first leaves no half-open connection behind.

@@ -51,7 +51,7 @@ pub fn remove_socket(work: &Path) {
         .unwrap_or_default();
     // Only what this module can have made.
     if folder.parent() == Some(&std::env::temp_dir()) && name.starts_with(SOCKET) {
-        // It may be gone, or lie on another host.
+        // It may have ended, or run on another host.
         let _ = std::fs::remove_dir_all(folder);
     }
 }
@@ -71,6 +71,6 @@ mod tests {
         let note = other.path().as_os_str().as_encoded_bytes();
         std::fs::write(work.path().join(SOCKET_NOTE), note).unwrap();
         remove_socket(work.path());
-        assert!(other.path().is_dir(), "a folder of somebody else");
+        assert!(other.path().is_dir(), "a folder of another process");
     }
 }

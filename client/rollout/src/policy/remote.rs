@@ -18,7 +18,7 @@ const WAITED: f64 = 0.9;
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A session to which a policy connects, at a socket in `folder`, and the
-/// endpoint that the policy is told.
+/// endpoint that the policy receives.
 ///
 /// # Errors
 /// [`PolicyError::Start`] when it cannot listen there.
@@ -141,14 +141,14 @@ impl Remote {
             query: "infer",
             problem,
         };
-        let (asked, answered) = (request.observations.len(), reply.chunks.len());
-        if asked != answered {
-            return Err(wrong(format!("{answered} chunks to {asked} observations")));
+        let (sent, received) = (request.observations.len(), reply.chunks.len());
+        if sent != received {
+            return Err(wrong(format!("{received} chunks for {sent} observations")));
         }
-        for (asked, answered) in request.observations.iter().zip(&reply.chunks) {
+        for (request_item, chunk) in request.observations.iter().zip(&reply.chunks) {
             let [a, b] = [
-                (&asked.episode_key, asked.tick),
-                (&answered.episode_key, answered.tick),
+                (&request_item.episode_key, request_item.tick),
+                (&chunk.episode_key, chunk.tick),
             ];
             if a != b {
                 return Err(wrong(format!(
@@ -181,7 +181,7 @@ impl Remote {
         let seconds = self.patience.as_secs_f64();
         let none = || match begun.elapsed() > self.patience.mul_f64(WAITED) {
             true => PolicyError::Silent { query, seconds },
-            false => PolicyError::Gone(format!("nobody answers `{query}` any more")),
+            false => PolicyError::Gone(format!("no policy replies to `{query}` any more")),
         };
         let reply = replies.recv().map_err(|_| none())?;
         let garbled = |problem: String| PolicyError::Garbled { query, problem };
@@ -194,7 +194,7 @@ impl Remote {
             }
             Err(error) => match v1::Failure::decode(&*error.payload().to_bytes()) {
                 Ok(failure) if !failure.message.is_empty() => {
-                    Err(PolicyError::Said(failure.message))
+                    Err(PolicyError::Rejected(failure.message))
                 }
                 // The transport itself reports a timeout as an error reply.
                 _ => Err(none()),

@@ -29,7 +29,7 @@ impl Serving {
     /// Starts to serve and waits until it does, unless it is stopped before.
     ///
     /// # Errors
-    /// The service's, for example that there is no graphics driver.
+    /// Those of the service, for example a missing graphics driver.
     pub fn start(
         room: &Room,
         sim: Simulation,
@@ -103,7 +103,7 @@ impl Serving {
         }
         Some(match self.thread.take()?.join() {
             Ok(Err(why)) => format!("the simulation ended: {why}"),
-            Ok(Ok(())) => "the simulation was asked to end".to_owned(),
+            Ok(Ok(())) => "the simulation received a request to end".to_owned(),
             Err(cause) => format!("the simulation ended: {}", Panicked::because_of(&*cause)),
         })
     }
