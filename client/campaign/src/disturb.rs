@@ -42,7 +42,9 @@ fn share<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     let share = f64::deserialize(from)?;
     match (0.0..=1.0).contains(&share) {
         true => Ok(share),
-        false => Err(D::Error::custom(format!("{share} is not a share from 0 to 1"))),
+        false => Err(D::Error::custom(format!(
+            "{share} is not a share from 0 to 1"
+        ))),
     }
 }
 

@@ -192,7 +192,7 @@ fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
         ("words", "it is dark here"),
         ("keys", "a chunk for episode"),
         ("dies", "the network is on fire"),
-        ("silent", "did not answer `infer` within 2 s"),
+        ("silent", "did not reply to `infer` within 2 s"),
         ("well", "the task failed: timeout"),
     ];
     let folder = tempfile::tempdir().expect("a folder");

@@ -148,7 +148,10 @@ fn check_settings(recorded: &v1::Scenario, requested: &v1::Scenario) -> anyhow::
     for (name, same) in [
         ("language", language(recorded) == language(requested)),
         ("appearance", appearance(recorded) == appearance(requested)),
-        ("disturbances", disturbances(recorded) == disturbances(requested)),
+        (
+            "disturbances",
+            disturbances(recorded) == disturbances(requested),
+        ),
         ("sensors", sensors(recorded) == sensors(requested)),
         (
             "person",
@@ -189,7 +192,8 @@ fn matches_person(recorded: Option<&v1::Person>, requested: Option<&v1::Person>)
     };
     let recorded = recorded.filter(|person| person.body != NO_PERSON);
     recorded.is_some_and(|recorded| {
-        let matches = |requested: &str, recorded: &str| requested.is_empty() || requested == recorded;
+        let matches =
+            |requested: &str, recorded: &str| requested.is_empty() || requested == recorded;
         matches(&requested.body, &recorded.body)
             && matches(&requested.posture, &recorded.posture)
             && (!requested.guard || recorded.guard)

@@ -23,9 +23,9 @@ use wheelarm_rollout::{
 use super::acceptance::{Verdict, check_file};
 use super::activity::Activity;
 use super::episode::Episode;
+use super::failure_analysis::{Loss, find_loss};
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
-use super::failure_analysis::{Loss, find_loss};
 use super::plan::Plan;
 use super::slot::{Permit, Slot};
 use super::stop::Stop;

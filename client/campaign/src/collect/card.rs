@@ -151,11 +151,13 @@ fn coverage(episodes: &[SampledEpisode<'_>]) -> String {
             None => "as described".to_owned(),
         }),
     );
-    let visibility = episodes.iter().map(|d| match d.done.target_in_first_images {
-        Some(true) => "shown".to_owned(),
-        Some(false) => "not shown".to_owned(),
-        None => "unknown".to_owned(),
-    });
+    let visibility = episodes
+        .iter()
+        .map(|d| match d.done.target_in_first_images {
+            Some(true) => "shown".to_owned(),
+            Some(false) => "not shown".to_owned(),
+            None => "unknown".to_owned(),
+        });
     text += &histogram("Target in the first images", visibility);
     text += &histogram(
         "Phase that looks around",
@@ -171,7 +173,10 @@ fn coverage(episodes: &[SampledEpisode<'_>]) -> String {
         )
     };
     text += &histogram("Person in the chair", seated_person(|person| &person.body));
-    text += &histogram("Posture of the person", seated_person(|person| &person.posture));
+    text += &histogram(
+        "Posture of the person",
+        seated_person(|person| &person.posture),
+    );
     let durations = episodes.iter().map(|d| {
         let from = (d.done.seconds / DURATION).floor() * DURATION;
         format!("{from:>4.0}..{:.0} s", from + DURATION)
@@ -186,7 +191,10 @@ fn coverage(episodes: &[SampledEpisode<'_>]) -> String {
         })
         .filter(|word| !word.is_empty())
         .collect();
-    let sentences: BTreeSet<&str> = episodes.iter().map(|d| d.done.instruction.as_str()).collect();
+    let sentences: BTreeSet<&str> = episodes
+        .iter()
+        .map(|d| d.done.instruction.as_str())
+        .collect();
     let _ = writeln!(
         text,
         "Instructions: {} distinct sentences, {} distinct words.\n",

@@ -34,8 +34,9 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
         .map(PathBuf::as_path)
         .chain(filled.then_some(out))
     {
-        let read = Plan::read(&Folder::at(source).plan())
-            .with_context(|| format!("{} is not a folder of `wheelarm collect`", source.display()))?;
+        let read = Plan::read(&Folder::at(source).plan()).with_context(|| {
+            format!("{} is not a folder of `wheelarm collect`", source.display())
+        })?;
         if let Some(known) = plan.as_ref().filter(|known| known.name != read.name) {
             bail!(
                 "the folders are of different campaigns: {} is of {:?}, an earlier one of {:?}; \
@@ -82,7 +83,9 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
             let Some(episode) = by_id.get(id.as_str()) else {
                 continue;
             };
-            if ledger.done.contains_key(&id) || !report(check_episode(source, &done, episode), source, &id) {
+            if ledger.done.contains_key(&id)
+                || !report(check_episode(source, &done, episode), source, &id)
+            {
                 continue;
             }
             add_file(&folder, &source.join(&done.file), &done)?;

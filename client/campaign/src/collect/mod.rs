@@ -120,7 +120,10 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         let manifest = merge::merge(&args.merge, out)?;
         return Ok(print_dataset(&manifest, &Folder::at(out)));
     }
-    let path = args.plan.as_deref().context("the plan is missing: name one, for example assets/campaigns/small.toml")?;
+    let path = args
+        .plan
+        .as_deref()
+        .context("the plan is missing: name one, for example assets/campaigns/small.toml")?;
     let plan = Plan::read(path)?;
     for warning in &plan.warnings {
         eprintln!("warning: {}: {warning}", path.display());

@@ -152,7 +152,12 @@ mod tests {
         assert_eq!(check("body = \"man_p50\", ", ""), None);
         assert_eq!(check("man_p50", "none"), None);
         for (from, to, line, words) in [
-            ("home", "nohome", 2, "no scene \"nohome\" in the assets; available: home;"),
+            (
+                "home",
+                "nohome",
+                2,
+                "no scene \"nohome\" in the assets; available: home;",
+            ),
             (
                 "man_p50",
                 "man_p51",
@@ -185,7 +190,10 @@ mod tests {
             ),
         ] {
             let problem = check(from, to).unwrap();
-            assert!(problem.starts_with(&format!("p.toml:{line}: ")), "{problem}");
+            assert!(
+                problem.starts_with(&format!("p.toml:{line}: ")),
+                "{problem}"
+            );
             assert!(problem.contains(words), "{problem}");
         }
     }

@@ -106,7 +106,9 @@ pub fn settle(
         .filter_map(|f| f.loss.as_ref())
         .map(|loss| loss.file.as_str())
         .collect();
-    for aside in folder.set_orphans_aside(mine.iter().map(|episode| episode.id.as_str()), &listed)? {
+    for aside in
+        folder.set_orphans_aside(mine.iter().map(|episode| episode.id.as_str()), &listed)?
+    {
         tracing::warn!(
             "{}: the recording of a failed attempt without a journal entry, most likely of a killed \
              run; the attempt is repeated",

@@ -203,15 +203,10 @@ impl EvaluateArgs {
                 .iter()
                 .any(|before| before.axis() == axis.axis())
             {
-                bail!(
-                    "--axis {} is given twice; remove one",
-                    axis.axis().name()
-                );
+                bail!("--axis {} is given twice; remove one", axis.axis().name());
             }
             if axis.axis() == Axis::Language && self.language.is_some() {
-                bail!(
-                    "--axis language and --language both define the sentences; remove one"
-                );
+                bail!("--axis language and --language both define the sentences; remove one");
             }
             scope.layout |= axis.is_layout();
             scope.variation.set(*axis);

@@ -218,20 +218,14 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
     let (several, one, all) = (names(several), names(one), names(listed.iter().collect()));
     if args.task == "all" {
         if layout {
-            eprintln!(
-                "skipped, because they have one layout: {}",
-                one.join(", ")
-            );
+            eprintln!("skipped, because they have one layout: {}", one.join(", "));
         }
         return Ok(if layout { several } else { all });
     }
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
         if !all.iter().any(|task| task == name) {
-            bail!(
-                "no task named {name:?}; available: {}",
-                all.join(", ")
-            );
+            bail!("no task named {name:?}; available: {}", all.join(", "));
         }
         if layout && one.iter().any(|task| task == name) {
             bail!(

@@ -199,7 +199,9 @@ fn demonstration(
             }
         })
         .collect();
-    let opening = observed.iter().map(|observed| robot.opening(observed.knuckle));
+    let opening = observed
+        .iter()
+        .map(|observed| robot.opening(observed.knuckle));
     let opening: Option<Vec<f64>> = opening.collect();
     let course = Course {
         source: name,

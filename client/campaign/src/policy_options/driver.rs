@@ -72,7 +72,10 @@ impl DriverChoice {
             Choice::Act(file) => {
                 let file = file_or_asset(file);
                 if !file.exists() {
-                    bail!("{} does not exist: check the path after act:", file.display());
+                    bail!(
+                        "{} does not exist: check the path after act:",
+                        file.display()
+                    );
                 }
                 let arguments = vec!["serve".to_owned(), file.display().to_string()];
                 Arc::new(process(Program::Own("wheelarm-learn"), arguments)?)
@@ -354,7 +357,10 @@ mod tests {
         };
         assert!(check_training_seeds(&spec, &(0..500)).is_ok());
         assert!(check_training_seeds(&spec, &(600..700)).is_ok());
-        let error = format!("{:#}", check_training_seeds(&spec, &(599..610)).unwrap_err());
+        let error = format!(
+            "{:#}",
+            check_training_seeds(&spec, &(599..610)).unwrap_err()
+        );
         assert!(
             error.contains("500..600") && error.contains("--training-seeds"),
             "{error}"

@@ -32,7 +32,9 @@ impl Change {
     /// `robot.toml`.
     pub fn moves_the_robot(&self) -> bool {
         let first = self.place.split(['.', '[']).next().unwrap_or_default();
-        self.path.ends_with("/robot.toml") && self.was.is_some() && !MOTIONLESS_TABLES.contains(&first)
+        self.path.ends_with("/robot.toml")
+            && self.was.is_some()
+            && !MOTIONLESS_TABLES.contains(&first)
     }
 }
 

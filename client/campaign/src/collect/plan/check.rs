@@ -179,11 +179,7 @@ impl Check<'_> {
             self.that(
                 (1..=ATTEMPT_STRIDE).contains(&u64::from(episodes)),
                 &task.episodes,
-                || {
-                    format!(
-                        "episodes is {episodes}; use 1 to {ATTEMPT_STRIDE}, or remove the task"
-                    )
-                },
+                || format!("episodes is {episodes}; use 1 to {ATTEMPT_STRIDE}, or remove the task"),
             )?;
             let positive = |key: &str, value: Option<&Spanned<f64>>| match value {
                 Some(value) => {

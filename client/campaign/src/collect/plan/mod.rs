@@ -270,8 +270,9 @@ mod tests {
             check("[[scenario.sensors]]\nmodel = \"kinova_vision\"\ncamera = \"gen3\""),
             Ok(())
         );
-        let blind = check("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
-            .unwrap_err();
+        let blind =
+            check("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
+                .unwrap_err();
         assert!(blind.contains("its cameras are gen3"), "{blind}");
     }
 
