@@ -50,11 +50,11 @@ impl Comparison {
     pub fn equal_hashes(&self) -> Result<usize, String> {
         let mut equal = 0;
         for (tick, hash) in &self.recorded {
-            match self.states.iter().find(|(states, _)| states == tick) {
-                Some((_, states)) if states == hash => equal += 1,
-                Some((_, states)) => {
+            match self.states.iter().find(|(at, _)| at == tick) {
+                Some((_, found)) if found == hash => equal += 1,
+                Some((_, found)) => {
                     return Err(format!(
-                        "differs at tick {tick} ({:.3} s): state hash {states:016x}, recorded {hash:016x}; {equal} hashes before it are equal",
+                        "differs at tick {tick} ({:.3} s): state hash {found:016x}, recorded {hash:016x}; {equal} hashes before it are equal",
                         wheelarm_proto::stamp_nanos(*tick) as f64 * 1e-9
                     ));
                 }

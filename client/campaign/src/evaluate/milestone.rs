@@ -60,7 +60,7 @@ pub enum Way {
 impl Way {
     /// The steps for a kind of goal.
     #[must_use]
-    pub fn to_goal(goal: v1::GoalKind) -> Self {
+    pub fn for_goal(goal: v1::GoalKind) -> Self {
         match goal {
             v1::GoalKind::Unspecified => Self::None,
             // A given object is lifted; its destination moves with the chair.

@@ -86,7 +86,7 @@ impl Follower {
         let robot = robot.ok_or(Invalid::Missing("description of the robot"))?;
         let goal = scene.goal.clone().unwrap_or_default();
         let slide = scene.joints.iter().enumerate();
-        let way = Way::to_goal(goal.kind());
+        let way = Way::for_goal(goal.kind());
         let slide = slide
             .filter(|(_, joint)| way == Way::Slide && joint.name == goal.joint)
             .map(|(index, joint)| {

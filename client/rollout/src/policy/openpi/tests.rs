@@ -230,14 +230,14 @@ fn a_map_with_a_mistake_is_refused_in_words() {
         ("prompt", "promt", "promt"),
         ("execute = 2", "execute = 2\ncolumns = [0]", "9 numbers"),
     ] {
-        let received = NameMap::read(&MAP.replacen(from, to, 1)).unwrap_err();
-        assert!(received.contains(words), "{received}");
+        let error = NameMap::read(&MAP.replacen(from, to, 1)).unwrap_err();
+        assert!(error.contains(words), "{error}");
     }
     let unfit = NameMap::read(&MAP.replace("rate_hz = 10.0", "rate_hz = 7.0")).unwrap();
-    let received = OpenPi::connect("ws://127.0.0.1:9", unfit, PATIENCE, false)
+    let error = OpenPi::connect("ws://127.0.0.1:9", unfit, PATIENCE, false)
         .err()
         .unwrap();
-    assert!(matches!(received, PolicyError::Unfit(_)), "{received}");
+    assert!(matches!(error, PolicyError::Unfit(_)), "{error}");
 }
 
 #[test]
