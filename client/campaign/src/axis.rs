@@ -80,7 +80,7 @@ impl AxisAt {
         self.0
     }
 
-    /// Whether it asks for other layouts.
+    /// Whether it needs other layouts.
     #[must_use]
     pub fn is_layout(&self) -> bool {
         self.0 == Axis::Layout
@@ -89,7 +89,7 @@ impl AxisAt {
     /// Reads `AXIS=STRENGTH`, for example `light=2`.
     ///
     /// # Errors
-    /// What was found and what is allowed.
+    /// The value and the allowed ones.
     pub fn read(text: &str) -> Result<Self, String> {
         let form = || format!("{text:?} is not AXIS=STRENGTH, for example light=2");
         let (name, strength) = text.split_once('=').ok_or_else(form)?;
@@ -108,7 +108,7 @@ impl<'de> Deserialize<'de> for AxisAt {
 }
 
 impl Variation {
-    /// Sets one axis; what the variation says of the others stays.
+    /// Sets one axis and keeps the others.
     pub fn set(&mut self, AxisAt(axis, strength): AxisAt) {
         let mut appearances = |axes: &[&str]| {
             let appearance = self.appearance.unwrap_or_else(AppearanceText::own);

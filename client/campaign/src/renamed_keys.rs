@@ -60,7 +60,7 @@ pub fn translate(table: &mut Table) -> Result<Vec<String>, String> {
     Ok(warnings)
 }
 
-/// Removes the value of a path, if it is there.
+/// Removes the value of a path, if it exists.
 fn take(table: &mut Table, path: &str) -> Option<Value> {
     match path.split_once('.') {
         None => table.remove(path),

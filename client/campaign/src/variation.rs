@@ -25,7 +25,7 @@ pub struct Variation {
     /// Fields that all episodes share; [`rejected_field`] lists those that are set here or
     /// by the campaign.
     pub scenario: v1::Scenario,
-    /// Robot specimens, each with cameras of its own; 0 for the one of the description.
+    /// Robot specimens, each with its own cameras; 0 for the one of the description.
     pub specimens: u32,
     /// Generated sentences; `None`: one of the task's own.
     pub language: Option<Language>,
@@ -323,7 +323,7 @@ impl Variation {
     }
 
     /// The settings as one line with sentence number `sentence`, for logs and their resume.
-    /// Empty for the defaults. The words are those of logs up to contract 2, which go on.
+    /// Empty for the defaults. The words equal those of logs up to contract 2, which are resumed.
     #[must_use]
     pub fn words(&self, sentence: u32) -> String {
         let mut shared = self.scenario.clone();

@@ -7,7 +7,7 @@ use wheelarm_proto::v1;
 
 use crate::state::SIX;
 
-/// What the numbers of an action are.
+/// Kind of the numbers of an action.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ActionKind {
     /// In force at the next image: pose of the hand in `base_link` (3, and 6

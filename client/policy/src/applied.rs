@@ -94,7 +94,7 @@ impl Applied {
         ]
     }
 
-    /// Where the joints come to rest when they brake from now on: the goal that
+    /// Rest position of the joints when they brake now: the goal that
     /// the server's profile follows so closely, rad.
     fn goal(&self, at: usize) -> [f64; ARM_JOINTS] {
         let (now, speed) = (self.joints[at], self.velocities[at]);

@@ -10,7 +10,7 @@ use crate::rotation::from_six;
 /// the server goes straight from what is in force to the row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Player {
-    /// What the numbers of a row are.
+    /// Kind of the numbers of a row.
     pub kind: ActionKind,
     /// Control ticks of a row.
     pub over_ticks: u32,

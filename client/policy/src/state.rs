@@ -9,7 +9,7 @@ use crate::rotation::to_six;
 /// Values of a row of state.
 pub const STATE: usize = 27;
 
-/// What a robot measures at one instant.
+/// Measurements of a robot at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observed {
     /// Positions of the arm's joints, rad.

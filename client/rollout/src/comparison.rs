@@ -46,7 +46,7 @@ impl Comparison {
     /// Number of equal hashes.
     ///
     /// # Errors
-    /// The first tick whose hash differs or is missing, in words.
+    /// The first tick whose hash differs or is missing.
     pub fn equal_hashes(&self) -> Result<usize, String> {
         let mut equal = 0;
         for (tick, hash) in &self.recorded {
@@ -58,11 +58,11 @@ impl Comparison {
                         wheelarm_proto::stamp_nanos(*tick) as f64 * 1e-9
                     ));
                 }
-                None => return Err(format!("no state hash came for tick {tick}")),
+                None => return Err(format!("no state hash arrived for tick {tick}")),
             }
         }
         if equal == 0 {
-            return Err("the recording holds no state hash that could be compared".to_owned());
+            return Err("the recording contains no state hash to compare".to_owned());
         }
         Ok(equal)
     }

@@ -1,11 +1,11 @@
-//! The dataset's folder: where a file is made, how it gets its final name, and
-//! what a killed run left behind.
+//! The dataset's folder: where a file is made, how it gets its final name, and the
+//! leftovers of a killed run.
 //!
 //! | path | what |
 //! |---|---|
 //! | `plan.toml` | the plan |
 //! | `episodes/ID.h5` | finished, successful, complete episodes and nothing else |
-//! | `journal/*.jsonl` | what has been done, append-only |
+//! | `journal/*.jsonl` | entries of finished and failed attempts, append-only |
 //! | `staging/ID/` | an episode while it is made |
 //! | `failed/ID-attempt-K/` | output of the programs in failed attempts; `-2` and so on for repeated attempts |
 //! | `failed_episodes/ID-attempt-K.h5` | recordings of attempts that failed at the task, where the plan keeps them |
@@ -30,7 +30,7 @@ use wheelarm_rollout::launcher::remove_socket;
 /// Folder of the kept recordings of failed attempts.
 const FAILED_EPISODES: &str = "failed_episodes";
 
-/// Name of the note in a staging folder that says what is about to be published.
+/// Name of the note in a staging folder with the entry of the file to publish.
 const RESULT: &str = "result.json";
 
 /// A dataset's folder.
@@ -181,7 +181,7 @@ impl Folder {
         }
     }
 
-    /// Where an episode is made.
+    /// Staging folder of an episode.
     #[must_use]
     pub fn staging(&self, episode: &str) -> PathBuf {
         self.root.join("staging").join(episode)
@@ -202,7 +202,7 @@ impl Folder {
     /// Removes an episode's staging folder.
     ///
     /// # Errors
-    /// When it is there and cannot be removed.
+    /// When it exists and cannot be removed.
     pub fn clean(&self, episode: &str) -> anyhow::Result<()> {
         let path = self.staging(episode);
         remove_socket(&path);
@@ -214,7 +214,7 @@ impl Folder {
     /// first, so that a crash in between is finished by [`Folder::resume`].
     ///
     /// # Errors
-    /// When there is a file of that name, or the disk does not take it.
+    /// When a file of that name exists, or the disk does not accept it.
     pub fn publish(&self, done: &Done) -> anyhow::Result<()> {
         let staging = self.staging(&done.episode);
         write_whole(&staging.join(RESULT), &serde_json::to_vec(done)?)?;

@@ -77,13 +77,13 @@ pub struct Failed {
     pub seed: u64,
     /// Settings that the plan fixed.
     pub settings: String,
-    /// Why it failed.
+    /// Reason of the failure.
     pub reason: String,
     /// Simulated seconds.
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What broke; absent when it was the task that failed.
+    /// Cause, if the episode broke; absent when the task failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub broken: Option<FailureCause>,
     /// Number of the server of this attempt that died or hung, from 1; 0 when none did.
@@ -92,7 +92,7 @@ pub struct Failed {
     /// Of a kept recording: cause and tick of the loss.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss: Option<Box<Loss>>,
-    /// Where something broke, the scenario that reproduces it.
+    /// Scenario that reproduces a broken episode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
@@ -121,7 +121,7 @@ impl Ledger {
     /// Reads every journal of `folder`; a folder that is absent is empty.
     ///
     /// # Errors
-    /// When a journal is there but cannot be read.
+    /// When a journal exists but cannot be read.
     pub fn read(folder: &Path) -> anyhow::Result<Self> {
         let mut files: Vec<_> = match std::fs::read_dir(folder) {
             Ok(entries) => entries.flatten().map(|entry| entry.path()).collect(),

@@ -84,7 +84,7 @@ impl ProgressView {
     }
 
     /// A pipeline's attempt is over after `seconds` simulated; `done` when its
-    /// episode is in the dataset, which takes `expected` off what is left.
+    /// episode is in the dataset, which reduces the remaining time by `expected`.
     pub fn end(&self, pipeline: usize, seconds: f64, expected: f64, done: bool, words: &str) {
         self.begin(pipeline, String::new());
         {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use parking_lot::{Mutex, MutexGuard};
 use wheelarm_rollout::Backend;
 
-/// Room for one simulation; a pipeline that wants to simulate waits for its permit.
+/// Slot for one simulation; a pipeline that wants to simulate waits for its permit.
 pub struct Slot {
     permit: Mutex<()>,
     backend: Box<dyn Backend>,

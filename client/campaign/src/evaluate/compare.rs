@@ -161,7 +161,7 @@ fn summary(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::
     Ok(text)
 }
 
-/// How much further B came than A, pair by pair, points of progress.
+/// Progress of B minus that of A, pair by pair, points.
 fn differences(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> Vec<f64> {
     let percent = |entry: &Entry| Some(f64::from(entry.course.as_ref()?.percent));
     let pairs = one.iter().filter_map(|(key, a)| {

@@ -93,7 +93,7 @@ pub struct Entry {
     pub success: bool,
     /// Reason of a failure; empty after success.
     pub why: String,
-    /// How it ended, in a word or two: `success`, the task's reason to fail
+    /// End of the episode, in a word or two: `success`, the task's reason to fail
     /// (`timeout`, `dropped`, …), `gave up` where the operator did, or what broke.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub end: String,
@@ -113,7 +113,7 @@ pub struct Entry {
     /// (count); absent for none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rejected_starts: u32,
-    /// What the operator noted.
+    /// Notes of the operator.
     pub notes: Vec<String>,
     /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100
     /// stayed below.
@@ -122,7 +122,7 @@ pub struct Entry {
     /// Cause, if the episode broke.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub broken: Option<FailureCause>,
-    /// Where something broke, the scenario that reproduces it.
+    /// Scenario that reproduces a broken episode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
@@ -179,7 +179,7 @@ impl Entry {
         }
     }
 
-    /// Why it failed, in words that many episodes may share; `success` otherwise.
+    /// Cause of the failure, in words that many episodes share; `success` otherwise.
     #[must_use]
     pub fn cause(&self) -> String {
         let end = match self.end.as_str() {

@@ -43,9 +43,9 @@ impl EpisodeMonitor {
 }
 
 impl Observer for EpisodeMonitor {
-    fn attach(&self, link: &Client) -> anyhow::Result<()> {
-        let mut follower = Follower::new(&link.request(&v1::SceneRequest {})?)?;
-        let streams = link.streams(&STREAMS)?;
+    fn attach(&self, client: &Client) -> anyhow::Result<()> {
+        let mut follower = Follower::new(&client.request(&v1::SceneRequest {})?)?;
+        let streams = client.streams(&STREAMS)?;
         let is_over = Arc::clone(&self.is_over);
         let watch = move || {
             loop {

@@ -205,7 +205,7 @@ impl Follower {
         }
     }
 
-    /// The course so far, of an episode that ended as `success` says.
+    /// The course so far, of an episode that ended with `success`.
     #[must_use]
     pub fn course(&self, success: bool, seconds: f64) -> Course {
         let mut reached = self.reached.clone();

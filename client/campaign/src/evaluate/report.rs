@@ -43,19 +43,19 @@ pub struct TaskReport {
     /// stayed below in the slowest episode, milliseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inference_ms: Option<(usize, f64, f64)>,
-    /// What the policy did wrong, by kind, and how often.
+    /// Count of the policy's errors by kind.
     pub policy_errors: BTreeMap<String, usize>,
-    /// How the episodes ended, and how often.
+    /// Count of episodes by end.
     pub ends: BTreeMap<String, usize>,
-    /// Why they failed, and the seeds, the most frequent first.
+    /// Causes of failures with their seeds, the most frequent first.
     pub causes: Vec<(String, Vec<u64>)>,
     /// Hash of the newest state by seed.
     pub state_hashes: BTreeMap<u64, String>,
     /// Simulated seconds per wall second over all episodes.
     pub factor: f64,
-    /// How often each required condition did not hold at the end.
+    /// Count of failures of each required condition at the end.
     pub failed_conditions: BTreeMap<String, usize>,
-    /// How often each condition that is only reported did not hold.
+    /// Count of failures of each condition that is only reported.
     pub reported_conditions: BTreeMap<String, usize>,
     /// Seeds that failed, with the reason.
     pub failed_seeds: BTreeMap<u64, String>,
@@ -64,7 +64,7 @@ pub struct TaskReport {
 /// Shares of the reported quantiles.
 pub const SHARES: [f64; 5] = [0.1, 0.25, 0.5, 0.75, 0.9];
 
-/// How far episodes came, percent of the way.
+/// Progress of episodes, percent of the way.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ProgressReport {
     /// Episodes that a course is known of: not those that broke.
@@ -73,7 +73,7 @@ pub struct ProgressReport {
     pub mean: f64,
     /// Quantiles of [`SHARES`], percent.
     pub quantiles: [f64; 5],
-    /// Share of the episodes that came to each step, in words, and no further.
+    /// Share of the episodes whose furthest step is this one, by name of the step.
     pub furthest: Vec<(String, f64)>,
 }
 
@@ -85,9 +85,9 @@ pub struct Report {
     pub split: Option<String>,
     /// Name of the policy; `operator` for the scripted one.
     pub policy: String,
-    /// What the seeds are for.
+    /// Purpose of the seeds.
     pub purpose: &'static str,
-    /// What the scenarios say beside task and seed; empty for what is usual.
+    /// Settings of the scenarios beside task and seed; empty for the defaults.
     pub settings: String,
     /// By task.
     pub tasks: Vec<TaskReport>,
@@ -215,7 +215,7 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
     }
 }
 
-/// How far they came, and how many came no further than each step.
+/// Progress of the episodes, and the share by furthest step.
 fn progress(own: &[&Entry]) -> Option<ProgressReport> {
     let courses: Vec<_> = own
         .iter()

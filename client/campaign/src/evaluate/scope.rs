@@ -65,7 +65,7 @@ fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     T::from_name(&name).map_err(D::Error::custom)
 }
 
-/// Reads a split and holds it against the hash that froze it.
+/// Reads a split and compares it with the hash that froze it.
 ///
 /// # Errors
 /// With file, line and fix: it cannot be read, is invalid, mixes purposes, or differs from

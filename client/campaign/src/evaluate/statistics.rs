@@ -92,7 +92,7 @@ pub fn bootstrap(values: &[f64]) -> [f64; 2] {
     quantiles(&means, [TAIL, 1.0 - TAIL]).unwrap_or_default()
 }
 
-/// Where a condition that holds from some place on begins, 0 to 1.
+/// Point from which a monotone condition holds, 0 to 1.
 fn root(holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {

@@ -8,7 +8,7 @@ use wheelarm_dataset::convert;
 
 /// Attribute that names the episode whose demonstration was adapted.
 pub const FROM: &str = "multiplied_from";
-/// Attribute of its task's seed and the noise, for people.
+/// Attribute of its task's seed and the noise, for readers.
 pub const HOW: &str = "multiplied_how";
 
 /// Marks a file that does not have its final name yet.

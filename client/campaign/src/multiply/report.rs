@@ -1,4 +1,4 @@
-//! What came of a run: counts, reasons of failures, which sources were used.
+//! Report of a run: counts, reasons of failures, used sources.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,7 +12,7 @@ use super::args::MultiplyArgs;
 use super::entry::Entry;
 use super::sources::Sources;
 
-/// What came of a run; `report.json`.
+/// Report of a run; `report.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Task.
@@ -31,11 +31,11 @@ pub struct Report {
     pub seed: u64,
     /// Deviation of the hand, metres.
     pub noise: f64,
-    /// What hinders the robot, as `--disturb`.
+    /// Disturbances, as `--disturb`.
     pub disturb: Option<String>,
     /// Wall seconds of this run.
     pub wall_seconds: f64,
-    /// What was tried.
+    /// Number of attempts.
     pub episodes: Vec<Entry>,
 }
 

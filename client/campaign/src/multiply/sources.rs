@@ -99,7 +99,7 @@ impl Sources {
         Ok(serde_json::to_string(&self.list)?)
     }
 
-    /// Writes the demonstrations for the workers, and says where.
+    /// Writes the demonstrations for the workers, and returns their path.
     ///
     /// # Errors
     /// When the file cannot be written.

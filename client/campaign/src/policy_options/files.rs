@@ -1,4 +1,4 @@
-//! The files behind a policy, as one digest: results of a policy whose script or checkpoint
+//! Digest of the files of a policy: results of a policy whose script or checkpoint
 //! was changed are results of another policy.
 
 use std::collections::BTreeSet;

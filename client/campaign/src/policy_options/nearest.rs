@@ -131,7 +131,7 @@ impl Policy for Nearest {
     }
 }
 
-/// What a policy of a recording would be, and its demonstration where it succeeded.
+/// Description of a policy for a recording, and its demonstration if it succeeded.
 fn read(file: &Path) -> anyhow::Result<(v1::PolicySpec, Option<Demonstration>)> {
     let wanted = learning::reads;
     let recording = Recording::open(file, &ReadOptions::default(), &wanted)?;

@@ -95,7 +95,7 @@ fn once(
         let before = scenario.appearance.replace(appearance).unwrap_or_default();
         let moves = |appearance: &v1::Appearance| appearance.camera > 0 || appearance.lens > 0;
         if moves(&before) || moves(&appearance) {
-            // Sampled anew: the calibration, and the appearance on top of it.
+            // Sampled again: the calibration, and the appearance on top of it.
             for camera in &mut cameras {
                 (camera.lens, camera.place) = (None, None);
             }

@@ -14,7 +14,7 @@ pub(super) struct Script {
     pub label: String,
     pub instruction: String,
     pub scenario: v1::Scenario,
-    /// How its depth is stored.
+    /// Storage of its depth.
     pub depth: Depth,
     /// Version of the physics and of the server that made the episode.
     pub made_by: (u32, String),
@@ -41,7 +41,7 @@ struct Marks {
 }
 
 impl Marks {
-    /// Takes those that a later command of the same tick has.
+    /// Adds the labels of a later command of the same tick.
     fn add(&mut self, command: v1::Command) {
         let later = |old: &mut i32, new: i32| {
             if new != 0 {
@@ -75,7 +75,7 @@ impl Marks {
     }
 }
 
-/// How depth is stored in a recording.
+/// Storage of depth in a recording.
 pub(super) fn depth(episode: &Episode) -> anyhow::Result<Depth> {
     for name in episode.cameras()? {
         let camera = episode.camera(&name)?;

@@ -24,7 +24,7 @@ pub struct Recorder {
     pub complete: bool,
     /// Path of the finished file; empty before.
     pub path: String,
-    /// Problem in words; empty when there is none.
+    /// Problem, as text; empty without one.
     pub message: String,
 }
 
@@ -73,7 +73,7 @@ pub struct Task {
     pub success: bool,
     /// It is over.
     pub done: bool,
-    /// Why it failed; empty otherwise.
+    /// Reason of the failure; empty otherwise.
     pub failure: String,
     /// Simulated seconds since it began, s.
     pub elapsed: f64,

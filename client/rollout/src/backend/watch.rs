@@ -10,7 +10,7 @@ use crate::rollout::Rollout;
 pub(super) struct Watch<'a> {
     pub rollout: &'a Rollout,
     pub heartbeat: Heartbeat,
-    /// What a silent program did not do, for the error: `answered`.
+    /// Verb of the error about a silent program: `answered` or `sent`.
     pub verb: &'static str,
 }
 

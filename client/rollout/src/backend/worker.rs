@@ -28,7 +28,7 @@ pub struct WorkerOptions {
     pub assets: Option<PathBuf>,
     /// Graphics adapter, as the server names it; the server's choice when absent.
     pub adapter: Option<String>,
-    /// The folder of results that it works for, in its command line: for people who list
+    /// The folder of results, in its command line: for users who list
     /// processes.
     pub folder: Option<PathBuf>,
 }

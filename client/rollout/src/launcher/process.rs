@@ -1,6 +1,6 @@
 //! A child process under supervision: its messages are kept in a file, the
 //! terminal's Ctrl-C does not reach it, and it does not outlive this process. It has a
-//! process group of its own: what it starts ends with it.
+//! separate process group: what it starts ends with it.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -22,10 +22,10 @@ const TAIL_LINES: usize = 30;
 /// Newest bytes of its messages that are read.
 const TAIL_BYTES: u64 = 1 << 16;
 
-/// How a program is started.
+/// Settings of the start of a program.
 #[derive(Debug)]
 pub struct Launch {
-    /// What it is in words, for errors and the name of its log: `server`.
+    /// Name for errors and for the file of its log: `server`.
     pub name: &'static str,
     /// The program.
     pub program: Program,
@@ -33,14 +33,14 @@ pub struct Launch {
     pub arguments: Vec<OsString>,
     /// Environment variables that it has beside those of this process.
     pub environment: Vec<(&'static str, OsString)>,
-    /// What it reads, and with what it ends.
+    /// Standard input.
     pub input: Input,
     /// Folder for its messages as `NAME.log`; without one they are kept while
     /// it is watched.
     pub folder: Option<PathBuf>,
 }
 
-/// Which program is started.
+/// The program to start.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Program {
     /// One of WheelArm's, found beside this one or on PATH.
@@ -49,7 +49,7 @@ pub enum Program {
     Shell(String),
 }
 
-/// What a program has as its standard input, and with what it ends.
+/// Standard input of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
     /// This text, which may be empty. The kernel kills the program when the
@@ -69,7 +69,7 @@ pub enum Input {
 pub struct Process {
     name: &'static str,
     child: Child,
-    /// How it ended, once that is known.
+    /// Exit status, once known.
     status: Option<ExitStatus>,
     /// This program killed it.
     ended_here: bool,
@@ -118,7 +118,7 @@ impl Process {
             .stdout(output)
             .stderr(another()?)
             .process_group(0);
-        // Its last words are shown, and a backtrace behind them would hide them;
+        // Its last message is shown, and a backtrace after it would hide it;
         // panics still show theirs.
         const BACKTRACE: &str = "RUST_LIB_BACKTRACE";
         if std::env::var_os(BACKTRACE).is_none() {
@@ -141,7 +141,7 @@ impl Process {
         if let Input::Text(text) = launch.input
             && let Some(mut input) = process.child.stdin.take()
         {
-            // One that ends before it has read everything says why by itself.
+            // A program that ends before it has read everything prints its reason.
             let _ = input.write_all(text.as_bytes());
         }
         Ok(process)
@@ -153,7 +153,7 @@ impl Process {
         self.child.stdin.take().zip(self.child.stdout.take())
     }
 
-    /// How it ended, if it has. What it started and left behind is killed then.
+    /// Exit status, if it has ended. Its remaining child processes are killed then.
     ///
     /// # Errors
     /// When the operating system does not tell.
@@ -176,7 +176,7 @@ impl Process {
         }
     }
 
-    /// How it ended, if it does so within `patience`.
+    /// Exit status, if it ends within `patience`.
     ///
     /// # Errors
     /// When the operating system does not tell.
@@ -223,7 +223,7 @@ impl Process {
         }
     }
 
-    /// How it died, with its last words, if it has.
+    /// Description of its end with its last message, if it has ended.
     ///
     /// # Errors
     /// When the operating system cannot report it.
@@ -274,7 +274,7 @@ impl Process {
         tail.map(|line| format!("  {line}\n")).collect()
     }
 
-    /// Why it ended by its own words: those of a panic, else its error; empty
+    /// Reason of its end from its output: a panic message, else its error; empty
     /// without either.
     #[must_use]
     pub fn last_words(&self) -> String {
@@ -403,7 +403,7 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn what_a_launcher_started_ends_with_it() {
-        // Once it is ended, once it ends by itself.
+        // Once by a kill, once by itself.
         for rest in ["wait", "exit 0"] {
             let script = format!("sleep 600 & echo $!; {rest}");
             let mut launcher = shell(&script, Input::Text(String::new()), None);

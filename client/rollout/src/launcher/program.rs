@@ -43,7 +43,7 @@ pub fn programs_named(prefix: &str) -> Vec<String> {
 /// As [`find_program`] for one that must be there.
 ///
 /// # Errors
-/// With the cure when it is not.
+/// With the fix when it does not exist.
 pub fn required_program(name: &str) -> anyhow::Result<PathBuf> {
     find_program(name).with_context(|| {
         format!(

@@ -14,10 +14,10 @@ use super::process::{Input, Launch, Process, Program};
 use super::socket::socket_folder;
 use crate::limits;
 
-/// What a server is started with.
+/// Settings of the start of a server.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServerOptions {
-    /// What to simulate; without cameras no picture is drawn and no graphics
+    /// The scenario; without cameras no image is rendered and no graphics
     /// driver is needed.
     pub scenario: v1::Scenario,
     /// Assets folder; the server looks for it when absent.
@@ -150,7 +150,7 @@ impl Server {
         }
     }
 
-    /// How to reach it.
+    /// Connection settings.
     #[must_use]
     pub fn connect(&self) -> &Connect {
         &self.connect
@@ -169,10 +169,10 @@ impl Server {
     ///
     /// # Errors
     /// When the server does not reply.
-    pub fn stop(mut self, link: Client) -> anyhow::Result<()> {
-        link.shutdown(true)?;
-        // A client that goes first leaves no half-open connection behind.
-        link.close()?;
+    pub fn stop(mut self, client: Client) -> anyhow::Result<()> {
+        client.shutdown(true)?;
+        // A client that leaves first leaves no half-open connection.
+        client.close()?;
         if self.process.ended_within(limits::END)?.is_none() {
             self.process.end()?;
         }

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 
 /// Beginning of the name of a folder for a socket.
 const SOCKET: &str = "wheelarm-socket-";
-/// Note in a working folder that says where the socket is.
+/// Note in a working folder with the path of the socket.
 const SOCKET_NOTE: &str = "socket";
 /// Longest path of such a folder, bytes: the operating system's limit for a
 /// socket is 108, and the socket's own name and the transport's lock follow.

@@ -267,7 +267,7 @@ impl View {
     }
 }
 
-/// What a depth sensor tells, m; infinite where it has no return.
+/// Depth in metres; infinite without a return.
 fn metres(millimetres: u16) -> f32 {
     match millimetres {
         0 => f32::INFINITY,

@@ -1,4 +1,4 @@
-//! A policy behind Zenoh: its three queries.
+//! A policy on a Zenoh network: its three queries.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use zenoh::{Config, Session, Wait};
 
 use super::interface::PolicyError;
 
-/// How long a policy may think about one question, wall time.
+/// Longest wait for a reply, wall time.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 /// Share of a wait after which an end without an answer is the end of the wait.
 const WAITED: f64 = 0.9;
@@ -71,10 +71,10 @@ impl Remote {
         })
     }
 
-    /// Waits until it is there, unless `called_off` has something against it.
+    /// Waits until the policy exists, or `called_off` returns an error.
     ///
     /// # Errors
-    /// What `called_off` says; [`PolicyError::Start`] when it is not there within
+    /// The error of `called_off`; [`PolicyError::Start`] when the policy does not exist within
     /// `patience`.
     pub fn wait(
         &self,
@@ -110,7 +110,7 @@ impl Remote {
         Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
     }
 
-    /// What it is.
+    /// Requests the description of the policy.
     ///
     /// # Errors
     /// [`PolicyError`].

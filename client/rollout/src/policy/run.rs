@@ -173,7 +173,7 @@ fn force_cap(scene: &v1::SceneReply) -> Option<f64> {
     own.filter_map(|grasp| grasp.force).reduce(f64::min)
 }
 
-/// How the loop ended.
+/// End of the loop.
 enum Over {
     /// The task is over, or the policy broke: the episode is to be ended.
     Done,
@@ -201,7 +201,7 @@ struct Work<'a> {
     stopped: Option<v1::EpisodeStopped>,
     /// The error of the policy, which ends the episode.
     error: Option<PolicyError>,
-    /// How the state of the simulation diverged.
+    /// Description of a divergence of the simulation.
     broken: Option<String>,
     /// Rows that were executed.
     rows: u64,

@@ -42,7 +42,7 @@ struct Args {
     /// (`wheelarm-server --list-adapters`) [default: the strongest].
     #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
     adapter: Option<String>,
-    /// For what it works: for people who list processes.
+    /// Folder of results, for users who list processes.
     #[arg(long = "for", value_name = "DIR")]
     _folder: Option<PathBuf>,
     /// Prints the man page and ends, for packages.

@@ -1,4 +1,4 @@
-//! The service of one episode, on a thread of its own, over the session of this
+//! The service of one episode, on a separate thread, over the session of this
 //! process.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -20,7 +20,7 @@ use super::room::{Room, Stop};
 
 /// A running service; it ends when dropped.
 pub struct Serving {
-    link: Client,
+    client: Client,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<Result<(), String>>>,
 }
@@ -84,19 +84,19 @@ impl Serving {
             }
         }
         Ok(Self {
-            link: Client::within(room.session.clone(), name)?,
+            client: Client::within(room.session.clone(), name)?,
             end: Some(end),
             thread: Some(thread),
         })
     }
 
-    /// A link to it.
+    /// A client of the service.
     #[must_use]
-    pub fn link(&self) -> &Client {
-        &self.link
+    pub fn client(&self) -> &Client {
+        &self.client
     }
 
-    /// Why it ended by itself, if it has.
+    /// Reason of an unrequested end, if it has ended.
     pub fn ended(&mut self) -> Option<String> {
         if !self.thread.as_ref()?.is_finished() {
             return None;

@@ -32,13 +32,13 @@ pub struct Plan {
     pub out: Option<PathBuf>,
     /// Attempts at one episode, each with a fresh seed, before it is dropped.
     pub attempts: u32,
-    /// How depth is stored.
+    /// Storage of depth.
     pub depth: Depth,
     /// Licence of the dataset, as the Hugging Face hub names licences.
     pub license: String,
     /// Keeps the recordings of attempts that failed at the task.
     pub keep_failed: bool,
-    /// What its episodes are for.
+    /// Purpose of its episodes.
     pub purpose: Purpose,
     /// Scenarios of its episodes. The shared fields have no defaults left to the server.
     pub variation: Variation,

@@ -204,7 +204,7 @@ fn silent_or_missing_server_is_an_error_with_its_fix() {
         let policy = OpenPi::connect(address, map(), Duration::from_millis(300), false);
         policy.err().unwrap().to_string()
     };
-    // It takes connections and says nothing.
+    // It accepts connections and sends nothing.
     let silent = connect(&format!("ws://{at}"));
     assert!(
         silent.contains("does not answer") || silent.contains("no WebSocket"),
