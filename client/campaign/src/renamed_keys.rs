@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_in_both_spellings_is_refused() {
+    fn key_in_both_spellings_is_rejected() {
         let mut both: Table = "starts = \"near\"\n[scenario]\nstarts = \"near\""
             .parse()
             .unwrap();

@@ -1,8 +1,8 @@
 //! Scenarios of a campaign: what all episodes share (`[scenario]` of a plan or split, in the
 //! spelling of the contract) and what is sampled for each (`[variation]`).
 //!
-//! Every sampled value follows from the seed of the episode, so sets that are apart by seed
-//! are apart in everything.
+//! Every sampled value follows from the seed of the episode, so sets with disjoint seeds are
+//! disjoint in all samples.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -312,7 +312,7 @@ impl Variation {
         self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
-    /// The robot specimen of an episode. Those of another purpose are others.
+    /// The robot specimen of an episode. Purposes have distinct specimens.
     fn specimen(&self, seed: EpisodeSeed) -> Option<u64> {
         let kinds = Purpose::ALL.iter();
         let kind = kinds.take_while(|p| **p != Purpose::of_seed(seed.scene));
@@ -452,7 +452,7 @@ mod tests {
     }
 
     #[test]
-    fn an_episode_has_the_shared_fields_and_its_sampled_ones() {
+    fn episode_has_shared_and_sampled_fields() {
         let variation = Variation {
             scenario: v1::Scenario {
                 starts: v1::Starts::Anywhere.into(),
@@ -548,7 +548,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_every_episode_would_be_refused_for_are_refused_at_once() {
+    fn values_that_every_server_rejects_are_rejected_at_once() {
         for (text, words) in [
             ("seed = 3", "use first_seed"),
             ("look_around = true", "a share"),
@@ -568,7 +568,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shared_field_without_a_word_of_its_own_is_part_of_the_settings() {
+    fn shared_field_without_a_key_word_is_part_of_the_settings() {
         let mut variation = Variation::default();
         variation.scenario.variant = Some("bear".to_owned());
         assert_eq!(variation.words(0), " scenario={\"variant\":\"bear\"}");

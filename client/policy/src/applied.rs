@@ -121,8 +121,8 @@ fn is_near(desired: &[f64; 7], hand: &[f64; 7]) -> bool {
 mod tests {
     use super::*;
 
-    /// Half a second of control ticks: the hand goes along x by 6 mm a tick, the
-    /// chair gains speed evenly.
+    /// Half a second of control ticks: the hand moves along x by 6 mm per tick, the chair
+    /// accelerates evenly.
     fn applied() -> Applied {
         let count = 31_u32;
         let tick = |k: u32| f64::from(k);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn speeds_that_go_straight_from_row_to_row_go_the_recorded_way() {
+    fn linear_interpolation_of_speeds_reproduces_the_recorded_path() {
         let all = applied();
         let speed = |at: usize| all.motion(at)[0];
         // The row at 0.1 s is in force from the sixth tick on and reached by the
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_row_holds_and_far_goals_are_approached() {
+    fn last_row_holds_and_far_goals_are_approached() {
         let mut all = applied();
         let last = all.action(ActionKind::NextPose, 0.5, None).unwrap();
         near(&last[9..], &[0.6, 0.0, 0.0]);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_near_by_its_angle() {
+    fn rotation_is_near_by_its_angle() {
         let (sin, cos) = wheelarm_proto::exact::sin_cos(0.39);
         let pose = |z: f64, w: f64| [0.0, 0.0, 0.0, 0.0, 0.0, z, w];
         assert!(is_near(&pose(sin, cos), &pose(0.0, 1.0)));

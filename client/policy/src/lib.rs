@@ -1,6 +1,6 @@
 //! Rows of state and action at every image, for exports, training and control alike.
 //!
-//! Pure: recorded values in, rows out; a row in, one command for all control ticks until the
+//! No I/O: recorded values in, rows out; a row in, one command for all control ticks until the
 //! next image out. The server interpolates between two rows (`Command.over_ticks`), the
 //! player never does. The crate has no network and no files.
 

@@ -1,4 +1,4 @@
-//! A row of action as the command that carries it out.
+//! Converts an action row to the command that executes it.
 
 use wheelarm_proto::robot::ARM_JOINTS;
 use wheelarm_proto::{CONTROL_HZ, v1};
@@ -7,15 +7,14 @@ use crate::action::ActionKind;
 use crate::rotation::from_six;
 
 /// Turns rows into commands, one for all control ticks until the next image;
-/// the server goes straight from what is in force to the row.
+/// the server interpolates linearly from the current set points to the row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Player {
     /// Kind of the numbers of a row.
     pub kind: ActionKind,
     /// Control ticks of a row.
     pub over_ticks: u32,
-    /// Force cap at each pad, N, that goes with every row; the robot's usual
-    /// force without it.
+    /// Force limit at each pad, N, of every row; the robot's default when absent.
     pub max_force: Option<f64>,
     /// Device label of the commands.
     pub device: v1::Device,
@@ -31,7 +30,7 @@ pub struct Player {
 /// Limit of the values of a row, SI units; larger ones are errors.
 const ABSURD: f64 = 100.0;
 
-/// A row that no command can be made of.
+/// A row without a valid command.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RowError {
     /// Too few or too many numbers.
@@ -52,7 +51,7 @@ pub enum RowError {
         /// The value.
         value: f64,
     },
-    /// So large that it can be no pose, angle or speed of the robot.
+    /// Too large for a pose, an angle or a speed of the robot.
     #[error(
         "number {index} of the row is {value}; allowed is less than {ABSURD} (m, rad, m/s, rad/s)"
     )]
@@ -68,7 +67,7 @@ pub enum RowError {
 }
 
 impl Player {
-    /// For rows of `kind` that come `rate_hz` times a second.
+    /// For rows of `kind` at a rate of `rate_hz`.
     #[must_use]
     pub fn new(kind: ActionKind, robot: &v1::RobotDescription, rate_hz: f64) -> Self {
         let drive = robot.drive.unwrap_or_default();
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hair_beyond_what_the_robot_can_is_cut() {
+    fn values_slightly_beyond_the_limits_are_clamped() {
         let mut robot = robot();
         robot.gripper = Some(v1::GripperDescription {
             max_knuckle: 0.8,
@@ -230,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hostile_row_is_an_error_and_no_command() {
+    fn hostile_row_is_an_error() {
         let player = Player::new(ActionKind::NextPose, &robot(), 10.0);
         let mut row = [0.0; 12];
         assert!(matches!(player.command(&row), Err(RowError::Rotation(_))));

@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stall_clock_pauses_while_a_policy_computes_and_runs_on_after_an_error() {
+    fn stall_clock_pauses_during_inference_and_continues_after_an_error() {
         let heartbeat = Heartbeat::new(Duration::from_secs(60));
         let policy = Slow(v1::PolicySpec::default(), &heartbeat);
         let timed = Timed {

@@ -80,7 +80,7 @@ impl Finished {
     /// The driver and the task agree that the task is done.
     #[must_use]
     pub fn succeeded(&self) -> bool {
-        self.outcome == Outcome::Success && self.evaluation.success
+        self.outcome.is_success(&self.evaluation)
     }
 
     /// Reason of the failure, as text; absent after success.

@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_server_that_answers_without_advancing_stalls_and_one_that_is_silent_does_not() {
+    fn replying_server_without_progress_stalls_and_silent_one_does_not() {
         let second = Duration::from_secs(1);
         let heartbeat = Heartbeat::new(60 * second);
         heartbeat.status(&status(4), Instant::now());

@@ -10,7 +10,7 @@ pub const FINISH: Duration = Duration::from_secs(900);
 /// For each way of ending a program, before the next harder one: it receives a request,
 /// it is terminated, it is killed.
 pub const END: Duration = Duration::from_secs(20);
-/// Between two appearances at a program.
+/// Interval between checks of a program.
 pub const LOOK: Duration = Duration::from_millis(20);
 /// For the connection to a server that serves.
 pub const CONNECT: Duration = Duration::from_secs(10);

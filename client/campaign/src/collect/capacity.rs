@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_limit_of_nested_control_groups_counts() {
+    fn smallest_limit_of_nested_control_groups_counts() {
         let unlimited = "9223372036854771712\n";
         // Slurm on version 1: the limit is that of the job, above the step.
         let slurm = machine(&[

@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_histogram_counts_and_scales_to_the_most_frequent() {
+    fn histogram_scales_to_the_most_frequent_value() {
         let values = ["a", "b", "b", "b", "b"].map(str::to_owned);
         let text = histogram("Axis", values);
         assert!(

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_splits_that_ship_are_frozen() {
+    fn shipped_splits_are_frozen() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/splits");
         let folders = [folder.join("axes"), folder];
         let entries = folders.iter().flat_map(|f| std::fs::read_dir(f).unwrap());
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_split_is_held_against_the_hash_that_froze_it() {
+    fn split_is_compared_with_its_frozen_hash() {
         let open = "purpose = \"develop\"\nseeds = [0, 5]\nscenario.starts = \"anywhere\"\n";
         let problem_text = problem(open);
         let (_, hash) = problem_text.split_once("frozen = \"").unwrap();

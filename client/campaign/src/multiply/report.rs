@@ -17,15 +17,15 @@ use super::sources::Sources;
 pub struct Report {
     /// Task.
     pub task: String,
-    /// Scenes that were tried, with those of an interrupted run before.
+    /// Tried scenes, including those of an interrupted run.
     pub tried: u64,
     /// Episodes that were kept.
     pub kept: u64,
-    /// Episodes by how they failed.
+    /// Count of episodes by failure.
     pub failures: BTreeMap<String, u64>,
     /// By source: scenes in which it was adapted, and episodes that were kept.
     pub sources: BTreeMap<String, [u64; 2]>,
-    /// Sources that were left out, and why.
+    /// Skipped sources with reasons.
     pub left_out: Vec<(String, String)>,
     /// Seed of the choice among the sources and of the noise.
     pub seed: u64,
@@ -40,7 +40,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Of all `entries`.
+    /// The report of all `entries`.
     pub(super) fn new(
         args: &MultiplyArgs,
         sources: &Sources,
@@ -76,10 +76,10 @@ impl Report {
         }
     }
 
-    /// Writes it.
+    /// Writes the report.
     ///
     /// # Errors
-    /// When it cannot.
+    /// When the file cannot be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
         let path = folder.join("report.json");
         let text = serde_json::to_string_pretty(self)?;

@@ -94,7 +94,7 @@ impl Sources {
     /// The demonstrations as text.
     ///
     /// # Errors
-    /// When they cannot be written so.
+    /// When they cannot be serialized.
     pub fn text(&self) -> anyhow::Result<String> {
         Ok(serde_json::to_string(&self.list)?)
     }
@@ -138,7 +138,7 @@ enum Found {
     Other(String),
 }
 
-/// The recording, where it is of the task; why it cannot be used, where it is and cannot.
+/// The recording, if it is of the task; an error if it is of the task and cannot be used.
 fn open(path: &Path, task: &str) -> anyhow::Result<Found> {
     let recording = Episode::open(path)?;
     let summary = recording.summary()?;

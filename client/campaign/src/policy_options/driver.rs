@@ -136,7 +136,7 @@ impl DriverChoice {
         matches!(self, Self::Expert)
     }
 
-    /// The driver of one episode; `forced` is the error that the expert makes on purpose.
+    /// The driver of one episode; `forced` is the deliberate error of the expert.
     #[must_use]
     pub fn for_episode(&self, seed: u64, forced: Option<ForcedError>) -> Driver {
         let expert = Expert {

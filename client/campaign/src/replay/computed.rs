@@ -1,5 +1,5 @@
-//! `wheelarm replay FILE`: the recorded state and the recorded commands again,
-//! and the state hashes compared, under one look or several.
+//! `wheelarm replay FILE`: repeats the recorded commands from the recorded state and compares
+//! the state hashes, with one appearance or several.
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,7 +19,7 @@ use super::script::{self, Script};
 /// new recording is not complete.
 ///
 /// # Errors
-/// When the file cannot be replayed or a program does not answer.
+/// When the file cannot be replayed or a program does not reply.
 pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCode> {
     let script = Script::read(episode)?;
     script.check_physics(&args.file)?;

@@ -143,7 +143,7 @@ impl Script {
         })
     }
 
-    /// Refuses an episode that this version of the physics cannot do again.
+    /// Rejects an episode that this version of the physics cannot reproduce.
     pub fn check_physics(&self, file: &Path) -> anyhow::Result<()> {
         let (found, server) = &self.made_by;
         if *found == PHYSICS_VERSION {
@@ -174,8 +174,8 @@ impl Script {
     }
 }
 
-/// Cameras of a new recording: the recorded ones in another size if asked,
-/// and `others`, which take the place of those of the same name.
+/// Cameras of a new recording: the recorded ones in another size if requested,
+/// and `others`, which replace those of the same name.
 pub(super) fn cameras(
     scenario: &v1::Scenario,
     width: Option<u32>,

@@ -163,7 +163,7 @@ impl Inbox {
     }
 }
 
-/// An episode under way. Dropped before its end, it is cancelled, and its worker is killed
+/// A running episode. Dropped before its end, it is cancelled, and its worker is killed
 /// when that takes too long.
 pub(super) struct RunningEpisode {
     worker: Arc<Worker>,

@@ -1,6 +1,6 @@
-//! A child process under supervision: its messages are kept in a file, the
-//! terminal's Ctrl-C does not reach it, and it does not outlive this process. It has a
-//! separate process group: what it starts ends with it.
+//! A supervised child process: its output is kept in a file, the terminal's Ctrl-C does not
+//! reach it, and it does not outlive this process. It has a separate process group, so its
+//! own children end with it.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -19,7 +19,7 @@ use crate::limits;
 
 /// Lines of a program's output that an error contains.
 const TAIL_LINES: usize = 30;
-/// Newest bytes of its messages that are read.
+/// Newest bytes of its output that are read.
 const TAIL_BYTES: u64 = 1 << 16;
 
 /// Settings of the start of a program.
@@ -31,36 +31,35 @@ pub struct Launch {
     pub program: Program,
     /// Its arguments.
     pub arguments: Vec<OsString>,
-    /// Environment variables that it has beside those of this process.
+    /// Additional environment variables.
     pub environment: Vec<(&'static str, OsString)>,
     /// Standard input.
     pub input: Input,
-    /// Folder for its messages as `NAME.log`; without one they are kept while
-    /// it is watched.
+    /// Folder for its output as `NAME.log`; without one the output is kept until the process
+    /// is dropped.
     pub folder: Option<PathBuf>,
 }
 
 /// The program to start.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Program {
-    /// One of WheelArm's, found beside this one or on PATH.
+    /// A program of WheelArm, found beside this one or on PATH.
     Own(&'static str),
-    /// A command line of the user's, for `sh`; arguments follow it as they are.
+    /// A command line of the user for `sh`; arguments are appended verbatim.
     Shell(String),
 }
 
 /// Standard input of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// This text, which may be empty. The kernel kills the program when the
-    /// thread that started it is gone, however it went (on Linux): start it on
-    /// one that lives as long as it is needed.
+    /// This text, which may be empty. On Linux the kernel kills the program when the
+    /// thread that started it ends: start it on a thread that lives long enough.
     Text(String),
-    /// Nothing, until this process is gone or lets it end: the program ends by
-    /// itself then, in good order.
+    /// An open pipe without data. The program ends in good order when it is closed, also by
+    /// the end of this process.
     Lifeline,
-    /// What is written into [`Process::take_pipes`], whose other end is what it
-    /// prints. The kernel kills it as one that reads a text.
+    /// The pipes of [`Process::take_pipes`]: standard input and output. The kernel kills it
+    /// as in [`Input::Text`].
     Orders,
 }
 
@@ -71,7 +70,7 @@ pub struct Process {
     child: Child,
     /// Exit status, once known.
     status: Option<ExitStatus>,
-    /// This program killed it.
+    /// Whether this program killed it.
     ended_here: bool,
     log: File,
     /// Offset of its own output; the log may contain that of an earlier process.
@@ -82,13 +81,13 @@ impl Process {
     /// Starts a program.
     ///
     /// # Errors
-    /// When it is not there or does not start.
+    /// When the program does not exist or does not start.
     pub fn start(launch: Launch) -> anyhow::Result<Self> {
         let mut command = match &launch.program {
             Program::Own(name) => Command::new(required_program(name)?),
             Program::Shell(line) => {
                 let mut shell = Command::new("sh");
-                // In the place of the shell, so that what is ended is the program.
+                // `exec` replaces the shell, so that a signal reaches the program.
                 shell.args(["-c", &format!("exec {line} \"$@\""), "sh"]);
                 shell
             }
@@ -147,7 +146,7 @@ impl Process {
         Ok(process)
     }
 
-    /// What it reads and what it prints, once, of one that takes orders.
+    /// Standard input and output of [`Input::Orders`]; only the first call returns them.
     #[must_use]
     pub fn take_pipes(&mut self) -> Option<(ChildStdin, ChildStdout)> {
         self.child.stdin.take().zip(self.child.stdout.take())
@@ -156,7 +155,7 @@ impl Process {
     /// Exit status, if it has ended. Its remaining child processes are killed then.
     ///
     /// # Errors
-    /// When the operating system does not tell.
+    /// When the operating system does not report it.
     pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
         if self.status.is_none() {
             let status = self.child.try_wait();
@@ -168,8 +167,8 @@ impl Process {
         Ok(self.status)
     }
 
-    /// Signals the whole group. The group may be gone; its number is not reused while
-    /// one of it lives, or its first has not been waited for.
+    /// Signals the whole group. The group may have ended; its number is not reused while a
+    /// member lives, or its leader was not waited for.
     fn signal(&self, signal: Signal) {
         if let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
             let _ = kill_process_group(group, signal);
@@ -179,7 +178,7 @@ impl Process {
     /// Exit status, if it ends within `patience`.
     ///
     /// # Errors
-    /// When the operating system does not tell.
+    /// When the operating system does not report it.
     pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
         let deadline = Instant::now() + patience;
         loop {
@@ -190,12 +189,11 @@ impl Process {
         }
     }
 
-    /// Ends it: its standard input is closed, with which one that holds it as a
-    /// lifeline ends; after [`limits::END`] it is terminated with all that it started,
-    /// then killed. How it ended.
+    /// Ends the program and returns its exit status: closes its standard input, after
+    /// [`limits::END`] terminates its group, then kills it.
     ///
     /// # Errors
-    /// When the operating system does not tell.
+    /// When the operating system does not report it.
     pub fn end(&mut self) -> anyhow::Result<ExitStatus> {
         if let Some(lifeline) = self.child.stdin.take() {
             drop(lifeline);
@@ -214,7 +212,7 @@ impl Process {
         status.with_context(|| format!("watching the {}", self.name))
     }
 
-    /// Kills it and all that it started, also when it is stopped.
+    /// Kills its process group, even if it is stopped.
     pub fn kill(&mut self) {
         if self.status.is_none() {
             self.ended_here = true;
@@ -238,21 +236,21 @@ impl Process {
         }))
     }
 
-    /// Its name in messages, as in [`Launch::name`].
+    /// Name for messages, as in [`Launch::name`].
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Whether SIGKILL ended it that this program did not send: a process rarely gets it
-    /// from anything but a kernel or a job scheduler without memory left.
+    /// Whether a foreign SIGKILL ended it, which nearly always comes from a kernel or a job
+    /// scheduler without free memory.
     #[must_use]
     pub fn was_killed(&self) -> bool {
         let signal = self.status.and_then(|status| status.signal());
         !self.ended_here && signal == Some(Signal::KILL.as_raw())
     }
 
-    /// Its newest messages, 64 KiB at most.
+    /// Its newest output, at most 64 KiB.
     #[must_use]
     pub fn messages(&self) -> String {
         let length = self.log.metadata().map_or(0, |file| file.len());
@@ -288,8 +286,7 @@ impl Drop for Process {
     }
 }
 
-/// Lets the kernel kill the child when the thread that started it is gone,
-/// however it went.
+/// Makes the kernel kill the child when the thread that started it ends.
 #[cfg(target_os = "linux")]
 #[expect(
     unsafe_code,
@@ -316,8 +313,7 @@ pub fn end_with_parent(command: &mut Command) {
 #[cfg(not(target_os = "linux"))]
 pub fn end_with_parent(_command: &mut Command) {}
 
-/// The place and words of the first panic in a program's messages, else its last
-/// error.
+/// Location and message of the first panic in a program's output, else its last error.
 fn last_words(messages: &str) -> String {
     let lines: Vec<&str> = messages
         .lines()
@@ -353,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_is_the_last_word_of_a_program() {
+    fn panic_is_the_last_message_of_a_program() {
         let output = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
                     index out of bounds\nnote: run with RUST_BACKTRACE=1\n\
                     Error: the simulation thread panicked\n";
@@ -367,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_reads_its_text_and_its_messages_are_kept() {
+    fn program_reads_its_text_and_its_output_is_kept() {
         let folder = tempfile::tempdir().unwrap();
         for folder in [None, Some(folder.path().to_owned())] {
             let text = Input::Text("a scenario\n".to_owned());

@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scenario_without_cameras_draws_nothing_and_large_seeds_are_written() {
+    fn scenario_without_cameras_renders_nothing_and_keeps_large_seeds() {
         let mut options = ServerOptions {
             scenario: v1::Scenario {
                 task: Some("pick_bowl".into()),

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_socket_that_was_left_is_removed_and_nothing_else_is() {
+    fn only_a_leftover_socket_is_removed() {
         let work = tempfile::tempdir().unwrap();
         let socket = socket_folder(work.path()).unwrap().keep();
         assert!(socket.is_dir());

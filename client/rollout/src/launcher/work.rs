@@ -76,7 +76,7 @@ mod tests {
     use std::sync::mpsc;
 
     #[test]
-    fn a_panic_is_an_answer_with_its_words() {
+    fn panic_is_an_error_with_its_message() {
         let work = Work::start("operator", || -> u32 {
             let number = 7;
             panic!("no way to {number}")
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_ends_is_left_behind() {
+    fn endless_work_is_abandoned() {
         let (end, ended) = mpsc::channel::<()>();
         let work = Work::start("operator", move || ended.recv().is_err()).unwrap();
         assert!(!work.is_over_within(limits::LOOK));

@@ -12,9 +12,9 @@ use super::interface::PolicyError;
 
 /// Longest wait for a reply, wall time.
 pub const PATIENCE: Duration = Duration::from_secs(30);
-/// Share of a wait after which an end without an answer is the end of the wait.
+/// Share of a wait after which an end without a reply counts as a timeout.
 const WAITED: f64 = 0.9;
-/// Between two appearances for a token.
+/// Interval between checks for the token.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A session to which a policy connects, at a socket in `folder`, and the
@@ -30,7 +30,7 @@ pub fn listen(folder: &std::path::Path) -> Result<(Session, String), PolicyError
 /// A session that listens at an endpoint.
 ///
 /// # Errors
-/// [`PolicyError::Start`] when it cannot.
+/// [`PolicyError::Start`] when the endpoint cannot be used.
 pub fn listen_at(endpoint: &str) -> Result<Session, PolicyError> {
     let settings = [
         ("mode", "\"peer\"".to_owned()),
@@ -49,7 +49,7 @@ pub fn listen_at(endpoint: &str) -> Result<Session, PolicyError> {
     zenoh::open(config).wait().map_err(|e| put(&e))
 }
 
-/// A policy that answers over a session.
+/// A policy that replies over a session.
 #[derive(Clone, Debug)]
 pub struct Remote {
     session: Session,
@@ -58,10 +58,10 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Asks the policy `name`, which has `patience` for every answer.
+    /// The policy `name`, with the timeout `patience` for every reply.
     ///
     /// # Errors
-    /// [`PolicyError::Start`] when it cannot have that name.
+    /// [`PolicyError::Start`] when the name is not valid in a key expression.
     pub fn new(session: Session, name: &str, patience: Duration) -> Result<Self, PolicyError> {
         let keys = PolicyKeys::new(name).map_err(|e| PolicyError::Start(e.to_string()))?;
         Ok(Self {
@@ -119,7 +119,7 @@ impl Remote {
         self.request(self.keys.describe(), names, &v1::PolicyDescribeRequest {})
     }
 
-    /// An episode begins.
+    /// Begins an episode.
     ///
     /// # Errors
     /// [`PolicyError`].
@@ -129,11 +129,10 @@ impl Remote {
         Ok(())
     }
 
-    /// Answers to observations, one for each in their order.
+    /// Chunks for observations, one for each in their order.
     ///
     /// # Errors
-    /// [`PolicyError`] when they are not; a chunk may still tell a problem of its
-    /// own.
+    /// [`PolicyError`] when they do not match; a chunk may still contain a problem.
     pub fn infer(&self, request: &v1::InferRequest) -> Result<Vec<v1::PolicyChunk>, PolicyError> {
         let names = ("infer", "wheelarm.v1.InferRequest");
         let reply: v1::InferReply = self.request(self.keys.infer(), names, request)?;

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_plan_takes_the_defaults() {
+    fn short_plan_has_the_defaults() {
         let plan = parse(GOOD).unwrap();
         assert_eq!(plan.scenario().cameras[0].text(), "gen3=64x48@10");
         assert_eq!((plan.attempts, plan.depth.name()), (5, "f32"));
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_has_one_purpose() {
+    fn plan_has_one_purpose() {
         let of = |text: &str| parse(&GOOD.replace("name = \"x\"", text));
         let develop = of("name = \"x\"").unwrap();
         assert_eq!(develop.purpose, Purpose::Develop);
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_in_the_spelling_of_contract_2_has_the_same_episodes_and_names_every_new_key() {
+    fn plan_of_contract_2_has_equal_episodes_and_names_every_new_key() {
         let old = include_str!("../../../../../tests/data/plans/contract-2.toml");
         let new = include_str!("../../../../../assets/campaigns/train-1k.toml");
         let [old, new] = [old, new].map(|text| parse(text).unwrap());

@@ -241,7 +241,7 @@ fn a_map_with_a_mistake_is_refused_in_words() {
 }
 
 #[test]
-fn arrays_that_lie_about_their_size_are_refused() {
+fn arrays_with_a_wrong_size_are_rejected() {
     let lie = |dtype: &str, shape: &[u64], data: usize| {
         let mut array = floats(&vec![0.0; data]);
         if let Value::Map(entries) = &mut array {
