@@ -255,7 +255,7 @@ mod tests {
     impl Slow<'_> {
         fn compute(&self) {
             std::thread::sleep(Duration::from_millis(2));
-            self.1.appearance();
+            self.1.update();
             self.1.status(&v1::Status::default(), Instant::now());
             assert_eq!(self.1.stalled_for(), Duration::ZERO);
         }
@@ -288,7 +288,7 @@ mod tests {
         assert!(timed.infer(v1::PolicyObservation::default()).is_ok());
         assert!(timed.reset(v1::PolicyResetRequest::default()).is_err());
         std::thread::sleep(Duration::from_millis(2));
-        heartbeat.appearance();
+        heartbeat.update();
         heartbeat.status(&v1::Status::default(), Instant::now());
         assert!(heartbeat.stalled_for() > Duration::ZERO);
     }

@@ -13,7 +13,7 @@ use wheelarm_proto::v1;
 
 use crate::failure::{Failure, FailureCause};
 
-/// Longest time that one look may add.
+/// Longest time that one update may add.
 const LONGEST: Duration = Duration::from_secs(25);
 /// Looks without an answer before a server counts as silent, at least.
 const LOOKS: u32 = 3;
@@ -28,7 +28,7 @@ pub struct Heartbeat {
 #[derive(Debug)]
 struct State {
     tick: u64,
-    looked: Instant,
+    updated: Instant,
     /// Time for which the tick has not changed.
     still: Duration,
     /// Time for which the server has not answered.
@@ -49,7 +49,7 @@ impl Heartbeat {
         Self {
             state: Arc::new(Mutex::new(State {
                 tick: 0,
-                looked: Instant::now(),
+                updated: Instant::now(),
                 still: Duration::ZERO,
                 silent: Duration::ZERO,
                 answered: None,
@@ -62,17 +62,17 @@ impl Heartbeat {
         }
     }
 
-    /// Longest time that one look may add.
+    /// Longest time that one update may add.
     #[must_use]
     pub fn longest(&self) -> Duration {
         self.longest
     }
 
-    /// Adds the time since the last look to both clocks.
-    pub fn appearance(&self) {
+    /// Adds the time since the last update to both clocks.
+    pub fn update(&self) {
         let mut state = self.state.lock();
-        let passed = state.looked.elapsed().min(self.longest);
-        state.looked = Instant::now();
+        let passed = state.updated.elapsed().min(self.longest);
+        state.updated = Instant::now();
         state.silent += passed;
         if !state.policy_turn {
             state.still += passed;
@@ -85,7 +85,7 @@ impl Heartbeat {
         let mut state = self.state.lock();
         state.answered = Some(sent);
         state.silent = Duration::ZERO;
-        state.looked = Instant::now();
+        state.updated = Instant::now();
         if tick != state.tick {
             state.tick = tick;
             state.still = Duration::ZERO;
@@ -118,7 +118,7 @@ impl Heartbeat {
     /// Sets both clocks to zero.
     fn alive(&self) -> MutexGuard<'_, State> {
         let mut state = self.state.lock();
-        state.looked = Instant::now();
+        state.updated = Instant::now();
         (state.still, state.silent) = (Duration::ZERO, Duration::ZERO);
         state
     }
@@ -206,9 +206,9 @@ mod tests {
     /// Moves the time of the last look back by `passed`.
     fn pass(heartbeat: &Heartbeat, passed: Duration) {
         let mut state = heartbeat.state.lock();
-        state.looked = state.looked.checked_sub(passed).expect("an earlier time");
+        state.updated = state.updated.checked_sub(passed).expect("an earlier time");
         drop(state);
-        heartbeat.appearance();
+        heartbeat.update();
     }
 
     #[test]

@@ -18,7 +18,7 @@ impl Watch<'_> {
     /// Ends the episode with an error when the caller cancels it, or when the program died
     /// or is silent for too long.
     pub fn check(&self, simulator: &mut Process) -> anyhow::Result<()> {
-        self.heartbeat.appearance();
+        self.heartbeat.update();
         let limits = &self.rollout.limits;
         if (limits.cancelled)() {
             simulator.kill();
