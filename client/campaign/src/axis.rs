@@ -64,7 +64,7 @@ impl Named for Axis {
     }
 }
 
-/// Specimens of the robot among which its axis draws.
+/// Specimens of the robot from which its axis samples.
 const SPECIMENS: u32 = 20;
 /// Share of sentences with a typing error at the greatest strength.
 const TYPOS: f64 = 0.5;

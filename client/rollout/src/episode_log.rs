@@ -57,7 +57,7 @@ impl<E: LogEntry> EpisodeLog<E> {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm {}` writes {}; wait for its end, or take another {}",
+                "another `wheelarm {}` writes {}; wait for its end, or use another {}",
                 E::COMMAND,
                 path.display(),
                 E::OTHER_LOG

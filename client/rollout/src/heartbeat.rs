@@ -1,7 +1,7 @@
 //! The heartbeat of an episode: for how long the server has been silent, and for how
 //! long simulated time has not advanced.
 //!
-//! Both clocks count the time between two calls of [`Heartbeat::look`], but never more
+//! Both clocks count the time between two calls of [`Heartbeat::update`], but never more
 //! than [`Heartbeat::longest`] per call. An episode that a job scheduler suspended as a
 //! whole therefore does not count as stalled when it continues.
 
@@ -16,7 +16,7 @@ use crate::failure::{Failure, FailureCause};
 /// Longest time that one update may add.
 const LONGEST: Duration = Duration::from_secs(25);
 /// Looks without an answer before a server counts as silent, at least.
-const LOOKS: u32 = 3;
+const UPDATES: u32 = 3;
 
 /// The shared clocks of one episode.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ impl Heartbeat {
                 seconds: 0.0,
                 scenario: None,
             })),
-            longest: LONGEST.min(patience / LOOKS),
+            longest: LONGEST.min(patience / UPDATES),
         }
     }
 
@@ -203,7 +203,7 @@ mod tests {
         }
     }
 
-    /// Moves the time of the last look back by `passed`.
+    /// Moves the time of the last update back by `passed`.
     fn pass(heartbeat: &Heartbeat, passed: Duration) {
         let mut state = heartbeat.state.lock();
         state.updated = state.updated.checked_sub(passed).expect("an earlier time");
@@ -232,15 +232,15 @@ mod tests {
     }
 
     #[test]
-    fn one_look_after_a_suspension_adds_a_third_of_the_patience_at_most() {
+    fn update_after_a_suspension_adds_at_most_a_third_of_the_patience() {
         let patience = Duration::from_secs(6);
         let heartbeat = Heartbeat::new(patience);
         pass(&heartbeat, Duration::from_secs(30));
-        assert_eq!(heartbeat.silent_for(), patience / LOOKS);
+        assert_eq!(heartbeat.silent_for(), patience / UPDATES);
     }
 
     #[test]
-    fn time_may_stand_still_while_a_policy_computes() {
+    fn time_need_not_advance_during_inference() {
         let second = Duration::from_secs(1);
         let heartbeat = Heartbeat::new(60 * second);
         heartbeat.set_policy_turn(true);

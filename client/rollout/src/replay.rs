@@ -130,7 +130,7 @@ fn feed(
             }
             Turn::Ended(_) => bail!("another client ended the episode"),
             Turn::Silent(status) => bail!(
-                "nothing came for {:.0} s after tick {newest}; the server waits for: {}",
+                "nothing arrived for {:.0} s after tick {newest}; the server waits for: {}",
                 PATIENCE.as_secs_f64(),
                 status.waiting_for
             ),

@@ -137,7 +137,7 @@ impl GroupFiles {
 
 /// Memory that all control groups of this process still allow, bytes: the least of its own
 /// and those above it, of version 1 and 2, as systemd, Slurm and containers nest them.
-/// Absent without a limit. `root` is where `/proc` and the groups are looked for.
+/// Absent without a limit. `root` is the folder of `/proc` and the groups.
 fn left_in_groups(root: &Path) -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap_or_default();
     let (groups, mounts) = (text("proc/self/cgroup"), text("proc/self/mountinfo"));

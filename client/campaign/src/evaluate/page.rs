@@ -275,7 +275,7 @@ fn table(out: &mut String, report: &Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Failures by cause, the most frequent first, with what was drawn of them.
+/// Failures by cause, the most frequent first, with their contact sheets.
 fn failures(
     out: &mut String,
     report: &Report,
@@ -291,8 +291,8 @@ fn failures(
         writeln!(out, "<h3>{}</h3>", escaped(&task.task))?;
         for (cause, seeds) in &task.causes {
             let of = |d: &&Redrawn| d.task == task.task && seeds.contains(&d.seed);
-            let drawn: Vec<_> = redrawn.iter().filter(of).collect();
-            let open = if drawn.is_empty() { "" } else { " open" };
+            let sheets: Vec<_> = redrawn.iter().filter(of).collect();
+            let open = if sheets.is_empty() { "" } else { " open" };
             writeln!(
                 out,
                 "<details{open}><summary><span class=\"no\">{}</span>: {} of {}</summary>\n<table>",
@@ -315,7 +315,7 @@ fn failures(
                 )?;
             }
             out.push_str("</table>\n");
-            for drawn in drawn {
+            for shown in sheets {
                 let name = |path: &Path| {
                     let file = path.file_name().unwrap_or_default().to_string_lossy();
                     let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
@@ -324,10 +324,10 @@ fn failures(
                 writeln!(
                     out,
                     "<figure><a href=\"{0}\"><img alt=\"contact sheet of seed {1}\" src=\"{2}\"></a><figcaption>seed {1}: <a href=\"{0}\">{0}</a>, drawn again at 720p ({3})</figcaption></figure>",
-                    name(&drawn.file),
-                    drawn.seed,
-                    embedded(&drawn.sheet)?,
-                    escaped(&drawn.states)
+                    name(&shown.file),
+                    shown.seed,
+                    embedded(&shown.sheet)?,
+                    escaped(&shown.states)
                 )?;
             }
             out.push_str("</details>\n");
@@ -336,7 +336,7 @@ fn failures(
     Ok(())
 }
 
-/// All episodes, for who looks one up.
+/// Table of all episodes.
 fn numbers(out: &mut String, report: &Report, entries: &[Entry]) -> anyhow::Result<()> {
     out.push_str("<details><summary>All episodes</summary><table><tr><th>task<th>seed<th>end<th>s<th>progress<th>state hash</tr>\n");
     for task in &report.tasks {

@@ -101,7 +101,8 @@ pub struct Report {
     pub exact_interval: [f64; 2],
     /// Start poses that the server sampled, and those that it rejected because of the
     /// person.
-    pub drawn_starts: [usize; 2],
+    #[serde(rename = "drawn_starts")]
+    pub sampled_starts: [usize; 2],
 }
 
 impl Report {
@@ -128,7 +129,7 @@ impl Report {
             successes,
             interval: wilson(successes, episodes),
             exact_interval: clopper_pearson(successes, episodes),
-            drawn_starts: [episodes + rejected, rejected],
+            sampled_starts: [episodes + rejected, rejected],
             tasks,
         }
     }
@@ -308,13 +309,13 @@ impl fmt::Display for Report {
             "" => String::new(),
             words => format!(", {words}"),
         };
-        if let [drawn, rejected] = self.drawn_starts
+        if let [sampled, rejected] = self.sampled_starts
             && rejected > 0
         {
-            let share = 100.0 * rejected as f64 / drawn as f64;
+            let share = 100.0 * rejected as f64 / sampled as f64;
             writeln!(
                 f,
-                "start poses {rejected} of {drawn} rejected because of the person ({share:.1} %)"
+                "start poses {rejected} of {sampled} rejected because of the person ({share:.1} %)"
             )?;
         }
         writeln!(f, "{split}seeds for {}{settings}", self.purpose)

@@ -85,8 +85,8 @@ pub fn bootstrap(values: &[f64]) -> [f64; 2] {
         return [f64::NEG_INFINITY, f64::INFINITY];
     }
     let sample = |resample: u64| {
-        let drawn = (0..count).map(|i| mixed(mixed(resample) ^ i) % count);
-        drawn.map(|at| values[at as usize]).sum::<f64>() / count as f64
+        let sampled = (0..count).map(|i| mixed(mixed(resample) ^ i) % count);
+        sampled.map(|at| values[at as usize]).sum::<f64>() / count as f64
     };
     let means: Vec<f64> = (0..RESAMPLES).map(sample).collect();
     quantiles(&means, [TAIL, 1.0 - TAIL]).unwrap_or_default()

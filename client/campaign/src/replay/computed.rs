@@ -165,9 +165,9 @@ fn check_assets(recorded: &[v1::AssetText], loaded: &[v1::AssetText]) -> anyhow:
     }
     if !moving.is_empty() {
         bail!(
-            "the robot is another than the recorded one, so it would drift:\n{}\nreplay with the \
-             recorded assets (--assets DIR; their texts stand in the file, `initial_state/assets`), \
-             or draw the recorded states with --as-recorded",
+            "the robot differs from the recorded one, so the states would diverge:\n{}\nreplay \
+             with the recorded assets (--assets DIR; the file has their texts in \
+             `initial_state/assets`), or render the recorded states with --as-recorded",
             assets::lines(&moving)
         );
     }

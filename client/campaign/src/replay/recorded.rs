@@ -70,7 +70,7 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
     Ok(recorded.code())
 }
 
-/// Prints that the loaded robot looks different from the recorded one, if it does.
+/// Prints the visible differences between the loaded robot and the recorded one.
 fn warn_of_another_robot(recorded: &v1::RobotDescription, loaded: &v1::RobotDescription) {
     let differences = assets::rendering_differences(recorded, loaded);
     if !differences.is_empty() {

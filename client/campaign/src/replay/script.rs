@@ -95,15 +95,15 @@ impl Script {
         let started = episode.started()?;
         if started.as_recorded {
             bail!(
-                "the file was drawn from the states of another recording and holds none that \
-                 could be gone on from; replay that recording, or draw this one again with \
+                "the file was rendered from the states of another recording and has no snapshot to \
+                 continue from; replay that recording, or render this one again with \
                  --as-recorded"
             );
         }
         let snapshot = episode.snapshot()?;
         let header = snapshot.header.unwrap_or_default();
         if snapshot.snapshot.is_empty() {
-            bail!("the file holds no snapshot to start from");
+            bail!("the file has no snapshot to start from");
         }
         let applied = by_tick(episode.applied()?, |applied| applied.header.as_ref());
         let mut marks: BTreeMap<u64, Marks> = BTreeMap::new();
@@ -114,7 +114,7 @@ impl Script {
         }
         let last_tick = *applied
             .last_key_value()
-            .context("the file holds no applied command")?
+            .context("the file has no applied command")?
             .0;
         let ticks = (header.tick..=last_tick).step_by(TICKS_PER_CONTROL as usize);
         for tick in ticks {
@@ -162,10 +162,10 @@ impl Script {
         let scenario = &self.scenario;
         bail!(
             "{} {made}; these programs have version {PHYSICS_VERSION}. They would compute other \
-             bits from the same commands, so it is not replayed. To draw its recorded states anew: \
-             `wheelarm replay {} --as-recorded --out FOLDER`. To compute it again, take the {with}; \
-             to record the same scene anew: `wheelarm demo --task {} --seed {}`. Its data stay as \
-             they are: `wheelarm dataset` reads them as any other's",
+             bits from the same commands, so it is not replayed. To render its recorded states: \
+             `wheelarm replay {} --as-recorded --out FOLDER`. To compute it again, use the {with}; \
+             to record the same scene again: `wheelarm demo --task {} --seed {}`. Its data remain \
+             valid: `wheelarm dataset` reads them",
             file.display(),
             file.display(),
             scenario.task(),

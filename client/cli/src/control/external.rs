@@ -42,7 +42,7 @@ pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<Ex
     let Some(path) = find_program(&program) else {
         if let Some(feature) = left_out(&name) {
             bail!(
-                "`wheelarm {name}` was left out of this build: build wheelarm-cli with its feature `{feature}`"
+                "`wheelarm {name}` is not part of this build: build wheelarm-cli with its feature `{feature}`"
             );
         }
         let mut known = known;

@@ -20,7 +20,7 @@ pub struct ServerOptions {
     /// The scenario; without cameras no image is rendered and no graphics
     /// driver is needed.
     pub scenario: v1::Scenario,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     pub assets: Option<PathBuf>,
     /// Graphics adapter by a part of its name; the server's choice when absent.
     pub adapter: Option<String>,
@@ -30,7 +30,7 @@ pub struct ServerOptions {
     pub folder: Option<PathBuf>,
 }
 
-/// One setting for all of the robot's cameras: pictures of `width` and `height`
+/// One setting for all of the robot's cameras: images of `width` and `height`
 /// pixels, `rate_hz` per simulated second.
 #[must_use]
 pub fn all_cameras(width: u32, height: u32, rate_hz: f64) -> v1::CameraSetting {

@@ -320,14 +320,14 @@ impl Sensor {
             found if found == [wanted.width, wanted.height] => Ok(plane(&frame)),
             [width, height] => Err(DriverError::Scene(format!(
                 "the sensor {:?} sends images of {width}x{height}, the policy needs {}x{}: \
-                 make it for that size, or leave this sensor model out",
+                 make it for that size, or remove this sensor model",
                 self.name, wanted.width, wanted.height
             ))),
         }
     }
 }
 
-/// The exact picture of a camera at a tick.
+/// The exact image of a camera at a tick.
 fn exact(
     wanted: &v1::PolicyCamera,
     camera: &Camera,
@@ -338,7 +338,7 @@ fn exact(
         let left = deadline.saturating_duration_since(Instant::now());
         let Some(frame) = camera.next(left)? else {
             return Err(DriverError::Scene(format!(
-                "no picture of camera {:?} came for tick {}",
+                "no image of camera {:?} arrived for tick {}",
                 wanted.name, now.tick
             )));
         };
@@ -349,7 +349,7 @@ fn exact(
         let (width, height) = (frame.intrinsics.width, frame.intrinsics.height);
         if (width, height) != (wanted.width, wanted.height) {
             return Err(DriverError::Scene(format!(
-                "camera {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
+                "camera {:?} sends images of {width}x{height}, the policy needs {}x{}: \
                  start the server with --camera {0}={}x{}",
                 wanted.name, wanted.width, wanted.height, wanted.width, wanted.height
             )));

@@ -69,7 +69,7 @@ fn attempt(
         // Absent, they would be those of the default scenario.
         scenario.cameras.clear();
     }
-    let draws = !scenario.cameras.is_empty();
+    let has_cameras = !scenario.cameras.is_empty();
     let sim = match Simulation::new(&room.assets, scenario) {
         Ok(sim) => sim,
         Err(problem) if problem.is_of_one_draw() => {
@@ -81,7 +81,7 @@ fn attempt(
     let name = format!("worker-{}-{}", std::process::id(), request.number);
     let record = request.record.as_ref();
     let depth = record.map(|record| record.depth).unwrap_or_default();
-    let mut serving = Serving::start(room, sim, &name, draws, depth, stop)?;
+    let mut serving = Serving::start(room, sim, &name, has_cameras, depth, stop)?;
     let recorder = record.map(|record| Recorder::start(room, serving.client(), record, stop));
     let recorder = recorder.transpose()?;
     let status = report_status(serving.client(), output)?;

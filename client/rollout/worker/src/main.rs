@@ -72,7 +72,7 @@ fn assets(named: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(named) = named {
         if !named.join("scenes").is_dir() {
             bail!(
-                "{} holds no folder `scenes`; name the assets folder of WheelArm",
+                "{} has no folder `scenes`; name the assets folder of WheelArm",
                 named.display()
             );
         }

@@ -34,14 +34,14 @@ impl Serving {
         room: &Room,
         sim: Simulation,
         name: &str,
-        draws: bool,
+        has_cameras: bool,
         depth: Depth,
         stop: &Stop,
     ) -> anyhow::Result<Self> {
         let options = Options {
             keys: Keys::new(name)?,
             graphics: room.graphics.clone(),
-            no_cameras: !draws,
+            no_cameras: !has_cameras,
             depth,
             access: v1::Access::Local,
         };
