@@ -58,7 +58,7 @@ pub fn new_password(name: &str) -> anyhow::Result<String> {
         return read_line();
     }
     let first = read_hidden(&format!("password of {name}"))?;
-    if read_hidden("once more")? != first {
+    if read_hidden("repeat the password")? != first {
         bail!("the two passwords differ: nothing was changed");
     }
     Ok(first)

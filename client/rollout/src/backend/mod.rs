@@ -12,7 +12,7 @@ pub use in_process::InProcess;
 pub use processes::Processes;
 pub use worker::WorkerOptions;
 
-/// Backends, which run the simulation of an episode.
+/// Runs the simulation of an episode.
 pub trait Backend: Send + Sync {
     /// Runs an episode; calls `simulated` when only its file is unfinished.
     ///
