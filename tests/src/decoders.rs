@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
-use wheelarm_policy::{Pilot, PilotOptions, Player};
+use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
 use wheelarm_proto::{Message, StreamId, check, v1};
 use wheelarm_rollout::policy::openpi;
 use wheelarm_server::geometry::mesh;
@@ -118,17 +118,17 @@ pub fn policy_reply(bytes: &[u8]) {
             return;
         };
         for ensemble in [None, Some(0.1)] {
-            let options = PilotOptions {
+            let options = ExecutorOptions {
                 execute: spec.execute as usize,
                 latency: rows % 3,
                 ensemble,
             };
-            let mut pilot = Pilot::new(Player::new(kind, &robot, spec.rate_hz), options);
+            let mut executor = ChunkExecutor::new(Player::new(kind, &robot, spec.rate_hz), options);
             for _ in 0..4 {
-                if pilot.asks() && pilot.take(rows, values).is_err() {
+                if executor.needs_chunk() && executor.add(rows, values).is_err() {
                     return;
                 }
-                let Ok(Some(command)) = pilot.command() else {
+                let Ok(Some(command)) = executor.command() else {
                     continue;
                 };
                 let base = command.base.unwrap_or_default();

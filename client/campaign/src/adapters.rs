@@ -1,4 +1,4 @@
-//! Graphics adapters: which of them several workers draw on.
+//! Assignment of graphics adapters to workers.
 
 use std::process::Command;
 use std::str::FromStr;
@@ -6,15 +6,15 @@ use std::str::FromStr;
 use anyhow::{Context, bail};
 use wheelarm_rollout::launcher::required_program;
 
-/// On what is drawn.
+/// Options that select graphics adapters.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct AdapterArgs {
     /// Graphics adapter by its index, its PCI id or a part of its name
     /// (`wheelarm-server --list-adapters`).
     #[arg(long, value_name = "INDEX|PCI-ID|NAME", conflicts_with = "adapters")]
     pub adapter: Option<String>,
-    /// Several graphics adapters, by index or PCI id, comma separated: the workers
-    /// take them in turn; `all` is every graphics card.
+    /// Several graphics adapters, by index or PCI id, comma separated, assigned to the
+    /// workers in turn; `all` is every GPU.
     #[arg(long, value_name = "all|N,N,…")]
     pub adapters: Option<Adapters>,
 }
@@ -32,10 +32,10 @@ impl AdapterArgs {
     }
 }
 
-/// What `--adapters` says.
+/// A value of `--adapters`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Adapters {
-    /// Every graphics card of the host.
+    /// Every GPU of the host.
     All,
     /// These, by index or PCI id.
     These(Vec<String>),
@@ -71,7 +71,7 @@ impl Adapters {
     ) -> anyhow::Result<Vec<Option<String>>> {
         let names = match self {
             Self::These(names) => names.clone(),
-            Self::All => cards(&listed()?),
+            Self::All => gpus(&listed()?),
         };
         if names.is_empty() {
             bail!("this host has no graphics adapter; see wheelarm-server --list-adapters");
@@ -81,9 +81,9 @@ impl Adapters {
     }
 }
 
-/// Indices of the graphics cards among the lines of `--list-adapters`; where there
-/// is none, of what else draws.
-fn cards(listed: &str) -> Vec<String> {
+/// Indices of the GPUs among the lines of `--list-adapters`; without a GPU, of the first
+/// adapter.
+fn gpus(listed: &str) -> Vec<String> {
     let all: Vec<(&str, &str)> = listed
         .lines()
         .filter_map(|line| line.split_once(": "))
@@ -93,9 +93,9 @@ fn cards(listed: &str) -> Vec<String> {
         let lines = all.iter().filter(|(_, words)| words.contains(kind));
         lines.map(|(index, _)| (*index).to_owned()).collect()
     };
-    let cards = of("[GPU, ");
-    match cards.is_empty() {
-        false => cards,
+    let gpus = of("[GPU, ");
+    match gpus.is_empty() {
+        false => gpus,
         true => all
             .iter()
             .take(1)
@@ -104,10 +104,10 @@ fn cards(listed: &str) -> Vec<String> {
     }
 }
 
-/// What `wheelarm-server --list-adapters` prints.
+/// The output of `wheelarm-server --list-adapters`.
 ///
 /// # Errors
-/// When it is not there or has nothing to list, with its words.
+/// When the program does not exist or lists no adapter, with its message.
 fn listed() -> anyhow::Result<String> {
     let program = required_program("wheelarm-server")?;
     let output = Command::new(program).arg("--list-adapters").output();
@@ -127,7 +127,7 @@ mod tests {
         2: NVIDIA H100 [GPU, NVIDIA 570, vulkan, PCI 0000:65:00.0]\n";
 
     #[test]
-    fn workers_take_the_cards_in_turn() {
+    fn workers_use_the_gpus_in_turn() {
         let names = |adapters: &str, workers| -> Vec<String> {
             let adapters: Adapters = adapters.parse().unwrap();
             let spread = adapters.spread(workers, || Ok(LISTED.to_owned())).unwrap();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_card_the_processor_draws_and_without_anything_it_is_told() {
+    fn without_gpu_the_cpu_renders_and_without_adapter_it_fails() {
         let cpu = "0: llvmpipe (LLVM 15) [CPU, llvmpipe Mesa, vulkan]\n";
         let spread = Adapters::All.spread(2, || Ok(cpu.to_owned())).unwrap();
         assert_eq!(spread, [Some("0".to_owned()), Some("0".to_owned())]);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_list_is_refused() {
+    fn malformed_list_is_rejected() {
         for text in ["", "0,", ",1"] {
             let words = Adapters::from_str(text).unwrap_err();
             assert!(words.contains("for example 0,1"), "{words}");

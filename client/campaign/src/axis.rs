@@ -1,6 +1,5 @@
-//! Axes along which a test set is made harder, each alone and in three strengths:
-//! what `--axis` and the splits say. What an axis draws follows from the seed of the
-//! episode, so that the same set is drawn again.
+//! Axes of difficulty of a test set for `--axis` and the splits, each in three strengths.
+//! The samples of an axis follow from the seed of the episode, so that a set is repeatable.
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -11,7 +10,7 @@ use wheelarm_proto::v1;
 use crate::sentences::Language;
 use crate::variation::Variation;
 
-/// One thing that a test set makes harder, in three strengths.
+/// An axis of difficulty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// Places and lenses of the robot's cameras.
@@ -22,14 +21,14 @@ pub enum Axis {
     Light,
     /// Walls, floor, furniture's materials, decoration.
     Background,
-    /// What else stands on the table: share of scenes with the teddy bear, in thirds.
+    /// Layout of the table: share of scenes with the teddy bear, in thirds.
     Layout,
     /// Another specimen of the robot (1), starts anywhere (2), both (3).
     Robot,
     /// Sentences by the grammar: of the training's split (1), held out (2), held out
     /// with typing errors (3).
     Language,
-    /// The cameras as sensors see: depth with noise, holes and shadows, colour with
+    /// Sensor models of the cameras: depth with noise, holes and shadows, colour with
     /// noise, both late.
     Depth,
     /// Delay from a command to the control.
@@ -65,7 +64,7 @@ impl Named for Axis {
     }
 }
 
-/// Specimens of the robot among which its axis draws.
+/// Specimens of the robot from which its axis samples.
 const SPECIMENS: u32 = 20;
 /// Share of sentences with a typing error at the greatest strength.
 const TYPOS: f64 = 0.5;
@@ -81,7 +80,7 @@ impl AxisAt {
         self.0
     }
 
-    /// Whether it asks for other layouts.
+    /// Whether it needs other layouts.
     #[must_use]
     pub fn is_layout(&self) -> bool {
         self.0 == Axis::Layout
@@ -90,7 +89,7 @@ impl AxisAt {
     /// Reads `AXIS=STRENGTH`, for example `light=2`.
     ///
     /// # Errors
-    /// What was found and what is allowed.
+    /// The value and the allowed ones.
     pub fn read(text: &str) -> Result<Self, String> {
         let form = || format!("{text:?} is not AXIS=STRENGTH, for example light=2");
         let (name, strength) = text.split_once('=').ok_or_else(form)?;
@@ -109,7 +108,7 @@ impl<'de> Deserialize<'de> for AxisAt {
 }
 
 impl Variation {
-    /// Sets one axis; what the variation says of the others stays.
+    /// Sets one axis and keeps the others.
     pub fn set(&mut self, AxisAt(axis, strength): AxisAt) {
         let mut appearances = |axes: &[&str]| {
             let appearance = self.appearance.unwrap_or_else(AppearanceText::own);
@@ -171,16 +170,16 @@ mod tests {
     #[test]
     fn every_axis_changes_the_scenario_by_itself_and_in_three_strengths() {
         let of = |variation: &Variation| format!("{:?}", variation.for_episode(500));
-        let mut seen = vec![of(&Variation::default())];
+        let mut known = vec![of(&Variation::default())];
         for axis in Axis::ALL {
             for strength in 1..=3 {
                 let mut variation = Variation::default();
                 let at = AxisAt::read(&format!("{}={strength}", axis.name())).unwrap();
                 variation.set(at);
                 let text = of(&variation);
-                assert!(!seen.contains(&text), "{at:?} is like another");
+                assert!(!known.contains(&text), "{at:?} is like another");
                 assert!(!variation.words(0).is_empty(), "{at:?}");
-                seen.push(text);
+                known.push(text);
             }
         }
         for (bad, words) in [

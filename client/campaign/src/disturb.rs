@@ -1,5 +1,5 @@
-//! Which episodes are disturbed and in which the operator errs on purpose, as a plan
-//! says it. Everything follows from the episode's seed.
+//! Disturbed episodes and deliberate errors of the operator, as a plan defines them. All
+//! samples follow from the episode's seed.
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
@@ -20,10 +20,10 @@ pub struct Disturb {
     /// Share of episodes that are disturbed, 0 to 1.
     #[serde(default = "whole", deserialize_with = "share")]
     pub share: f64,
-    /// Share of episodes in which the operator errs on purpose, 0 to 1.
+    /// Share of episodes with a deliberate error of the operator, 0 to 1.
     #[serde(default, deserialize_with = "share")]
     pub error_share: f64,
-    /// Strength of the noise on what is applied, 0 to 3.
+    /// Strength of the noise on applied commands, 0 to 3.
     #[serde(default, deserialize_with = "strength")]
     pub noise: u32,
     /// Strength of pushes, 0 to 3.
@@ -42,7 +42,9 @@ fn share<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     let share = f64::deserialize(from)?;
     match (0.0..=1.0).contains(&share) {
         true => Ok(share),
-        false => Err(D::Error::custom(format!("{share} is no share, 0 to 1"))),
+        false => Err(D::Error::custom(format!(
+            "{share} is not a share from 0 to 1"
+        ))),
     }
 }
 
@@ -51,46 +53,46 @@ fn strength<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
     match strength <= MAX_STRENGTH {
         true => Ok(strength),
         false => Err(D::Error::custom(format!(
-            "{strength} is no strength, 0 (none) to {MAX_STRENGTH}"
+            "{strength} is not a strength from 0 (none) to {MAX_STRENGTH}"
         ))),
     }
 }
 
-/// What is drawn from a seed, each for itself.
+/// Independent samples from a seed.
 #[derive(Clone, Copy)]
-enum Draw {
+enum Sample {
     Disturbed = 1,
     Errs = 2,
     Error = 3,
 }
 
 /// 0 to 1, below 1, the same for the same seed on every machine (SplitMix64). Later
-/// attempts draw what the first did, so that failures do not change the shares.
-fn uniform(seed: EpisodeSeed, draw: Draw) -> f64 {
+/// attempts have the samples of the first, so that failures do not change the shares.
+fn uniform(seed: EpisodeSeed, sample: Sample) -> f64 {
     let first = seed.scene % ATTEMPT_STRIDE;
     let sentence = u64::from(seed.sentence).wrapping_mul(0xd1b5_4a32_d192_ed03);
-    let x = first ^ sentence ^ (draw as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let x = first ^ sentence ^ (sample as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     (mixed(mixed(x)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 impl Disturb {
-    /// As an option says it: one strength of noise, pushes and slips, or what a plan's
-    /// `[disturb]` says, comma separated (`noise=2,pushes=1,share=0.8`).
+    /// Reads an option: one strength of noise, pushes and slips, or the keys of a plan's
+    /// `[disturb]`, comma separated (`noise=2,pushes=1,share=0.8`).
     ///
     /// # Errors
-    /// When it is neither, in words.
+    /// When it is neither.
     pub fn from_text(text: &str) -> Result<Self, String> {
-        const CURE: &str = "say a strength from 0 to 3, or noise, pushes and slips (0 to 3) and share (0 to 1) as noise=2,share=0.8";
+        const FIX: &str = "use a strength from 0 to 3, or noise, pushes and slips (0 to 3) and share (0 to 1) as noise=2,share=0.8";
         if let Ok(strength) = text.trim().parse() {
             let strength = Some(strength).filter(|s| *s <= MAX_STRENGTH);
             let all = strength.map(|strength| Self::all(strength, 0.0));
-            return all.ok_or_else(|| format!("{text} is no strength; {CURE}"));
+            return all.ok_or_else(|| format!("{text} is not a strength; {FIX}"));
         }
         if text.trim().is_empty() {
-            return Err(CURE.to_owned());
+            return Err(FIX.to_owned());
         }
         let table = text.replace(',', "\n");
-        toml::from_str(&table).map_err(|e| format!("{}; {CURE}", e.message()))
+        toml::from_str(&table).map_err(|e| format!("{}; {FIX}", e.message()))
     }
 
     /// Every episode, with all kinds at one strength.
@@ -105,11 +107,10 @@ impl Disturb {
         }
     }
 
-    /// What hinders the robot in an episode; strengths of 0 where nothing does, so that
-    /// what was in force before goes.
+    /// Disturbances of an episode; strengths of 0 without any, which end earlier ones.
     #[must_use]
     pub fn disturbances(&self, seed: EpisodeSeed) -> v1::Disturbances {
-        if uniform(seed, Draw::Disturbed) >= self.share {
+        if uniform(seed, Sample::Disturbed) >= self.share {
             return v1::Disturbances::default();
         }
         v1::Disturbances {
@@ -124,11 +125,11 @@ impl Disturb {
     #[must_use]
     pub fn forced(&self, seed: EpisodeSeed) -> Option<ForcedError> {
         let all = ForcedError::ALL;
-        let which = uniform(seed, Draw::Error) * all.len() as f64;
-        (uniform(seed, Draw::Errs) < self.error_share).then(|| all[which as usize])
+        let which = uniform(seed, Sample::Error) * all.len() as f64;
+        (uniform(seed, Sample::Errs) < self.error_share).then(|| all[which as usize])
     }
 
-    /// As `from_text` reads it, but for errors on purpose.
+    /// The text that `from_text` reads, without deliberate errors.
     #[must_use]
     pub fn text(&self) -> String {
         format!(
@@ -152,20 +153,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_option_is_a_strength_or_a_list() {
+    fn option_is_a_strength_or_a_list() {
         assert_eq!(Disturb::from_text("2"), Ok(Disturb::all(2, 0.0)));
-        let told = Disturb::from_text("noise=2,pushes=1,share=0.8").unwrap();
-        assert_eq!((told.noise, told.pushes, told.slips), (2, 1, 0));
-        assert_eq!(told.share, 0.8);
-        assert_eq!(Disturb::from_text(&told.text()), Ok(told));
+        let disturb = Disturb::from_text("noise=2,pushes=1,share=0.8").unwrap();
+        assert_eq!((disturb.noise, disturb.pushes, disturb.slips), (2, 1, 0));
+        assert_eq!(disturb.share, 0.8);
+        assert_eq!(Disturb::from_text(&disturb.text()), Ok(disturb));
         for wrong in ["4", "-1", "noise", "noise=9", "share=2", "wind=1", ""] {
-            let told = Disturb::from_text(wrong);
-            assert!(told.is_err(), "{wrong}: {told:?}");
+            let disturb = Disturb::from_text(wrong);
+            assert!(disturb.is_err(), "{wrong}: {disturb:?}");
         }
     }
 
     #[test]
-    fn shares_are_met_and_every_kind_of_error_comes() {
+    fn shares_are_met_and_every_kind_of_error_occurs() {
         let text = "share = 0.3\nerror_share = 0.15\nnoise = 1\npushes = 2\nslips = 3\n";
         let disturb: Disturb = toml::from_str(text).unwrap();
         let seeds = 10_000..20_000;
@@ -184,10 +185,10 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told() {
+    fn mistakes_are_reported() {
         for (text, words) in [
-            ("share = 1.2", "1.2 is no share, 0 to 1"),
-            ("noise = 4", "4 is no strength, 0 (none) to 3"),
+            ("share = 1.2", "1.2 is not a share from 0 to 1"),
+            ("noise = 4", "4 is not a strength from 0 (none) to 3"),
             ("shove = 1", "unknown field `shove`"),
         ] {
             let problem = toml::from_str::<Disturb>(text).unwrap_err().to_string();

@@ -1,9 +1,8 @@
-//! From what everything in an episode is drawn, and numbers from it.
+//! Seed of all samples of an episode.
 
-/// From what everything in an episode is drawn: its scenario's seed, and which of the
-/// episodes with that scene it is, from 0. They have another sentence each, and look,
-/// sensors, specimen, disturbances and operator of their own: a scene that is said
-/// three times is done in three ways.
+/// Seed of all samples of an episode: its scenario's seed and its index among the episodes
+/// with that scene, from 0. These differ in sentence, appearance, sensors, specimen,
+/// disturbances and operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EpisodeSeed {
     /// The scenario's seed.
@@ -19,8 +18,8 @@ impl From<u64> for EpisodeSeed {
 }
 
 impl EpisodeSeed {
-    /// Seed of what the episodes with one scene do not share: the scenario's for the
-    /// first of them.
+    /// Seed of the samples that episodes of one scene do not share; the scenario's seed for
+    /// the first of them.
     #[must_use]
     pub fn own(self) -> u64 {
         match self.sentence {

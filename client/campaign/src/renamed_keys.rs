@@ -75,7 +75,7 @@ fn translate(table: &mut Table) -> Result<Vec<String>, String> {
     Ok(warnings)
 }
 
-/// Removes the value of a path, if it is there.
+/// Removes the value of a path, if it exists.
 fn take(table: &mut Table, path: &str) -> Option<Value> {
     match path.split_once('.') {
         None => table.remove(path),
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_in_both_spellings_is_refused() {
+    fn key_in_both_spellings_is_rejected() {
         let mut both: Table = "starts = \"near\"\n[scenario]\nstarts = \"near\""
             .parse()
             .unwrap();

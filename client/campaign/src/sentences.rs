@@ -1,5 +1,4 @@
-//! How a plan, a split or an evaluation says its tasks: sentences by the grammar,
-//! several for one scene.
+//! Sentences of the grammar for a plan, a split or an evaluation, several per scene.
 
 use std::ops::Range;
 
@@ -9,20 +8,20 @@ use toml::Spanned;
 use wheelarm_proto::settings::{LanguageSplit, Named};
 use wheelarm_proto::v1;
 
-/// How tasks are said.
+/// Settings of the sentences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Language {
     /// Seed of the first sentence of a scene; the next ones follow.
     pub seed: u64,
-    /// Which templates and names are said.
+    /// Templates and names that are used.
     pub split: LanguageSplit,
     /// Share of sentences with a typing error, 0 to 1.
     pub typos: f64,
     /// Share of sentences with politeness, 0 to 1.
     pub politeness: f64,
-    /// Share of sentences that may mean several things, 0 to 1.
+    /// Share of sentences that match several objects, 0 to 1.
     pub ambiguous: f64,
-    /// Episodes in a row with one scene, each with a sentence of its own.
+    /// Consecutive episodes with one scene, each with another sentence.
     pub sentences: u32,
 }
 
@@ -59,10 +58,10 @@ fn one() -> Spanned<u32> {
 }
 
 impl LanguageFile {
-    /// What it says, checked.
+    /// The checked settings.
     ///
     /// # Errors
-    /// Where the mistake stands in the text, bytes, and what is allowed.
+    /// Position of the mistake in the text, bytes, and the allowed values.
     pub fn checked(self) -> Result<Language, (Range<usize>, String)> {
         for (key, share) in [
             ("typos", &self.typos),
@@ -104,13 +103,13 @@ impl Language {
         }
     }
 
-    /// Which scene and which sentence of it an episode of a task has, both from 0.
+    /// Index of the scene, and of its sentence, of an episode of a task, both from 0.
     #[must_use]
     pub fn place(&self, index: u32) -> (u32, u32) {
         (index / self.sentences, index % self.sentences)
     }
 
-    /// As a scenario says it, with sentence number `sentence` of its scene.
+    /// The message for a scenario, with sentence number `sentence` of its scene.
     #[must_use]
     pub fn message(&self, sentence: u32) -> v1::Language {
         v1::Language {

@@ -1,4 +1,4 @@
-//! Text files that people write: plans and splits.
+//! Text files written by users: plans and splits.
 
 use std::io::{self, Read};
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 /// Longest file, bytes.
 const LONGEST: u64 = 1 << 20;
 
-/// Reads a text of at most a mebibyte.
+/// Reads a text of at most 1 MiB.
 ///
 /// # Errors
-/// Those of reading, and of a file that is longer.
+/// When the file cannot be read or is longer.
 pub fn read(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     let file = std::fs::File::open(path)?;
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_too_long_is_not_read_to_its_end() {
+    fn long_file_is_not_read_to_its_end() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.toml");
         let of = |length: u64| {

@@ -1,8 +1,8 @@
 //! Scenarios of a campaign: what all episodes share (`[scenario]` of a plan or split, in the
 //! spelling of the contract) and what is sampled for each (`[variation]`).
 //!
-//! Every sampled value follows from the seed of the episode, so sets that are apart by seed
-//! are apart in everything.
+//! Every sampled value follows from the seed of the episode, so sets with disjoint seeds are
+//! disjoint in all samples.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -25,7 +25,7 @@ pub struct Variation {
     /// Fields that all episodes share; [`rejected_field`] lists those that are set here or
     /// by the campaign.
     pub scenario: v1::Scenario,
-    /// Robot specimens, each with cameras of its own; 0 for the one of the description.
+    /// Robot specimens, each with its own cameras; 0 for the one of the description.
     pub specimens: u32,
     /// Generated sentences; `None`: one of the task's own.
     pub language: Option<Language>,
@@ -312,7 +312,7 @@ impl Variation {
         self.disturb.and_then(|disturb| disturb.forced(seed))
     }
 
-    /// The robot specimen of an episode. Those of another purpose are others.
+    /// The robot specimen of an episode. Purposes have distinct specimens.
     fn specimen(&self, seed: EpisodeSeed) -> Option<u64> {
         let kinds = Purpose::ALL.iter();
         let kind = kinds.take_while(|p| **p != Purpose::of_seed(seed.scene));
@@ -323,7 +323,7 @@ impl Variation {
     }
 
     /// The settings as one line with sentence number `sentence`, for logs and their resume.
-    /// Empty for the defaults. The words are those of logs up to contract 2, which go on.
+    /// Empty for the defaults. The words equal those of logs up to contract 2, which are resumed.
     #[must_use]
     pub fn words(&self, sentence: u32) -> String {
         let mut shared = self.scenario.clone();
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn an_episode_has_the_shared_fields_and_its_sampled_ones() {
+    fn episode_has_shared_and_sampled_fields() {
         let variation = Variation {
             scenario: v1::Scenario {
                 starts: v1::Starts::Anywhere.into(),
@@ -555,7 +555,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_every_episode_would_be_refused_for_are_refused_at_once() {
+    fn values_that_every_server_rejects_are_rejected_at_once() {
         for (text, words) in [
             ("seed = 3", "use first_seed"),
             ("look_around = true", "a share"),
@@ -575,7 +575,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shared_field_without_a_word_of_its_own_is_part_of_the_settings() {
+    fn shared_field_without_a_key_word_is_part_of_the_settings() {
         let mut variation = Variation::default();
         variation.scenario.variant = Some("bear".to_owned());
         assert_eq!(variation.words(0), " scenario={\"variant\":\"bear\"}");

@@ -1,14 +1,14 @@
-//! How the workers of `collect` and `evaluate` run.
+//! Processes of the workers of `collect` and `evaluate`.
 
 use wheelarm_proto::settings::Named;
 
-/// How a worker runs.
+/// Processes of a worker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WorkerMode {
     /// Server, recorder and expert in one process.
     #[default]
     Process,
-    /// Each in a process of its own, over a socket.
+    /// Each in a separate process, over a socket.
     Socket,
 }
 

@@ -1,4 +1,4 @@
-//! `wheelarm drive`: the page from which a person drives, in a browser.
+//! `wheelarm drive`: serves the web page from which an operator drives.
 
 use std::io::{ErrorKind, Write};
 use std::net::SocketAddr;
@@ -16,21 +16,21 @@ use wheelarm_teleop_web::{Gateway, Options};
 use crate::control::refuse_closed;
 use wheelarm_options::choice;
 
-/// Where the page is served when nothing else is said.
+/// Default address of the page.
 const PAGE: &str = "127.0.0.1:7460";
 
 /// Options of `wheelarm drive`.
 #[derive(Args, Clone, Debug)]
 pub struct DriveArgs {
-    /// Address of the page; another port is taken when it is in use. Other machines
-    /// are let in with --keys only, or through an SSH tunnel.
+    /// Address of the page; the next free port when it is in use. Other hosts connect
+    /// only with --keys, or through an SSH tunnel.
     #[arg(long, default_value = PAGE, value_name = "ADDRESS:PORT")]
     pub page: SocketAddr,
-    /// Name under which you command; others see it.
+    /// Commander name, visible to other users.
     #[arg(long, default_value_t = choice::own_name("drive"), value_parser = choice::name, value_name = "NAME")]
     pub commander: String,
-    /// Starts a server of its own with this task, which ends with the page, instead
-    /// of speaking to one that runs.
+    /// Starts a server with this task, which ends with the page, instead of connecting
+    /// to a running one.
     #[arg(long, value_name = "TASK")]
     pub task: Option<String>,
     /// Seed of that server's scenario.
@@ -39,25 +39,25 @@ pub struct DriveArgs {
     /// Records that server's episodes into this folder.
     #[arg(long, value_name = "FOLDER", requires = "task")]
     pub out: Option<PathBuf>,
-    /// That server's pictures.
-    #[arg(long, default_value = "640x360@10", requires = "task", value_name = "WxH@HZ", value_parser = pictures)]
-    pub pictures: (u32, u32, f64),
-    /// Folder of keys and users (`wheelarm keys init`): the page is encrypted, and
-    /// lets in by password; the command's name is the user's.
+    /// Image size and rate of that server's cameras.
+    #[arg(long = "pictures", default_value = "640x360@10", requires = "task", value_name = "WxH@HZ", value_parser = image_format)]
+    pub images: (u32, u32, f64),
+    /// Folder of keys and users (`wheelarm keys init`): the page is encrypted and requires
+    /// a password; the commander name is the user's.
     #[arg(long, value_name = "FOLDER")]
     pub keys: Option<PathBuf>,
-    /// Name by which browsers know this host; may be repeated.
+    /// Host name that browsers use for this host; may be repeated.
     #[arg(long, value_name = "HOST", requires = "keys")]
     pub name: Vec<String>,
-    /// Writes who did what and when into this file, a line of JSON each.
+    /// Writes an audit log into this file: user, action and time, one JSON object per line.
     #[arg(long, value_name = "FILE")]
     pub audit: Option<PathBuf>,
-    /// Serves the page's files from this folder, for who works on them.
+    /// Serves the page's files from this folder, for their development.
     #[arg(long, value_name = "FOLDER", hide = true)]
     pub files: Option<PathBuf>,
 }
 
-fn pictures(text: &str) -> Result<(u32, u32, f64), String> {
+fn image_format(text: &str) -> Result<(u32, u32, f64), String> {
     let camera = v1::CameraSetting::from_text(&format!("*={text}"))?;
     Ok((
         camera.width,
@@ -69,16 +69,18 @@ fn pictures(text: &str) -> Result<(u32, u32, f64), String> {
 /// Runs `wheelarm drive` until it is interrupted.
 ///
 /// # Errors
-/// When there is no server, or the page's address cannot be used.
+/// When no server replies, or the page's address cannot be used.
 pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
-    let rig = match &args.task {
-        Some(task) => Some(Rig::start(task, args)?),
+    let own_server = match &args.task {
+        Some(task) => Some(OwnServer::start(task, args)?),
         None => {
             refuse_closed(&connect.endpoint)?;
             None
         }
     };
-    let connect = rig.as_ref().map_or(connect, |rig| rig.server.connect());
+    let connect = own_server
+        .as_ref()
+        .map_or(connect, |own_server| own_server.server.connect());
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
@@ -95,16 +97,16 @@ pub fn run(connect: &Connect, args: &DriveArgs) -> anyhow::Result<ExitCode> {
         watch_only: false,
     };
     let gateway = runtime.block_on(Gateway::open(&options))?;
-    // Who reads the first line and closes the pipe has the address.
+    // A reader may close the pipe after the first line.
     match announce(&gateway) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-        told => told.context("writing the page's address")?,
+        written => written.context("writing the page's address")?,
     }
     let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     runtime.block_on(signals.next());
     gateway.finish();
-    if let Some(rig) = rig {
-        rig.finish()?;
+    if let Some(own_server) = own_server {
+        own_server.finish()?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -116,15 +118,15 @@ fn announce(gateway: &Gateway) -> std::io::Result<()> {
     out.flush()
 }
 
-/// A server of the command's own, and a recorder.
-struct Rig {
+/// A server and a recorder that this command starts.
+struct OwnServer {
     server: Server,
     recorder: Option<Recorder>,
 }
 
-impl Rig {
+impl OwnServer {
     fn start(task: &str, args: &DriveArgs) -> anyhow::Result<Self> {
-        let (width, height, rate) = args.pictures;
+        let (width, height, rate) = args.images;
         let server = Server::start(&ServerOptions {
             scenario: v1::Scenario {
                 scene: "home".to_owned(),
@@ -150,9 +152,9 @@ impl Rig {
     }
 
     fn finish(self) -> anyhow::Result<()> {
-        let link = self.server.link()?;
-        // A running episode is closed, and its file finished, by the server's end.
-        self.server.stop(link)?;
+        let client = self.server.client()?;
+        // The end of the server ends a running episode, and the recorder finishes its file.
+        self.server.stop(client)?;
         drop(self.recorder);
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! The `wheelarm` program: parses and wires; the library works.
+//! The `wheelarm` program: parses the command line and calls the libraries.
 //!
 //! Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 finished with loss.
 
@@ -44,9 +44,9 @@ use wheelarm_teleop_web::preview::{self, PreviewArgs};
 
 /// Clients of the WheelArm simulator: operate, record, replay, watch.
 ///
-/// Every command speaks to one server, which listens on 127.0.0.1 unless it was
-/// given keys; then --connect tls/HOST:7447 --keys DIR reaches it from anywhere.
-/// Without keys bring its port near through SSH.
+/// Every command connects to one server, which listens on 127.0.0.1 unless it has keys.
+/// With keys, --connect tls/HOST:7447 --keys DIR reaches it from other hosts. Without
+/// keys, forward its port through SSH.
 #[derive(Parser)]
 #[command(
     name = "wheelarm",
@@ -64,137 +64,136 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Shows what a server does.
+    /// Prints the status of a server.
     ///
-    /// Scenario, pacing, episode, who holds control, recorders, refused
-    /// commands and every condition of the task.
+    /// Scenario, pacing, episode, holder of control, recorders, refused commands and every
+    /// condition of the task.
     #[command(after_long_help = manual::STATUS)]
     Status,
     /// Lists the tasks.
     ///
-    /// With goal, instruction sentences and conditions of success: those that a
-    /// running server knows, else those of the program wheelarm-server.
+    /// With goal, instructions and conditions of success: of the running server, otherwise
+    /// of the program wheelarm-server.
     #[command(after_long_help = manual::TASKS)]
     Tasks,
     /// Sets up a scenario: scene, task, seed.
     ///
-    /// What is not named stays as it is; places are drawn anew from the seed.
-    /// Refused while an episode runs or somebody else is in control.
+    /// Settings without an option keep their values; poses are sampled from the seed.
+    /// Refused while an episode runs or another client is in control.
     #[command(after_long_help = manual::RESET)]
     Reset(ResetArgs),
-    /// Stops simulation time.
+    /// Pauses simulation time.
     #[command(after_long_help = manual::PAUSE)]
     Pause,
-    /// Lets simulation time go on.
+    /// Resumes simulation time.
     #[command(after_long_help = manual::PAUSE)]
     Resume,
     /// Holds control of a server by hand.
     ///
-    /// In lock-step time waits for whoever is in control: while this runs it
-    /// answers every tick, so that an episode can be started and ended by hand.
+    /// In lock-step, time waits for the commander in control. This command replies to
+    /// every tick, so that an episode can be started and ended by hand.
     #[command(subcommand, after_long_help = manual::LEASE)]
     Lease(LeaseCommand),
     /// Starts or ends an episode.
     ///
-    /// Recorders that are connected open a file at the start and finish it at
-    /// the end; with --require-recorders time waits until they are ready.
+    /// Connected recorders open a file at the start and finish it at the end. With
+    /// --require-recorders, time waits until they are ready.
     #[command(subcommand, after_long_help = manual::EPISODE)]
     Episode(EpisodeCommand),
     /// Records episodes, one HDF5 file each, until it is interrupted.
     ///
-    /// Everything goes into a log first: what was acknowledged survives a kill
-    /// or a power cut, and `wheelarm dataset recover` makes a file of it.
+    /// Samples are written to a log first: acknowledged samples survive a kill or a power
+    /// cut, and `wheelarm dataset recover` converts the log to a file.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::RECORD)]
     Record(RecordArgs),
     /// Does a task with the scripted operator.
     ///
-    /// It drives, grasps and lifts by the same commands as a person, as one
-    /// episode of its own or within the running one.
+    /// It drives, grasps and lifts with the same commands as a person, in a new episode or
+    /// within the running one.
     #[command(after_long_help = manual::OPERATE)]
     Operate(OperateArgs),
-    /// Drive chair, arm and gripper by keys.
+    /// Drives chair, arm and gripper from the keyboard.
     ///
-    /// A terminal program, also over SSH and in tmux. It shows task, episode,
-    /// recorders and link, starts and ends episodes, and serves the cameras as
-    /// a local web page whose address it shows. When the terminal dies the
-    /// chair brakes, the arm holds and control is given back.
+    /// A terminal program that also works over SSH and in tmux. It shows task, episode,
+    /// recorders and connection, starts and ends episodes, and serves the cameras as a
+    /// local web page. When the terminal closes, the chair brakes, the arm holds and
+    /// control is released.
     #[cfg(feature = "terminal")]
     #[command(after_long_help = manual::TELEOP)]
     Teleop(TeleopArgs),
-    /// Drive chair, arm and gripper from a browser.
+    /// Drives chair, arm and gripper from a browser.
     ///
     /// Serves a page on this host: cameras, keys, mouse, touch, gamepad, one switch,
-    /// voice, headset. It prints two links, one to drive and one to watch. When a
-    /// page, a browser or a link dies the chair brakes and the arm holds.
+    /// voice, headset. It prints two addresses, one to drive and one to watch. When a
+    /// page, a browser or a connection is lost, the chair brakes and the arm holds.
     #[command(after_long_help = manual::DRIVE)]
     Drive(DriveArgs),
-    /// Serves what the cameras see as a local web page.
+    /// Serves the camera images as a local web page.
     ///
-    /// It shows pictures and state and never commands. Pictures are compressed
-    /// by the server only while a page is open, at a size and rate that the
-    /// link carries.
+    /// It shows images and state and never commands. The server compresses images only
+    /// while a page is open, at a size and rate that the connection carries.
     #[command(after_long_help = manual::PREVIEW)]
     Preview(PreviewArgs),
     /// Measures every stream: rate, jitter, delay, gaps, bytes.
     ///
-    /// With episode, recorders and task. `delay+` is the delay over the
-    /// quickest sample of the last seconds: its growth shows a full link.
+    /// Also prints episode, recorders and task. `delay+` is the delay in excess of the
+    /// fastest sample of the last seconds: it grows when the connection is saturated.
     #[command(after_long_help = manual::WATCH)]
     Watch(WatchArgs),
-    /// Looks for what is missing or wrong, and names the cure.
+    /// Checks this host and the server, and prints the fix of each problem.
     ///
-    /// Driver, programs, versions, HDF5, disk and terminal of this machine;
-    /// port, version, round trip and clock of the server. It changes nothing.
+    /// Driver, programs, versions, HDF5, disk and terminal of this host; port, version,
+    /// round trip and clock of the server. It changes nothing.
     #[command(after_long_help = manual::DOCTOR)]
     Doctor(DoctorArgs),
-    /// Makes the keys by which users and servers know each other.
+    /// Makes the keys that authenticate users and servers.
     ///
-    /// On the host of the server: an authority of your own, the server's
-    /// certificate, and a folder for each user to take along (--keys DIR).
+    /// On the host of the server: a certificate authority, the server's certificate, and a
+    /// folder of keys for each user (--keys DIR).
     #[command(subcommand, after_long_help = manual::KEYS)]
     Keys(KeysCommand),
-    /// Says who may connect, and what each may do.
+    /// Manages users and their roles.
     ///
     /// Adds, removes and lists the users of a folder of keys (--keys DIR), and
     /// sets their passwords for the web page.
     #[command(subcommand, after_long_help = manual::USERS)]
     Users(UsersCommand),
-    /// Stands between servers and clients elsewhere, by the rules of a folder of keys.
+    /// Runs a router between servers and clients, with the rules of a folder of keys.
     ///
-    /// A Zenoh router: servers that are given the same keys connect to it
-    /// (`wheelarm-server --connect`), and users reach all of them there, each by its
+    /// A Zenoh router: servers with the same keys connect to it (`wheelarm-server
+    /// --connect`), and users reach all of them through it, each with the rights of its
     /// role (--keys DIR).
     #[command(after_long_help = manual::ROUTER)]
     Router(RouterArgs),
-    /// Records an episode with a server, a recorder and the operator of its own.
+    /// Starts a server and a recorder, and records an episode of the scripted operator.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::DEMO)]
     Demo(DemoArgs),
-    /// Does tasks over many seeds and counts the successes.
+    /// Runs tasks over many seeds and counts the successes.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::EVALUATE)]
     Evaluate(Box<EvaluateArgs>),
-    /// Makes a whole dataset from a plan, on this machine or as a part of many.
+    /// Makes a dataset from a plan, on one host or in parts on many.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::COLLECT)]
     Collect(CollectArgs),
-    /// Makes many episodes of a few, by adapting what the hand did to other scenes.
+    /// Makes many episodes from a few, by adapting the recorded hand motion to other scenes.
     ///
-    /// Of each recorded episode of the task in DIR that succeeded, whoever did it, the
-    /// last of the reach, the grasp, the lift and the putting down are kept relative to
-    /// the thing; the way there is planned anew. Episodes that succeed are recorded
-    /// without cameras: `replay --camera` draws them.
+    /// Uses every successful episode of the task in DIR. The end of the reach, the grasp,
+    /// the lift and the placement are kept relative to the object; the path to it is
+    /// planned again. Successful episodes are recorded without cameras: `replay --camera`
+    /// renders them.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::MULTIPLY)]
     Multiply(MultiplyArgs),
-    /// Replays a recorded episode bit for bit, and can record it anew.
+    /// Replays a recorded episode bit for bit, and can record it again.
     #[cfg(feature = "hdf5")]
     #[command(after_long_help = manual::REPLAY)]
     Replay(ReplayArgs),
     /// Ends the server.
     ///
-    /// Refused while somebody else is in control.
+    /// Refused while another client is in control.
     #[command(after_long_help = manual::SHUTDOWN)]
     Shutdown(ShutdownArgs),
     /// Prints completions for a shell.
@@ -211,10 +210,10 @@ enum Command {
     },
     /// Reads, checks, aligns, labels and exports episode files.
     ///
-    /// Runs the program `wheelarm-dataset`; `wheelarm dataset --help` tells its commands.
+    /// Runs the program `wheelarm-dataset`; `wheelarm dataset --help` lists its commands.
     #[command(disable_help_flag = true)]
     Dataset {
-        /// What `wheelarm-dataset` is told.
+        /// Arguments of `wheelarm-dataset`.
         #[arg(
             trailing_var_arg = true,
             allow_hyphen_values = true,
@@ -228,8 +227,8 @@ enum Command {
 }
 
 impl Command {
-    /// Whether it needs no server.
-    fn works_on_files(&self) -> bool {
+    /// Whether the command needs only files.
+    fn needs_only_files(&self) -> bool {
         matches!(
             self,
             Self::Keys(_)
@@ -242,8 +241,8 @@ impl Command {
         )
     }
 
-    /// Whether it draws on the whole terminal.
-    fn has_the_screen(&self) -> bool {
+    /// Whether the command uses the whole terminal.
+    fn uses_full_screen(&self) -> bool {
         #[cfg(feature = "terminal")]
         return matches!(self, Self::Teleop(_));
         #[cfg(not(feature = "terminal"))]
@@ -255,12 +254,12 @@ fn main() -> ExitCode {
     end_with_output();
     end_as_first_process();
     let matches = Cli::command().get_matches();
-    refuse_without_effect(&matches);
+    reject_unused_server_options(&matches);
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let filter = "warn,zenoh=error";
     let ansi = std::io::stderr().is_terminal();
-    if cli.command.has_the_screen() && std::env::var_os("RUST_LOG").is_none() {
-        // They would be written over its screen.
+    if cli.command.uses_full_screen() && std::env::var_os("RUST_LOG").is_none() {
+        // Log lines would overwrite the screen.
         log::start(filter, ansi, std::io::sink);
     } else {
         log::start(filter, ansi, std::io::stderr);
@@ -268,7 +267,7 @@ fn main() -> ExitCode {
     let connect = match cli.connect.connect() {
         Ok(connect) => connect,
         // These need no server.
-        Err(_) if cli.command.works_on_files() => Connect::from(&cli.connect),
+        Err(_) if cli.command.needs_only_files() => Connect::from(&cli.connect),
         Err(error) => {
             eprintln!("error: {}", error_chain(error.as_ref()));
             return ExitCode::FAILURE;
@@ -287,8 +286,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Who commands or records does so under the name of its keys, unless it is told
-/// another: with keys a server takes no other.
+/// Sets the default commander or recorder name to the user of the keys: a server with keys
+/// rejects other names.
 fn name_by_keys(cli: &mut Cli, connect: &Connect, matches: &ArgMatches) {
     let Some(identity) = &connect.identity else {
         return;
@@ -301,20 +300,20 @@ fn name_by_keys(cli: &mut Cli, connect: &Connect, matches: &ArgMatches) {
     while let Some((_, inner)) = named.subcommand() {
         named = inner;
     }
-    let is_told = |id: &str| named.value_source(id) == Some(ValueSource::CommandLine);
+    let is_given = |id: &str| named.value_source(id) == Some(ValueSource::CommandLine);
     match &mut cli.command {
-        Command::Operate(args) if !is_told("commander") => args.commander = user,
-        Command::Lease(LeaseCommand::Hold(args)) if !is_told("name") => args.name = user,
+        Command::Operate(args) if !is_given("commander") => args.commander = user,
+        Command::Lease(LeaseCommand::Hold(args)) if !is_given("name") => args.name = user,
         #[cfg(feature = "terminal")]
-        Command::Teleop(args) if !is_told("commander") => args.commander = user,
+        Command::Teleop(args) if !is_given("commander") => args.commander = user,
         #[cfg(feature = "hdf5")]
-        Command::Record(args) if !is_told("name") => args.name = user,
+        Command::Record(args) if !is_given("name") => args.name = user,
         _ => {}
     }
 }
 
-/// Refuses the options that say which server, where a command starts its own.
-fn refuse_without_effect(matches: &ArgMatches) {
+/// Rejects the server options for commands that start their own servers.
+fn reject_unused_server_options(matches: &ArgMatches) {
     let own = ["demo", "evaluate", "collect", "multiply", "replay"];
     let Some((command, _)) = matches.subcommand().filter(|(name, _)| own.contains(name)) else {
         return;
@@ -325,10 +324,9 @@ fn refuse_without_effect(matches: &ArgMatches) {
         ("connect_timeout", "--connect-timeout"),
     ] {
         if matches.value_source(id) == Some(ValueSource::CommandLine) {
-            let words =
-                format!("`wheelarm {command}` starts servers of its own: leave {option} out\n");
+            let message = format!("`wheelarm {command}` starts its own servers: omit {option}\n");
             Cli::command()
-                .error(ErrorKind::ArgumentConflict, words)
+                .error(ErrorKind::ArgumentConflict, message)
                 .exit();
         }
     }
@@ -336,12 +334,12 @@ fn refuse_without_effect(matches: &ArgMatches) {
 
 fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
     let keys = cli.connect.keys.as_ref();
-    let link = || control::link(&connect);
+    let client = || control::open(&connect);
     match &cli.command {
         Command::Status => control::status(&connect)?,
         Command::Tasks => control::tasks(&connect)?,
         Command::Reset(args) => {
-            let scenario = control::reset(&link()?, args)?;
+            let scenario = control::reset(&client()?, args)?;
             println!(
                 "scene {}, task {}, seed {}: {:?}",
                 scenario.scene,
@@ -350,10 +348,10 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
                 scenario.instruction()
             );
         }
-        Command::Pause => control::pause(&link()?, true)?,
-        Command::Resume => control::pause(&link()?, false)?,
-        Command::Lease(command) => return control::lease(&link()?, command),
-        Command::Episode(command) => return control::episode(&link()?, command),
+        Command::Pause => control::pause(&client()?, true)?,
+        Command::Resume => control::pause(&client()?, false)?,
+        Command::Lease(command) => return control::lease(&client()?, command),
+        Command::Episode(command) => return control::episode(&client()?, command),
         #[cfg(feature = "hdf5")]
         Command::Record(args) => return record::run(&connect, args),
         #[cfg(feature = "hdf5")]
@@ -366,7 +364,7 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
         Command::Multiply(args) => return multiply::run(args),
         #[cfg(feature = "hdf5")]
         Command::Replay(args) => return replay::run(args),
-        Command::Operate(args) => return operate::run(&link()?, args),
+        Command::Operate(args) => return operate::run(&client()?, args),
         #[cfg(feature = "terminal")]
         Command::Teleop(args) => {
             control::refuse_closed(&connect.endpoint)?;
@@ -377,9 +375,9 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
             control::refuse_closed(&connect.endpoint)?;
             return preview::run(&connect, args);
         }
-        Command::Watch(args) => return watch::run(&link()?, args),
+        Command::Watch(args) => return watch::run(&client()?, args),
         Command::Doctor(args) => return doctor::run(&connect, args),
-        Command::Shutdown(args) => link()?.shutdown(args.force)?,
+        Command::Shutdown(args) => client()?.shutdown(args.force)?,
         Command::Keys(command) => accounts::keys(keys, command)?,
         Command::Users(command) => accounts::users(keys, command)?,
         Command::Router(args) => accounts::route(keys, args)?,
@@ -403,10 +401,12 @@ fn run(cli: Cli, connect: Connect) -> anyhow::Result<ExitCode> {
 /// Names of the commands that are built in.
 fn subcommands() -> Vec<String> {
     let cli = Cli::command();
-    let shown = cli
+    let visible = cli
         .get_subcommands()
         .filter(|command| !command.is_hide_set());
-    shown.map(|command| command.get_name().to_owned()).collect()
+    visible
+        .map(|command| command.get_name().to_owned())
+        .collect()
 }
 
 fn write_manual(folder: &Path) -> anyhow::Result<()> {

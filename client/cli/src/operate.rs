@@ -1,4 +1,4 @@
-//! `wheelarm operate`: the scripted operator with options and words.
+//! `wheelarm operate`: options and output of the scripted operator.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -18,35 +18,35 @@ use wheelarm_options::choice;
 /// Options of `wheelarm operate`.
 #[derive(Args, Clone, Debug)]
 pub struct OperateArgs {
-    /// Task; the one in force when absent, else the scenario is reset to it.
+    /// Task, to which the scenario is reset; the current one when absent.
     #[arg(long)]
     pub task: Option<String>,
     /// Label of the episode; task and seed when absent.
     #[arg(long)]
     pub label: Option<String>,
-    /// Instruction sentence; the scenario's when absent.
+    /// Instruction; the scenario's when absent.
     #[arg(long, default_value = "")]
     pub instruction: String,
-    /// Recorders that must be ready before time goes on.
+    /// Recorders that must be ready before time runs.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
-    /// Name under which the operator commands.
+    /// Commander name of the operator.
     #[arg(long, default_value = "operator", value_parser = choice::name)]
     pub commander: String,
-    /// Takes control over from whoever holds it.
+    /// Takes control over from the commander that holds it.
     #[arg(long)]
     pub take: bool,
     /// Seed of the operator profile; the scenario's when absent.
     #[arg(long)]
     pub profile_seed: Option<u64>,
-    /// Makes an error on purpose and corrects it: `wrong-grasp`, `wrong-object` or
+    /// Makes a deliberate error and corrects it: `wrong-grasp`, `wrong-object` or
     /// `drop`.
     #[arg(long, value_name = "ERROR", value_parser = choice::named::<ForcedError>())]
     pub error: Option<ForcedError>,
-    /// Goes on from wherever chair and hand are, instead of bringing the arm home first.
+    /// Starts from the current pose of chair and hand, instead of moving the arm home first.
     #[arg(long)]
     pub on_the_spot: bool,
-    /// Writes how it went as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
+    /// Writes the result as JSON: `outcome` (`done`, `not_done` or `broken`) and `why`.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
 }
@@ -68,72 +68,72 @@ impl From<&OperateArgs> for OperateOptions {
     }
 }
 
-/// What `--report` holds.
+/// Content of the file of `--report`.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Told {
-    /// How it went.
-    pub outcome: ToldOutcome,
-    /// Why it was not done, for people.
+pub struct OperateReport {
+    /// Outcome.
+    pub outcome: ReportedOutcome,
+    /// Reason of a failure; empty after success.
     pub why: String,
 }
 
-/// How an operator's work went, for programs.
+/// Outcome of the operator's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum ToldOutcome {
+pub enum ReportedOutcome {
     /// The task was done.
     Done,
-    /// It was tried and not done.
+    /// The task failed.
     NotDone,
-    /// The simulation broke.
+    /// The simulation failed.
     Broken,
 }
 
-impl From<&Report> for Told {
+impl From<&Report> for OperateReport {
     fn from(report: &Report) -> Self {
         let (outcome, why) = match &report.outcome {
-            _ if report.succeeded() => (ToldOutcome::Done, ""),
-            Outcome::Success => (ToldOutcome::NotDone, ""),
-            Outcome::Failure(why) => (ToldOutcome::NotDone, why.as_str()),
-            Outcome::Broken(why) => (ToldOutcome::Broken, why.as_str()),
+            _ if report.succeeded() => (ReportedOutcome::Done, ""),
+            Outcome::Success => (ReportedOutcome::NotDone, ""),
+            Outcome::Failure(why) => (ReportedOutcome::NotDone, why.as_str()),
+            Outcome::Broken(why) => (ReportedOutcome::Broken, why.as_str()),
         };
         let why = why.to_owned();
         Self { outcome, why }
     }
 }
 
-/// Writes a line. Who listens no longer ends no work: the episode would run on
-/// without its operator.
-fn say(line: std::fmt::Arguments<'_>) {
+/// Writes a line. A closed pipe is ignored: otherwise the episode would continue without
+/// its operator.
+fn print_line(line: std::fmt::Arguments<'_>) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
-/// Does the task and prints how it goes.
+/// Runs the task and prints its progress.
 ///
 /// # Errors
-/// When the operator cannot work, or the report cannot be written.
-pub fn run(link: &Client, args: &OperateArgs) -> anyhow::Result<ExitCode> {
+/// When the operator cannot start, or the report cannot be written.
+pub fn run(client: &Client, args: &OperateArgs) -> anyhow::Result<ExitCode> {
     let mut phase = String::new();
-    let report = operate::run(link, &args.into(), &mut |progress| {
+    let report = operate::run(client, &args.into(), &mut |progress| {
         if progress.phase != phase {
             progress.phase.clone_into(&mut phase);
-            say(format_args!("{:7.2} s  {phase}", progress.time));
+            print_line(format_args!("{:7.2} s  {phase}", progress.time));
         }
         for note in progress.notes {
-            say(format_args!("{:7.2} s  {note}", progress.time));
+            print_line(format_args!("{:7.2} s  {note}", progress.time));
         }
     })?;
-    let told = Told::from(&report);
+    let written = OperateReport::from(&report);
     if let Outcome::Failure(why) | Outcome::Broken(why) = &report.outcome {
         println!("gave up: {why}");
     }
     print!("{}", evaluation_lines(&report.evaluation));
     if let Some(file) = &args.report {
-        std::fs::write(file, serde_json::to_string(&told)?)
-            .with_context(|| format!("the report cannot be written to {}", file.display()))?;
+        std::fs::write(file, serde_json::to_string(&written)?)
+            .with_context(|| format!("cannot write the report {}", file.display()))?;
     }
-    Ok(match told.outcome {
-        ToldOutcome::Done => ExitCode::SUCCESS,
-        ToldOutcome::NotDone | ToldOutcome::Broken => ExitCode::from(EXIT_NOT_DONE),
+    Ok(match written.outcome {
+        ReportedOutcome::Done => ExitCode::SUCCESS,
+        ReportedOutcome::NotDone | ReportedOutcome::Broken => ExitCode::from(EXIT_NOT_DONE),
     })
 }

@@ -1,4 +1,4 @@
-//! `wheelarm record`: the recorder with options and words.
+//! `wheelarm record`: options and output of the recorder.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use wheelarm_sdk::{Client, Connect, Silence};
 
 use wheelarm_options::choice::{self, named};
 
-/// The server name that stands for every server.
+/// Server name that matches every server.
 const EVERY_SERVER: &str = "*";
 
 /// Options of a recorder.
@@ -22,23 +22,22 @@ pub struct RecordArgs {
     /// `--sim '*'` below a folder per server.
     #[arg(long, default_value = "data", value_name = "DIR")]
     pub out: PathBuf,
-    /// Folder for the log of an episode until its file is made, for `wheelarm collect`:
-    /// it makes again what is lost there.
+    /// Folder for the log of an episode until its file is written. For `wheelarm collect`,
+    /// which repeats an episode that is lost there.
     #[arg(long, value_name = "DIR", hide = true)]
     pub scratch: Option<PathBuf>,
-    /// Name of this recorder; several at one server need different ones.
+    /// Name of this recorder, unique within one server.
     #[arg(long, default_value = "recorder", value_parser = choice::name)]
     pub name: String,
-    /// How depth is stored: `f32` are metres, bit for bit as rendered; `u16` are
-    /// millimetres at half the size, 0 where nothing was hit or the surface is
-    /// farther than 65.535 m; `none` leaves it out.
+    /// Storage of depth: `f32` is metres, bit for bit as rendered; `u16` is millimetres
+    /// at half the size, 0 without a surface or beyond 65.535 m; `none` omits depth.
     #[arg(long, value_parser = named::<Depth>(), default_value = "f32")]
     pub depth: Depth,
-    /// Ends when standard input is closed: with the program that started it.
+    /// Ends when standard input is closed, that is with the parent program.
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,
-    /// Ends after this many episodes, of all servers with `--sim '*'`; runs
-    /// until Ctrl-C without it.
+    /// Ends after this many episodes (summed over servers with `--sim '*'`); runs until
+    /// Ctrl-C when absent.
     #[arg(long, value_name = "N")]
     pub episodes: Option<u64>,
 }
@@ -46,7 +45,7 @@ pub struct RecordArgs {
 /// Records until it is interrupted and prints a line per episode.
 ///
 /// # Errors
-/// When the server is not there, the folder cannot be made or the name is taken.
+/// When no server replies, the folder cannot be created or the name is in use.
 pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let options = RecordOptions {
         out: args.out.clone(),
@@ -57,7 +56,7 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         episodes: args.episodes,
     };
     let runtime = tokio::runtime::Runtime::new()?;
-    let waits = |server: &str| {
+    let announce = |server: &str| {
         println!(
             "recorder {:?} of {server}: each episode becomes a file in {}; waiting for the first \
              (`wheelarm episode start --label NAME`), Ctrl-C ends",
@@ -72,26 +71,26 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     let summary = if connect.sim == EVERY_SERVER {
         let session = wheelarm_sdk::open_session(connect, Silence::Still)?;
         let endpoint = &connect.endpoint;
-        waits("every server");
-        let all = record::run_many(&session, endpoint, &options, interrupted, print_told);
+        announce("every server");
+        let all = record::run_many(&session, endpoint, &options, interrupted, print_event);
         runtime.block_on(all)?
     } else {
-        let link = Client::open_as(connect, Silence::Still)?;
-        waits(&format!("the server {:?}", connect.sim));
-        runtime.block_on(record::run(&link, options, interrupted, print))?
+        let client = Client::open_as(connect, Silence::Still)?;
+        announce(&format!("the server {:?}", connect.sim));
+        runtime.block_on(record::run(&client, options, interrupted, print))?
     };
     Ok(ExitCode::from(summary.exit_code()))
 }
 
-fn print_told(told: &Told<'_>) {
-    match told {
+fn print_event(event: &Told<'_>) {
+    match event {
         Told::Recording(sim) => println!("recording the server {sim:?}"),
         Told::Output(_, output) => print(output),
         Told::Left(sim, problem) => eprintln!("the server {sim:?} is not recorded: {problem:#}"),
     }
 }
 
-/// Tells people what became of an episode.
+/// Prints the result of an episode.
 fn print(output: &Output) {
     match output {
         Output::Finished(r) => {
@@ -111,7 +110,7 @@ fn print(output: &Output) {
                 println!("  {line}");
             }
         }
-        Output::Failed(words) => eprintln!("recording failed: {words}"),
+        Output::Failed(reason) => eprintln!("recording failed: {reason}"),
         Output::Discarded(label) => println!("{label}: discarded"),
         Output::AskSnapshot
         | Output::AskState

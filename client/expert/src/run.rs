@@ -119,7 +119,7 @@ impl Report {
     /// The operator is content and the task agrees.
     #[must_use]
     pub fn succeeded(&self) -> bool {
-        self.outcome == Outcome::Success && self.evaluation.success
+        self.outcome.is_success(&self.evaluation)
     }
 
     /// Why the task was not done, for people; absent when it was.

@@ -1,4 +1,4 @@
-//! Values of options that several commands take, with their errors.
+//! Parsers of option values that several commands share, with their errors.
 
 use std::time::Duration;
 
@@ -10,34 +10,34 @@ use wheelarm_proto::settings::Named;
 /// Reads an endpoint.
 ///
 /// # Errors
-/// When it is none.
+/// When the text is not an endpoint.
 pub fn endpoint(text: &str) -> Result<String, String> {
     let checked = check_endpoint(text).map_err(|bad| bad.to_string());
     checked.map(|()| text.to_owned())
 }
 
-/// Reads a name that stands in a key: of a commander or a recorder.
+/// Reads the name of a commander or a recorder, which is part of a key expression.
 ///
 /// # Errors
-/// When it cannot.
+/// When the text cannot be part of a key expression.
 pub fn name(text: &str) -> Result<String, String> {
     let checked = check_name(text).map_err(|bad| bad.to_string());
     checked.map(|()| text.to_owned())
 }
 
-/// Takes the names that the contract has for a choice.
+/// Accepts the names that the contract defines for a choice.
 pub fn named<T: Named + Send + Sync>() -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(T::ALL.iter().map(|value| value.name()))
         .try_map(|name| T::from_name(&name))
 }
 
-/// Most seeds of one run: what is planned for each takes memory.
+/// Most seeds of one run; each planned episode uses memory.
 pub const MOST_SEEDS: u64 = 1_000_000;
 
 /// Reads `FIRST..LAST`, for example `0..10`.
 ///
 /// # Errors
-/// When it is something else, or too many.
+/// When the format differs, or the range is empty or too long.
 pub fn seed_range(text: &str) -> Result<(u64, u64), String> {
     let (first, end): (u64, u64) = text
         .split_once("..")
@@ -46,32 +46,32 @@ pub fn seed_range(text: &str) -> Result<(u64, u64), String> {
         .ok_or_else(|| format!("{text:?} is not FIRST..LAST, for example 0..10"))?;
     if end - first > MOST_SEEDS {
         return Err(format!(
-            "{text:?} are {} seeds; at most {MOST_SEEDS} at one time",
+            "{text:?} has {} seeds; the limit is {MOST_SEEDS}",
             end - first
         ));
     }
     Ok((first, end))
 }
 
-/// Longest patience with a server, s: a day.
+/// Longest wait for a server, s: one day.
 const MOST_PATIENCE: f64 = 86_400.0;
 
-/// Reads how long a server may be silent: seconds, `LEAST` at least.
+/// Reads how long a server may be silent, at least `LEAST` seconds.
 ///
 /// # Errors
-/// When it is no such number.
+/// When the text is not a number in that range.
 pub fn patience<const LEAST: u32>(text: &str) -> Result<Duration, String> {
     let seconds = text.parse::<f64>().ok();
     let seconds = seconds.filter(|s| (f64::from(LEAST)..=MOST_PATIENCE).contains(s));
-    seconds
-        .map(Duration::from_secs_f64)
-        .ok_or_else(|| format!("{text:?} is no number of seconds from {LEAST} to {MOST_PATIENCE}"))
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| {
+        format!("{text:?} is not a number of seconds from {LEAST} to {MOST_PATIENCE}")
+    })
 }
 
-/// The user's name and the host's, as far as they can stand in a key; `otherwise`
-/// where there are none.
+/// User and host name, with characters that key expressions allow; `fallback` when both
+/// are empty.
 #[must_use]
-pub fn own_name(otherwise: &str) -> String {
+pub fn own_name(fallback: &str) -> String {
     let user = std::env::var("USER").unwrap_or_default();
     let host = rustix::system::uname();
     let host = host.nodename().to_string_lossy().into_owned();
@@ -89,7 +89,7 @@ pub fn own_name(otherwise: &str) -> String {
         .collect::<Vec<_>>()
         .join("-");
     if name.is_empty() {
-        otherwise.to_owned()
+        fallback.to_owned()
     } else {
         name
     }
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_and_endpoints_are_refused_with_what_they_must_be() {
+    fn rejected_names_and_endpoints_explain_their_form() {
         assert_eq!(name("anna-2"), Ok("anna-2".to_owned()));
         for bad in ["", "a/b", "*"] {
             assert!(name(bad).unwrap_err().contains("1 to 64 letters"));
@@ -109,19 +109,19 @@ mod tests {
     }
 
     #[test]
-    fn seed_ranges_are_read_and_wrong_ones_refused() {
+    fn malformed_seed_ranges_are_rejected() {
         assert_eq!(seed_range("0..10"), Ok((0, 10)));
         for bad in ["", "3", "3..3", "4..2", "a..b", "0..99999999999999"] {
-            assert!(seed_range(bad).is_err(), "{bad:?} was taken");
+            assert!(seed_range(bad).is_err(), "{bad:?} was accepted");
         }
     }
 
     #[test]
-    fn patience_is_a_number_of_seconds_that_can_be_waited() {
+    fn patience_outside_its_range_is_rejected() {
         assert_eq!(patience::<5>("5"), Ok(Duration::from_secs(5)));
         assert_eq!(patience::<1>("1.5"), Ok(Duration::from_millis(1500)));
         for bad in ["0", "4.9", "-7", "NaN", "inf", "86401", "soon"] {
-            assert!(patience::<5>(bad).is_err(), "{bad:?} was taken");
+            assert!(patience::<5>(bad).is_err(), "{bad:?} was accepted");
         }
     }
 }

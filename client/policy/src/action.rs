@@ -1,4 +1,4 @@
-//! The row of action: which kinds there are, their names and units.
+//! Kinds of action rows, with the names and units of their numbers.
 
 use std::str::FromStr;
 
@@ -7,23 +7,24 @@ use wheelarm_proto::v1;
 
 use crate::state::SIX;
 
-/// What the numbers of an action are.
+/// Kind of the numbers of an action.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ActionKind {
-    /// In force at the next picture: pose of the hand in `base_link` (3, and 6
+    /// Set points at the next image: pose of the hand in `base_link` (3, and 6
     /// of its rotation), knuckle, v and ω. 12 numbers.
     #[default]
     NextPose,
     /// The same with the arm's joints instead of the hand's pose. 9 numbers.
     NextJoints,
-    /// What the controllers got at this picture: joints, wheel speeds, knuckle.
-    /// 9 numbers. It is practically the present state: what learns it stands still.
+    /// Set points of the controllers at this image: joints, wheel speeds, knuckle. 9
+    /// numbers. They nearly equal the present state, so a policy that learns them stays at
+    /// rest.
     Applied,
 }
 
-/// A word that names no kind.
+/// A name of an unknown kind.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no kind of action; there are next-pose, next-joints and applied")]
+#[error("{0:?} is not a kind of action; use next-pose, next-joints or applied")]
 pub struct NoKind(pub String);
 
 impl FromStr for ActionKind {
@@ -108,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kind_is_read_as_it_is_written_and_every_number_has_a_unit() {
+    fn kind_survives_its_name_and_every_number_has_a_unit() {
         for kind in ActionKind::ALL {
             assert_eq!(kind.name().parse(), Ok(kind));
             assert_eq!(kind.units().count(), kind.size());

@@ -1,4 +1,4 @@
-//! From what was applied at every control tick to the action of a picture.
+//! Computes the action of an image from the applied set points of every control tick.
 
 use wheelarm_proto::robot::ARM_JOINTS;
 use wheelarm_proto::v1;
@@ -6,10 +6,9 @@ use wheelarm_proto::v1;
 use crate::action::ActionKind;
 use crate::rotation::to_six;
 
-/// A desired pose further than this from where the set points have the hand is a
-/// far goal, to which the server takes its time: metres. Behind a stream of poses
-/// at the arm's greatest speed the set points stay by less (0.06 m and 0.5 rad
-/// were measured on the scripted operator).
+/// Distance from the set points' pose beyond which a desired pose is a far goal that the
+/// server approaches over time, metres. Behind a stream of poses at the arm's greatest speed
+/// the set points lag by less (measured on the scripted operator: 0.06 m and 0.5 rad).
 pub const NEAR_DISTANCE: f64 = 0.15;
 /// The same for the rotation, rad.
 pub const NEAR_ANGLE: f64 = 0.8;
@@ -38,7 +37,7 @@ pub struct Applied {
 }
 
 impl Applied {
-    /// Takes the robot's numbers; the samples are pushed behind.
+    /// An empty stream with the constants of the robot.
     #[must_use]
     pub fn of(robot: &v1::RobotDescription) -> Self {
         let drive = robot.drive.unwrap_or_default();
@@ -50,23 +49,22 @@ impl Applied {
         }
     }
 
-    /// Action of the picture at `from`, s; `to` is the next one, and the last
-    /// picture has none: there the robot holds what is in force. `None` without
-    /// samples.
+    /// Action of the image at `from`, s; `to` is the time of the next image. The last image
+    /// has none, and its action holds the set points. `None` without samples.
     #[must_use]
     pub fn action(&self, kind: ActionKind, from: f64, to: Option<f64>) -> Option<Vec<f64>> {
         let last = self.stamps.len().checked_sub(1)?;
-        // Applied at a stamp is what holds behind it; what is asked with the last
-        // tick before the next picture is in force when that picture is taken.
+        // Applied values hold after their stamp: the command of the last tick before the
+        // next image is in force when that image is rendered.
         let index = |time: f64| self.stamps.partition_point(|&s| s < time - 1e-6).min(last);
         let at = index(to.unwrap_or(from));
-        let asked = index(to.unwrap_or(from)).saturating_sub(1);
-        let [linear, angular] = to.map_or([0.0; 2], |_| self.motion(asked));
+        let commanded = index(to.unwrap_or(from)).saturating_sub(1);
+        let [linear, angular] = to.map_or([0.0; 2], |_| self.motion(commanded));
         let rest = [self.knuckle[at], linear, angular];
         Some(match kind {
             ActionKind::NextPose => {
-                let pose = match is_near(&self.desired[asked], &self.hand[at]) {
-                    true => self.desired[asked],
+                let pose = match is_near(&self.desired[commanded], &self.hand[at]) {
+                    true => self.desired[commanded],
                     false => self.hand[at],
                 };
                 let [x, y, z, qx, qy, qz, qw] = pose;
@@ -84,9 +82,9 @@ impl Applied {
     }
 
     /// The chair's forward speed, m/s, and turn rate, rad/s, at a sample. The server
-    /// goes straight from row to row and is there with the last tick before the
-    /// next picture, so the way is that of the recorded speeds by the trapezoid
-    /// rule. Means until the next picture would be reached half a row late.
+    /// interpolates linearly between rows and reaches a row with the last tick before the
+    /// next image, so the trapezoid rule gives the recorded path. Means until the next image
+    /// would be reached half a row late.
     fn motion(&self, at: usize) -> [f64; 2] {
         let [left, right] = [0, 1].map(|side| self.wheels[side][at]);
         let [radius, track] = self.drive;
@@ -96,7 +94,7 @@ impl Applied {
         ]
     }
 
-    /// Where the joints come to rest when they brake from now on: the goal that
+    /// Rest position of the joints when they brake now: the goal that
     /// the server's profile follows so closely, rad.
     fn goal(&self, at: usize) -> [f64; ARM_JOINTS] {
         let (now, speed) = (self.joints[at], self.velocities[at]);
@@ -123,8 +121,8 @@ fn is_near(desired: &[f64; 7], hand: &[f64; 7]) -> bool {
 mod tests {
     use super::*;
 
-    /// Half a second of control ticks: the hand goes along x by 6 mm a tick, the
-    /// chair gains speed evenly.
+    /// Half a second of control ticks: the hand moves along x by 6 mm per tick, the chair
+    /// accelerates evenly.
     fn applied() -> Applied {
         let count = 31_u32;
         let tick = |k: u32| f64::from(k);
@@ -149,11 +147,11 @@ mod tests {
     }
 
     #[test]
-    fn an_action_is_what_is_in_force_at_the_next_picture() {
+    fn action_holds_the_set_points_of_the_next_image() {
         let all = applied();
         let row = |kind, from, to| all.action(kind, from, to).unwrap();
         let pose = row(ActionKind::NextPose, 0.1, Some(0.2));
-        // Asked with the tick before the next picture, the twelfth.
+        // Commanded with the tick before the next image, the twelfth.
         near(&pose[..9], &[0.076, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         // The left wheel turns at 1.1 rad/s by then, the right one 1 rad/s faster.
         let rest = [0.24, 1.6 * 0.2, 0.4];
@@ -170,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn speeds_that_go_straight_from_row_to_row_go_the_recorded_way() {
+    fn linear_interpolation_of_speeds_reproduces_the_recorded_path() {
         let all = applied();
         let speed = |at: usize| all.motion(at)[0];
         // The row at 0.1 s is in force from the sixth tick on and reached by the
@@ -191,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_row_holds_and_far_goals_are_approached() {
+    fn last_row_holds_and_far_goals_are_approached() {
         let mut all = applied();
         let last = all.action(ActionKind::NextPose, 0.5, None).unwrap();
         near(&last[9..], &[0.6, 0.0, 0.0]);
@@ -206,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_near_by_its_angle() {
+    fn rotation_is_near_by_its_angle() {
         let (sin, cos) = wheelarm_proto::exact::sin_cos(0.39);
         let pose = |z: f64, w: f64| [0.0, 0.0, 0.0, 0.0, 0.0, z, w];
         assert!(is_near(&pose(sin, cos), &pose(0.0, 1.0)));

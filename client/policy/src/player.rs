@@ -1,4 +1,4 @@
-//! A row of action as the command that carries it out.
+//! Converts an action row to the command that executes it.
 
 use wheelarm_proto::robot::ARM_JOINTS;
 use wheelarm_proto::{CONTROL_HZ, v1};
@@ -6,18 +6,17 @@ use wheelarm_proto::{CONTROL_HZ, v1};
 use crate::action::ActionKind;
 use crate::rotation::from_six;
 
-/// Turns rows into commands, one for all control ticks until the next picture;
-/// the server goes straight from what is in force to the row.
+/// Turns rows into commands, one for all control ticks until the next image;
+/// the server interpolates linearly from the current set points to the row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Player {
-    /// What the numbers of a row are.
+    /// Kind of the numbers of a row.
     pub kind: ActionKind,
     /// Control ticks of a row.
     pub over_ticks: u32,
-    /// Force cap at each pad, N, that goes with every row; the robot's usual
-    /// force without it.
+    /// Force limit at each pad, N, of every row; the robot's default when absent.
     pub max_force: Option<f64>,
-    /// Said of the commands.
+    /// Device label of the commands.
     pub device: v1::Device,
     /// Wheel radius and distance between the wheels, m.
     drive: [f64; 2],
@@ -28,10 +27,10 @@ pub struct Player {
     closed: f64,
 }
 
-/// No value of a row, in SI units, is as great as this: what is, is no answer.
+/// Limit of the values of a row, SI units; larger ones are errors.
 const ABSURD: f64 = 100.0;
 
-/// A row that no command can be made of.
+/// A row without a valid command.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RowError {
     /// Too few or too many numbers.
@@ -49,26 +48,26 @@ pub enum RowError {
     NotFinite {
         /// Place in the row, from 0.
         index: usize,
-        /// What stands there.
+        /// The value.
         value: f64,
     },
-    /// So large that it can be no pose, angle or speed of the robot.
+    /// Too large for a pose, an angle or a speed of the robot.
     #[error(
         "number {index} of the row is {value}; allowed is less than {ABSURD} (m, rad, m/s, rad/s)"
     )]
     Absurd {
         /// Place in the row, from 0.
         index: usize,
-        /// What stands there.
+        /// The value.
         value: f64,
     },
-    /// The six numbers of the rotation are no rotation.
+    /// The six numbers do not define a rotation.
     #[error("the rotation of the hand {0:?} spans no plane: its two columns are parallel or zero")]
     Rotation([f64; 6]),
 }
 
 impl Player {
-    /// For rows of `kind` that come `rate_hz` times a second.
+    /// For rows of `kind` at a rate of `rate_hz`.
     #[must_use]
     pub fn new(kind: ActionKind, robot: &v1::RobotDescription, rate_hz: f64) -> Self {
         let drive = robot.drive.unwrap_or_default();
@@ -90,8 +89,8 @@ impl Player {
         }
     }
 
-    /// The command of a row. What a network answers may lie a hair beyond what the
-    /// robot can: speeds and the knuckle are cut to their limits.
+    /// The command of a row. Speeds and the knuckle are clamped to the limits of
+    /// the robot, which the output of a network may exceed slightly.
     ///
     /// # Errors
     /// [`RowError`].
@@ -178,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_one_command_until_the_next_picture() {
+    fn every_kind_gives_one_command_until_the_next_image() {
         let base = |kind, row: &[f64]| {
             let command = Player::new(kind, &robot(), 10.0).command(row).unwrap();
             assert_eq!(command.over_ticks, 6);
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hair_beyond_what_the_robot_can_is_cut() {
+    fn values_slightly_beyond_the_limits_are_clamped() {
         let mut robot = robot();
         robot.gripper = Some(v1::GripperDescription {
             max_knuckle: 0.8,
@@ -230,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hostile_row_is_an_error_and_no_command() {
+    fn hostile_row_is_an_error() {
         let player = Player::new(ActionKind::NextPose, &robot(), 10.0);
         let mut row = [0.0; 12];
         assert!(matches!(player.command(&row), Err(RowError::Rotation(_))));

@@ -31,7 +31,7 @@ pub fn from_six(six: &[f64; 6]) -> Option<[f64; 4]> {
         a[2] * b[0] - a[0] * b[2],
         a[0] * b[1] - a[1] * b[0],
     ];
-    // Of the four ways to a quaternion the one with the largest divisor.
+    // Of the four formulas for the quaternion, the one with the largest divisor.
     let [m00, m10, m20] = a;
     let [m01, m11, m21] = b;
     let [m02, m12, m22] = c;
@@ -70,7 +70,7 @@ mod tests {
             let dot: f64 = back.iter().zip([x, y, z, w]).map(|(a, b)| a * b / norm).sum();
             prop_assert!((dot.abs() - 1.0).abs() < 1e-12, "{back:?}");
             prop_assert!(back[3] >= 0.0);
-            // What a network answers has no unit columns and no right angle.
+            // The output of a network has neither unit columns nor right angles.
             let rough = [six[0] * 3.0, six[1] * 3.0, six[2] * 3.0, six[3] + 0.2 * six[0],
                 six[4] + 0.2 * six[1], six[5] + 0.2 * six[2]];
             let same = from_six(&rough).unwrap();
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_the_axes_and_two_that_are_one_are_refused() {
+    fn columns_are_the_axes_and_parallel_ones_are_rejected() {
         let quarter = 0.5_f64.sqrt();
         let six = to_six([0.0, 0.0, quarter, quarter]);
         let wanted = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0];

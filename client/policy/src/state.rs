@@ -1,5 +1,5 @@
-//! The row of state: what the real robot knows of itself. Where the chair truly
-//! is in the house stands nowhere in it.
+//! The state row: proprioception of the real robot. It does not contain the true pose of the
+//! chair in the house.
 
 use wheelarm_proto::robot::ARM_JOINTS;
 use wheelarm_proto::v1;
@@ -9,7 +9,7 @@ use crate::rotation::to_six;
 /// Values of a row of state.
 pub const STATE: usize = 27;
 
-/// What a robot measures at one instant.
+/// Measurements of a robot at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observed {
     /// Positions of the arm's joints, rad.
@@ -69,10 +69,10 @@ pub fn state_units() -> impl Iterator<Item = &'static str> {
 /// The row: joints 6 + 6, knuckle 2, hand 3 + 6 (see [`to_six`]), odometry since
 /// the start: x, y, cosine and sine of the yaw.
 #[must_use]
-pub fn state(seen: &Observed) -> [f64; STATE] {
+pub fn state(observed: &Observed) -> [f64; STATE] {
     let mut out = [0.0; STATE];
-    let (from, to) = (heading(&seen.start), heading(&seen.odometry));
-    let away = [0, 1].map(|k| seen.odometry[k] - seen.start[k]);
+    let (from, to) = (heading(&observed.start), heading(&observed.odometry));
+    let away = [0, 1].map(|k| observed.odometry[k] - observed.start[k]);
     let [cos, sin] = from;
     let since = [
         cos * away[0] + sin * away[1],
@@ -80,9 +80,9 @@ pub fn state(seen: &Observed) -> [f64; STATE] {
         cos * to[0] + sin * to[1],
         cos * to[1] - sin * to[0],
     ];
-    let [x, y, z, qx, qy, qz, qw] = seen.hand;
-    let values = seen.joints.into_iter().chain(seen.velocities);
-    let values = values.chain(seen.knuckle).chain([x, y, z]);
+    let [x, y, z, qx, qy, qz, qw] = observed.hand;
+    let values = observed.joints.into_iter().chain(observed.velocities);
+    let values = values.chain(observed.knuckle).chain([x, y, z]);
     let values = values.chain(to_six([qx, qy, qz, qw])).chain(since);
     for (slot, value) in out.iter_mut().zip(values) {
         *slot = value;
@@ -109,8 +109,8 @@ mod tests {
     }
 
     #[test]
-    fn odometry_is_told_from_where_the_policy_began() {
-        let mut seen = Observed {
+    fn odometry_is_relative_to_the_start_of_the_policy() {
+        let mut observed = Observed {
             joints: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
             velocities: [0.1; 6],
             knuckle: [0.3, 0.4],
@@ -118,8 +118,8 @@ mod tests {
             odometry: yawed(2.0, 5.0, 2.5),
             start: yawed(2.0, 3.0, FRAC_PI_2),
         };
-        let row = state(&seen);
-        assert_eq!(row[..6], seen.joints);
+        let row = state(&observed);
+        assert_eq!(row[..6], observed.joints);
         assert_eq!(row[12..17], [0.3, 0.4, 0.5, 0.6, 0.7]);
         assert_eq!(row[17..23], [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         // Two metres ahead of a chair that looked along y.
@@ -127,10 +127,10 @@ mod tests {
         let wanted = [2.0, 0.0, cos, sin];
         let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
         assert!(near(&row[23..], &wanted), "{row:?}");
-        // The same wherever the house is thought to lie.
-        seen.odometry = yawed(7.0, 1.0, 0.4);
-        seen.start = seen.odometry;
-        assert!(near(&state(&seen)[23..], &[0.0, 0.0, 1.0, 0.0]));
+        // Independent of the origin of the odometry.
+        observed.odometry = yawed(7.0, 1.0, 0.4);
+        observed.start = observed.odometry;
+        assert!(near(&state(&observed)[23..], &[0.0, 0.0, 1.0, 0.0]));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     recorded: Vec<(u64, u64)>,
-    seen: Vec<(u64, u64)>,
+    states: Vec<(u64, u64)>,
     ticks: usize,
 }
 
@@ -14,15 +14,15 @@ impl Comparison {
     pub fn with(recorded: Vec<(u64, u64)>) -> Self {
         Self {
             recorded,
-            seen: Vec::new(),
+            states: Vec::new(),
             ticks: 0,
         }
     }
 
     /// Adds a hash of the replay.
     pub fn insert(&mut self, tick: u64, hash: u64) {
-        if !self.seen.contains(&(tick, hash)) {
-            self.seen.push((tick, hash));
+        if !self.states.contains(&(tick, hash)) {
+            self.states.push((tick, hash));
         }
     }
 
@@ -34,7 +34,7 @@ impl Comparison {
     /// The newest hash of the replay.
     #[must_use]
     pub fn newest(&self) -> Option<u64> {
-        self.seen.iter().max().map(|(_, hash)| *hash)
+        self.states.iter().max().map(|(_, hash)| *hash)
     }
 
     /// Control ticks that were replayed.
@@ -46,23 +46,23 @@ impl Comparison {
     /// Number of equal hashes.
     ///
     /// # Errors
-    /// The first tick whose hash differs or is missing, in words.
+    /// The first tick whose hash differs or is missing.
     pub fn equal_hashes(&self) -> Result<usize, String> {
         let mut equal = 0;
         for (tick, hash) in &self.recorded {
-            match self.seen.iter().find(|(seen, _)| seen == tick) {
-                Some((_, seen)) if seen == hash => equal += 1,
-                Some((_, seen)) => {
+            match self.states.iter().find(|(at, _)| at == tick) {
+                Some((_, found)) if found == hash => equal += 1,
+                Some((_, found)) => {
                     return Err(format!(
-                        "differs at tick {tick} ({:.3} s): state hash {seen:016x}, recorded {hash:016x}; {equal} hashes before it are equal",
+                        "differs at tick {tick} ({:.3} s): state hash {found:016x}, recorded {hash:016x}; {equal} hashes before it are equal",
                         wheelarm_proto::stamp_nanos(*tick) as f64 * 1e-9
                     ));
                 }
-                None => return Err(format!("no state hash came for tick {tick}")),
+                None => return Err(format!("no state hash arrived for tick {tick}")),
             }
         }
         if equal == 0 {
-            return Err("the recording holds no state hash that could be compared".to_owned());
+            return Err("the recording contains no state hash to compare".to_owned());
         }
         Ok(equal)
     }
@@ -72,10 +72,10 @@ impl Comparison {
 mod tests {
     use super::*;
 
-    fn comparison(seen: &[(u64, u64)]) -> Comparison {
+    fn comparison(states: &[(u64, u64)]) -> Comparison {
         Comparison {
             recorded: vec![(0, 9), (240, 7), (480, 8)],
-            seen: seen.to_vec(),
+            states: states.to_vec(),
             ticks: 200,
         }
     }

@@ -39,7 +39,7 @@ pub enum Driver {
     Playback(Arc<Playback>),
 }
 
-/// How the scripted expert works.
+/// Settings of the scripted expert.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Expert {
     /// Seed of its profile; the scenario's when absent.
@@ -76,18 +76,18 @@ impl DemonstrationFile {
 pub struct PolicyDriver {
     /// The policy.
     pub policy: Arc<dyn Policy>,
-    /// How its answers are executed.
+    /// Execution of its chunks.
     pub options: PolicyOptions,
     /// The expert takes over after so many simulated seconds.
     pub takeover: Option<Takeover>,
 }
 
-/// When the expert takes over from a policy.
+/// Takeover of the expert from a policy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Takeover {
     /// Simulated seconds after the start of the episode.
     pub seconds: f64,
-    /// How the expert works.
+    /// Settings of the expert.
     pub expert: Expert,
 }
 
@@ -102,7 +102,7 @@ impl Driver {
             .log
             .map(|path| Log::create(path).with_context(|| format!("making {}", path.display())));
         let mut log = log.transpose()?;
-        let hashes = session.link.streams(&[TopicId::StateHash])?;
+        let hashes = session.client.streams(&[TopicId::StateHash])?;
         let mut notes = Vec::new();
         let begun = Instant::now();
         let mut client = EpisodeClient {
@@ -147,7 +147,7 @@ impl EpisodeClient<'_> {
     }
 
     fn operate(&mut self, options: &OperateOptions) -> Result<Report, DriverError> {
-        let report = expert::run(self.session.link, options, &mut |progress| {
+        let report = expert::run(self.session.client, options, &mut |progress| {
             self.session.progress(progress);
             let new = progress.notes.iter();
             let new = new.map(|note| format!("{:.2} s {note}", progress.time));
@@ -175,7 +175,7 @@ impl EpisodeClient<'_> {
             ..driver.options.clone()
         };
         let begun = Instant::now();
-        let finished = policy::run(session.link, &timed, &options, &mut |time| {
+        let finished = policy::run(session.client, &timed, &options, &mut |time| {
             session.progress(&Progress {
                 time,
                 phase: "policy",
@@ -200,7 +200,7 @@ impl EpisodeClient<'_> {
         let mut report = self.operate(&options)?;
         // The policy started the episode, so the expert does not end it.
         if report.stopped.is_none() {
-            report.stopped = Some(session.link.stop_episode_of(&report.started, false)?);
+            report.stopped = Some(session.client.stop_episode_of(&report.started, false)?);
         }
         Ok(report.into())
     }
@@ -255,7 +255,7 @@ mod tests {
     impl Slow<'_> {
         fn compute(&self) {
             std::thread::sleep(Duration::from_millis(2));
-            self.1.appearance();
+            self.1.update();
             self.1.status(&v1::Status::default(), Instant::now());
             assert_eq!(self.1.stalled_for(), Duration::ZERO);
         }
@@ -268,7 +268,7 @@ mod tests {
 
         fn reset(&self, _: v1::PolicyResetRequest) -> Result<(), PolicyError> {
             self.compute();
-            Err(PolicyError::Said("no".to_owned()))
+            Err(PolicyError::Rejected("no".to_owned()))
         }
 
         fn infer(&self, _: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stall_clock_pauses_while_a_policy_computes_and_runs_on_after_an_error() {
+    fn stall_clock_pauses_during_inference_and_continues_after_an_error() {
         let heartbeat = Heartbeat::new(Duration::from_secs(60));
         let policy = Slow(v1::PolicySpec::default(), &heartbeat);
         let timed = Timed {
@@ -288,7 +288,7 @@ mod tests {
         assert!(timed.infer(v1::PolicyObservation::default()).is_ok());
         assert!(timed.reset(v1::PolicyResetRequest::default()).is_err());
         std::thread::sleep(Duration::from_millis(2));
-        heartbeat.appearance();
+        heartbeat.update();
         heartbeat.status(&v1::Status::default(), Instant::now());
         assert!(heartbeat.stalled_for() > Duration::ZERO);
     }

@@ -57,7 +57,7 @@ impl<E: LogEntry> EpisodeLog<E> {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm {}` writes {}; wait for its end, or take another {}",
+                "another `wheelarm {}` writes {}; wait for its end, or use another {}",
                 E::COMMAND,
                 path.display(),
                 E::OTHER_LOG
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_line_is_ignored_wherever_it_is_cut_and_the_next_append_removes_it() {
+    fn truncated_line_is_ignored_and_removed_by_the_next_append() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("episodes.jsonl");
         open(&path).append(&line(0)).unwrap();
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_entry_of_an_episode_counts_and_old_ones_can_be_set_aside() {
+    fn newest_entry_of_an_episode_counts_and_old_ones_can_be_set_aside() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("episodes.jsonl");
         let log = open(&path);
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_is_written_by_one_process_at_a_time() {
+    fn log_has_one_writing_process() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("episodes.jsonl");
         let first = open(&path);

@@ -1,4 +1,4 @@
-//! Why an episode failed for another reason than its task.
+//! Failures of an episode other than of its task.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
@@ -56,7 +56,7 @@ impl FailureCause {
 pub struct Failure {
     /// The part that failed.
     pub cause: FailureCause,
-    /// What happened, for people.
+    /// Reason, as text.
     pub reason: String,
     /// Simulated seconds before the failure.
     pub seconds: f64,

@@ -80,10 +80,10 @@ impl Finished {
     /// The driver and the task agree that the task is done.
     #[must_use]
     pub fn succeeded(&self) -> bool {
-        self.outcome == Outcome::Success && self.evaluation.success
+        self.outcome.is_success(&self.evaluation)
     }
 
-    /// Why the task was not done, for people; absent when it was.
+    /// Reason of the failure, as text; absent after success.
     #[must_use]
     pub fn why(&self) -> Option<String> {
         self.outcome.why(&self.evaluation)
@@ -99,7 +99,7 @@ impl Finished {
         }
     }
 
-    /// How the episode ended, in a word or two: `success`, the task's reason to fail
+    /// End of the episode, in a word or two: `success`, the task's reason to fail
     /// (`timeout`, `dropped`, …), `gave up` when the driver did, or the part that failed.
     #[must_use]
     pub fn end(&self) -> String {

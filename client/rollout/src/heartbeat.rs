@@ -1,7 +1,7 @@
 //! The heartbeat of an episode: for how long the server has been silent, and for how
 //! long simulated time has not advanced.
 //!
-//! Both clocks count the time between two calls of [`Heartbeat::look`], but never more
+//! Both clocks count the time between two calls of [`Heartbeat::update`], but never more
 //! than [`Heartbeat::longest`] per call. An episode that a job scheduler suspended as a
 //! whole therefore does not count as stalled when it continues.
 
@@ -13,10 +13,10 @@ use wheelarm_proto::v1;
 
 use crate::failure::{Failure, FailureCause};
 
-/// Longest time that one look may add.
+/// Longest time that one update may add.
 const LONGEST: Duration = Duration::from_secs(25);
 /// Looks without an answer before a server counts as silent, at least.
-const LOOKS: u32 = 3;
+const UPDATES: u32 = 3;
 
 /// The shared clocks of one episode.
 #[derive(Clone, Debug)]
@@ -28,7 +28,7 @@ pub struct Heartbeat {
 #[derive(Debug)]
 struct State {
     tick: u64,
-    looked: Instant,
+    updated: Instant,
     /// Time for which the tick has not changed.
     still: Duration,
     /// Time for which the server has not answered.
@@ -49,7 +49,7 @@ impl Heartbeat {
         Self {
             state: Arc::new(Mutex::new(State {
                 tick: 0,
-                looked: Instant::now(),
+                updated: Instant::now(),
                 still: Duration::ZERO,
                 silent: Duration::ZERO,
                 answered: None,
@@ -58,21 +58,21 @@ impl Heartbeat {
                 seconds: 0.0,
                 scenario: None,
             })),
-            longest: LONGEST.min(patience / LOOKS),
+            longest: LONGEST.min(patience / UPDATES),
         }
     }
 
-    /// Longest time that one look may add.
+    /// Longest time that one update may add.
     #[must_use]
     pub fn longest(&self) -> Duration {
         self.longest
     }
 
-    /// Adds the time since the last look to both clocks.
-    pub fn appearance(&self) {
+    /// Adds the time since the last update to both clocks.
+    pub fn update(&self) {
         let mut state = self.state.lock();
-        let passed = state.looked.elapsed().min(self.longest);
-        state.looked = Instant::now();
+        let passed = state.updated.elapsed().min(self.longest);
+        state.updated = Instant::now();
         state.silent += passed;
         if !state.policy_turn {
             state.still += passed;
@@ -85,7 +85,7 @@ impl Heartbeat {
         let mut state = self.state.lock();
         state.answered = Some(sent);
         state.silent = Duration::ZERO;
-        state.looked = Instant::now();
+        state.updated = Instant::now();
         if tick != state.tick {
             state.tick = tick;
             state.still = Duration::ZERO;
@@ -109,8 +109,8 @@ impl Heartbeat {
         self.alive().scenario = Some(scenario.clone());
     }
 
-    /// The driver begins or ends to wait for its policy. Meanwhile simulated time may
-    /// stand still: the policy has a time limit of its own.
+    /// The driver begins or ends to wait for its policy. Meanwhile simulated time need
+    /// not advance: the policy has its own time limit.
     pub fn set_policy_turn(&self, is_on: bool) {
         self.alive().policy_turn = is_on;
     }
@@ -118,7 +118,7 @@ impl Heartbeat {
     /// Sets both clocks to zero.
     fn alive(&self) -> MutexGuard<'_, State> {
         let mut state = self.state.lock();
-        state.looked = Instant::now();
+        state.updated = Instant::now();
         (state.still, state.silent) = (Duration::ZERO, Duration::ZERO);
         state
     }
@@ -203,16 +203,16 @@ mod tests {
         }
     }
 
-    /// Moves the time of the last look back by `passed`.
+    /// Moves the time of the last update back by `passed`.
     fn pass(heartbeat: &Heartbeat, passed: Duration) {
         let mut state = heartbeat.state.lock();
-        state.looked = state.looked.checked_sub(passed).expect("an earlier time");
+        state.updated = state.updated.checked_sub(passed).expect("an earlier time");
         drop(state);
-        heartbeat.appearance();
+        heartbeat.update();
     }
 
     #[test]
-    fn a_server_that_answers_without_advancing_stalls_and_one_that_is_silent_does_not() {
+    fn replying_server_without_progress_stalls_and_silent_one_does_not() {
         let second = Duration::from_secs(1);
         let heartbeat = Heartbeat::new(60 * second);
         heartbeat.status(&status(4), Instant::now());
@@ -232,15 +232,15 @@ mod tests {
     }
 
     #[test]
-    fn one_look_after_a_suspension_adds_a_third_of_the_patience_at_most() {
+    fn update_after_a_suspension_adds_at_most_a_third_of_the_patience() {
         let patience = Duration::from_secs(6);
         let heartbeat = Heartbeat::new(patience);
         pass(&heartbeat, Duration::from_secs(30));
-        assert_eq!(heartbeat.silent_for(), patience / LOOKS);
+        assert_eq!(heartbeat.silent_for(), patience / UPDATES);
     }
 
     #[test]
-    fn time_may_stand_still_while_a_policy_computes() {
+    fn time_need_not_advance_during_inference() {
         let second = Duration::from_secs(1);
         let heartbeat = Heartbeat::new(60 * second);
         heartbeat.set_policy_turn(true);

@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_taken_label_gets_a_number() {
+    fn used_label_gets_a_number() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         assert_eq!(free_label(folder, "a-seed1"), "a-seed1");

@@ -10,7 +10,7 @@ pub const FINISH: Duration = Duration::from_secs(900);
 /// For each way of ending a program, before the next harder one: it receives a request,
 /// it is terminated, it is killed.
 pub const END: Duration = Duration::from_secs(20);
-/// Between two appearances at a program.
+/// Interval between checks of a program.
 pub const LOOK: Duration = Duration::from_millis(20);
 /// For the connection to a server that serves.
 pub const CONNECT: Duration = Duration::from_secs(10);
@@ -20,7 +20,7 @@ pub const CONNECT: Duration = Duration::from_secs(10);
 pub struct Limits {
     /// Longest time for which the server may be silent.
     pub silence: Duration,
-    /// Longest time for which simulated time may stand still while the server answers.
+    /// Longest time without progress of simulated time while the server replies.
     pub stall: Duration,
     /// Returns true when the caller cancels the episode.
     pub cancelled: Arc<dyn Fn() -> bool + Send + Sync>,

@@ -13,7 +13,7 @@ use wheelarm_sdk::Client;
 use crate::finished::Finished;
 use crate::session::Session;
 
-/// What a playback shows.
+/// Settings of a playback.
 #[derive(Clone)]
 pub struct Playback {
     /// The scenario of the recording, with the cameras of the playback.
@@ -29,8 +29,8 @@ pub struct Playback {
 /// Runs the playback as a session.
 pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<Finished> {
     let begun = Instant::now();
-    let link = session.link;
-    link.request(&v1::ResetRequest {
+    let client = session.client;
+    client.request(&v1::ResetRequest {
         scenario: Some(v1::Scenario {
             pacing: v1::Pacing::LockStep.into(),
             // The server was started with the quality.
@@ -40,22 +40,22 @@ pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<F
         playback: true,
         ..v1::ResetRequest::default()
     })?;
-    if let Some(loaded) = link.request(&v1::SceneRequest {})?.robot {
+    if let Some(loaded) = client.request(&v1::SceneRequest {})?.robot {
         (script.check_robot)(&loaded);
     }
     let (first, others) = script.states.split_first().context("no recorded state")?;
-    link.request(first).with_context(|| {
+    client.request(first).with_context(|| {
         "the recorded states do not fit the assets; replay with those of the recording: --assets"
     })?;
-    let started = link.request(&v1::EpisodeStartRequest {
+    let started = client.request(&v1::EpisodeStartRequest {
         label: session.label.to_owned(),
         instruction: Some(script.instruction.clone()),
         require_recorders: session.recorders,
         ..v1::EpisodeStartRequest::default()
     })?;
-    let shown = show(session, link, others);
+    let shown = show(session, client, others);
     // The file of a playback that failed is discarded.
-    let stopped = link.stop_episode_of(&started, shown.is_err())?;
+    let stopped = client.stop_episode_of(&started, shown.is_err())?;
     shown?;
     Ok(Finished {
         wall_seconds: begun.elapsed().as_secs_f64(),
@@ -72,11 +72,12 @@ pub(crate) fn play(session: &Session<'_>, script: &Playback) -> anyhow::Result<F
 
 fn show(
     session: &Session<'_>,
-    link: &Client,
+    client: &Client,
     states: &[v1::PlaybackRequest],
 ) -> anyhow::Result<()> {
     for state in states {
-        link.request(state)
+        client
+            .request(state)
             .with_context(|| format!("showing the state of tick {}", state.tick))?;
         session.progress(&Progress {
             time: wheelarm_proto::stamp_nanos(state.tick) as f64 * 1e-9,

@@ -35,11 +35,11 @@ pub struct EpisodeRequest {
     pub scenario: v1::Scenario,
     /// Label of the episode, and name of its file.
     pub label: String,
-    /// How it is recorded; not at all when absent.
+    /// Recording of the episode; none when absent.
     pub record: Option<Record>,
     /// File for the phases and notes of the expert.
     pub log: Option<PathBuf>,
-    /// How the expert works.
+    /// Settings of the expert.
     pub expert: Expert,
     /// Demonstrations that the expert adapts; its own grasps when absent.
     pub demonstrations: Option<DemonstrationFile>,
@@ -100,7 +100,7 @@ pub enum Event {
     Failed {
         /// The part that failed.
         cause: FailureCause,
-        /// What happened.
+        /// Reason, as text.
         reason: String,
     },
     /// Something failed that may be the host's fault.
@@ -109,7 +109,7 @@ pub enum Event {
     Recorded {
         /// Its exit code, as that of `wheelarm record`: 0 for a complete file.
         code: u8,
-        /// What failed, for people.
+        /// The failure, as text.
         words: String,
     },
     /// Everything of the episode has ended; the last event.

@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Compares the texts of the recorded assets with the loaded ones.
 type CheckAssets = dyn Fn(&[v1::AssetText]) -> anyhow::Result<()> + Send + Sync;
 
-/// What a replay repeats.
+/// Script of a replay.
 #[derive(Clone)]
 pub struct Replay {
     /// The scenario of the recording with its sampled values, and the cameras of the replay.
@@ -48,12 +48,12 @@ pub struct Replay {
 /// Runs the replay as a session.
 pub(crate) fn replay(session: &Session<'_>, script: &Replay) -> anyhow::Result<Finished> {
     let begun = Instant::now();
-    let link = session.link;
-    reset(link, script)?;
+    let client = session.client;
+    reset(client, script)?;
     session.heartbeat.set_scenario(&script.scenario);
     // Subscribed before the episode begins, so that its first state arrives.
-    let mut turns = link.turns(REPLAY, false, &[TopicId::StateHash])?;
-    let started = link.request(&v1::EpisodeStartRequest {
+    let mut turns = client.turns(REPLAY, false, &[TopicId::StateHash])?;
+    let started = client.request(&v1::EpisodeStartRequest {
         label: session.label.to_owned(),
         instruction: Some(script.instruction.clone()),
         require_recorders: session.recorders,
@@ -61,11 +61,11 @@ pub(crate) fn replay(session: &Session<'_>, script: &Replay) -> anyhow::Result<F
         replay: true,
         ..v1::EpisodeStartRequest::default()
     })?;
-    let loaded = link.request(&v1::SnapshotRequest {})?.assets;
+    let loaded = client.request(&v1::SnapshotRequest {})?.assets;
     let fed =
         (script.check_assets)(&loaded).and_then(|()| feed(session, &mut turns, script, &started));
     // The file of a replay that failed is discarded.
-    let stopped = link.stop_episode_of(&started, fed.is_err())?;
+    let stopped = client.stop_episode_of(&started, fed.is_err())?;
     let comparison = fed?;
     Ok(Finished {
         wall_seconds: begun.elapsed().as_secs_f64(),
@@ -83,13 +83,13 @@ pub(crate) fn replay(session: &Session<'_>, script: &Replay) -> anyhow::Result<F
 }
 
 /// Restores the state at the start of the episode.
-fn reset(link: &Client, script: &Replay) -> anyhow::Result<()> {
+fn reset(client: &Client, script: &Replay) -> anyhow::Result<()> {
     let mut scenario = script.scenario.clone();
     // Whatever paced the recording, its commands are applied tick by tick.
     scenario.pacing = v1::Pacing::LockStep.into();
     // The server was started with the quality.
     scenario.quality = v1::RenderQuality::Unspecified.into();
-    let reply = link.request(&v1::ResetRequest {
+    let reply = client.request(&v1::ResetRequest {
         scenario: Some(scenario),
         snapshot: script.snapshot.clone(),
         ..v1::ResetRequest::default()
@@ -128,9 +128,9 @@ fn feed(
             Turn::Refused(refusal) => {
                 bail!("the server refused a recorded command: {}", refusal.reason);
             }
-            Turn::Ended(_) => bail!("the episode was ended by somebody else"),
+            Turn::Ended(_) => bail!("another client ended the episode"),
             Turn::Silent(status) => bail!(
-                "nothing came for {:.0} s after tick {newest}; the server waits for: {}",
+                "nothing arrived for {:.0} s after tick {newest}; the server waits for: {}",
                 PATIENCE.as_secs_f64(),
                 status.waiting_for
             ),

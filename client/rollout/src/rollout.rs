@@ -24,7 +24,7 @@ pub struct Rollout {
     pub label: String,
     /// The program that drives the robot.
     pub driver: Driver,
-    /// How the episode is recorded; not at all when absent.
+    /// Recording of the episode; none when absent.
     pub record: Option<Record>,
     /// Wall-time limits.
     pub limits: Limits,

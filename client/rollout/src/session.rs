@@ -1,4 +1,4 @@
-//! One episode as its driver sees it: a connection to the server, and the receivers of
+//! One episode from the view of its driver: a client of the server, and receivers of
 //! progress.
 
 use std::path::Path;
@@ -9,10 +9,10 @@ use wheelarm_sdk::Client;
 use crate::heartbeat::Heartbeat;
 use crate::observer::Observer;
 
-/// One episode as its driver sees it.
+/// One episode from the view of its driver.
 pub struct Session<'a> {
     /// Connection to the server, which is paused and has no running episode.
-    pub link: &'a Client,
+    pub client: &'a Client,
     /// Label of the episode.
     pub label: &'a str,
     /// Recorders that the episode waits for.

@@ -300,7 +300,7 @@ fn a_scene_is_said_and_done_in_two_ways(out: &Path) {
 fn a_worker_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
     let words = [
         "the worker died (signal: 6",
-        "the worker stalled and told nothing for 6 s",
+        "the worker stalled and sent nothing for 6 s",
     ];
     what_dies_and_what_hangs_is_entered("process", words, |out, _| {
         format!("--for\0{}\0", out.display())
@@ -394,7 +394,7 @@ fn a_worker_killed_for_memory_costs_no_seed() {
     let text = printed(&ended);
     assert_eq!(ended.status.code(), Some(0), "{text}");
     assert!(
-        text.contains("is made again: the worker died (signal: 9"),
+        text.contains("is repeated: the worker died (signal: 9"),
         "{text}"
     );
     let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");

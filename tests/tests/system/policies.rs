@@ -37,7 +37,7 @@ impl Policy for Witness {
         chunk.values[11] = 0.3;
         match saw.len() {
             0..25 => Ok(chunk),
-            _ => Err(PolicyError::Said("enough".to_owned())),
+            _ => Err(PolicyError::Rejected("enough".to_owned())),
         }
     }
 }
@@ -103,7 +103,7 @@ fn seen(name: &str, sensors: &[&str]) {
     let finished = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
     assert_eq!(
         finished.policy_error,
-        Some(PolicyError::Said("enough".to_owned()))
+        Some(PolicyError::Rejected("enough".to_owned()))
     );
     // Six control ticks for each row, at 10 Hz.
     let rows = finished.ticks / 6;
@@ -192,7 +192,7 @@ fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
         ("words", "it is dark here"),
         ("keys", "a chunk for episode"),
         ("dies", "the network is on fire"),
-        ("silent", "did not answer `infer` within 2 s"),
+        ("silent", "did not reply to `infer` within 2 s"),
         ("well", "the task failed: timeout"),
     ];
     let folder = tempfile::tempdir().expect("a folder");
@@ -222,18 +222,18 @@ fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
 fn a_policy_that_cannot_be_had_is_told_before_anything_is_done() {
     let folder = tempfile::tempdir().expect("a folder");
     for (policy, words) in [
-        (misbehaves("unfit"), "divides 60"),
+        (misbehaves("unfit"), "divide 60"),
         (misbehaves("crash"), "weights.safetensors"),
         ("exec:/no/such/program".to_owned(), "/no/such/program"),
         (
             "act:/no/such/file".to_owned(),
-            "there is no file /no/such/file",
+            "/no/such/file does not exist",
         ),
         (
             format!("replay:{}", folder.path().display()),
-            "holds no recordings",
+            "contains no recordings",
         ),
-        ("zenoh:anna".to_owned(), "no server answers"),
+        ("zenoh:anna".to_owned(), "no server replies"),
     ] {
         let output = evaluate(folder.path(), &policy, &["--seeds", "0..1"]);
         let told = printed(&output);

@@ -183,14 +183,14 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
 
     let drawn = ["replay", "old.h5", "--as-recorded", "--out", "drawn"];
     let told = succeeds(here, &drawn);
-    assert!(told.contains("drew 159 recorded states"), "{told}");
+    assert!(told.contains("rendered 159 recorded states"), "{told}");
     let new = here.join("drawn/recorded-by-0-as-recorded.h5");
     let fine = succeeds(here, &["dataset", "validate", &new.to_string_lossy()]);
     assert!(fine.contains("1 of 1 recordings are fine"), "{fine}");
     let again = wheelarm(here, &["replay", &new.to_string_lossy()]);
     let words = printed(&again);
     assert!(
-        words.contains("drawn from the states of another"),
+        words.contains("rendered from the states of another"),
         "{words}"
     );
 

@@ -1,5 +1,4 @@
-//! The progress of an attempt, for people: reported by the attempt, shown by the progress
-//! display.
+//! Progress of an attempt: reported by the attempt, shown by the progress display.
 
 use std::sync::Arc;
 
@@ -18,7 +17,7 @@ struct State {
 }
 
 impl Activity {
-    /// Another attempt begins: nothing is simulated yet.
+    /// Resets the progress for another attempt.
     pub fn reset(&self) {
         *self.0.lock() = State::default();
     }

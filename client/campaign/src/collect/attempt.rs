@@ -1,11 +1,11 @@
-//! One attempt at an episode: its rollout, and the value of its file.
+//! One attempt at an episode: its rollout, and the check of its file.
 //!
-//! A failure of the task is the expert's and gets a fresh seed, and so does a simulation
-//! that diverges and an expert that panics or hangs. When a server or a worker dies or
-//! hangs, which may be the host's fault, the same seed is tried once more. Anything else
-//! that goes wrong is the host's, and the same seed is tried again. A server or worker that
-//! another program killed ran out of memory: the same seed is tried again by fewer workers,
-//! and the journal has no entry.
+//! | failure | next attempt |
+//! |---|---|
+//! | task failed, simulation diverged, expert panicked or hung | new seed |
+//! | server or worker died or hung, perhaps because of the host | same seed, once |
+//! | server or worker killed by another program (out of memory) | same seed, fewer workers, no journal entry |
+//! | any other failure of the host | same seed |
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,34 +20,33 @@ use wheelarm_rollout::{
     WorkerOptions,
 };
 
+use super::acceptance::{Verdict, check_file};
 use super::activity::Activity;
 use super::episode::Episode;
+use super::failure_analysis::{Loss, find_loss};
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
-use super::judge::{Judged, judge};
-use super::loss::{self, Loss};
 use super::plan::Plan;
 use super::slot::{Permit, Slot};
 use super::stop::Stop;
 use crate::episode_seed::EpisodeSeed;
 use crate::worker_mode::WorkerMode;
 
-/// Simulated time may stand still for as long as the server may be silent, and for this
-/// long in any case, while the server answers.
+/// Least time for which simulated time may not advance while the server replies.
 const STALL: Duration = Duration::from_secs(60);
 
-/// What every attempt of a campaign needs.
+/// Settings that all attempts of a campaign share.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The plan.
     pub plan: Plan,
     /// The dataset's folder.
     pub folder: Folder,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     pub assets: Option<PathBuf>,
-    /// How a worker runs.
+    /// Processes of a worker.
     pub mode: WorkerMode,
-    /// Longest time in which a server does not answer before it is ended.
+    /// Longest wait for a reply before a server is ended.
     pub patience: Duration,
 }
 
@@ -70,23 +69,23 @@ impl Setup {
 /// The outcome of an attempt.
 #[derive(Debug)]
 pub enum Outcome {
-    /// The staged file is good.
+    /// The staged file is accepted.
     Done(Box<Done>),
-    /// The task was not done, or the failure is not the fault of a server or the host.
+    /// The task failed, or the failure is not the fault of a server or the host.
     Failed(Failed),
     /// The server died or hung.
     Broke(Failed),
-    /// Another program killed the server or the worker; how it ended.
+    /// Another program killed the server or the worker; the exit status as text.
     Killed(String),
     /// Discarded because the campaign ends.
     Stopped,
 }
 
-/// Makes one attempt; the file lies in the staging folder afterwards. `permit` is held
-/// while it simulates and is dropped before the file is finished.
+/// Makes one attempt and leaves the file in the staging folder. `permit` is held during the
+/// simulation and dropped before the file is finished.
 ///
 /// # Errors
-/// When something failed that may be the host's fault, with the last messages.
+/// When a failure may be the fault of the host, with the last messages.
 pub fn attempt(
     setup: &Setup,
     (episode, number): (&Episode, u32),
@@ -112,12 +111,12 @@ pub fn attempt(
         activity.set_step("finishing the file");
     });
     match result? {
-        Ok(finished) => attempt.judged(&finished, wall_seconds),
+        Ok(finished) => attempt.check(&finished, wall_seconds),
         Err(failure) => attempt.failed(failure),
     }
 }
 
-/// An attempt under way.
+/// A running attempt.
 struct Attempt<'a> {
     setup: &'a Setup,
     episode: &'a Episode,
@@ -137,7 +136,7 @@ impl Attempt<'_> {
             label: self.episode.id.clone(),
             driver: Driver::Expert(Expert {
                 profile_seed: self.profile_seed(),
-                forced: plan.variation.forced(self.drawn()),
+                forced: plan.variation.forced(self.episode_seed()),
             }),
             record: Some(Record {
                 out: self.staging.clone(),
@@ -192,11 +191,11 @@ impl Attempt<'_> {
         }
     }
 
-    /// The outcome of an attempt whose simulation took `wall_seconds`, by its file.
-    fn judged(&self, finished: &Finished, wall_seconds: f64) -> anyhow::Result<Outcome> {
+    /// The outcome of an attempt from its file; its simulation took `wall_seconds`, s.
+    fn check(&self, finished: &Finished, wall_seconds: f64) -> anyhow::Result<Outcome> {
         self.activity.set_step("checking the file");
         let file = self.staging.join(format!("{}.h5", self.episode.id));
-        let judged = judge(
+        let verdict = check_file(
             self.episode,
             self.number,
             &file,
@@ -204,11 +203,11 @@ impl Attempt<'_> {
             finished,
             wall_seconds,
         );
-        let judged =
-            judged.with_context(|| format!("the recorder said:\n{}", finished.messages))?;
-        Ok(match judged {
-            Judged::Done(done) => Outcome::Done(done),
-            Judged::Failed(mut failed) => {
+        let verdict =
+            verdict.with_context(|| format!("output of the recorder:\n{}", finished.messages))?;
+        Ok(match verdict {
+            Verdict::Done(done) => Outcome::Done(done),
+            Verdict::Failed(mut failed) => {
                 if self.setup.plan.keep_failed && failed.broken.is_none() {
                     failed.loss = Some(Box::new(self.keep(&file)?));
                 }
@@ -219,7 +218,7 @@ impl Attempt<'_> {
 
     /// Keeps the recording of an attempt that failed at its task.
     fn keep(&self, file: &Path) -> anyhow::Result<Loss> {
-        let (cause, tick) = loss::of(&Recording::open(file)?);
+        let (cause, tick) = find_loss(&Recording::open(file)?);
         let sha256 = sha256(file)?;
         let name = format!("{}-attempt-{}", self.episode.id, self.number);
         let file = self.setup.folder.keep_recording(file, &name)?;
@@ -231,8 +230,8 @@ impl Attempt<'_> {
         })
     }
 
-    /// From what the episode is drawn.
-    fn drawn(&self) -> EpisodeSeed {
+    /// Seed from which the episode is sampled.
+    fn episode_seed(&self) -> EpisodeSeed {
         EpisodeSeed {
             scene: self.seed,
             sentence: self.episode.sentence,
@@ -246,15 +245,15 @@ impl Attempt<'_> {
             task: Some(self.episode.task.clone()),
             seed: Some(self.seed),
             pacing: v1::Pacing::LockStep.into(),
-            ..plan.variation.for_episode(self.drawn())
+            ..plan.variation.for_episode(self.episode_seed())
         }
     }
 
     /// Seed of the operator's profile; the scenario's when absent.
     fn profile_seed(&self) -> Option<u64> {
         match self.setup.plan.varied_operator {
-            // The scenario's seed, for the first sentence of a scene.
-            true => (self.episode.sentence > 0).then(|| self.drawn().own()),
+            // The first sentence of a scene uses the scenario's seed.
+            true => (self.episode.sentence > 0).then(|| self.episode_seed().own()),
             false => Some(0),
         }
     }

@@ -1,4 +1,4 @@
-//! How many workers this host carries, and how much room its disk has.
+//! Capacity of this host: workers that fit, and free disk space.
 
 use std::path::{Path, PathBuf};
 
@@ -6,14 +6,14 @@ use anyhow::bail;
 
 use super::plan::Plan;
 
-/// Memory of a worker without pictures, bytes: server 0.3 GB, recorder and
-/// operator 0.1 GB (measured with the home scene), twice, for while an episode's
-/// file is finished the next one runs; with room.
+/// Memory of a worker without images, bytes: server 0.3 GB, recorder and operator 0.1 GB
+/// (measured with the home scene), twice, because the next episode runs while a file is
+/// finished; with a margin.
 const WORKER_BYTES: f64 = 1e9;
 /// Memory per pixel of all cameras, bytes: attachments, two batches in flight
-/// and the recorder's queue (measured 65 at 1280x720), twice, with room.
+/// and the recorder's queue (measured 65 at 1280x720), twice, with a margin.
 const BYTES_PER_PIXEL: f64 = 160.0;
-/// Workers per core: physics, operator and drawing take turns on one, and
+/// Workers per core: physics, operator and rendering alternate on one, and
 /// compression uses a part of another. On 16 cores with a GPU 12 workers were
 /// as fast as 16, and 8 slower.
 const WORKERS_PER_CORE: f64 = 0.75;
@@ -21,30 +21,29 @@ const WORKERS_PER_CORE: f64 = 0.75;
 /// Pipelines of a worker, each of which makes an episode.
 pub const PIPELINES: usize = 2;
 
-/// Workers per core beyond which a number of workers is a slip of the keyboard.
+/// Workers per core above which a number of workers is treated as a typing error.
 const MOST_PER_CORE: usize = 16;
 
-/// What this host offers.
+/// Resources of this host.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Host {
     /// Cores that this process may use.
     pub cores: usize,
-    /// Memory that is free for it, bytes; absent when unknown.
+    /// Free memory, bytes; absent when unknown.
     pub memory: Option<u64>,
 }
 
 impl Host {
-    /// Looks at this host: affinity, cgroup limits, free memory.
+    /// Measures this host: affinity, cgroup limits, free memory.
     #[must_use]
-    pub fn appearance() -> Self {
+    pub fn measure() -> Self {
         Self {
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             memory: memory(),
         }
     }
 
-    /// Workers that it carries, at least 1; each keeps so many bytes of recordings in
-    /// memory.
+    /// Workers that fit, at least 1; each keeps `kept` bytes of recordings in memory.
     #[must_use]
     pub fn workers(&self, plan: &Plan, kept: f64) -> usize {
         let by_cores = (self.cores as f64 * WORKERS_PER_CORE).ceil() as usize;
@@ -56,15 +55,15 @@ impl Host {
 }
 
 impl Host {
-    /// Refuses a number of workers that this host cannot mean.
+    /// Rejects a number of workers far above the cores of this host.
     ///
     /// # Errors
-    /// With the greatest number that is taken.
+    /// Names the greatest accepted number.
     pub fn check(&self, workers: usize) -> anyhow::Result<()> {
         let most = self.cores.saturating_mul(MOST_PER_CORE);
         if workers > most {
             bail!(
-                "{workers} workers on {} cores: --workers takes {most} at most here; without it there are as many as fit",
+                "{workers} workers on {} cores: --workers is at most {most} here; leave it out to use as many as fit",
                 self.cores
             );
         }
@@ -138,7 +137,7 @@ impl GroupFiles {
 
 /// Memory that all control groups of this process still allow, bytes: the least of its own
 /// and those above it, of version 1 and 2, as systemd, Slurm and containers nest them.
-/// Absent without a limit. `root` is where `/proc` and the groups are looked for.
+/// Absent without a limit. `root` is the folder of `/proc` and the groups.
 fn left_in_groups(root: &Path) -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(root.join(path)).unwrap_or_default();
     let (groups, mounts) = (text("proc/self/cgroup"), text("proc/self/mountinfo"));
@@ -181,7 +180,7 @@ pub fn free_disk(path: &Path) -> Option<u64> {
     Some(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
-/// Whether files in `path` lie in memory.
+/// Whether files in `path` are stored in memory.
 #[must_use]
 pub fn is_memory(path: &Path) -> bool {
     const TMPFS: u32 = 0x0102_1994;
@@ -227,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_limit_of_nested_control_groups_counts() {
+    fn smallest_limit_of_nested_control_groups_counts() {
         let unlimited = "9223372036854771712\n";
         // Slurm on version 1: the limit is that of the job, above the step.
         let slurm = machine(&[
@@ -318,7 +317,7 @@ mod tests {
             memory: None,
         };
         assert!(host.check(32).is_ok());
-        let told = host.check(33).unwrap_err().to_string();
-        assert!(told.contains("takes 32 at most"), "{told}");
+        let error = host.check(33).unwrap_err().to_string();
+        assert!(error.contains("is at most 32"), "{error}");
     }
 }

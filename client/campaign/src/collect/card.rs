@@ -1,6 +1,5 @@
-//! A dataset's card, `README.md` in the form of the Hugging Face dataset card:
-//! what is in it, how it was made, how well its axes are covered. Made from the
-//! journals alone.
+//! A dataset's card, `README.md` in the form of the Hugging Face dataset card: content,
+//! coverage of its axes, and how it was made. Written from the journals alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -10,9 +9,9 @@ use wheelarm_proto::settings::Named;
 use wheelarm_proto::{CONTRACT_VERSION, PHYSICS_VERSION, v1};
 
 use super::estimate::{bytes, duration};
+use super::failure_analysis;
 use super::folder::{Folder, write_whole};
 use super::journal::Done;
-use super::loss;
 use super::manifest::Manifest;
 use super::plan::Plan;
 use crate::variation::camera_words;
@@ -24,8 +23,8 @@ const CELL: f64 = 1.0;
 /// Bins of durations, simulated seconds.
 const DURATION: f64 = 5.0;
 
-/// What one episode's scenario drew.
-struct Drawn<'a> {
+/// An episode with its sampled scenario.
+struct SampledEpisode<'a> {
     done: &'a Done,
     scenario: v1::Scenario,
 }
@@ -33,7 +32,7 @@ struct Drawn<'a> {
 /// Writes the card of a dataset into its folder.
 ///
 /// # Errors
-/// When the disk does not take it.
+/// When the file cannot be written.
 pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Result<()> {
     let text = card(plan, manifest);
     write_whole(&folder.root().join("README.md"), text.as_bytes())
@@ -41,22 +40,22 @@ pub fn write(folder: &Folder, plan: &Plan, manifest: &Manifest) -> anyhow::Resul
 
 /// The card of a dataset.
 fn card(plan: &Plan, manifest: &Manifest) -> String {
-    let drawn: Vec<Drawn<'_>> = manifest
+    let episodes: Vec<SampledEpisode<'_>> = manifest
         .episodes
         .iter()
-        .map(|done| Drawn {
+        .map(|done| SampledEpisode {
             done,
             scenario: serde_json::from_value(done.scenario.clone()).unwrap_or_default(),
         })
         .collect();
     let mut text = head(plan, manifest);
     text += &composition(manifest);
-    text += &coverage(&drawn);
+    text += &coverage(&episodes);
     text += &making(plan, manifest);
     text
 }
 
-/// The block for programs and the summary.
+/// The YAML block and the summary.
 fn head(plan: &Plan, manifest: &Manifest) -> String {
     let count = manifest.episodes.len();
     let size = match count {
@@ -76,10 +75,10 @@ fn head(plan: &Plan, manifest: &Manifest) -> String {
          ---\n\n\
          # {name}\n\n\
          {line}. Recordings of a WHILL Model CR2 wheelchair with a Kinova Gen3 arm and a Robotiq \
-         2F-85 gripper in a simulated home, one HDF5 file an episode, done by the scripted \
+         2F-85 gripper in a simulated home, one HDF5 file per episode, made by the scripted \
          operator of WheelArm.\n\n\
-         Its seeds are for **{purpose}** ({seeds}). Data of one purpose is never mixed with \
-         another's: what is trained on is not what is claimed with.\n\n",
+         Its seeds are for **{purpose}** ({seeds}). Data of different purposes is never mixed: \
+         training data is not evaluation data.\n\n",
         name = plan.name,
         license = plan.license,
         line = manifest.line(),
@@ -88,7 +87,7 @@ fn head(plan: &Plan, manifest: &Manifest) -> String {
     )
 }
 
-/// What is in it, by task.
+/// Content by task.
 fn composition(manifest: &Manifest) -> String {
     let mut text = "## Composition\n\n| task | episodes | failed attempts | scenes | sentences | simulated s | mean s |\n|---|---|---|---|---|---|---|\n".to_owned();
     let mut tasks: BTreeMap<&str, Vec<&Done>> = BTreeMap::new();
@@ -114,10 +113,10 @@ fn composition(manifest: &Manifest) -> String {
     text + "\n"
 }
 
-/// How the axes are covered.
-fn coverage(drawn: &[Drawn<'_>]) -> String {
+/// Coverage of the axes.
+fn coverage(episodes: &[SampledEpisode<'_>]) -> String {
     let mut text = "## Coverage\n\n".to_owned();
-    let scenarios = || drawn.iter().map(|d| &d.scenario);
+    let scenarios = || episodes.iter().map(|d| &d.scenario);
     let starts = scenarios().filter_map(|s| Some((s.start?.position?, s.start?.orientation?)));
     let (mut cells, mut headings) = (Vec::new(), Vec::new());
     for (at, q) in starts {
@@ -152,33 +151,38 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
             None => "as described".to_owned(),
         }),
     );
-    let seen = drawn.iter().map(|d| match d.done.target_in_first_images {
-        Some(true) => "shown".to_owned(),
-        Some(false) => "not shown".to_owned(),
-        None => "unknown".to_owned(),
-    });
-    text += &histogram("Target in the first images", seen);
+    let visibility = episodes
+        .iter()
+        .map(|d| match d.done.target_in_first_images {
+            Some(true) => "shown".to_owned(),
+            Some(false) => "not shown".to_owned(),
+            None => "unknown".to_owned(),
+        });
+    text += &histogram("Target in the first images", visibility);
     text += &histogram(
         "Phase that looks around",
         scenarios().map(|s| if s.look_around() { "yes" } else { "no" }.to_owned()),
     );
-    text += &histogram("Hindered by", scenarios().map(hindrance));
-    let seated = |of: fn(&v1::SampledPerson) -> &String| {
+    text += &histogram("Disturbances", scenarios().map(disturbance_words));
+    let seated_person = |of: fn(&v1::SampledPerson) -> &String| {
         scenarios().map(
             move |s| match s.person.as_ref().and_then(|p| p.sampled.as_ref()) {
-                Some(drawn) => of(drawn).clone(),
-                None => "nobody".to_owned(),
+                Some(person) => of(person).clone(),
+                None => "none".to_owned(),
             },
         )
     };
-    text += &histogram("Person in the chair", seated(|drawn| &drawn.body));
-    text += &histogram("Posture of the person", seated(|drawn| &drawn.posture));
-    let durations = drawn.iter().map(|d| {
+    text += &histogram("Person in the chair", seated_person(|person| &person.body));
+    text += &histogram(
+        "Posture of the person",
+        seated_person(|person| &person.posture),
+    );
+    let durations = episodes.iter().map(|d| {
         let from = (d.done.seconds / DURATION).floor() * DURATION;
         format!("{from:>4.0}..{:.0} s", from + DURATION)
     });
     text += &histogram("Duration", durations);
-    let words: BTreeSet<String> = drawn
+    let words: BTreeSet<String> = episodes
         .iter()
         .flat_map(|d| d.done.instruction.split_whitespace())
         .map(|word| {
@@ -187,7 +191,10 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
         })
         .filter(|word| !word.is_empty())
         .collect();
-    let sentences: BTreeSet<&str> = drawn.iter().map(|d| d.done.instruction.as_str()).collect();
+    let sentences: BTreeSet<&str> = episodes
+        .iter()
+        .map(|d| d.done.instruction.as_str())
+        .collect();
     let _ = writeln!(
         text,
         "Instructions: {} distinct sentences, {} distinct words.\n",
@@ -197,8 +204,8 @@ fn coverage(drawn: &[Drawn<'_>]) -> String {
     text
 }
 
-/// What hinders the robot in a scenario.
-fn hindrance(scenario: &v1::Scenario) -> String {
+/// Disturbances of a scenario.
+fn disturbance_words(scenario: &v1::Scenario) -> String {
     let disturbances = scenario.disturbances.unwrap_or_default();
     let v1::Disturbances {
         noise,
@@ -207,18 +214,18 @@ fn hindrance(scenario: &v1::Scenario) -> String {
         ..
     } = disturbances;
     match noise + pushes + slips {
-        0 => "nothing".to_owned(),
+        0 => "none".to_owned(),
         _ => format!("noise {noise}, pushes {pushes}, slips {slips}"),
     }
 }
 
-/// Lower edge of the sector of 45° in which an angle lies, degrees from -180.
+/// Lower edge of the 45° sector that contains an angle, degrees from -180.
 fn sector(degrees: f64) -> f64 {
     let turned = (degrees + 180.0).rem_euclid(360.0);
     (turned / 45.0).floor() * 45.0 - 180.0
 }
 
-/// One axis: how many episodes each value has; left out where all have one.
+/// Number of episodes by value of one axis; one line when all have the same value.
 fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     for value in values {
@@ -243,19 +250,19 @@ fn histogram(title: &str, values: impl IntoIterator<Item = String>) -> String {
     text + "```\n\n"
 }
 
-/// What the plan has differ between episodes.
+/// Settings that differ between episodes.
 fn differs(plan: &Plan) -> String {
     let mut words = plan.variation.words(0);
     if let Some(language) = &plan.variation.language {
         words += &format!(" sentences={}", language.sentences);
     }
     match words.trim() {
-        "" => "what the tasks draw".to_owned(),
-        words => format!("what the tasks draw, and {words}"),
+        "" => "the samples of the tasks".to_owned(),
+        words => format!("the samples of the tasks, and {words}"),
     }
 }
 
-/// How it was made and with what.
+/// Commands, versions and settings of the dataset.
 fn making(plan: &Plan, manifest: &Manifest) -> String {
     let origins: BTreeSet<&[String; 2]> = manifest.episodes.iter().map(|d| &d.origin).collect();
     let origins: Vec<String> = origins
@@ -298,25 +305,24 @@ fn making(plan: &Plan, manifest: &Manifest) -> String {
         .filter_map(|f| f.loss.as_deref());
     let _ = write!(
         text,
-        "- Purposes of the seeds that are in it: {}\n\
+        "- Purposes of its seeds: {}\n\
          - `manifest.json` has the SHA-256, the seed and the whole scenario of every file, and \
          every failed attempt; `plan.toml` is the plan, `wheelarm replay FILE` runs any episode \
          again and compares its states.\n\n\
          ## Limits\n\n\
          Everything is simulated: one furnished home, fifteen objects, a scripted operator that \
-         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {kept}{pictures}.\n",
+         knows the true state. Failed attempts are {} of {} and not in `episodes/`. {kept}{images}.\n",
         purposes.join(", "),
         manifest.failed_attempts.len(),
         manifest.failed_attempts.len() + manifest.episodes.len(),
-        kept = loss::sentence(losses).map_or(String::new(), |kept| format!(
-            "{kept} (a split of their own: cause, and tick from which each was lost, in \
-             `manifest.json`). "
+        kept = failure_analysis::sentence(losses).map_or(String::new(), |kept| format!(
+            "{kept} (a separate split: `manifest.json` has the cause and the tick of each loss). "
         )),
-        pictures = if plan.scenario().sensors.is_empty() {
-            "Pictures are exact and without noise"
+        images = if plan.scenario().sensors.is_empty() {
+            "Images are exact and without noise"
         } else {
-            "Pictures of `camera/*` are exact and without noise; what the real sensors would \
-             give stands in `sensor/*` and `sensed_*`"
+            "Images of `camera/*` are exact and without noise; `sensor/*` and `sensed_*` model \
+             the real sensors"
         }
     );
     text
@@ -327,7 +333,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn angles_fall_into_the_sector_that_holds_them() {
+    fn angles_map_to_their_sector() {
         for (angle, lower) in [
             (-180.0, -180.0),
             (-1.0, -45.0),
@@ -340,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_histogram_counts_and_scales_to_the_most_frequent() {
+    fn histogram_scales_to_the_most_frequent_value() {
         let values = ["a", "b", "b", "b", "b"].map(str::to_owned);
         let text = histogram("Axis", values);
         assert!(

@@ -1,5 +1,5 @@
-//! Which episodes a plan asks for: their names, seeds and settings, the same
-//! on every machine and in every run, and which shard makes them.
+//! The episodes of a plan: names, seeds, settings and shards, equal on every host and in
+//! every run.
 
 use std::fmt;
 use std::str::FromStr;
@@ -20,7 +20,7 @@ pub struct Episode {
     pub place: usize,
     /// Seed of the first attempt.
     pub seed: u64,
-    /// Which sentence of its scene it has, where the plan says tasks by the grammar.
+    /// Index of the sentence of its scene, if the plan uses the grammar.
     pub sentence: u32,
     /// Everything that the plan fixes about it, as one line.
     pub settings: String,
@@ -56,21 +56,21 @@ pub fn episodes(plan: &Plan) -> Vec<Episode> {
                 None => (index, 0),
             };
             let seed = task.first_seed.wrapping_add(u64::from(scene));
-            let said = plan.variation.words(sentence);
+            let varied = plan.variation.words(sentence);
             all.push(Episode {
                 id: format!("{}-{index:04}", task.name),
                 task: task.name.clone(),
                 place: all.len(),
                 seed,
                 sentence,
-                settings: format!("task={} seed={seed} {same}{said}", task.name),
+                settings: format!("task={} seed={seed} {same}{varied}", task.name),
             });
         }
     }
     all
 }
 
-/// Which part of a plan a process makes: `I/N`, from `0/N` to `N-1/N`.
+/// The part of a plan that a process makes: `I/N`, from `0/N` to `N-1/N`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     /// Number of this shard, from 0.
@@ -133,10 +133,10 @@ mod tests {
     }
 
     #[test]
-    fn shards_are_read_and_wrong_ones_refused() {
+    fn malformed_shards_are_rejected() {
         assert_eq!("1/3".parse(), Ok(Shard { index: 1, count: 3 }));
         for bad in ["", "3", "3/3", "0/0", "-1/2", "a/b"] {
-            assert!(bad.parse::<Shard>().is_err(), "{bad:?} was taken");
+            assert!(bad.parse::<Shard>().is_err(), "{bad:?} was accepted");
         }
     }
 }

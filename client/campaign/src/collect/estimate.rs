@@ -1,5 +1,5 @@
-//! What a campaign will take, told before anything starts: episodes, samples,
-//! disk, time. Every figure says where it comes from.
+//! Estimate of a campaign before it starts: episodes, samples, disk, time, and the source of
+//! each figure.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -16,30 +16,29 @@ use wheelarm_proto::settings::{Depth, Named};
 
 use super::plan::Plan;
 
-/// Mean duration of an episode when nothing better is known, simulated
-/// seconds: what the operator needs for the mustard, with room.
+/// Default mean duration of an episode, simulated seconds: that of the operator with the
+/// mustard, with a margin.
 const SECONDS: f64 = 25.0;
-/// Bytes per pixel of a picture with colour, depth and ids, in the file
+/// Bytes per pixel of an image with color, depth and segmentation, in the file
 /// (measured in the home scene at 1280x720: float32, 16-bit and no depth).
 const PIXEL_BYTES: [f64; 3] = [2.0, 1.1, 0.7];
-/// Bytes that sensor models add per pixel of the camera through which they see: noise
-/// cannot be compressed (measured, 640x360, 16-bit depth).
+/// Bytes that a sensor model adds per pixel of its camera: noise cannot be compressed (measured, 640x360, 16-bit depth).
 const SENSED_BYTES: f64 = 2.5;
 /// Bytes of all other streams per simulated second (measured).
 const STATE_BYTES: f64 = 0.32e6;
-/// Simulated seconds per wall second of one worker when nothing is measured: a guess.
+/// Simulated seconds per wall second of one worker without a measurement: a guess.
 const FACTOR: f64 = 1.0;
 
-/// Where a mean duration comes from.
+/// Source of a mean duration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// Episodes in the folder.
     Measured,
-    /// The file that was named.
+    /// The file of `--durations`.
     Evaluated,
     /// The plan.
     Plan,
-    /// Nothing better is known.
+    /// The default.
     Guess,
 }
 
@@ -61,9 +60,9 @@ pub struct Share {
     pub task: String,
     /// Episodes of it.
     pub episodes: usize,
-    /// Episodes of it that are there.
+    /// Existing episodes of it.
     pub done: usize,
-    /// Mean duration, simulated seconds, and where it comes from.
+    /// Mean duration, simulated seconds, and its source.
     pub seconds: (f64, Source),
     /// Share of attempts that succeed.
     pub success: f64,
@@ -71,7 +70,7 @@ pub struct Share {
     pub reference: Option<f64>,
 }
 
-/// What a campaign will take.
+/// Estimate of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// By task, in the order of the plan.
@@ -100,13 +99,13 @@ struct EvaluatedTask {
 /// of `wheelarm evaluate`.
 ///
 /// # Errors
-/// When it cannot be read.
+/// When the file cannot be read or has another format.
 pub fn durations(path: &Path) -> anyhow::Result<BTreeMap<String, (f64, f64)>> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("reading the durations {}", path.display()))?;
     let report: Evaluated = serde_json::from_str(&text).with_context(|| {
         format!(
-            "{} is no report of `wheelarm evaluate` (a JSON with tasks, their mean_seconds and rate)",
+            "{} is not a report of `wheelarm evaluate` (JSON with tasks, their mean_seconds and rate)",
             path.display()
         )
     })?;
@@ -114,7 +113,7 @@ pub fn durations(path: &Path) -> anyhow::Result<BTreeMap<String, (f64, f64)>> {
     Ok(tasks.map(|t| (t.task, (t.mean_seconds, t.rate))).collect())
 }
 
-/// Reckons what `episodes` of the plan will take.
+/// Estimates `episodes` of the plan.
 #[must_use]
 pub fn estimate(
     plan: &Plan,
@@ -137,14 +136,14 @@ pub fn estimate(
     let measured = simulated > 0.0 && wall > 0.0;
     let shares = plan.tasks.iter().map(|task| {
         let of_task = || episodes.iter().filter(|e| e.task == task.name);
-        let there: Vec<f64> = of_task()
+        let existing: Vec<f64> = of_task()
             .filter_map(|e| ledger.done.get(&e.id))
             .map(|d| d.seconds)
             .collect();
         let known = evaluated.get(&task.name);
-        let seconds = if !there.is_empty() {
+        let seconds = if !existing.is_empty() {
             (
-                there.iter().sum::<f64>() / there.len() as f64,
+                existing.iter().sum::<f64>() / existing.len() as f64,
                 Source::Measured,
             )
         } else if let Some((seconds, _)) = known {
@@ -157,7 +156,7 @@ pub fn estimate(
         Share {
             task: task.name.clone(),
             episodes: of_task().count(),
-            done: there.len(),
+            done: existing.len(),
             seconds,
             success: known.map_or(1.0, |(_, rate)| rate.clamp(0.05, 1.0)),
             reference: task.reference_samples,
@@ -189,14 +188,14 @@ impl Estimate {
         self.shares.iter().map(of).sum()
     }
 
-    /// Simulated seconds still to be made, failed attempts included.
+    /// Remaining simulated seconds, failed attempts included.
     #[must_use]
     pub fn seconds_left(&self) -> f64 {
         let of = |s: &Share| (s.episodes - s.done) as f64 * s.seconds.0 / s.success;
         self.shares.iter().map(of).sum()
     }
 
-    /// Bytes still to be written.
+    /// Remaining bytes to write.
     #[must_use]
     pub fn bytes_left(&self) -> f64 {
         let of = |s: &Share| (s.episodes - s.done) as f64 * s.seconds.0;
@@ -210,7 +209,7 @@ impl Estimate {
         longest * self.byte_rate
     }
 
-    /// Checks that the disk of the folder `out` has room for the files that are missing.
+    /// Checks that the disk of the folder `out` has space for the missing files.
     ///
     /// # Errors
     /// When it is too small, with both sizes.
@@ -218,7 +217,8 @@ impl Estimate {
         fits(out, self.bytes_left(), free_disk(out))
     }
 
-    /// The table of `--dry-run`; each worker keeps so many bytes of recordings in memory.
+    /// The table of `--dry-run`; `workers` is their number and the bytes of recordings that
+    /// each keeps in memory.
     #[must_use]
     pub fn table(&self, plan: &Plan, out: &Path, workers: (usize, f64)) -> String {
         let mut text = String::new();
@@ -263,14 +263,14 @@ impl Estimate {
         text
     }
 
-    /// Workers whose recordings under way fit into so many bytes, at least 1.
+    /// Workers whose running recordings fit into `free` bytes, at least 1.
     #[must_use]
     pub fn workers_in(&self, free: u64) -> usize {
         let each = PIPELINES as f64 * self.largest();
         ((free as f64 / each.max(1.0)) as usize).max(1)
     }
 
-    /// How much a folder for recordings under way must take, and has.
+    /// Line with the needed and the free space of the folder for running recordings.
     #[must_use]
     pub fn scratch(&self, scratch: &Path, workers: usize) -> String {
         let need = (PIPELINES * workers) as f64 * self.largest();
@@ -295,7 +295,7 @@ impl Estimate {
     }
 
     fn resources(&self, plan: &Plan, out: &Path, (workers, kept): (usize, f64), text: &mut String) {
-        let host = Host::appearance();
+        let host = Host::measure();
         let cameras: Vec<String> = camera_words(plan.scenario());
         let _ = writeln!(
             text,
@@ -344,13 +344,13 @@ impl Estimate {
             if measured {
                 "measured in the folder"
             } else {
-                "a guess: make one episode and ask again"
+                "a guess: make one episode and run this again"
             }
         );
     }
 }
 
-/// Bytes for people.
+/// Bytes as text with a unit.
 #[must_use]
 pub fn bytes(value: f64) -> String {
     match value {
@@ -360,7 +360,7 @@ pub fn bytes(value: f64) -> String {
     }
 }
 
-/// A duration for people.
+/// A duration as text with units.
 #[must_use]
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
@@ -377,7 +377,7 @@ fn fits(out: &Path, left: f64, free: Option<u64>) -> anyhow::Result<()> {
     match free {
         Some(free) if (free as f64) < left => anyhow::bail!(
             "the disk of {} is too small: the files need {}, {} are free; free some space, \
-             name another folder with --out, or make a part with --shard",
+             choose another folder with --out, or make a part with --shard",
             out.display(),
             bytes(left),
             bytes(free as f64)
@@ -394,20 +394,20 @@ mod tests {
     const PLAN: &str = "name = \"x\"\n[[scenario.cameras]]\nname = \"gen3\"\nwidth = 100\nheight = 100\n[[task]]\nname = \"a\"\nepisodes = 4\nseconds = 10\nreference_samples = 50\n[[task]]\nname = \"b\"\nepisodes = 2\n";
 
     #[test]
-    fn disk_without_room_is_refused_with_both_sizes() {
+    fn full_disk_is_an_error_with_both_sizes() {
         let out = Path::new("data/x");
         assert!(fits(out, 5e9, Some(6_000_000_000)).is_ok());
         assert!(fits(out, 5e9, None).is_ok());
-        let told = fits(out, 5e9, Some(4_000_000_000)).unwrap_err().to_string();
-        assert!(told.contains("data/x is too small"), "{told}");
+        let error = fits(out, 5e9, Some(4_000_000_000)).unwrap_err().to_string();
+        assert!(error.contains("data/x is too small"), "{error}");
         assert!(
-            told.contains(&bytes(5e9)) && told.contains(&bytes(4e9)),
-            "{told}"
+            error.contains(&bytes(5e9)) && error.contains(&bytes(4e9)),
+            "{error}"
         );
     }
 
     #[test]
-    fn samples_disk_and_time_follow_from_what_is_known_best() {
+    fn estimate_uses_the_best_known_duration() {
         let plan = Plan::parse("p.toml".as_ref(), PLAN.to_owned()).unwrap();
         let all = episodes(&plan);
         let plain = estimate(&plan, &all, &Ledger::default(), &BTreeMap::new());

@@ -1,10 +1,10 @@
-//! The workers: each simulates one episode after the other, with programs of
-//! its own. A worker has a slot and two pipelines: while one waits for a finished
-//! file, checks and publishes it, the other has the permit to simulate.
+//! The workers: each simulates one episode after the other, with its own programs. A worker
+//! has a slot and two pipelines: while one waits for a finished file, checks and publishes
+//! it, the other has the permit to simulate.
 //!
-//! A worker that something else kills has run out of memory. Its slot retires while
-//! there is another one, and its episodes go back to the queue with their seeds: memory
-//! never decides which scenes a dataset has.
+//! A worker killed by another program has run out of memory. Its slot retires if another
+//! slot exists, and its episodes return to the queue with their seeds, so that memory never
+//! decides which scenes a dataset has.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -20,69 +20,68 @@ use super::capacity::{PIPELINES, free_disk, size, worker_bytes};
 use super::episode::Episode;
 use super::estimate::bytes;
 use super::journal::{DEATHS, Done, Entry, Failed, Journal};
-use super::progress::Show;
+use super::progress::ProgressView;
 use super::slot::{Part, Permit, Slot};
 use super::stop::Stop;
 
-/// Runs of the same attempt when its programs break.
+/// Runs of the same attempt when its programs fail.
 const TRIES: u32 = 3;
-/// Episodes that break before the first one is done, after which the campaign
-/// is ended: it is the host, not the episode.
+/// Broken episodes before the first finished one, after which the campaign ends: the host
+/// is at fault, not the episode.
 const BROKEN: usize = 2;
 
-/// An episode to be made.
+/// An episode to make.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Which one.
+    /// The episode.
     pub episode: Episode,
-    /// The attempt to begin with.
+    /// Number of the first attempt.
     pub attempt: u32,
     /// Servers that died or hung in that attempt before this run.
     pub deaths: u32,
     /// Simulated seconds expected, failed attempts included.
     pub expected: f64,
-    /// Times that the only worker was killed while it made this episode.
+    /// Times that the only worker was killed during this episode.
     pub kills: u32,
 }
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
     /// Episodes made.
     pub done: usize,
-    /// Episodes whose attempts are used up.
+    /// Episodes without remaining attempts.
     pub given_up: Vec<String>,
-    /// Episodes whose programs broke again and again, with the last words.
+    /// Episodes whose programs failed repeatedly, with the last message.
     pub broken: Vec<(String, String)>,
-    /// Attempts in which the physics or a server broke; they are in the journal
-    /// with the scenario.
+    /// Attempts in which the physics or a server failed; the journal has their scenarios.
     pub entered: Vec<(String, String)>,
-    /// Episodes thrown away because the run was ended.
+    /// Episodes discarded because the run ended.
     pub discarded: usize,
-    /// Workers that something else killed and that did not go on.
+    /// Workers that another program killed and that retired.
     pub retired: usize,
-    /// Why the run ended early.
+    /// Reason of an early end.
     pub ended: Option<String>,
 }
 
 struct Shared<'a> {
     setup: &'a Setup,
     stop: &'a Stop,
-    show: &'a Show,
+    show: &'a ProgressView,
     jobs: Mutex<Jobs>,
-    /// An episode came back, or none is made any more.
+    /// Notified when an episode returns to the queue, or none is running.
     changed: Condvar,
     journal: Journal,
     tally: Mutex<Tally>,
     /// Bytes of the longest episode.
     largest: f64,
-    /// Pipelines that make an episode.
+    /// Number of pipelines that make an episode.
     busy: AtomicUsize,
-    /// Slots that take episodes.
+    /// Number of slots that accept episodes.
     slots: Mutex<usize>,
 }
 
-/// Episodes to be made, and how many are being made.
+/// Queue of episodes, and the number of running ones.
 struct Jobs {
     waiting: VecDeque<Job>,
     taken: usize,
@@ -96,7 +95,7 @@ pub fn work(
     journal: Journal,
     slots: &[Slot],
     largest: f64,
-    (stop, show): (&Stop, &Show),
+    (stop, show): (&Stop, &ProgressView),
 ) -> Tally {
     let shared = Shared {
         setup,
@@ -122,7 +121,7 @@ pub fn work(
             .zip(parts)
             .map(|(pipeline, part)| scope.spawn(move || shared.run(pipeline, &part)))
             .collect();
-        show.draw_until(|| {
+        show.show_until(|| {
             threads
                 .iter()
                 .all(std::thread::ScopedJoinHandle::is_finished)
@@ -167,15 +166,15 @@ impl Shared<'_> {
         }
     }
 
-    /// The next episode for a slot, with the permit to simulate. Where none waits but
-    /// some are made, one of them may come back.
+    /// The next episode for a slot, with the permit to simulate. While episodes run, waits
+    /// for one to return to an empty queue.
     fn next<'s>(&self, slot: &'s Slot) -> Option<(Permit<'s>, Job)> {
-        /// How often it is looked whether the campaign is to end.
-        const LOOK: Duration = Duration::from_millis(200);
+        /// Interval between checks of the end of the campaign.
+        const CHECK_INTERVAL: Duration = Duration::from_millis(200);
         loop {
             let permit = slot.permit();
             let mut jobs = self.jobs.lock();
-            if self.stop.asked() || slot.is_retired() {
+            if self.stop.is_requested() || slot.is_retired() {
                 return None;
             }
             if let Some(job) = jobs.waiting.pop_front() {
@@ -187,17 +186,17 @@ impl Shared<'_> {
             }
             drop(permit);
             drop(jobs);
-            // What waits takes no memory from those that work.
+            // A waiting pipeline releases its process, which frees memory for the running ones.
             slot.rest();
             let mut jobs = self.jobs.lock();
             if jobs.waiting.is_empty() && jobs.taken > 0 {
-                self.changed.wait_for(&mut jobs, LOOK);
+                self.changed.wait_for(&mut jobs, CHECK_INTERVAL);
             }
         }
     }
 
-    /// What becomes of an episode whose worker something else killed: another worker
-    /// makes it, or the same where there is no other, once more.
+    /// Reassigns an episode whose worker was killed: to another worker, or to the same one
+    /// once if it is the only one.
     fn after_kill(&self, slot: &Slot, mut job: Job, killed: Killed) -> Option<Job> {
         job.attempt = killed.attempt;
         job.deaths = killed.deaths;
@@ -209,7 +208,7 @@ impl Shared<'_> {
             *slots -= 1;
             self.tally.lock().retired += 1;
             tracing::warn!(
-                "{}: {}; most likely memory ran out: {} workers go on, and the episode is made again with its seed",
+                "{}: {}; most likely memory ran out: {} workers continue, and the episode is repeated with its seed",
                 job.episode.id,
                 killed.words,
                 *slots
@@ -229,7 +228,7 @@ impl Shared<'_> {
         None
     }
 
-    /// No other episode begins.
+    /// Ends the run after the running episodes.
     fn end(&self, why: String) {
         self.tally.lock().ended.get_or_insert(why);
         self.stop.after_running();
@@ -241,7 +240,7 @@ impl Shared<'_> {
         let folder = &self.setup.folder;
         let check = |place: &Path, taken: u64| match free_disk(place) {
             Some(free) if ((free + taken) as f64) < need => anyhow::bail!(
-                "{} has {} free, and the episodes that would run now need {}; make room and start again, nothing is lost",
+                "{} has {} free, and the episodes that would run now need {}; free space and start again, nothing is lost",
                 place.display(),
                 bytes(free as f64),
                 bytes(need)
@@ -249,16 +248,16 @@ impl Shared<'_> {
             _ => Ok(()),
         };
         check(folder.root(), 0)?;
-        // What runs already is there already.
+        // Running recordings already occupy their space.
         let scratch = folder.all_scratch();
         scratch.map_or(Ok(()), |scratch| check(scratch, size(scratch)))
     }
 
-    /// Attempts an episode until it is done, dropped or the run ends. How its worker was
-    /// killed, if something else did that: the episode is to be made again.
+    /// Attempts an episode until it is done, dropped or the run ends. Returns `Killed` when
+    /// another program killed its worker and the episode must be repeated.
     ///
     /// # Errors
-    /// When the folder or the journal cannot be written: that ends the run.
+    /// When the folder or the journal cannot be written, which ends the run.
     fn episode<'s>(
         &self,
         place: Place<'s>,
@@ -270,7 +269,7 @@ impl Shared<'_> {
         for number in job.attempt..self.setup.plan.attempts {
             let deaths = if number == job.attempt { job.deaths } else { 0 };
             match self.tries(place, &mut permit, episode, (number, deaths))? {
-                Tried::Done(done) => {
+                AttemptEnd::Done(done) => {
                     let words = format!(
                         "{} done: {:.1} s simulated in {:.1} s, {}",
                         episode.id,
@@ -287,11 +286,11 @@ impl Shared<'_> {
                         .end(place.pipeline, seconds, job.expected, true, &words);
                     return Ok(None);
                 }
-                Tried::Again => {}
-                Tried::Killed(killed) => return Ok(Some(killed)),
-                Tried::Broken | Tried::Stopped => return Ok(None),
+                AttemptEnd::Again => {}
+                AttemptEnd::Killed(killed) => return Ok(Some(killed)),
+                AttemptEnd::Broken | AttemptEnd::Stopped => return Ok(None),
             }
-            if self.stop.asked() && number + 1 < self.setup.plan.attempts {
+            if self.stop.is_requested() && number + 1 < self.setup.plan.attempts {
                 return Ok(None);
             }
         }
@@ -299,7 +298,7 @@ impl Shared<'_> {
         Ok(None)
     }
 
-    /// Enters an attempt that failed, and says so.
+    /// Writes a failed attempt to the journal and prints it.
     fn enter(&self, pipeline: usize, failed: Failed) -> anyhow::Result<()> {
         let (episode, seed, reason) = (&failed.episode, failed.seed, &failed.reason);
         let words = format!("{episode} failed with seed {seed}: {reason}");
@@ -313,7 +312,7 @@ impl Shared<'_> {
         Ok(())
     }
 
-    /// One run of an attempt; a panic costs no more than that run.
+    /// One run of an attempt; a panic ends only that run.
     fn attempt(
         &self,
         place: Place<'_>,
@@ -324,71 +323,70 @@ impl Shared<'_> {
         let activity = self.show.activity(place.pipeline);
         let held = (place.slot, permit);
         let run = || attempt(self.setup, (episode, number), held, self.stop, &activity);
-        // What it shares with others is locked for single steps alone.
+        // Unwind safe: shared state is locked only for single steps.
         let made = catch_unwind(AssertUnwindSafe(run));
         made.unwrap_or_else(|cause| Err(Panicked::because_of(&*cause).into()))
     }
 
-    /// One attempt, again when its programs break; servers may have died in it
-    /// before.
+    /// One attempt, repeated when its programs fail; `deaths` servers died in it before.
     fn tries<'s>(
         &self,
         place: Place<'s>,
         permit: &mut Option<Permit<'s>>,
         episode: &Episode,
         (number, mut deaths): (u32, u32),
-    ) -> anyhow::Result<Tried> {
+    ) -> anyhow::Result<AttemptEnd> {
         let seed = episode.seed_of(number);
         let mut last = String::new();
         for run in 0..TRIES {
             let mut title = format!("{} seed {seed}", episode.id);
             if run > 0 || deaths > 0 {
-                title.push_str(" once more");
+                title.push_str(" again");
             }
             let permit = match permit.take() {
                 Some(permit) => permit,
                 None => {
                     let permit = place.slot.permit();
-                    // The end may have come while another simulated.
-                    if self.stop.asked() {
-                        return Ok(Tried::Stopped);
+                    // The end may have been requested while this pipeline waited.
+                    if self.stop.is_requested() {
+                        return Ok(AttemptEnd::Stopped);
                     }
                     permit
                 }
             };
             self.show.begin(place.pipeline, title);
             match self.attempt(place, permit, episode, number) {
-                Ok(Outcome::Done(done)) => return Ok(Tried::Done(done)),
+                Ok(Outcome::Done(done)) => return Ok(AttemptEnd::Done(done)),
                 Ok(Outcome::Failed(failed)) => {
                     self.setup.folder.keep_failed(&episode.id, number)?;
                     self.enter(place.pipeline, failed)?;
-                    return Ok(Tried::Again);
+                    return Ok(AttemptEnd::Again);
                 }
                 Ok(Outcome::Broke(failed)) => {
                     self.setup.folder.keep_failed(&episode.id, number)?;
-                    // Whoever throws everything away may have ended the server, too.
+                    // The signal that discards the episodes may have ended the server, too.
                     if self.stop.at_once() {
-                        return Ok(Tried::Stopped);
+                        return Ok(AttemptEnd::Stopped);
                     }
                     deaths += 1;
                     last.clone_from(&failed.reason);
                     let death = deaths;
                     self.enter(place.pipeline, Failed { death, ..failed })?;
-                    if self.stop.asked() {
-                        return Ok(Tried::Stopped);
+                    if self.stop.is_requested() {
+                        return Ok(AttemptEnd::Stopped);
                     }
                     if deaths >= DEATHS {
-                        return Ok(Tried::Again);
+                        return Ok(AttemptEnd::Again);
                     }
                 }
                 Ok(Outcome::Killed(words)) => {
                     self.setup.folder.clean(&episode.id)?;
                     if self.stop.at_once() {
-                        return Ok(Tried::Stopped);
+                        return Ok(AttemptEnd::Stopped);
                     }
-                    let line = format!("{} is made again: {words}", episode.id);
+                    let line = format!("{} is repeated: {words}", episode.id);
                     self.show.end(place.pipeline, 0.0, 0.0, false, &line);
-                    return Ok(Tried::Killed(Killed {
+                    return Ok(AttemptEnd::Killed(Killed {
                         attempt: number,
                         deaths,
                         words,
@@ -397,17 +395,17 @@ impl Shared<'_> {
                 Ok(Outcome::Stopped) => {
                     self.setup.folder.clean(&episode.id)?;
                     self.tally.lock().discarded += 1;
-                    return Ok(Tried::Stopped);
+                    return Ok(AttemptEnd::Stopped);
                 }
                 Err(problem) => {
                     last = without_log(&format!("{problem:#}"));
                     let words = format!("{} broke: {last}", episode.id);
                     self.show.end(place.pipeline, 0.0, 0.0, false, &words);
                     self.setup.folder.keep_failed(&episode.id, number)?;
-                    // A disk that was full stays full: that ends the run, with its cure.
+                    // A full disk ends the run, with its fix.
                     self.room(self.busy.load(Ordering::Acquire))?;
-                    if self.stop.asked() {
-                        return Ok(Tried::Stopped);
+                    if self.stop.is_requested() {
+                        return Ok(AttemptEnd::Stopped);
                     }
                 }
             }
@@ -418,15 +416,15 @@ impl Shared<'_> {
         drop(tally);
         if hopeless {
             self.end(format!(
-                "nothing works on this host; the last words were: {last}"
+                "no episode works on this host; the last error was: {last}"
             ));
         }
-        Ok(Tried::Broken)
+        Ok(AttemptEnd::Broken)
     }
 }
 
-/// The words of a problem without those that lead to the log of the recording: a
-/// campaign makes the episode again and keeps no log.
+/// An error message without the clauses that point to the log of the recording: a campaign
+/// repeats the episode and keeps no log.
 fn without_log(words: &str) -> String {
     let leads = |clause: &str| clause.contains(".h5.wal") || clause.contains("dataset recover");
     let mut dropped = false;
@@ -440,29 +438,29 @@ fn without_log(words: &str) -> String {
     });
     let kept = lines.collect::<Vec<_>>().join("\n");
     match dropped {
-        true => format!("{kept}; its log is not kept, the episode is made again"),
+        true => format!("{kept}; its log is not kept, the episode is repeated"),
         false => words.to_owned(),
     }
 }
 
-enum Tried {
-    /// It is done.
+enum AttemptEnd {
+    /// The episode is done.
     Done(Box<Done>),
-    /// The task was not done.
+    /// The attempt failed; the next one may run.
     Again,
-    /// Something else killed the worker.
+    /// Another program killed the worker.
     Killed(Killed),
     Broken,
     Stopped,
 }
 
-/// An attempt whose worker something else killed.
+/// An attempt whose worker another program killed.
 struct Killed {
     /// The attempt, from 0.
     attempt: u32,
     /// Servers that died or hung in it.
     deaths: u32,
-    /// How the worker ended.
+    /// Exit status of the worker, as text.
     words: String,
 }
 
@@ -471,7 +469,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_that_is_removed_is_not_named() {
+    fn removed_log_is_not_named() {
         for (words, kept) in [
             (
                 "a.h5 cannot be written: No space left; the recording is still in a.h5.wal, `wheelarm dataset recover a.h5.wal` tries again",
@@ -486,13 +484,13 @@ mod tests {
                 "making the file panicked; please report it",
             ),
         ] {
-            let told = without_log(words);
+            let text = without_log(words);
             assert_eq!(
-                told,
-                format!("{kept}; its log is not kept, the episode is made again")
+                text,
+                format!("{kept}; its log is not kept, the episode is repeated")
             );
         }
-        let other = "the recorder said:\nnothing; at all";
+        let other = "output of the recorder:\nnone; at all";
         assert_eq!(without_log(other), other);
     }
 }

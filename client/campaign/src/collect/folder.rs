@@ -1,13 +1,13 @@
-//! The dataset's folder: where a file is made, how it gets its final name, and
-//! what a killed run left behind.
+//! The dataset's folder: where a file is made, how it gets its final name, and the
+//! leftovers of a killed run.
 //!
 //! | path | what |
 //! |---|---|
 //! | `plan.toml` | the plan |
 //! | `episodes/ID.h5` | finished, successful, complete episodes and nothing else |
-//! | `journal/*.jsonl` | what has been done, append-only |
+//! | `journal/*.jsonl` | entries of finished and failed attempts, append-only |
 //! | `staging/ID/` | an episode while it is made |
-//! | `failed/ID-attempt-K/` | what the programs said in attempts that failed; `-2` and so on when one was made again |
+//! | `failed/ID-attempt-K/` | output of the programs in failed attempts; `-2` and so on for repeated attempts |
 //! | `failed_episodes/ID-attempt-K.h5` | recordings of attempts that failed at the task, where the plan keeps them |
 //! | `failed/ID-not-in-journal.h5` | a file whose entry in the journal was lost in a power cut |
 //! | `manifest.json`, `report.md`, `README.md` | made from the journals at the end |
@@ -30,14 +30,14 @@ use wheelarm_rollout::launcher::remove_socket;
 /// Folder of the kept recordings of failed attempts.
 const FAILED_EPISODES: &str = "failed_episodes";
 
-/// Name of the note in a staging folder that says what is about to be published.
+/// Name of the note in a staging folder with the entry of the file to publish.
 const RESULT: &str = "result.json";
 
 /// A dataset's folder.
 #[derive(Clone, Debug)]
 pub struct Folder {
     root: PathBuf,
-    /// Where recordings lie while they are made; in the staging folders when absent.
+    /// Folder of running recordings; the staging folders when absent.
     scratch: Option<Scratch>,
 }
 
@@ -58,13 +58,12 @@ impl Folder {
         }
     }
 
-    /// The same with recordings under way in a folder of `scratch`, which is this
-    /// dataset's and this shard's alone. What a killed run left there is removed: it is
-    /// made again.
+    /// The same with running recordings in a folder of `scratch` that belongs to this
+    /// dataset and shard. Leftovers of a killed run are removed, because their episodes are
+    /// repeated.
     ///
     /// # Errors
-    /// When the folder cannot be made, or another run has it: one of a host with the same
-    /// names.
+    /// When the folder cannot be made, or another run uses it.
     pub fn with_scratch(self, scratch: &Path, shard: Shard) -> anyhow::Result<Self> {
         let making = || format!("making a folder in --scratch {}", scratch.display());
         let root = std::path::absolute(&self.root).with_context(making)?;
@@ -80,12 +79,12 @@ impl Folder {
         match lock.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => bail!(
-                "another `wheelarm collect` has {}; wait for its end, or take another --scratch",
+                "another `wheelarm collect` has {}; wait for its end, or use another --scratch",
                 own.display()
             ),
             Err(TryLockError::Error(e)) => {
                 tracing::warn!(
-                    "{} cannot be locked ({e}); see to it that no other host has this --scratch",
+                    "{} cannot be locked ({e}); make sure that no other host uses this --scratch",
                     own.display()
                 );
             }
@@ -101,8 +100,7 @@ impl Folder {
         })
     }
 
-    /// Where the recording of an episode lies while it is made, if not in its staging
-    /// folder.
+    /// Folder of the running recording of an episode, if it is not its staging folder.
     #[must_use]
     pub fn scratch(&self, episode: &str) -> Option<PathBuf> {
         let scratch = self.scratch.as_ref();
@@ -115,8 +113,8 @@ impl Folder {
         self.scratch.as_ref().map(|scratch| &*scratch.folder)
     }
 
-    /// Removes the folder for recordings under way, when none is. Where that does not go,
-    /// it costs room alone.
+    /// Removes the folder for running recordings after their end. A failure only costs
+    /// disk space.
     pub fn clear_scratch(&self) {
         if let Some(scratch) = &self.scratch {
             let lock = scratch.folder.with_extension("lock");
@@ -174,7 +172,7 @@ impl Folder {
     /// Keeps the text of the plan beside the data.
     ///
     /// # Errors
-    /// When the disk does not take it.
+    /// When the disk does not accept it.
     pub fn keep_plan(&self, text: &str) -> anyhow::Result<()> {
         let kept = std::fs::read_to_string(self.plan());
         match kept.is_ok_and(|kept| kept == text) {
@@ -183,7 +181,7 @@ impl Folder {
         }
     }
 
-    /// Where an episode is made.
+    /// Staging folder of an episode.
     #[must_use]
     pub fn staging(&self, episode: &str) -> PathBuf {
         self.root.join("staging").join(episode)
@@ -204,7 +202,7 @@ impl Folder {
     /// Removes an episode's staging folder.
     ///
     /// # Errors
-    /// When it is there and cannot be removed.
+    /// When it exists and cannot be removed.
     pub fn clean(&self, episode: &str) -> anyhow::Result<()> {
         let path = self.staging(episode);
         remove_socket(&path);
@@ -216,16 +214,16 @@ impl Folder {
     /// first, so that a crash in between is finished by [`Folder::resume`].
     ///
     /// # Errors
-    /// When there is a file of that name, or the disk does not take it.
+    /// When a file of that name exists, or the disk does not accept it.
     pub fn publish(&self, done: &Done) -> anyhow::Result<()> {
         let staging = self.staging(&done.episode);
         write_whole(&staging.join(RESULT), &serde_json::to_vec(done)?)?;
         let staged = staging.join(format!("{}.h5", done.episode));
-        appear(&staged, &self.file(&done.episode))
+        move_file(&staged, &self.file(&done.episode))
     }
 
-    /// What a killed run had finished of an episode but not entered into a
-    /// journal; the file has its final name afterwards. `None`: nothing usable.
+    /// Result of an episode that a killed run finished but did not enter into a journal; the
+    /// file has its final name afterwards. `None` without a usable file.
     ///
     /// # Errors
     /// When a file cannot be read or named.
@@ -245,11 +243,11 @@ impl Folder {
         if done.episode != episode || !staged.is_file() || sha256(&staged)? != done.sha256 {
             return Ok(None);
         }
-        appear(&staged, &file)?;
+        move_file(&staged, &file)?;
         Ok(Some(done))
     }
 
-    /// Keeps what the programs said in a failed attempt; its recording goes.
+    /// Keeps the output of the programs of a failed attempt and removes its recording.
     ///
     /// # Errors
     /// When the folder cannot be moved.
@@ -266,7 +264,7 @@ impl Folder {
             }
         }
         let name = format!("failed/{episode}-attempt-{attempt}");
-        // The same attempt is made once more after a server's death.
+        // The same attempt is repeated after a server's death.
         let kept = free(&self.root.join(name), "");
         std::fs::rename(&staging, &kept).with_context(|| format!("making {}", kept.display()))?;
         let scratch = self.scratch(episode);
@@ -283,20 +281,20 @@ impl Folder {
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("making the folder {}", folder.display()))?;
         let kept = free(&folder.join(name), ".h5");
-        appear(file, &kept)?;
+        move_file(file, &kept)?;
         let stem = kept.file_name().unwrap_or_default().to_string_lossy();
         Ok(format!("{FAILED_EPISODES}/{stem}"))
     }
 
     /// Moves recordings of failed attempts at `episodes` to `failed/` that are not
-    /// among those that are `told`, relative to the root; their new paths.
+    /// among the `listed` ones, relative to the root; their new paths.
     ///
     /// # Errors
     /// When one cannot be moved.
     pub fn set_orphans_aside<'a>(
         &self,
         episodes: impl Iterator<Item = &'a str>,
-        told: &[&str],
+        listed: &[&str],
     ) -> anyhow::Result<Vec<PathBuf>> {
         let episodes: Vec<&str> = episodes.collect();
         let kept = std::fs::read_dir(self.root.join(FAILED_EPISODES));
@@ -306,13 +304,13 @@ impl Folder {
             let is_mine = name
                 .rsplit_once("-attempt-")
                 .is_some_and(|(episode, _)| episodes.contains(&episode));
-            if !is_mine || told.contains(&format!("{FAILED_EPISODES}/{name}").as_str()) {
+            if !is_mine || listed.contains(&format!("{FAILED_EPISODES}/{name}").as_str()) {
                 continue;
             }
             let stem = name.strip_suffix(".h5").unwrap_or(&name);
             let aside = self.root.join(format!("failed/{stem}-not-in-journal"));
             let aside = free(&aside, ".h5");
-            appear(&entry.path(), &aside)?;
+            move_file(&entry.path(), &aside)?;
             moved.push(aside);
         }
         Ok(moved)
@@ -326,12 +324,12 @@ impl Folder {
     pub fn set_aside(&self, episode: &str) -> anyhow::Result<PathBuf> {
         let name = format!("failed/{episode}-not-in-journal");
         let aside = free(&self.root.join(name), ".h5");
-        appear(&self.file(episode), &aside)?;
+        move_file(&self.file(episode), &aside)?;
         Ok(aside)
     }
 }
 
-/// A path that is not taken: `path`, else `path-2` and so on before its `ending`.
+/// A path that does not exist: `path`, else `path-2` and so on before its `ending`.
 fn free(path: &Path, ending: &str) -> PathBuf {
     let numbered = (1..).map(|number| match number {
         1 => format!("{}{ending}", path.display()),
@@ -345,22 +343,22 @@ fn free(path: &Path, ending: &str) -> PathBuf {
 ///
 /// # Errors
 /// When `to` exists or the file system refuses.
-pub fn appear(from: &Path, to: &Path) -> anyhow::Result<()> {
+pub fn move_file(from: &Path, to: &Path) -> anyhow::Result<()> {
     publish::file(from, to)
         .map(drop)
         .map_err(|problem| match problem.kind() {
             ErrorKind::AlreadyExists => anyhow!(
-                "{} exists already and is never overwritten; no journal knows it, move it away",
+                "{} exists already and is never overwritten; no journal has an entry for it, move it away",
                 to.display()
             ),
             _ => anyhow!("making {}: {problem}", to.display()),
         })
 }
 
-/// Writes a file so that it is there whole or not at all.
+/// Writes a file atomically.
 ///
 /// # Errors
-/// When the disk does not take it.
+/// When the disk does not accept it.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let new = path.with_extension(format!("new-{}", std::process::id()));
     let written = File::create(&new)
@@ -400,7 +398,7 @@ pub fn sha256(path: &Path) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Removes a folder, if it is there.
+/// Removes a folder, if it exists.
 fn remove(path: &Path) -> anyhow::Result<()> {
     match std::fs::remove_dir_all(path) {
         Err(e) if e.kind() != ErrorKind::NotFound => {
@@ -439,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kill_at_any_point_of_publication_loses_and_doubles_nothing() {
+    fn kill_during_publication_neither_loses_nor_duplicates_a_file() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::make(root.path()).unwrap();
         let staged = folder.stage("a-0000").unwrap().join("a-0000.h5");
@@ -452,7 +450,7 @@ mod tests {
         assert_eq!(folder.resume("a-0000").unwrap(), Some(note.clone()));
         assert_eq!(folder.resume("a-0000").unwrap(), Some(note.clone()));
         assert_eq!(std::fs::read(folder.file("a-0000")).unwrap(), b"abc");
-        // A foreign file under that name is neither taken nor replaced.
+        // A foreign file of that name is neither accepted nor replaced.
         std::fs::write(folder.file("a-0000"), "foreign").unwrap();
         std::fs::write(&staged, "abc").unwrap();
         assert_eq!(folder.resume("a-0000").unwrap(), None);

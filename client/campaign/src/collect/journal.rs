@@ -1,4 +1,4 @@
-//! The journals of a dataset: an [`EpisodeLog`] for each shard, and what they say together.
+//! The journals of a dataset: an [`EpisodeLog`] per shard, and their union.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use wheelarm_dataset::publish;
 use wheelarm_rollout::{EpisodeLog, FailureCause, LogEntry, read_log};
 
 use super::episode::Shard;
-use super::loss::Loss;
+use super::failure_analysis::Loss;
 
 /// One line of a journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,7 +32,7 @@ pub struct Done {
     pub attempt: u32,
     /// Its seed.
     pub seed: u64,
-    /// What the plan fixed about it.
+    /// Settings that the plan fixed.
     pub settings: String,
     /// The file, relative to the dataset's folder.
     pub file: String,
@@ -46,8 +46,8 @@ pub struct Done {
     pub instruction: String,
     /// Simulated seconds.
     pub seconds: f64,
-    /// Wall seconds of its worker: the start of the programs is in them, the
-    /// finishing of the file is not, for the next episode runs meanwhile.
+    /// Wall seconds of its worker, with the start of the programs and without the finishing
+    /// of the file, during which the next episode runs.
     pub wall_seconds: f64,
     /// Samples of every stream (count).
     pub counts: BTreeMap<String, u64>,
@@ -60,7 +60,7 @@ pub struct Done {
     pub target_in_first_images: Option<bool>,
     /// Server version and graphics adapter.
     pub origin: [String; 2],
-    /// The scenario with the drawn values.
+    /// The scenario with the sampled values.
     pub scenario: serde_json::Value,
 }
 
@@ -75,25 +75,24 @@ pub struct Failed {
     pub attempt: u32,
     /// Its seed.
     pub seed: u64,
-    /// What the plan fixed about the episode.
+    /// Settings that the plan fixed.
     pub settings: String,
-    /// Why it failed.
+    /// Reason of the failure.
     pub reason: String,
     /// Simulated seconds.
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What broke; absent when it was the task that failed.
+    /// Cause, if the episode broke; absent when the task failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub broken: Option<FailureCause>,
-    /// Which server of this attempt it was that died or hung, from 1; 0 when
-    /// none did.
+    /// Number of the server of this attempt that died or hung, from 1; 0 when none did.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub death: u32,
-    /// Of a kept recording: why the episode was lost, and from when on.
+    /// Of a kept recording: cause and tick of the loss.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss: Option<Box<Loss>>,
-    /// Where something broke, the scenario that reproduces it.
+    /// Scenario that reproduces a broken episode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
@@ -102,8 +101,8 @@ fn is_zero(count: &u32) -> bool {
     *count == 0
 }
 
-/// Runs of the same attempt when its server dies or hangs: what happens twice
-/// is taken for the scenario's fault, and the next attempt has a fresh seed.
+/// Runs of the same attempt when its server dies or hangs. A second death is attributed to
+/// the scenario, and the next attempt has a new seed.
 pub const DEATHS: u32 = 2;
 
 /// The journals of a dataset taken together.
@@ -113,8 +112,8 @@ pub struct Ledger {
     pub done: BTreeMap<String, Done>,
     /// By episode name, in the order of the attempts.
     pub failed: BTreeMap<String, Vec<Failed>>,
-    /// Lines that cannot be read, most likely cut by a power loss in the middle
-    /// of a write: journal and line from 1. What they said is not known.
+    /// Lines that cannot be read, most likely truncated by a power loss during a
+    /// write: journal and line number from 1. Their content is unknown.
     pub torn: Vec<(PathBuf, usize)>,
 }
 
@@ -122,7 +121,7 @@ impl Ledger {
     /// Reads every journal of `folder`; a folder that is absent is empty.
     ///
     /// # Errors
-    /// When a journal is there but cannot be read.
+    /// When a journal exists but cannot be read.
     pub fn read(folder: &Path) -> anyhow::Result<Self> {
         let mut files: Vec<_> = match std::fs::read_dir(folder) {
             Ok(entries) => entries.flatten().map(|entry| entry.path()).collect(),
@@ -142,8 +141,8 @@ impl Ledger {
         Ok(ledger)
     }
 
-    /// Takes one more entry. An episode whose file got lost is made again: the
-    /// newest word counts.
+    /// Adds an entry. The newest entry of an episode counts, because an episode whose file
+    /// is lost is repeated.
     pub fn add(&mut self, entry: Entry) {
         match entry {
             Entry::Done(done) => {
@@ -162,7 +161,7 @@ impl Ledger {
         }
     }
 
-    /// Whether a failure has been told, by this journal or by another.
+    /// Whether a failure has an entry in this journal or another.
     #[must_use]
     pub fn knows(&self, failed: &Failed) -> bool {
         let attempts = self.failed.get(&failed.episode);
@@ -236,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_server_that_died_once_has_its_attempt_tried_once_more() {
+    fn attempt_is_repeated_once_after_a_server_death() {
         let died = |attempt: u32, death: u32| {
             Entry::Failed(Failed {
                 broken: Some(FailureCause::Server),
@@ -247,7 +246,7 @@ mod tests {
         let mut ledger = Ledger::default();
         assert_eq!(ledger.next_attempt("a-0000"), (0, 0));
         ledger.add(died(0, 1));
-        // A second journal may say the same.
+        // A second journal may have the same entry.
         ledger.add(died(0, 1));
         assert_eq!(ledger.next_attempt("a-0000"), (0, 1));
         let mut failed_then = ledger.clone();
@@ -273,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_journal_cut_in_its_last_line_names_that_line() {
+    fn truncated_journal_line_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let journal = open(folder.path(), Shard::WHOLE).unwrap();
         journal.append(&Entry::Failed(failed(0))).unwrap();

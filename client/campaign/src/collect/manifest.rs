@@ -1,5 +1,4 @@
-//! What a dataset holds, for programs (`manifest.json`) and for people
-//! (`report.md`), made from its journals.
+//! Content of a dataset, as `manifest.json` and `report.md`, made from its journals.
 
 use std::fmt::Write;
 use wheelarm_proto::StreamId;
@@ -11,7 +10,7 @@ use super::estimate::{bytes, duration};
 use super::folder::{Folder, write_whole};
 use super::journal::{Done, Failed, Ledger};
 
-/// What a dataset holds.
+/// Content of a dataset.
 #[derive(Clone, Debug, Serialize)]
 pub struct Manifest {
     /// Always `wheelarm manifest`.
@@ -20,7 +19,7 @@ pub struct Manifest {
     pub version: u32,
     /// Name of the dataset.
     pub name: String,
-    /// Every episode of the plan is there.
+    /// Whether every episode of the plan exists.
     pub complete: bool,
     /// Episodes of the plan (count).
     pub planned: usize,
@@ -30,10 +29,10 @@ pub struct Manifest {
     pub bytes: u64,
     /// The episodes, in the order of the plan.
     pub episodes: Vec<Done>,
-    /// Episodes of the plan that are not there.
+    /// Missing episodes of the plan.
     pub missing: Vec<String>,
-    /// Attempts that failed, at the task or because something broke; none of them
-    /// is in the dataset; of a kept recording, where it is lost and why.
+    /// Failed attempts, which are not in the dataset; kept recordings with tick and cause
+    /// of the loss.
     pub failed_attempts: Vec<Failed>,
 }
 
@@ -69,14 +68,14 @@ impl Manifest {
     /// Writes both files into the dataset's folder.
     ///
     /// # Errors
-    /// When the disk does not take them.
+    /// When a file cannot be written.
     pub fn write(&self, folder: &Folder) -> anyhow::Result<()> {
         let json = serde_json::to_vec_pretty(self)?;
         write_whole(&folder.root().join("manifest.json"), &json)?;
         write_whole(&folder.root().join("report.md"), self.report().as_bytes())
     }
 
-    /// One line for people.
+    /// Summary in one line.
     #[must_use]
     pub fn line(&self) -> String {
         format!(
@@ -94,7 +93,7 @@ impl Manifest {
         )
     }
 
-    /// The report for people, Markdown.
+    /// The report in Markdown.
     #[must_use]
     pub fn report(&self) -> String {
         let mut text = format!("# {}\n\n{}\n\n", self.name, self.line());
@@ -103,10 +102,10 @@ impl Manifest {
             let of = || self.episodes.iter().filter(|d| d.task == task);
             let count = of().count();
             let seconds: f64 = of().map(|d| d.seconds).sum();
-            let sum = |pictures: bool| -> u64 {
+            let sum = |of_cameras: bool| -> u64 {
                 let counts = of().flat_map(|d| &d.counts);
                 counts
-                    .filter(|(stream, _)| StreamId::parse(stream).is_camera() == pictures)
+                    .filter(|(stream, _)| StreamId::parse(stream).is_camera() == of_cameras)
                     .map(|(_, count)| count)
                     .sum()
             };
@@ -151,7 +150,7 @@ impl Manifest {
         text
     }
 
-    /// Tasks in the order of the plan, as far as anything is known of them.
+    /// Tasks with done or missing episodes, in the order of the plan.
     fn tasks(&self) -> Vec<&str> {
         let done = self.episodes.iter().map(|d| d.task.as_str());
         let missing = self.missing.iter().map(|id| task_of(id));

@@ -1,7 +1,7 @@
-//! `wheelarm collect --merge`: the folders of several shards or hosts become
-//! one dataset, every file is checked, and what is missing is named.
+//! `wheelarm collect --merge`: joins the folders of several shards or hosts into one
+//! dataset, checks every file and lists missing episodes.
 //!
-//! The sources stay as they are; files are linked, or copied between disks.
+//! The sources are not changed; files are linked, or copied between disks.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,36 +10,37 @@ use anyhow::{Context, bail};
 use wheelarm_dataset::publish;
 use wheelarm_dataset::read::Episode as Recording;
 
+use super::acceptance::check;
 use super::card;
 use super::episode::{Episode, episodes};
-use super::folder::{Folder, appear, sha256};
+use super::failure_analysis::Loss;
+use super::folder::{Folder, move_file, sha256};
 use super::journal::{self, Done, Entry, Failed, Ledger};
-use super::judge::check;
-use super::loss::Loss;
 use super::manifest::Manifest;
 use super::plan::Plan;
 
 /// Joins `sources` into `out`.
 ///
 /// # Errors
-/// When the folders belong to different plans or cannot be read. A file that
-/// is bad or absent is no error: its episode counts as missing.
+/// When the folders belong to different plans or cannot be read. A damaged or absent file
+/// is not an error: its episode counts as missing.
 pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     let mut wanted: Vec<Episode> = Vec::new();
     let mut plan: Option<Plan> = None;
-    // What lies in the target already belongs to it, too.
+    // Files that the target already contains belong to it, too.
     let filled = Folder::at(out).plan().is_file();
     for source in sources
         .iter()
         .map(PathBuf::as_path)
         .chain(filled.then_some(out))
     {
-        let read = Plan::read(&Folder::at(source).plan())
-            .with_context(|| format!("{} is no folder of `wheelarm collect`", source.display()))?;
+        let read = Plan::read(&Folder::at(source).plan()).with_context(|| {
+            format!("{} is not a folder of `wheelarm collect`", source.display())
+        })?;
         if let Some(known) = plan.as_ref().filter(|known| known.name != read.name) {
             bail!(
-                "the folders are of different campaigns: {} is of {:?}, one before of {:?}; \
-                 merge them apart, or name another --out",
+                "the folders are of different campaigns: {} is of {:?}, an earlier one of {:?}; \
+                 merge them separately, or name another --out",
                 source.display(),
                 read.name,
                 known.name
@@ -54,7 +55,7 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
             plan = Some(read);
         }
     }
-    let plan = plan.context("no folder to merge is named")?;
+    let plan = plan.context("name a folder to merge")?;
     let folder = Folder::make(out)?;
     folder.keep_plan(&plan.text)?;
     let journal = journal::open_named(&folder.journal(), "merged")?;
@@ -63,17 +64,17 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
         (Ok(a), Ok(b)) => a == b,
         _ => false,
     };
-    // What is in the target counts only if its file is good.
+    // An episode of the target counts only if its file is good.
     let by_id: BTreeMap<&str, &Episode> = wanted.iter().map(|e| (e.id.as_str(), e)).collect();
     ledger.done.retain(|id, done| match by_id.get(id.as_str()) {
-        Some(episode) => said(good(out, done, episode), out, id),
+        Some(episode) => report(check_episode(out, done, episode), out, id),
         None => false,
     });
     for source in sources.iter().filter(|source| !ours(source)) {
         let theirs = Ledger::read(&Folder::at(source).journal())?;
         for mut failed in theirs.failed.into_values().flatten() {
             if !ledger.knows(&failed) {
-                failed.loss = keep(&folder, source, &failed).map(Box::new);
+                failed.loss = keep_failed(&folder, source, &failed).map(Box::new);
                 journal.append(&Entry::Failed(failed.clone()))?;
                 ledger.add(Entry::Failed(failed));
             }
@@ -82,10 +83,12 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
             let Some(episode) = by_id.get(id.as_str()) else {
                 continue;
             };
-            if ledger.done.contains_key(&id) || !said(good(source, &done, episode), source, &id) {
+            if ledger.done.contains_key(&id)
+                || !report(check_episode(source, &done, episode), source, &id)
+            {
                 continue;
             }
-            take(&folder, &source.join(&done.file), &done)?;
+            add_file(&folder, &source.join(&done.file), &done)?;
             let entry = Entry::Done(Box::new(done));
             journal.append(&entry)?;
             ledger.add(entry);
@@ -102,7 +105,7 @@ fn add(wanted: &mut Vec<Episode>, more: Vec<Episode>, source: &Path) -> anyhow::
     for episode in more {
         match wanted.iter().find(|known| known.id == episode.id) {
             Some(known) if known.settings != episode.settings => bail!(
-                "the folders are of different campaigns: {} is\n  {}\nin {} and\n  {}\nin one before",
+                "the folders are of different campaigns: {} is\n  {}\nin {} and\n  {}\nin an earlier one",
                 episode.id,
                 episode.settings,
                 source.display(),
@@ -115,11 +118,11 @@ fn add(wanted: &mut Vec<Episode>, more: Vec<Episode>, source: &Path) -> anyhow::
     Ok(())
 }
 
-/// Whether an episode is there as its journal says.
-fn good(root: &Path, done: &Done, episode: &Episode) -> anyhow::Result<()> {
+/// Checks that the file of an episode matches its journal and the plan.
+fn check_episode(root: &Path, done: &Done, episode: &Episode) -> anyhow::Result<()> {
     if done.settings != episode.settings {
         bail!(
-            "it was made with\n  {}\nand the plan says\n  {}",
+            "it was made with\n  {}\nand the plan has\n  {}",
             done.settings,
             episode.settings
         );
@@ -132,25 +135,25 @@ fn good(root: &Path, done: &Done, episode: &Episode) -> anyhow::Result<()> {
     let summary = Recording::open(&file)?.summary()?;
     check(&summary, episode, done.seed)?;
     if !summary.success {
-        bail!("it is not a success");
+        bail!("its task did not succeed");
     }
     Ok(())
 }
 
-/// Tells what is wrong with an episode.
-fn said(result: anyhow::Result<()>, root: &Path, id: &str) -> bool {
+/// Prints the problem of an episode. Returns whether it has none.
+fn report(result: anyhow::Result<()>, root: &Path, id: &str) -> bool {
     match result {
         Ok(()) => true,
         Err(problem) => {
-            eprintln!("{}: {id} is left out: {problem:#}", root.display());
+            eprintln!("{}: {id} is skipped: {problem:#}", root.display());
             false
         }
     }
 }
 
-/// Brings the recording of a failed attempt into the dataset, where one was kept. One
-/// that is bad or absent is left out, and said; the attempt itself stays told.
-fn keep(folder: &Folder, source: &Path, failed: &Failed) -> Option<Loss> {
+/// Adds the kept recording of a failed attempt to the dataset. A damaged or absent one is
+/// skipped with a message; the entry of the attempt remains.
+fn keep_failed(folder: &Folder, source: &Path, failed: &Failed) -> Option<Loss> {
     let loss = failed.loss.as_ref()?;
     let name = format!("{}-attempt-{}", failed.episode, failed.attempt);
     let kept = || -> anyhow::Result<String> {
@@ -159,13 +162,13 @@ fn keep(folder: &Folder, source: &Path, failed: &Failed) -> Option<Loss> {
         if found != loss.sha256 {
             bail!("its SHA-256 is {found}, expected {}", loss.sha256);
         }
-        let there = folder.root().join(&loss.file);
-        if there.is_file() && sha256(&there)? == loss.sha256 {
+        let existing = folder.root().join(&loss.file);
+        if existing.is_file() && sha256(&existing)? == loss.sha256 {
             return Ok(loss.file.clone());
         }
         let staging = folder.stage(&name)?;
         let staged = staging.join(format!("{name}.h5"));
-        bring(&from, &staged)?;
+        link_or_copy(&from, &staged)?;
         let file = folder.keep_recording(&staged, &name)?;
         folder.clean(&name)?;
         Ok(file)
@@ -176,14 +179,14 @@ fn keep(folder: &Folder, source: &Path, failed: &Failed) -> Option<Loss> {
             ..Loss::clone(loss)
         }),
         Err(problem) => {
-            said(Err(problem), source, &name);
+            report(Err(problem), source, &name);
             None
         }
     }
 }
 
 /// Links a file, or copies it between disks.
-fn bring(from: &Path, staged: &Path) -> anyhow::Result<()> {
+fn link_or_copy(from: &Path, staged: &Path) -> anyhow::Result<()> {
     if std::fs::hard_link(from, staged).is_err() {
         std::fs::copy(from, staged)
             .with_context(|| format!("copying {} to {}", from.display(), staged.display()))?;
@@ -194,24 +197,24 @@ fn bring(from: &Path, staged: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Brings a file into the dataset.
-fn take(folder: &Folder, from: &Path, done: &Done) -> anyhow::Result<()> {
+/// Adds a file to the dataset.
+fn add_file(folder: &Folder, from: &Path, done: &Done) -> anyhow::Result<()> {
     let to = folder.file(&done.episode);
     if to.is_file() {
         if sha256(&to)? == done.sha256 {
             return Ok(());
         }
-        // It was found to be damaged, and a good one comes.
+        // The existing file is damaged and replaced by a good one.
         let aside = folder.set_aside(&done.episode)?;
         eprintln!(
-            "{} is another file; it lies in {} now",
+            "{} is a different file; it was moved to {}",
             to.display(),
             aside.display()
         );
     }
     let staging = folder.stage(&done.episode)?;
     let staged = staging.join(format!("{}.h5", done.episode));
-    bring(from, &staged)?;
-    appear(&staged, &to)?;
+    link_or_copy(from, &staged)?;
+    move_file(&staged, &to)?;
     folder.clean(&done.episode)
 }

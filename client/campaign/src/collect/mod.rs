@@ -1,22 +1,21 @@
-//! `wheelarm collect`: a whole dataset from one plan, on one machine or on many.
+//! `wheelarm collect`: makes a dataset from a plan, on one host or on many.
 //!
-//! Each worker runs a server, a recorder and the operator in lock-step, one
-//! episode at a time, in one process or in three. What has been done stands in append-only journals and
-//! nowhere else, so any kill at any time costs the running episodes at most.
-//! Shards need no coordinator: name, seed and shard of an episode follow from
-//! the plan alone.
+//! Each worker runs a server, a recorder and the scripted operator in lock-step, one episode
+//! at a time, in one process or in three. Append-only journals are the only state, so a kill
+//! at any time costs at most the running episodes. Shards need no coordinator: name, seed
+//! and shard of an episode follow from the plan alone.
 
+mod acceptance;
 mod activity;
 mod attempt;
 mod capacity;
 mod card;
 mod episode;
 mod estimate;
+mod failure_analysis;
 mod fleet;
 mod folder;
 mod journal;
-mod judge;
-mod loss;
 mod manifest;
 mod merge;
 mod names;
@@ -46,7 +45,7 @@ use fleet::Tally;
 use folder::Folder;
 use manifest::Manifest;
 use plan::Plan;
-use progress::Show;
+use progress::ProgressView;
 use resume::{jobs, ledger, settle};
 use slot::Slot;
 use stop::Stop;
@@ -68,38 +67,38 @@ pub struct CollectArgs {
     /// Folder for the dataset; the plan's, else data/NAME.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Folder for recordings under way, which are made into the files of the dataset when
-    /// they are over: in memory (/dev/shm) or on a disk of this host, where that of the
-    /// dataset is slow; in the dataset when absent.
+    /// Folder for running recordings, converted to the files of the dataset at their end:
+    /// in memory (/dev/shm) or on a local disk, if the disk of the dataset is slow. Default:
+    /// in the dataset.
     #[arg(long, value_name = "DIR")]
     pub scratch: Option<PathBuf>,
-    /// Only tells episodes, samples, disk and time; fails where the plan names what the
-    /// assets lack, or the disk is too small.
+    /// Only prints episodes, samples, disk and time. Fails when the plan names a missing
+    /// asset, or the disk is too small.
     #[arg(long)]
     pub dry_run: bool,
     /// Report of `wheelarm evaluate` (JSON) with mean durations and success rates.
     #[arg(long, value_name = "FILE")]
     pub durations: Option<PathBuf>,
-    /// Episodes made at the same time; as many as fit in memory and cores when absent.
+    /// Episodes made at the same time; as many as memory and cores allow when absent.
     #[arg(long, value_name = "N")]
     pub workers: Option<NonZeroUsize>,
-    /// Makes part I of N, from 0/N to N-1/N; needs no coordinator.
+    /// Makes part I of N, from 0/N to N-1/N, without a coordinator.
     #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
     pub shard: Shard,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
     #[command(flatten)]
     pub graphics: AdapterArgs,
-    /// How a worker runs: `process` is server, recorder and operator in one process,
-    /// `socket` each in its own.
+    /// Processes of a worker: `process` runs server, recorder and operator in one process,
+    /// `socket` runs each in its own.
     #[arg(long, value_parser = named::<WorkerMode>(), default_value = "process")]
     pub worker: WorkerMode,
-    /// Wall seconds without an answer after which a server is ended, 5 at least.
+    /// Wall seconds without a reply after which a server is ended, at least 5.
     #[arg(long, default_value = "180", value_parser = patience::<5>, value_name = "SECONDS")]
     pub patience: Duration,
-    /// Joins the folders of shards into one dataset (--out, else the first),
-    /// checks every file and says what is missing.
+    /// Joins the folders of shards into one dataset (--out, else the first), checks every
+    /// file and lists missing episodes.
     #[arg(
         long,
         value_name = "DIR",
@@ -109,19 +108,22 @@ pub struct CollectArgs {
     pub merge: Vec<PathBuf>,
 }
 
-/// Runs `wheelarm collect`: 0 when everything asked for is there, 3 when
-/// episodes are missing, or something broke on the way and had to be replaced.
+/// Runs `wheelarm collect`. Exit code 0 when every planned episode exists, 3 when episodes
+/// are missing, or a failure of the physics or a server made an attempt be replaced.
 ///
 /// # Errors
-/// When the plan is wrong, the folder belongs to another one or cannot be
-/// written, or no episode can be made on this host.
+/// When the plan is invalid, the folder belongs to another plan or cannot be written, or
+/// this host cannot make an episode.
 pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     if let Some(first) = args.merge.first() {
         let out = args.out.as_ref().unwrap_or(first);
         let manifest = merge::merge(&args.merge, out)?;
-        return Ok(tell(&manifest, &Folder::at(out)));
+        return Ok(print_dataset(&manifest, &Folder::at(out)));
     }
-    let path = args.plan.as_deref().context("no plan is named")?;
+    let path = args
+        .plan
+        .as_deref()
+        .context("the plan is missing: name one, for example assets/campaigns/small.toml")?;
     let plan = Plan::read(path)?;
     for warning in &plan.warnings {
         eprintln!("warning: {}: {warning}", path.display());
@@ -144,16 +146,16 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         &evaluated.transpose()?.unwrap_or_default(),
     );
     let left = mine.len() - ledger.done.len();
-    let host = Host::appearance();
-    // A recording takes about what its file does.
+    let host = Host::measure();
+    // A recording is about as large as its file.
     let in_memory = args.scratch.as_deref().is_some_and(is_memory);
     let kept = if in_memory {
         PIPELINES as f64 * estimate.largest()
     } else {
         0.0
     };
-    let room = args.scratch.as_deref().and_then(free_disk);
-    let most = room.map_or(usize::MAX, |free| estimate.workers_in(free));
+    let free_scratch = args.scratch.as_deref().and_then(free_disk);
+    let most = free_scratch.map_or(usize::MAX, |free| estimate.workers_in(free));
     let fits = || host.workers(&plan, kept).min(most).min(left.max(1));
     let workers = args.workers.map_or_else(fits, NonZeroUsize::get);
     host.check(workers)?;
@@ -174,7 +176,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
         }
         estimate.check_disk(&out)?;
         if let Some(words) = short {
-            bail!("{words}; ask for fewer --workers or smaller cameras");
+            bail!("{words}; use fewer --workers or smaller cameras");
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -200,7 +202,7 @@ pub fn run(args: &CollectArgs) -> anyhow::Result<ExitCode> {
     collect(&setup, args.shard, mine, &estimate, &slots)
 }
 
-/// Makes what is missing of the episodes `mine`.
+/// Makes the missing episodes of `mine`.
 fn collect(
     setup: &Setup,
     shard: Shard,
@@ -212,7 +214,7 @@ fn collect(
     stop.listen()?;
     let folder = &setup.folder;
     let journal = journal::open(&folder.journal(), shard)?;
-    // Read again under the lock.
+    // Another run may have written before this one held the lock.
     let (mut ledger, _) = ledger(folder, &mine)?;
     folder.keep_plan(&setup.plan.text)?;
     settle(folder, &mine, &journal, &mut ledger)?;
@@ -220,14 +222,14 @@ fn collect(
     let slots = &slots[..slots.len().min(jobs.len().max(1))];
     let workers = slots.len();
     println!(
-        "{}: {} of {} episodes are there, {workers} workers make the others in {}",
+        "{}: {} of {} episodes exist, {workers} workers make the others in {}",
         setup.plan.name,
         ledger.done.len(),
         mine.len(),
         folder.root().display()
     );
     let expected = jobs.iter().map(|job| job.expected).sum();
-    let show = Show::new(PIPELINES * workers, ledger.done.len(), mine.len(), expected);
+    let show = ProgressView::new(PIPELINES * workers, ledger.done.len(), mine.len(), expected);
     let tally = fleet::work(
         setup,
         jobs,
@@ -240,11 +242,11 @@ fn collect(
     let (ledger, _) = resume::ledger(folder, &mine)?;
     let manifest = Manifest::new(&setup.plan.name, &mine, &ledger);
     explain(&tally, setup.plan.attempts);
-    // A shard knows its own part only: the merge makes the manifest.
+    // A shard knows only its own part: the merge writes the manifest.
     if shard == Shard::WHOLE {
         manifest.write(folder)?;
         card::write(folder, &setup.plan, &manifest)?;
-        return finish(&tally, tell(&manifest, folder));
+        return finish(&tally, print_dataset(&manifest, folder));
     }
     println!("shard {shard}: {}", manifest.line());
     finish(&tally, code(&manifest))
@@ -258,8 +260,8 @@ fn finish(tally: &Tally, code: ExitCode) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Says what a dataset holds.
-fn tell(manifest: &Manifest, folder: &Folder) -> ExitCode {
+/// Prints the content of a dataset.
+fn print_dataset(manifest: &Manifest, folder: &Folder) -> ExitCode {
     for id in &manifest.missing {
         println!("missing: {id}");
     }
@@ -280,34 +282,34 @@ fn code(manifest: &Manifest) -> ExitCode {
     }
 }
 
-/// Says what went wrong in a run.
+/// Prints the failures of a run.
 fn explain(tally: &Tally, attempts: u32) {
     for id in &tally.given_up {
         println!(
-            "{id}: all {attempts} attempts failed; a larger `attempts` in the plan tries fresh seeds"
+            "{id}: all {attempts} attempts failed; a larger `attempts` in the plan adds new seeds"
         );
     }
     for (id, words) in &tally.entered {
         println!("{id}: broken, the journal has its scenario: {words}");
     }
     for (id, words) in &tally.broken {
-        println!("{id}: could not be made, the next run tries again: {words}");
+        println!("{id}: not made, the next run tries again: {words}");
     }
     if tally.retired > 0 {
         println!(
-            "{} workers were killed and did not go on, most likely for lack of memory; their episodes were made again with their seeds: a smaller --workers, or a job with more memory",
+            "{} workers were killed, most likely for lack of memory; their episodes were repeated with the same seeds: use fewer --workers, or a job with more memory",
             tally.retired
         );
     }
     if tally.discarded > 0 {
         println!(
-            "{} running episodes were thrown away; the same command resumes",
+            "{} running episodes were discarded; the same command resumes",
             tally.discarded
         );
     }
 }
 
-/// Names the first thing of the plan that the assets do not hold.
+/// The first name of the plan that the assets do not define, as an error message.
 fn unknown(path: &Path, plan: &Plan, assets: Option<&Path>) -> anyhow::Result<Option<String>> {
     let folder = assets.map(Path::to_owned).or_else(installed::assets);
     let named = folder.and_then(|folder| names::unknown(path, plan, &folder));
@@ -317,7 +319,7 @@ fn unknown(path: &Path, plan: &Plan, assets: Option<&Path>) -> anyhow::Result<Op
     }
 }
 
-/// Names the first task of the plan that the server does not know.
+/// The first task of the plan that the server does not know, as an error message.
 fn unknown_tasks(
     path: &Path,
     plan: &Plan,
@@ -332,7 +334,7 @@ fn unknown_tasks(
     Ok(unknown.map(|task| {
         let known: Vec<&str> = known.into_iter().collect();
         format!(
-            "{}:{}: the assets hold no task {:?} (known: {}); correct the name or take the entry out",
+            "{}:{}: no task named {:?} in the assets; available: {}; correct the name or remove the entry",
             path.display(),
             task.line,
             task.name,

@@ -1,5 +1,5 @@
-//! Whether the assets hold what a plan names: told before anything starts, where a
-//! server would refuse every episode of it.
+//! Checks the names of a plan against the assets before a campaign starts, because a server
+//! would reject every episode with an unknown name.
 
 use std::path::Path;
 
@@ -7,22 +7,22 @@ use wheelarm_proto::person::NO_PERSON;
 
 use super::plan::Plan;
 
-/// The camera that every scene has, beside those of the robot.
+/// Camera that every scene has, in addition to those of the robot.
 const ROOM: &str = "room";
-/// A file among the sensor models that is none.
+/// File in the folder of sensor models that is not a model.
 const SURFACES: &str = "surfaces";
 
 /// A name in a plan.
 struct Named<'a> {
-    /// What it names, in words.
+    /// Kind of the name, for messages.
     what: &'a str,
     name: &'a str,
-    /// Those that there are; none where they cannot be told.
+    /// Defined names; empty when they cannot be listed.
     known: Vec<String>,
 }
 
-/// The first name in the plan at `path` that the folder `assets` does not hold, with
-/// those that it holds; of tasks only a server knows.
+/// Error message for the first name in the plan at `path` that the folder `assets` does not
+/// define, with the defined names. Tasks are checked by the server.
 #[must_use]
 pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
     let named = |what, name, known| Named { what, name, known };
@@ -50,7 +50,7 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
         models.retain(|model| model != SURFACES);
         all.push(named("sensor model", &sensor.model, models));
     }
-    // What is empty is drawn, and what cannot be listed is left to the server.
+    // An empty name is sampled, and names that cannot be listed are left to the server.
     let is_unknown = |named: &&Named<'_>| {
         let known = &named.known;
         !named.name.is_empty() && !known.is_empty() && !known.iter().any(|k| k == named.name)
@@ -58,7 +58,7 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
     all.iter().find(is_unknown).map(|unknown| {
         let line = line(&plan.text, unknown.name);
         format!(
-            "{}{}: the assets hold no {} {:?} (known: {}); correct the name",
+            "{}{}: no {} {:?} in the assets; available: {}; correct the name",
             path.display(),
             line.map_or(String::new(), |line| format!(":{line}")),
             unknown.what,
@@ -68,14 +68,14 @@ pub fn unknown(path: &Path, plan: &Plan, assets: &Path) -> Option<String> {
     })
 }
 
-/// The first line of a plan that has `name` as a text.
+/// The first line of a plan that contains `name` as a string.
 fn line(text: &str, name: &str) -> Option<usize> {
     let quoted = format!("\"{name}\"");
     let found = text.lines().position(|line| line.contains(&quoted));
     found.map(|before| before + 1)
 }
 
-/// Names of what lies in a folder of the assets, sorted.
+/// Names of the entries of a folder of the assets, sorted.
 fn listed(
     assets: &Path,
     folder: &str,
@@ -97,7 +97,7 @@ fn files(assets: &Path, folder: &str) -> Vec<String> {
     })
 }
 
-/// Names of the folders in a folder that hold `file`.
+/// Names of the subfolders that contain `file`.
 fn folders(assets: &Path, folder: &str, file: &str) -> Vec<String> {
     listed(assets, folder, |path, name| {
         path.join(file).is_file().then_some(name)
@@ -119,7 +119,7 @@ fn tables(assets: &Path, file: &str) -> Vec<String> {
         .collect()
 }
 
-/// Names of a robot's cameras, and that of the scene; none where they cannot be read.
+/// Names of a robot's cameras and of the scene's; empty when they cannot be read.
 fn cameras(assets: &Path, robot: &str) -> Vec<String> {
     let file = read(assets, &format!("robots/{robot}/robot.toml")).unwrap_or_default();
     let all = file.get("camera").and_then(toml::Value::as_array);
@@ -141,52 +141,60 @@ mod tests {
     const PLAN: &str = "name = \"x\"\nscenario.scene = \"home\"\nscenario.person = { body = \"man_p50\", posture = \"hands_in_lap\" }\nscenario.sensors = [{ model = \"imu\" }, { model = \"kinova_vision\", camera = \"gen3\" }]\nscenario.cameras = [\n{ name = \"gen3\", width = 64, height = 48 },\n{ name = \"room\", width = 64, height = 48 },\n]\n[[task]]\nname = \"pick_mustard\"\nepisodes = 2\n";
 
     #[test]
-    fn a_name_that_the_assets_lack_is_told_with_its_line_and_those_that_there_are() {
+    fn unknown_name_is_reported_with_its_line_and_the_defined_names() {
         let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
         let path = Path::new("p.toml");
-        let told = |from: &str, to: &str| {
+        let check = |from: &str, to: &str| {
             let plan = Plan::parse(path, PLAN.replace(from, to)).unwrap();
             unknown(path, &plan, &assets)
         };
-        assert_eq!(told("", ""), None);
-        assert_eq!(told("body = \"man_p50\", ", ""), None);
-        assert_eq!(told("man_p50", "none"), None);
+        assert_eq!(check("", ""), None);
+        assert_eq!(check("body = \"man_p50\", ", ""), None);
+        assert_eq!(check("man_p50", "none"), None);
         for (from, to, line, words) in [
-            ("home", "nohome", 2, "no scene \"nohome\" (known: home)"),
+            (
+                "home",
+                "nohome",
+                2,
+                "no scene \"nohome\" in the assets; available: home;",
+            ),
             (
                 "man_p50",
                 "man_p51",
                 3,
-                "no person \"man_p51\" (known: boy_15",
+                "no person \"man_p51\" in the assets; available: boy_15",
             ),
             (
                 "hands_in_lap",
                 "asleep",
                 3,
-                "no posture \"asleep\" (known: ",
+                "no posture \"asleep\" in the assets; available: ",
             ),
             (
                 "\"imu\"",
                 "\"nosuch\"",
                 4,
-                "no sensor model \"nosuch\" (known: chair_stereo",
+                "no sensor model \"nosuch\" in the assets; available: chair_stereo",
             ),
             (
                 "\"room\"",
                 "\"rom\"",
                 7,
-                "no camera \"rom\" (known: gen3, wheelchair",
+                "no camera \"rom\" in the assets; available: gen3, wheelchair",
             ),
             (
                 "home\"",
                 "home\"\nscenario.robot = \"wheel\"",
                 3,
-                "no robot \"wheel\" (known: wheelarm, wheelarm_wide)",
+                "no robot \"wheel\" in the assets; available: wheelarm, wheelarm_wide;",
             ),
         ] {
-            let told = told(from, to).unwrap();
-            assert!(told.starts_with(&format!("p.toml:{line}: ")), "{told}");
-            assert!(told.contains(words), "{told}");
+            let problem = check(from, to).unwrap();
+            assert!(
+                problem.starts_with(&format!("p.toml:{line}: ")),
+                "{problem}"
+            );
+            assert!(problem.contains(words), "{problem}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! How a campaign goes, on a terminal as bars and in a log as lines.
+//! Progress of a campaign: bars on a terminal, lines in a log.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -9,18 +9,18 @@ use parking_lot::Mutex;
 use super::activity::Activity;
 use super::estimate::duration;
 
-/// The whole campaign's bar and a line for every pipeline that has something to do.
-pub struct Show {
+/// The bar of the campaign and a line for every busy pipeline.
+pub struct ProgressView {
     all: MultiProgress,
     total: ProgressBar,
     lines: Vec<ProgressBar>,
     activities: Vec<Activity>,
     titles: Mutex<Vec<String>>,
-    reckoning: Mutex<Reckoning>,
+    forecast: Mutex<Forecast>,
     is_terminal: bool,
 }
 
-struct Reckoning {
+struct Forecast {
     begun: Instant,
     /// Simulated seconds in finished attempts of this run.
     simulated: f64,
@@ -28,7 +28,7 @@ struct Reckoning {
     left: f64,
 }
 
-impl Show {
+impl ProgressView {
     /// Shows a campaign with `done` of `total` episodes and `left` simulated
     /// seconds to go.
     #[must_use]
@@ -58,7 +58,7 @@ impl Show {
             lines: (0..pipelines).map(line).collect(),
             activities: (0..pipelines).map(|_| Activity::default()).collect(),
             titles: Mutex::new(vec![String::new(); pipelines]),
-            reckoning: Mutex::new(Reckoning {
+            forecast: Mutex::new(Forecast {
                 begun: Instant::now(),
                 simulated: 0.0,
                 left,
@@ -69,13 +69,13 @@ impl Show {
         }
     }
 
-    /// Where a pipeline tells how it goes.
+    /// The activity that a pipeline reports to.
     #[must_use]
     pub fn activity(&self, pipeline: usize) -> Activity {
         self.activities.get(pipeline).cloned().unwrap_or_default()
     }
 
-    /// A pipeline begins something; an empty title is nothing.
+    /// Sets the title of a pipeline; an empty title hides its line.
     pub fn begin(&self, pipeline: usize, title: String) {
         self.activity(pipeline).reset();
         if let Some(mine) = self.titles.lock().get_mut(pipeline) {
@@ -84,26 +84,26 @@ impl Show {
     }
 
     /// A pipeline's attempt is over after `seconds` simulated; `done` when its
-    /// episode is in the dataset, which takes `expected` off what is left.
+    /// episode is in the dataset, which reduces the remaining time by `expected`.
     pub fn end(&self, pipeline: usize, seconds: f64, expected: f64, done: bool, words: &str) {
         self.begin(pipeline, String::new());
         {
-            let mut reckoning = self.reckoning.lock();
-            reckoning.simulated += seconds;
+            let mut forecast = self.forecast.lock();
+            forecast.simulated += seconds;
             if done {
-                reckoning.left = (reckoning.left - expected).max(0.0);
+                forecast.left = (forecast.left - expected).max(0.0);
             }
         }
         if done {
             self.total.inc(1);
         }
-        self.say(&format!("{words}; {}", self.rate()));
+        self.print_line(&format!("{words}; {}", self.rate()));
     }
 
-    /// A line for people.
-    pub fn say(&self, words: &str) {
+    /// Prints a line.
+    pub fn print_line(&self, words: &str) {
         if self.is_terminal {
-            // A terminal that has gone shows nothing.
+            // A closed terminal is ignored.
             let _ = self.all.println(words);
         } else {
             println!("{words}");
@@ -112,21 +112,21 @@ impl Show {
 
     /// Rate and time left.
     fn rate(&self) -> String {
-        let reckoning = self.reckoning.lock();
+        let forecast = self.forecast.lock();
         let running: f64 = self.activities.iter().map(Activity::seconds).sum();
-        let wall = reckoning.begun.elapsed().as_secs_f64().max(1e-3);
-        let factor = (reckoning.simulated + running) / wall;
+        let wall = forecast.begun.elapsed().as_secs_f64().max(1e-3);
+        let factor = (forecast.simulated + running) / wall;
         if factor < 1e-3 {
             return "no rate yet".to_owned();
         }
         format!(
             "{factor:.2}x real time, {} left",
-            duration((reckoning.left - running).max(0.0) / factor)
+            duration((forecast.left - running).max(0.0) / factor)
         )
     }
 
-    /// Draws until `finished`.
-    pub fn draw_until(&self, mut finished: impl FnMut() -> bool) {
+    /// Shows the progress until `finished`.
+    pub fn show_until(&self, mut finished: impl FnMut() -> bool) {
         while !finished() {
             if self.is_terminal {
                 self.total.set_message(self.rate());

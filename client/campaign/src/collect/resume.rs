@@ -1,5 +1,4 @@
-//! What earlier runs have done, what a killed one left behind, and what is left
-//! to do.
+//! Resumes a campaign: results of earlier runs, leftovers of a killed one, remaining jobs.
 
 use std::collections::BTreeMap;
 
@@ -11,17 +10,17 @@ use super::fleet::Job;
 use super::folder::Folder;
 use super::journal::{Entry, Journal, Ledger};
 
-/// What the journals say of the episodes `mine`, as far as the files are there,
-/// and what is wrong with them in words.
+/// The journal entries of the episodes `mine` whose files exist, and warnings about the
+/// others.
 ///
 /// # Errors
-/// When they cannot be read, or are of another plan.
+/// When the journals cannot be read, or are of another plan.
 pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<String>)> {
     let mut ledger = Ledger::read(&folder.journal())?;
     let torn = ledger.torn.iter().map(|(journal, line)| {
         format!(
-            "{}: line {line} is cut, as by a power loss in the middle of a write: it is left out, \
-             and what it said was done is done again",
+            "{}: line {line} is truncated, as by a power loss during a write: it is skipped, and \
+             its episode is repeated",
             journal.display()
         )
     });
@@ -32,7 +31,7 @@ pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<
             && done.settings != episode.settings
         {
             bail!(
-                "{} holds {} of another plan: it was made with\n  {}\nand the plan says\n  {}\nChoose another --out, or restore the plan",
+                "{} contains {} of another plan: it was made with\n  {}\nand the plan has\n  {}\nChoose another --out, or restore the plan",
                 folder.root().display(),
                 done.episode,
                 done.settings,
@@ -42,14 +41,14 @@ pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<
     }
     ledger.done.retain(|id, done| {
         let size = std::fs::metadata(folder.file(id)).map(|m| m.len());
-        let there = size.is_ok_and(|size| size == done.bytes);
-        if !there && by_id.contains_key(id.as_str()) {
+        let exists = size.is_ok_and(|size| size == done.bytes);
+        if !exists && by_id.contains_key(id.as_str()) {
             warnings.push(format!(
-                "{} is gone or has another size, it counts as missing",
+                "{} is absent or has another size, it counts as missing",
                 folder.file(id).display()
             ));
         }
-        there && by_id.contains_key(id.as_str())
+        exists && by_id.contains_key(id.as_str())
     });
     for (id, attempts) in &mut ledger.failed {
         let settings = by_id.get(id.as_str()).map(|episode| &episode.settings);
@@ -58,13 +57,12 @@ pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<
     Ok((ledger, warnings))
 }
 
-/// Deals with what a killed run left: finished files are entered and half-made
-/// ones removed. A file that no journal knows is set aside where a line of a
-/// journal was cut, which may have been its own.
+/// Cleans up after a killed run: enters finished files and removes partial ones. A file
+/// without a journal entry is moved aside if a journal line was truncated, which may have
+/// been its own.
 ///
 /// # Errors
-/// When there are more such files than lines that were cut, or the disk does not
-/// do it.
+/// When more such files exist than truncated lines, or the disk fails.
 pub fn settle(
     folder: &Folder,
     mine: &[Episode],
@@ -88,34 +86,36 @@ pub fn settle(
         }
         if torn == 0 {
             bail!(
-                "{} lies there, but no journal knows it; move it away",
+                "{} exists, but no journal has an entry for it; move it away",
                 file.display()
             );
         }
         torn -= 1;
         let aside = folder.set_aside(&episode.id)?;
         tracing::warn!(
-            "{} is in no journal, most likely by the line that was cut: it lies in {} now and the \
-             episode is made again",
+            "{} has no journal entry, most likely because of the truncated line: it was moved to \
+             {} and the episode is repeated",
             file.display(),
             aside.display()
         );
     }
-    // Kept recordings of failed attempts whose lines never came.
+    // Kept recordings of failed attempts without a journal entry.
     let journals = Ledger::read(&folder.journal())?;
-    let told = journals.failed.values().flatten();
-    let told: Vec<&str> = told
+    let listed = journals.failed.values().flatten();
+    let listed: Vec<&str> = listed
         .filter_map(|f| f.loss.as_ref())
         .map(|loss| loss.file.as_str())
         .collect();
-    for aside in folder.set_orphans_aside(mine.iter().map(|episode| episode.id.as_str()), &told)? {
+    for aside in
+        folder.set_orphans_aside(mine.iter().map(|episode| episode.id.as_str()), &listed)?
+    {
         tracing::warn!(
-            "{}: the recording of a failed attempt that no journal tells, most likely of a run that \
-             was killed; the attempt is made again",
+            "{}: the recording of a failed attempt without a journal entry, most likely of a killed \
+             run; the attempt is repeated",
             aside.display()
         );
     }
-    // Last, for the line that was cut is dropped with it.
+    // Last, because the first append drops the truncated line.
     for entry in finished {
         journal.append(&entry)?;
         ledger.add(entry);
@@ -124,7 +124,7 @@ pub fn settle(
         .try_for_each(|episode| folder.clean(&episode.id))
 }
 
-/// What is left to do.
+/// The remaining jobs.
 #[must_use]
 pub fn jobs(mine: &[Episode], ledger: &Ledger, estimate: &Estimate) -> Vec<Job> {
     mine.iter()
@@ -151,7 +151,7 @@ mod tests {
     use crate::collect::plan::Plan;
 
     #[test]
-    fn a_journal_cut_in_its_last_line_costs_that_episode_and_nothing_else() {
+    fn truncated_journal_line_costs_only_its_episode() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::make(root.path()).unwrap();
         let plan = "name = \"x\"\n[[task]]\nname = \"a\"\nepisodes = 2\n";
@@ -178,7 +178,7 @@ mod tests {
             for episode in &mine {
                 std::fs::write(folder.file(&episode.id), "abc").unwrap();
             }
-            // Kept by a run that was killed before it could tell.
+            // Kept by a run that was killed before it wrote its entry.
             let kept = root.path().join("failed_episodes");
             std::fs::create_dir_all(&kept).unwrap();
             let orphan = kept.join(format!("{}-attempt-0.h5", mine[0].id));
@@ -191,7 +191,7 @@ mod tests {
             let is_whole = cut == text.len();
             assert_eq!(known.done.len(), 1 + usize::from(is_whole), "cut at {cut}");
             assert_eq!(warnings.len(), usize::from(!is_whole), "{warnings:?}");
-            assert!(warnings.iter().all(|w| w.contains("line 2 is cut")));
+            assert!(warnings.iter().all(|w| w.contains("line 2 is truncated")));
             assert_eq!(folder.file(&mine[1].id).exists(), is_whole);
             // The file itself is never lost.
             let failed = std::fs::read_dir(root.path().join("failed")).unwrap();
@@ -199,12 +199,12 @@ mod tests {
             assert_eq!(failed.count(), aside + orphans);
             assert!(!orphan.exists() && others.exists());
         }
-        // Without a line that was cut nobody knows what such a file is.
+        // Without a truncated line the origin of such a file is unknown.
         std::fs::write(&journal, format!("{first}\n")).unwrap();
         std::fs::write(folder.file(&mine[1].id), "abc").unwrap();
         let open = journal::open(&folder.journal(), Shard::WHOLE).unwrap();
         let (mut known, _) = ledger(&folder, &mine).unwrap();
-        let told = settle(&folder, &mine, &open, &mut known).unwrap_err();
-        assert!(told.to_string().contains("move it away"), "{told}");
+        let error = settle(&folder, &mine, &open, &mut known).unwrap_err();
+        assert!(error.to_string().contains("move it away"), "{error}");
     }
 }

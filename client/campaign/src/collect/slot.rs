@@ -1,4 +1,4 @@
-//! A worker's slot: the right to simulate, which its pipelines take in turn, and the
+//! A worker's slot: the permit to simulate, which its pipelines hold in turn, and the
 //! backend that simulates.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use parking_lot::{Mutex, MutexGuard};
 use wheelarm_rollout::Backend;
 
-/// Room for one simulation; a pipeline that wants to simulate waits for its permit.
+/// Slot for one simulation; a pipeline that wants to simulate waits for its permit.
 pub struct Slot {
     permit: Mutex<()>,
     backend: Box<dyn Backend>,
@@ -14,8 +14,8 @@ pub struct Slot {
     retired: AtomicBool,
 }
 
-/// A pipeline's part in a slot. With the last of them the slot's process ends, while
-/// others still work: a driver takes a tenth of a second for it.
+/// A pipeline's part in a slot. Dropping the last part ends the slot's process while other
+/// slots still work, because a graphics driver needs 0.1 s to exit.
 pub struct Part<'a>(&'a Slot);
 
 impl<'a> Part<'a> {
@@ -34,7 +34,7 @@ impl Drop for Part<'_> {
     }
 }
 
-/// Leave to simulate in a slot; it ends when dropped.
+/// Permit to simulate in a slot; released when dropped.
 #[derive(Debug)]
 pub struct Permit<'a> {
     _held: MutexGuard<'a, ()>,
@@ -73,18 +73,18 @@ impl Slot {
         }
     }
 
-    /// Takes no more episodes. Whether it took some before.
+    /// Retires the slot. Returns whether it was active before.
     pub fn retire(&self) -> bool {
         !self.retired.swap(true, Ordering::AcqRel)
     }
 
-    /// Whether it takes no more episodes.
+    /// Whether the slot accepts no more episodes.
     #[must_use]
     pub fn is_retired(&self) -> bool {
         self.retired.load(Ordering::Acquire)
     }
 
-    /// Releases the process, which ends when nothing uses it.
+    /// Releases the process, which ends when it is unused.
     pub fn rest(&self) {
         self.backend.rest();
     }

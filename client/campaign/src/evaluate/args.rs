@@ -1,4 +1,4 @@
-//! Options of `wheelarm evaluate`, and the scenarios they ask for.
+//! Options of `wheelarm evaluate`, and the scenarios that they define.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -23,9 +23,9 @@ use crate::variation::Variation;
 use crate::worker_mode::WorkerMode;
 use wheelarm_options::choice::{MOST_SEEDS, named, patience, seed_range};
 
-/// What `wheelarm evaluate` can do instead of evaluating.
+/// Subcommands of `wheelarm evaluate`.
 #[derive(clap::Subcommand, Clone, Debug)]
-pub enum Instead {
+pub enum Subcommand {
     /// Compares two evaluations of the same episodes, pair by pair.
     Compare(CompareArgs),
 }
@@ -35,42 +35,41 @@ pub enum Instead {
 #[command(args_conflicts_with_subcommands = true)]
 pub struct EvaluateArgs {
     #[command(subcommand)]
-    pub instead: Option<Instead>,
-    /// Task, or `all`.
+    pub subcommand: Option<Subcommand>,
+    /// Task, several with commas between them, or `all`.
     #[arg(long, default_value = "all")]
     pub task: String,
     /// Seeds, `FIRST..LAST` without the last.
     #[arg(long, value_parser = seed_range, value_name = "A..B")]
     pub seeds: Option<(u64, u64)>,
-    /// Episodes of each task, from seed 0 or the first of the split; 10 when nothing
-    /// says the seeds.
+    /// Episodes of each task, from seed 0 or the first of the split; 10 without any option
+    /// for seeds.
     #[arg(long, value_name = "N", conflicts_with = "seeds", value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     pub episodes: Option<u64>,
     /// A frozen split, for example assets/splits/policy-claim.toml: its seeds, starts
-    /// and all else that it draws. With --episodes the first of its seeds.
+    /// and sampling settings. With --episodes, the first of its seeds.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seeds", "starts", "appearance", "language", "language_split", "style"])]
     pub split: Option<PathBuf>,
-    /// One thing that is made harder than seeds or split say, AXIS=STRENGTH: camera,
-    /// noise, light, background, layout, robot, language, depth or delay, 1 to 3. May be
-    /// given several times.
+    /// Axis of difficulty added to seeds or split, AXIS=STRENGTH: camera, noise, light,
+    /// background, layout, robot, language, depth or delay, 1 to 3. May be repeated.
     #[arg(long, value_name = "AXIS", value_parser = AxisAt::read)]
     pub axis: Vec<AxisAt>,
     #[command(flatten)]
     pub policy: PolicyArgs,
-    /// The policy drives for a time that the seed draws, this at most, and the scripted
-    /// operator does the rest: with --record corrections to learn from (DAgger), whose
-    /// rows by the policy are marked.
+    /// The policy drives for a time that is sampled from the seed, at most this, and the
+    /// scripted operator does the rest. With --record this makes corrections for DAgger;
+    /// the rows of the policy are marked.
     #[arg(long, value_name = "SECONDS", value_parser = patience::<1>)]
     pub takeover: Option<Duration>,
-    /// Asks the policy about one observation at a time, so that a policy on a processor
-    /// answers the same bits for any --jobs.
+    /// Sends the policy one observation at a time, so that a policy on a CPU returns the same
+    /// bits for any --jobs.
     #[arg(long)]
     pub deterministic: bool,
-    /// How a worker with the scripted operator runs: `process` is server, recorder and
-    /// operator in one process, `socket` each in its own; a policy's is always that.
+    /// Processes of a worker with the scripted operator: `process` runs server, recorder and
+    /// operator in one process, `socket` each in its own. Policies always use `socket`.
     #[arg(long, value_parser = named::<WorkerMode>(), default_value = "process")]
     pub worker: WorkerMode,
-    /// Servers at work at one time.
+    /// Servers that run at the same time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,
     #[command(flatten)]
@@ -81,13 +80,12 @@ pub struct EvaluateArgs {
     /// Records every episode as an HDF5 file into the folder.
     #[arg(long)]
     pub record: bool,
-    /// Draws so many failed episodes again at 720p, from recordings that are kept of
-    /// failures alone unless there is --record; their contact sheets stand in
-    /// report.html.
+    /// Renders N failed episodes again at 720p and adds their contact sheets to report.html.
+    /// Keeps recordings of failures only, unless --record is given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub redraw_failures: Option<u32>,
-    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be given several
-    /// times, `*` for each of the robot's that is not named; `*=640x360@10` when absent.
+    /// Camera of the recordings, `NAME=WIDTHxHEIGHT@HZ`, may be
+    /// repeated, `*` for each other camera of the robot; `*=640x360@10` when absent.
     #[arg(
         long,
         requires = "record",
@@ -98,48 +96,47 @@ pub struct EvaluateArgs {
     /// Depth of the recordings: `f32` metres, `u16` millimetres, or `none`.
     #[arg(long, requires = "record", value_parser = named::<Depth>(), default_value = "f32")]
     pub depth: Depth,
-    /// Does those episodes anew in which something broke; without it they count as done.
+    /// Repeats broken episodes, which otherwise count as done.
     #[arg(long)]
     pub again: bool,
-    /// Does all episodes anew; the results of before are set aside as `episodes-N.jsonl`.
-    /// Needed in a folder whose results are of another state of the policy's files.
+    /// Repeats all episodes; earlier results are moved to `episodes-N.jsonl`. Required in a
+    /// folder with results of other versions of the policy's files.
     #[arg(long)]
     pub fresh: bool,
-    /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
-    /// any of its postures.
+    /// Start of the robot: `near` the target, or `anywhere` in the home with the arm in a
+    /// sampled posture.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]
     pub starts: Starts,
-    /// Says each task by the grammar, in a sentence of this seed about the scene as it
-    /// is drawn; without it one of the task's own.
+    /// Seed of grammar sentences about the sampled scene; sentences of the task when absent.
     #[arg(long, value_name = "SEED")]
     pub language: Option<u64>,
-    /// Which templates and names are said: `any`, `train` or `held_out`.
+    /// Templates and names of the sentences: `any`, `train` or `held_out`.
     #[arg(long, default_value = "any", value_parser = named::<LanguageSplit>(), requires = "language")]
     pub language_split: LanguageSplit,
-    /// Visual randomization: SEED[:AXIS=STRENGTH,…] as the server's --appearance, `*` in the
-    /// place of the seed for each episode's own. Give each its own folder.
+    /// Visual randomization: SEED[:AXIS=STRENGTH,…] as the server's --appearance, `*` as the
+    /// seed uses the seed of each episode. Use one folder per setting.
     #[arg(long, alias = "look", value_name = "APPEARANCE", value_parser = AppearanceText::read)]
     pub appearance: Option<AppearanceText>,
-    /// Who sits in the chair: any (drawn by the seed), none, or BODY[/POSTURE], then
+    /// Person in the chair: any (sampled by the seed), none, or BODY[/POSTURE], then
     /// ,mouth_open ,motion=0..1 ,unguarded.
     #[arg(long, value_name = "PERSON", value_parser = v1::Person::from_text, conflicts_with = "split")]
     pub person: Option<v1::Person>,
-    /// Hinders the robot: strength of noise, pushes and slips, 1 to 3.
+    /// Disturbances: strength of noise, pushes and slips, 1 to 3.
     #[arg(long, value_name = "STRENGTH", value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with = "split")]
     pub disturb: Option<u32>,
-    /// Share of episodes in which the operator errs on purpose and corrects it, 0 to 1.
+    /// Share of episodes with a deliberate, corrected error of the operator, 0 to 1.
     #[arg(long, default_value = "0", value_parser = share, value_name = "SHARE", conflicts_with = "split")]
     pub error_share: f64,
-    /// How the operator moves: `quick`, or `human` with time limits to match.
+    /// Motion of the operator: `quick`, or `human` with matching time limits.
     #[arg(long, default_value = "quick", value_parser = named::<Style>())]
     pub style: Style,
-    /// Time limits from the way and the style, in place of those of the tasks.
+    /// Time limits from path and style instead of those of the tasks.
     #[arg(long)]
     pub time_limits: bool,
-    /// Wall seconds without a sign of life after which a server is ended, 1 at least.
+    /// Wall seconds without a reply after which a server is ended, at least 1.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
-    /// No picture of the end of each task.
+    /// Skips the image of the end of each task.
     #[arg(long)]
     pub no_grid: bool,
     /// Scene.
@@ -148,7 +145,7 @@ pub struct EvaluateArgs {
     /// Robot, a folder in assets/robots.
     #[arg(long, default_value = "wheelarm")]
     pub robot: String,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
 }
@@ -156,14 +153,14 @@ pub struct EvaluateArgs {
 /// A share, 0 to 1.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
-    share.ok_or_else(|| format!("{text:?} is no share, 0 to 1"))
+    share.ok_or_else(|| format!("{text:?} is not a share from 0 to 1"))
 }
 
 impl EvaluateArgs {
-    /// Which episodes are done.
+    /// The episodes to run.
     ///
     /// # Errors
-    /// When the split holds a mistake, or asks for pictures that are not taken.
+    /// When the split is invalid, or needs camera images that the evaluation does not render.
     pub(super) fn scope(&self) -> anyhow::Result<Scope> {
         let mut scope = match &self.split {
             Some(path) => read_split(path)?,
@@ -206,29 +203,24 @@ impl EvaluateArgs {
                 .iter()
                 .any(|before| before.axis() == axis.axis())
             {
-                bail!(
-                    "--axis {} stands there twice; say it once",
-                    axis.axis().name()
-                );
+                bail!("--axis {} is given twice; remove one", axis.axis().name());
             }
             if axis.axis() == Axis::Language && self.language.is_some() {
-                bail!(
-                    "--axis language says how tasks are said, and so does --language; leave one out"
-                );
+                bail!("--axis language and --language both define the sentences; remove one");
             }
             scope.layout |= axis.is_layout();
             scope.variation.set(*axis);
         }
-        let sees = scope
+        let camera_sensor = scope
             .variation
             .scenario
             .sensors
             .iter()
             .find(|s| !s.camera.is_empty());
-        let is_blind = !self.record && !self.policy.policy.has_cameras();
-        if let Some(sensor) = sees.filter(|_| is_blind) {
+        let has_no_cameras = !self.record && !self.policy.policy.has_cameras();
+        if let Some(sensor) = camera_sensor.filter(|_| has_no_cameras) {
             bail!(
-                "the sensor {} sees through a camera, and an evaluation has cameras only where it records; add --record",
+                "the sensor {} uses a camera, and an evaluation renders cameras only when it records; add --record",
                 sensor.text()
             );
         }
@@ -239,7 +231,7 @@ impl EvaluateArgs {
         Ok(scope)
     }
 
-    /// Whether episodes are recorded, be it for a time.
+    /// Whether episodes are recorded, at least temporarily.
     pub(super) fn records(&self) -> bool {
         self.record || self.redraw_failures.is_some()
     }
@@ -253,7 +245,7 @@ impl EvaluateArgs {
         }
     }
 
-    /// The scenario of `job`; without a job that of a server before its first episode.
+    /// The scenario of `job`; without a job, that of a server before its first episode.
     pub(super) fn scenario(
         &self,
         job: Option<&Job>,

@@ -20,22 +20,22 @@ pub struct CompareArgs {
     pub one: PathBuf,
     /// Folder of another one.
     pub other: PathBuf,
-    /// Folder for the pictures `pairs.png` and `difference.png`; none without it.
+    /// Folder for the images `pairs.png` and `difference.png`; not written when absent.
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
-/// Task, seed and settings: what makes two episodes a pair. The policy is not in it, for
-/// a folder holds one alone.
+/// Task, seed and settings, which identify a pair of episodes. The policy is not part of it,
+/// because a folder contains only one.
 type Key = (String, u64, String);
 
-/// Prints what came of the pairs.
+/// Prints the results of the pairs.
 ///
 /// # Errors
-/// When a folder holds no evaluation, or the two have no episode in common.
+/// When a folder contains no evaluation, or the two have no episode in common.
 pub fn run(args: &CompareArgs) -> anyhow::Result<()> {
     let [one, other] = [read(&args.one)?, read(&args.other)?];
-    let text = told(&one, &other).with_context(|| {
+    let text = summary(&one, &other).with_context(|| {
         format!(
             "comparing {} and {}",
             args.one.display(),
@@ -45,8 +45,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<()> {
     print!("{text}");
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
-        draw(&one, &other, out)?;
-        println!("pictures    {}", out.display());
+        write_charts(&one, &other, out)?;
+        println!("images      {}", out.display());
     }
     Ok(())
 }
@@ -60,14 +60,14 @@ fn read(folder: &Path) -> anyhow::Result<BTreeMap<Key, Entry>> {
             path.display()
         )
     })?;
-    // A line that was cut does not count.
+    // A truncated line does not count.
     let entries = text
         .lines()
         .filter_map(|line| serde_json::from_str::<Entry>(line).ok());
     of_one_policy(entries).with_context(|| format!("reading {}", path.display()))
 }
 
-/// Entries by what makes them a pair; of an episode that was done again the last counts.
+/// Entries by [`Key`]; the last entry of a repeated episode counts.
 ///
 /// # Errors
 /// When they are of several policies.
@@ -82,7 +82,7 @@ fn of_one_policy(entries: impl Iterator<Item = Entry>) -> anyhow::Result<BTreeMa
     if policies.len() > 1 {
         let policies: Vec<String> = policies.into_iter().collect();
         bail!(
-            "it holds episodes of {} policies ({}); evaluate each into a folder of its own with --out, and compare those",
+            "it contains episodes of {} policies ({}); evaluate each into its own folder with --out, and compare those",
             policies.len(),
             policies.join("; ")
         );
@@ -90,7 +90,7 @@ fn of_one_policy(entries: impl Iterator<Item = Entry>) -> anyhow::Result<BTreeMa
     Ok(all)
 }
 
-/// Who did an episode, in words.
+/// Name of the policy, or `the operator`.
 fn name(entry: &Entry) -> &str {
     match entry.policy.as_str() {
         "" => "the operator",
@@ -98,11 +98,11 @@ fn name(entry: &Entry) -> &str {
     }
 }
 
-/// Of fewer pairs a bootstrap tells their spread, not where the mean lies.
+/// Least number of pairs for a bootstrap interval of the mean.
 const LEAST_FOR_BOOTSTRAP: usize = 10;
 
-/// What came of the pairs, by task and of all.
-fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Result<String> {
+/// Results of the pairs, by task and in total.
+fn summary(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Result<String> {
     let mut tables: BTreeMap<&str, [usize; 4]> = BTreeMap::new();
     let mut all = [0; 4];
     for (key, a) in one {
@@ -156,12 +156,12 @@ fn told(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> anyhow::Res
     }
     let left = one.len() + other.len() - 2 * pairs;
     if left > 0 {
-        writeln!(text, "{left} episodes stand in one of the two alone")?;
+        writeln!(text, "{left} episodes are in only one of the two")?;
     }
     Ok(text)
 }
 
-/// How much further B came than A, pair by pair, points of progress.
+/// Progress of B minus that of A, pair by pair, points.
 fn differences(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> Vec<f64> {
     let percent = |entry: &Entry| Some(f64::from(entry.course.as_ref()?.percent));
     let pairs = one.iter().filter_map(|(key, a)| {
@@ -171,8 +171,8 @@ fn differences(one: &BTreeMap<Key, Entry>, other: &BTreeMap<Key, Entry>) -> Vec<
     pairs.collect()
 }
 
-/// Who succeeded in which pair, and how the differences of progress lie.
-fn draw(
+/// Writes charts of the successes by pair and of the differences of progress.
+fn write_charts(
     one: &BTreeMap<Key, Entry>,
     other: &BTreeMap<Key, Entry>,
     out: &Path,
@@ -238,20 +238,20 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_of_several_policies_is_refused() {
+    fn folder_of_several_policies_is_rejected() {
         let mut all: Vec<Entry> = entries(&[true, false]).into_values().collect();
         assert_eq!(of_one_policy(all.clone().into_iter()).unwrap().len(), 2);
         all[1].policy = "act".to_owned();
-        let told = of_one_policy(all.into_iter()).unwrap_err().to_string();
-        assert!(told.contains("(act; the operator)"), "{told}");
-        assert!(told.contains("--out"), "{told}");
+        let error = of_one_policy(all.into_iter()).unwrap_err().to_string();
+        assert!(error.contains("(act; the operator)"), "{error}");
+        assert!(error.contains("--out"), "{error}");
     }
 
     #[test]
     fn pairs_are_counted_by_who_succeeded() {
         let one = entries(&[true, true, true, false, false]);
         let other = entries(&[true, false, false, true]);
-        let text = told(&one, &other).unwrap();
+        let text = summary(&one, &other).unwrap();
         let line: Vec<&str> = text
             .lines()
             .find(|line| line.starts_with("pick_bowl"))
@@ -259,18 +259,18 @@ mod tests {
             .split_whitespace()
             .collect();
         assert_eq!(line[1..], ["4", "3", "2", "2", "1", "0", "1.00e0"]);
-        assert!(text.contains("1 episodes stand in one"), "{text}");
+        assert!(text.contains("1 episodes are in only one"), "{text}");
         // 0, -60, -60 and 60 points.
         assert!(
             text.contains("B - A -15.0 points on average of 4"),
             "{text}"
         );
         let folder = tempfile::tempdir().unwrap();
-        draw(&one, &other, folder.path()).unwrap();
+        write_charts(&one, &other, folder.path()).unwrap();
         for name in ["pairs.png", "difference.png"] {
             assert!(folder.path().join(name).is_file(), "{name}");
         }
-        let none = told(&one, &BTreeMap::new()).unwrap_err().to_string();
+        let none = summary(&one, &BTreeMap::new()).unwrap_err().to_string();
         assert!(none.contains("no episode in common"), "{none}");
     }
 }

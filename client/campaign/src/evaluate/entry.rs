@@ -1,10 +1,10 @@
-//! What came of one episode, as it is written into the ledger.
+//! Result of one episode, as a line of `episodes.jsonl`.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_proto::v1;
 use wheelarm_rollout::{FailureCause, LogEntry};
 
-use super::progress::Course;
+use super::milestone::Course;
 use crate::variation::Variation;
 
 /// One episode to do.
@@ -14,9 +14,9 @@ pub struct Job {
     pub task: String,
     /// Seed of the scenario and of the operator's habits.
     pub seed: u64,
-    /// What differs between episodes beside what their task draws.
+    /// Variation between episodes beside the sampling of their task.
     pub variation: Variation,
-    /// Name of the policy that does it; empty for the scripted operator.
+    /// Name of the policy; empty for the scripted operator.
     pub policy: String,
     /// Digest of the policy's files (`crate::policy_options::files`); empty without any.
     pub policy_files: String,
@@ -29,8 +29,7 @@ impl Job {
         label(&self.task, self.seed)
     }
 
-    /// What its scenario says beside task and seed, as one line; empty for what
-    /// was always so.
+    /// Settings of its scenario beside task and seed, as one line; empty for the defaults.
     #[must_use]
     pub fn settings(&self) -> String {
         self.variation.words(0).trim_start().to_owned()
@@ -70,14 +69,14 @@ fn is_zero(count: &u32) -> bool {
     *count == 0
 }
 
-/// What came of one episode.
+/// Result of one episode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Task.
     pub task: String,
     /// Seed of the scenario and of the operator's habits.
     pub seed: u64,
-    /// What else its scenario says, as one line; empty for what was always so.
+    /// Other settings of its scenario, as one line; empty for the defaults.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub settings: String,
     /// Name of the policy; empty for the scripted operator.
@@ -92,13 +91,13 @@ pub struct Entry {
     pub label: Option<String>,
     /// Operator and task agree that it is done.
     pub success: bool,
-    /// Empty, or why not in words.
+    /// Reason of a failure; empty after success.
     pub why: String,
-    /// How it ended, in a word or two: `success`, the task's reason to fail
+    /// End of the episode, in a word or two: `success`, the task's reason to fail
     /// (`timeout`, `dropped`, …), `gave up` where the operator did, or what broke.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub end: String,
-    /// How far it came; absent where nobody watched.
+    /// Progress; absent when the episode was not monitored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub course: Option<Course>,
     /// The task's conditions at the end.
@@ -114,16 +113,16 @@ pub struct Entry {
     /// (count); absent for none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rejected_starts: u32,
-    /// What the operator noted.
+    /// Notes of the operator.
     pub notes: Vec<String>,
     /// Wall time of the policy's answers, s: their number, mean, and what 99 of 100
     /// stayed below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thinking: Option<(usize, f64, f64)>,
-    /// What broke; absent when nothing did.
+    /// Cause, if the episode broke.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub broken: Option<FailureCause>,
-    /// Where something broke, the scenario that reproduces it.
+    /// Scenario that reproduces a broken episode.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<serde_json::Value>,
 }
@@ -180,7 +179,7 @@ impl Entry {
         }
     }
 
-    /// Why it failed, in words that many episodes may share; `success` otherwise.
+    /// Cause of the failure, in words that many episodes share; `success` otherwise.
     #[must_use]
     pub fn cause(&self) -> String {
         let end = match self.end.as_str() {

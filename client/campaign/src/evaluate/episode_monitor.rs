@@ -1,4 +1,4 @@
-//! Watches the streams of an episode beside its driver, to see how far the episode came.
+//! Monitors the streams of an episode to measure its progress.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,12 +12,13 @@ use wheelarm_proto::v1;
 use wheelarm_rollout::Observer;
 use wheelarm_sdk::Client;
 
-use super::progress::{Course, Follower, STREAMS};
+use super::milestone::Course;
+use super::progress::{Follower, STREAMS};
 
 /// Wait for samples that were published and have not arrived.
 const LATE: Duration = Duration::from_millis(5);
 
-/// Watches one episode of a server outside of this process.
+/// Monitors one episode of a server outside of this process.
 #[derive(Default)]
 pub struct EpisodeMonitor {
     is_over: Arc<AtomicBool>,
@@ -26,7 +27,7 @@ pub struct EpisodeMonitor {
 }
 
 impl EpisodeMonitor {
-    /// How far the episode came; absent when nothing was watched.
+    /// Progress of the episode; absent when it was not monitored.
     #[must_use]
     pub fn course(&self, success: bool, seconds: f64) -> Option<Course> {
         self.is_over.store(true, Ordering::Release);
@@ -42,15 +43,15 @@ impl EpisodeMonitor {
 }
 
 impl Observer for EpisodeMonitor {
-    fn attach(&self, link: &Client) -> anyhow::Result<()> {
-        let mut follower = Follower::new(&link.request(&v1::SceneRequest {})?)?;
-        let streams = link.streams(&STREAMS)?;
+    fn attach(&self, client: &Client) -> anyhow::Result<()> {
+        let mut follower = Follower::new(&client.request(&v1::SceneRequest {})?)?;
+        let streams = client.streams(&STREAMS)?;
         let is_over = Arc::clone(&self.is_over);
         let watch = move || {
             loop {
                 let is_last = is_over.load(Ordering::Acquire);
                 match streams.next(LATE) {
-                    Ok(Some(sample)) => follower.take(&sample),
+                    Ok(Some(sample)) => follower.add(&sample),
                     Ok(None) if is_last => break,
                     Ok(None) => {}
                     // The driver reports a lost connection.

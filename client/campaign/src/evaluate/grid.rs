@@ -1,6 +1,6 @@
-//! The end of one episode of each task in one picture: as the chair's camera
-//! sees it and, small in a corner, as the hand's camera does. The episode is
-//! done once more for it, with the cameras on: the same bits again.
+//! One image with the end of one episode of each task: the image of the chair's camera with
+//! that of the hand's camera in its corner. The episode is repeated with the cameras on,
+//! which reproduces it bit for bit.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,20 +19,20 @@ use super::entry::{Entry, Job};
 use super::report::Report;
 use super::scope::Scope;
 
-/// Width and height of the larger picture, pixels.
+/// Width and height of the larger image, pixels.
 const SIZE: [u32; 2] = [480, 270];
-/// So many times smaller is the picture in the corner.
+/// Factor by which the image in the corner is smaller.
 const SMALLER: usize = 3;
-/// Pictures in one row.
+/// Images per row.
 const COLUMNS: usize = 4;
-/// Longest wait for a picture that has been sent.
-const PICTURE: Duration = Duration::from_secs(5);
+/// Longest wait for an image that was sent.
+const IMAGE_PATIENCE: Duration = Duration::from_secs(5);
 
-/// Draws the grid; its path.
+/// Writes the grid. Returns its path.
 ///
 /// # Errors
-/// When a program does not start or the picture cannot be written.
-pub fn draw(
+/// When a program does not start or the image cannot be written.
+pub fn write(
     args: &EvaluateArgs,
     scope: &Scope,
     report: &Report,
@@ -44,7 +44,7 @@ pub fn draw(
             let own = entries.iter().filter(|entry| entry.task == task.task);
             own.filter(|entry| entry.broken.is_none())
         };
-        // A success shows best what the task is.
+        // A success shows the task best.
         let Some(entry) = own().find(|entry| entry.success).or_else(|| own().next()) else {
             continue;
         };
@@ -55,7 +55,7 @@ pub fn draw(
             policy: entry.policy.clone(),
             policy_files: entry.policy_files.clone(),
         };
-        let [mut large, small] = last_pictures(args, &job)?;
+        let [mut large, small] = last_images(args, &job)?;
         large.inset(&small.smaller(SMALLER));
         cells.push(Cell {
             width: large.width,
@@ -74,15 +74,15 @@ pub fn draw(
     Ok(path)
 }
 
-/// A picture: RGB8, row-major from the top left.
+/// An image: RGB8, row-major from the top left.
 #[derive(Clone, Debug, PartialEq)]
-struct Picture {
+struct RgbImage {
     width: usize,
     height: usize,
     rgb: Vec<u8>,
 }
 
-impl From<Frame> for Picture {
+impl From<Frame> for RgbImage {
     fn from(frame: Frame) -> Self {
         Self {
             width: frame.intrinsics.width as usize,
@@ -92,8 +92,8 @@ impl From<Frame> for Picture {
     }
 }
 
-impl Picture {
-    /// A picture `times` smaller: each pixel is the mean of as many squared.
+impl RgbImage {
+    /// An image `times` smaller: each pixel is the mean of `times` squared pixels.
     fn smaller(&self, times: usize) -> Self {
         let (width, height) = (self.width / times, self.height / times);
         let mean = |row: usize, column: usize, colour: usize| {
@@ -111,8 +111,7 @@ impl Picture {
         }
     }
 
-    /// Puts a small picture into the lower right corner; one that does not fit
-    /// is left out.
+    /// Copies a small image into the lower right corner; ignores one that does not fit.
     fn inset(&mut self, small: &Self) {
         let (Some(left), Some(top)) = (
             self.width.checked_sub(small.width),
@@ -142,17 +141,17 @@ fn cameras(robot: &v1::RobotDescription) -> anyhow::Result<[&str; 2]> {
 #[derive(Default)]
 struct LastImages {
     cameras: Mutex<Vec<(String, Camera)>>,
-    images: Mutex<Vec<anyhow::Result<Picture>>>,
+    images: Mutex<Vec<anyhow::Result<RgbImage>>>,
 }
 
 impl Observer for LastImages {
-    fn attach(&self, link: &Client) -> anyhow::Result<()> {
-        let robot = link
+    fn attach(&self, client: &Client) -> anyhow::Result<()> {
+        let robot = client
             .request(&v1::SceneRequest {})?
             .robot
             .unwrap_or_default();
         for name in cameras(&robot)? {
-            let camera = link.camera(name, 1)?;
+            let camera = client.camera(name, 1)?;
             self.cameras.lock().push((name.to_owned(), camera));
         }
         Ok(())
@@ -161,16 +160,16 @@ impl Observer for LastImages {
     fn detach(&self) {
         let cameras = std::mem::take(&mut *self.cameras.lock());
         let last = cameras.into_iter().map(|(name, camera)| {
-            let frame = camera.next(PICTURE)?;
-            let frame = frame.with_context(|| format!("the camera {name} sent no picture"))?;
-            Ok(Picture::from(frame))
+            let frame = camera.next(IMAGE_PATIENCE)?;
+            let frame = frame.with_context(|| format!("the camera {name} sent no image"))?;
+            Ok(RgbImage::from(frame))
         });
         *self.images.lock() = last.collect();
     }
 }
 
-/// The last pictures of an episode.
-fn last_pictures(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[Picture; 2]> {
+/// The last images of an episode.
+fn last_images(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[RgbImage; 2]> {
     let cameras_on = vec![all_cameras(SIZE[0], SIZE[1], 1.0)];
     let last = Arc::new(LastImages::default());
     let rollout = Rollout {
@@ -189,7 +188,7 @@ fn last_pictures(args: &EvaluateArgs, job: &Job) -> anyhow::Result<[Picture; 2]>
     let result = backend.run(&rollout).and_then(|result| Ok(result?));
     result.with_context(|| format!("{} seed {}", job.task, job.seed))?;
     let mut images = std::mem::take(&mut *last.images.lock()).into_iter();
-    let mut next = || images.next().context("the episode sent no pictures")?;
+    let mut next = || images.next().context("the episode sent no images")?;
     Ok([next()?, next()?])
 }
 
@@ -198,30 +197,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_smaller_picture_is_the_mean_of_its_pixels() {
-        let picture = Picture {
+    fn scaled_image_is_the_mean_of_its_pixels() {
+        let image = RgbImage {
             width: 5,
             height: 2,
             rgb: (0..30).map(|i| if i % 3 == 0 { i } else { 7 }).collect(),
         };
-        let small = picture.smaller(2);
+        let small = image.smaller(2);
         assert_eq!((small.width, small.height), (2, 1));
         assert_eq!(small.rgb, [9, 7, 7, 15, 7, 7]);
     }
 
     #[test]
-    fn the_small_picture_stands_in_the_lower_right_corner() {
-        let picture = |width: usize, height: usize, value: u8| Picture {
+    fn small_image_is_copied_into_the_lower_right_corner() {
+        let image = |width: usize, height: usize, value: u8| RgbImage {
             width,
             height,
             rgb: vec![value; 3 * width * height],
         };
-        let mut large = picture(4, 3, 1);
-        large.inset(&picture(2, 1, 9));
+        let mut large = image(4, 3, 1);
+        large.inset(&image(2, 1, 9));
         assert_eq!(large.rgb[..30], [1; 30]);
         assert_eq!(large.rgb[30..], [9; 6]);
-        let mut tiny = picture(2, 1, 1);
-        tiny.inset(&picture(4, 3, 9));
-        assert_eq!(tiny, picture(2, 1, 1), "one that does not fit is left out");
+        let mut tiny = image(2, 1, 1);
+        tiny.inset(&image(4, 3, 9));
+        assert_eq!(tiny, image(2, 1, 1), "one that does not fit is ignored");
     }
 }

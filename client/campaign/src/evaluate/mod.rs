@@ -1,17 +1,17 @@
-//! `wheelarm evaluate`: the scripted operator does tasks over many seeds and
-//! the rates of success are counted.
+//! `wheelarm evaluate`: runs tasks over many seeds and counts the successes of the scripted
+//! operator or a policy.
 //!
-//! Every episode runs in lock-step on a server of the command's own, without
-//! cameras and without a recorder unless asked. Its result is appended to
-//! `episodes.jsonl` as soon as it is there, so that an interrupted run is
-//! resumed. What breaks a server costs one episode: it is entered with the
-//! scenario that reproduces it, and a new server goes on.
+//! Every episode runs in lock-step on a server that the command starts, by default without
+//! cameras and without a recorder. Its result is appended to `episodes.jsonl` at once, so that
+//! an interrupted run resumes. A server failure costs one episode: its entry has the scenario
+//! that reproduces it, and a new server continues.
 
 mod args;
 mod compare;
 mod entry;
 mod episode_monitor;
 mod grid;
+mod milestone;
 mod page;
 mod progress;
 mod redraw;
@@ -40,17 +40,16 @@ use wheelarm_rollout::launcher::tasks_of_program;
 pub use args::EvaluateArgs;
 pub use entry::Entry;
 
-/// Exit code when something broke in an episode.
+/// Exit code when an episode broke.
 const BROKEN: u8 = 3;
 
-/// Runs the evaluation. Success when every episode of every task succeeded, 3
-/// when something broke in one of them.
+/// Runs the evaluation. Exit code 0 when every episode succeeded, 3 when one of them broke.
 ///
 /// # Errors
 /// When a program cannot be started, a recorder fails, or the folder cannot be
 /// written.
 pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
-    if let Some(args::Instead::Compare(args)) = &args.instead {
+    if let Some(args::Subcommand::Compare(args)) = &args.subcommand {
         compare::run(args)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -69,7 +68,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     )?;
     let policy = driver.name();
     let policy_files = files::digest(&args.policy.policy)?;
-    // Seed by seed, so that what was interrupted has about as many of every task.
+    // Seed by seed, so that an interrupted run has about as many episodes of every task.
     let wanted: Vec<Job> = scope
         .seeds
         .clone()
@@ -117,7 +116,7 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     )?;
     Ok(if entries.iter().any(|entry| entry.broken.is_some()) {
         println!(
-            "what broke is entered with its scenario in {}; --again does it anew",
+            "broken episodes are listed with their scenarios in {}; --again repeats them",
             args.out.join("episodes.jsonl").display()
         );
         ExitCode::from(BROKEN)
@@ -129,8 +128,8 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Sets results of before aside with `--fresh`, and otherwise refuses those that a policy
-/// with other files made: they would be counted together with the new ones.
+/// Moves earlier results aside with `--fresh`. Otherwise rejects results of a policy with
+/// other files, because they would be counted together with the new ones.
 fn begin(args: &EvaluateArgs, wanted: &[Job], log: &EpisodeLog<Entry>) -> anyhow::Result<()> {
     if args.fresh {
         let is_old = |entry: &Entry| {
@@ -139,7 +138,7 @@ fn begin(args: &EvaluateArgs, wanted: &[Job], log: &EpisodeLog<Entry>) -> anyhow
                 .any(|job| entry.is_of(job) || entry.is_outdated(job))
         };
         if let Some(aside) = log.set_aside(is_old)? {
-            println!("the results of before are in {}", aside.display());
+            println!("the earlier results are in {}", aside.display());
         }
         return Ok(());
     }
@@ -149,14 +148,14 @@ fn begin(args: &EvaluateArgs, wanted: &[Job], log: &EpisodeLog<Entry>) -> anyhow
     if outdated > 0 {
         bail!(
             "the files of the policy changed since {outdated} of the episodes in {}: add --fresh \
-             to do all episodes anew, or name another folder with --out",
+             to repeat all episodes, or choose another folder with --out",
             args.out.display()
         );
     }
     Ok(())
 }
 
-/// Prints the report and writes it, with the pictures unless they are not wanted.
+/// Prints and writes the report, with its images.
 fn conclude(
     args: &EvaluateArgs,
     scope: &Scope,
@@ -167,19 +166,18 @@ fn conclude(
     let path = args.out.join("report.json");
     std::fs::write(&path, report.json()?).with_context(|| format!("writing {}", path.display()))?;
     println!("report      {}", path.display());
-    let redrawn = redraw::draw(args, entries)?;
+    let redrawn = redraw::render_failures(args, entries)?;
     let path = page::write(&args.out, report, entries, &redrawn)?;
     println!("page        {}", path.display());
-    // Drawn by doing episodes again, which the scripted operator does alike.
+    // Episodes are repeated for it, which only the scripted operator does identically.
     if !args.no_grid && args.policy.policy == Choice::Operator {
-        let path = grid::draw(args, scope, report, entries)?;
-        println!("pictures    {}", path.display());
+        let path = grid::write(args, scope, report, entries)?;
+        println!("images      {}", path.display());
     }
     Ok(())
 }
 
-/// What is not done because it has been, and the cure where that means that it
-/// is not recorded.
+/// Message about episodes that are already done, with the fix if they are not recorded.
 fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
     let mut text = format!(
         "{} of {wanted} episodes are in {} already\n",
@@ -203,13 +201,13 @@ fn skipped(args: &EvaluateArgs, done: &[&Entry], wanted: usize) -> String {
     for (task, seeds) in seeds {
         text += &format!("    not recorded: {task} seed {}\n", seeds.join(", "));
     }
-    text += "they count as done, so --record makes no file of them: name another folder with \
-             --out to do and record them\n";
+    text += "they count as done, so --record makes no file of them: choose another folder with \
+             --out to run and record them\n";
     text
 }
 
-/// Names of the tasks to do, as the assets have them; of all, where other layouts are
-/// asked for, those that have several.
+/// Names of the tasks to run. With the axis `layout`, `all` means the tasks that have several
+/// layouts.
 fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
     let listed = tasks_of_program(args.assets.as_deref())?;
     let (several, one): (Vec<_>, Vec<_>) = listed.iter().partition(|task| task.variants.len() > 1);
@@ -220,24 +218,18 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
     let (several, one, all) = (names(several), names(one), names(listed.iter().collect()));
     if args.task == "all" {
         if layout {
-            eprintln!(
-                "left out, for there is one layout of them: {}",
-                one.join(", ")
-            );
+            eprintln!("skipped, because they have one layout: {}", one.join(", "));
         }
         return Ok(if layout { several } else { all });
     }
     let mut tasks = Vec::new();
     for name in each_once(&args.task)? {
         if !all.iter().any(|task| task == name) {
-            bail!(
-                "there is no task {name:?}; the tasks are: {}",
-                all.join(", ")
-            );
+            bail!("no task named {name:?}; available: {}", all.join(", "));
         }
         if layout && one.iter().any(|task| task == name) {
             bail!(
-                "there is one layout of the task {name:?}, so the axis `layout` changes nothing; several have: {}",
+                "the task {name:?} has one layout, so the axis `layout` changes nothing; tasks with several: {}",
                 several.join(", ")
             );
         }
@@ -249,18 +241,18 @@ fn tasks(args: &EvaluateArgs, layout: bool) -> anyhow::Result<Vec<String>> {
 /// The names of a list with commas.
 ///
 /// # Errors
-/// When one stands there twice: its episodes would count twice.
+/// When a name is listed twice: its episodes would count twice.
 fn each_once(list: &str) -> anyhow::Result<Vec<&str>> {
     let names: Vec<&str> = list.split(',').collect();
     for (i, name) in names.iter().enumerate() {
         if names[..i].contains(name) {
-            bail!("--task names {name:?} twice; say it once");
+            bail!("--task names {name:?} twice; remove one");
         }
     }
     Ok(names)
 }
 
-/// Does the open episodes with as many servers as asked.
+/// Runs the open episodes on `--jobs` servers.
 fn work(
     args: &EvaluateArgs,
     driver: &DriverChoice,
@@ -279,8 +271,8 @@ fn work(
             scope.spawn(move || {
                 let mut args = args.clone();
                 args.graphics.adapter = adapter;
-                if let Err(error) = one_after_another((&args, driver), index, open, next, log) {
-                    // The others finish what they are at.
+                if let Err(error) = run_sequentially((&args, driver), index, open, next, log) {
+                    // The other runners finish their episodes.
                     next.store(open.len(), Ordering::Relaxed);
                     trouble.lock().get_or_insert(error);
                 }
@@ -290,9 +282,8 @@ fn work(
     trouble.into_inner().map_or(Ok(()), Err)
 }
 
-/// The episodes of runner number `index`: the next one that nobody has begun, until none
-/// is left.
-fn one_after_another(
+/// Runs the episodes of runner number `index`: takes the next open one until none is left.
+fn run_sequentially(
     (args, driver): (&EvaluateArgs, &DriverChoice),
     index: usize,
     open: &[Job],
@@ -323,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_recorded_because_it_was_done_before_is_told_with_the_cure() {
+    fn earlier_unrecorded_episodes_are_listed_with_the_fix() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().to_str().unwrap();
         let args = |more: &[&str]| Cli::parse_from([&["evaluate", "--out", out], more].concat());
@@ -338,12 +329,12 @@ mod tests {
         let plain = skipped(&args(&[]).args, &done, 4);
         assert_eq!(plain, format!("3 of 4 episodes are in {out} already\n"));
         std::fs::write(folder.path().join("pick_bowl-seed1.h5"), "").unwrap();
-        let told = skipped(&args(&["--record"]).args, &done, 4);
+        let text = skipped(&args(&["--record"]).args, &done, 4);
         assert!(
-            told.contains("not recorded: pick_bowl seed 0, 2\n"),
-            "{told}"
+            text.contains("not recorded: pick_bowl seed 0, 2\n"),
+            "{text}"
         );
-        assert!(told.contains("name another folder with --out"), "{told}");
+        assert!(text.contains("choose another folder with --out"), "{text}");
         std::fs::write(folder.path().join("pick_bowl-seed0.h5"), "").unwrap();
         let lines = |done: &[&Entry]| skipped(&args(&["--record"]).args, done, 4).lines().count();
         assert_eq!(lines(&[&zero, &one]), 1);
@@ -356,9 +347,9 @@ mod tests {
     }
 
     #[test]
-    fn a_task_that_is_named_twice_is_refused() {
+    fn duplicate_task_name_is_rejected() {
         assert_eq!(each_once("b,a").unwrap(), ["b", "a"]);
-        let told = each_once("a,b,a").unwrap_err().to_string();
-        assert!(told.contains("\"a\" twice"), "{told}");
+        let text = each_once("a,b,a").unwrap_err().to_string();
+        assert!(text.contains("\"a\" twice"), "{text}");
     }
 }

@@ -1,5 +1,5 @@
-//! The report as pictures and as one HTML page that needs nothing else: rates and
-//! intervals, how far episodes came, when they were done, why they failed.
+//! The report as charts and as one self-contained HTML page: rates and intervals, progress,
+//! time of success and causes of failure.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use super::entry::Entry;
 use super::redraw::Redrawn;
 use super::report::{Report, SHARES, TaskReport};
 
-/// Kinds of ends that have a colour of their own; the rest share one.
+/// Kinds of ends with a separate colour; the others share one.
 const KINDS: usize = 8;
 const STYLE: &str = "
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem; color: #1c2026; background: #fafaf8 }
@@ -30,33 +30,33 @@ details { margin: .6rem 0 }
 code { font-size: 13px }
 ";
 
-/// Writes the pictures and the page into a folder; the page's path.
+/// Writes the charts and the page into a folder. Returns the path of the page.
 ///
 /// # Errors
-/// When a picture cannot be drawn or a file cannot be written.
+/// When a chart or a file cannot be written.
 pub fn write(
     folder: &Path,
     report: &Report,
     entries: &[Entry],
     redrawn: &[Redrawn],
 ) -> anyhow::Result<PathBuf> {
-    let pictures = draw(folder, report, entries)?;
+    let charts = write_charts(folder, report, entries)?;
     let path = folder.join("report.html");
-    let text = page(report, entries, &pictures, redrawn)?;
+    let text = page(report, entries, &charts, redrawn)?;
     std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
     Ok(path)
 }
 
-/// A picture and what it shows.
-struct Picture(PathBuf, &'static str);
+/// A chart with its caption.
+struct Chart(PathBuf, &'static str);
 
-fn draw(folder: &Path, report: &Report, entries: &[Entry]) -> anyhow::Result<Vec<Picture>> {
+fn write_charts(folder: &Path, report: &Report, entries: &[Entry]) -> anyhow::Result<Vec<Chart>> {
     let with = |tasks: &[TaskReport]| -> Vec<TaskReport> {
         let done = tasks.iter().filter(|task| task.episodes > 0);
         done.cloned().collect()
     };
     let tasks = with(&report.tasks);
-    let mut pictures = Vec::new();
+    let mut charts = Vec::new();
 
     let (kinds, rows) = squares(&tasks, entries);
     let path = folder.join("outcomes.png");
@@ -66,12 +66,12 @@ fn draw(folder: &Path, report: &Report, entries: &[Entry]) -> anyhow::Result<Vec
         &rows,
         &path,
     )?;
-    pictures.push(Picture(path, "Each square is an episode, in the order of the seeds; the number is the first seed of a line."));
+    charts.push(Chart(path, "Each square is an episode, in the order of the seeds; the number is the first seed of a line."));
 
     let path = folder.join("success.png");
     let lines: Vec<_> = tasks.iter().map(|task| stairs(task, entries)).collect();
     chart::shares_over_time("Share of episodes done, over simulated time", &lines, &path)?;
-    pictures.push(Picture(path, "How many episodes had succeeded when so much time had passed. A line ends at the rate of success."));
+    charts.push(Chart(path, "How many episodes had succeeded when so much time had passed. A line ends at the rate of success."));
 
     let bars: Vec<_> = tasks
         .iter()
@@ -81,7 +81,7 @@ fn draw(folder: &Path, report: &Report, entries: &[Entry]) -> anyhow::Result<Vec
             Some((task.task.clone(), progress.furthest.len(), shares))
         })
         .collect();
-    // Tasks of one way share a picture: its steps are the colours.
+    // Tasks with the same steps share a chart, whose colours are the steps.
     let mut lengths: Vec<usize> = bars.iter().map(|(_, steps, _)| *steps).collect();
     let names = |steps: usize| {
         let of = |task: &&TaskReport| {
@@ -96,7 +96,7 @@ fn draw(folder: &Path, report: &Report, entries: &[Entry]) -> anyhow::Result<Vec
             .map(|p| p.furthest.iter().map(|(name, _)| name.clone()).collect())
             .collect();
         names.dedup();
-        // Ways of as many steps that differ: both words.
+        // Steps that differ at the same position: both names.
         let first = names.first().cloned().unwrap_or_default();
         (0..first.len())
             .map(|i| {
@@ -124,12 +124,12 @@ fn draw(folder: &Path, report: &Report, entries: &[Entry]) -> anyhow::Result<Vec
             &rows,
             &path,
         )?;
-        pictures.push(Picture(
+        charts.push(Chart(
             path,
             "Each episode counts at the furthest step that it reached.",
         ));
     }
-    Ok(pictures)
+    Ok(charts)
 }
 
 /// The kinds of ends, success first and then the most frequent, and each task's
@@ -186,7 +186,7 @@ fn stairs(task: &TaskReport, entries: &[Entry]) -> chart::Steps {
 fn page(
     report: &Report,
     entries: &[Entry],
-    pictures: &[Picture],
+    charts: &[Chart],
     redrawn: &[Redrawn],
 ) -> anyhow::Result<String> {
     let mut out = String::new();
@@ -216,7 +216,7 @@ fn page(
         percent(report.exact_interval)
     )?;
     table(&mut out, report)?;
-    for Picture(path, words) in pictures {
+    for Chart(path, words) in charts {
         writeln!(
             out,
             "<figure><img alt=\"{0}\" src=\"{1}\"><figcaption>{0}</figcaption></figure>",
@@ -275,7 +275,7 @@ fn table(out: &mut String, report: &Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Failures by cause, the most frequent first, with what was drawn of them.
+/// Failures by cause, the most frequent first, with their contact sheets.
 fn failures(
     out: &mut String,
     report: &Report,
@@ -291,8 +291,8 @@ fn failures(
         writeln!(out, "<h3>{}</h3>", escaped(&task.task))?;
         for (cause, seeds) in &task.causes {
             let of = |d: &&Redrawn| d.task == task.task && seeds.contains(&d.seed);
-            let drawn: Vec<_> = redrawn.iter().filter(of).collect();
-            let open = if drawn.is_empty() { "" } else { " open" };
+            let sheets: Vec<_> = redrawn.iter().filter(of).collect();
+            let open = if sheets.is_empty() { "" } else { " open" };
             writeln!(
                 out,
                 "<details{open}><summary><span class=\"no\">{}</span>: {} of {}</summary>\n<table>",
@@ -315,7 +315,7 @@ fn failures(
                 )?;
             }
             out.push_str("</table>\n");
-            for drawn in drawn {
+            for shown in sheets {
                 let name = |path: &Path| {
                     let file = path.file_name().unwrap_or_default().to_string_lossy();
                     let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
@@ -324,10 +324,10 @@ fn failures(
                 writeln!(
                     out,
                     "<figure><a href=\"{0}\"><img alt=\"contact sheet of seed {1}\" src=\"{2}\"></a><figcaption>seed {1}: <a href=\"{0}\">{0}</a>, drawn again at 720p ({3})</figcaption></figure>",
-                    name(&drawn.file),
-                    drawn.seed,
-                    embedded(&drawn.sheet)?,
-                    escaped(&drawn.states)
+                    name(&shown.file),
+                    shown.seed,
+                    embedded(&shown.sheet)?,
+                    escaped(&shown.states)
                 )?;
             }
             out.push_str("</details>\n");
@@ -336,7 +336,7 @@ fn failures(
     Ok(())
 }
 
-/// All episodes, for who looks one up.
+/// Table of all episodes.
 fn numbers(out: &mut String, report: &Report, entries: &[Entry]) -> anyhow::Result<()> {
     out.push_str("<details><summary>All episodes</summary><table><tr><th>task<th>seed<th>end<th>s<th>progress<th>state hash</tr>\n");
     for task in &report.tasks {
@@ -360,7 +360,7 @@ fn numbers(out: &mut String, report: &Report, entries: &[Entry]) -> anyhow::Resu
     Ok(())
 }
 
-/// A picture as part of the page.
+/// A chart as a data URL.
 fn embedded(path: &Path) -> anyhow::Result<String> {
     let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
     Ok(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))
@@ -371,7 +371,7 @@ fn percent([low, high]: [f64; 2]) -> String {
     format!("{:.1} to {:.1} %", 100.0 * low, 100.0 * high)
 }
 
-/// Words that are no markup: instructions and what policies say may be anything.
+/// Text with escaped markup: instructions and errors of policies are arbitrary.
 fn escaped(words: &str) -> String {
     let mut out = String::with_capacity(words.len());
     for c in words.chars() {
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_holds_its_pictures_and_tells_failures_by_cause_as_words() {
+    fn page_embeds_its_charts_and_escapes_the_causes_of_failures() {
         let folder = tempfile::tempdir().unwrap();
         let entries = [entry(0, true), entry(1, false), entry(2, false)];
         let scope = Scope {
@@ -420,7 +420,7 @@ mod tests {
         let report = Report::new(&["pick_bowl".to_owned()], &entries, &scope);
         let path = write(folder.path(), &report, &entries, &[]).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
-        assert!(!text.contains("<script"), "what a policy says is no markup");
+        assert!(!text.contains("<script"), "text of a policy is escaped");
         assert!(
             text.contains("timeout, not both pads</span>: 2 of 3"),
             "{text}"
@@ -429,7 +429,7 @@ mod tests {
         for words in ["1/3", "33.3 %", "ab2", "operator: 1 of 3"] {
             assert!(text.contains(words), "{words}");
         }
-        // Nothing is fetched from elsewhere.
+        // The page loads no other resources.
         assert!(!text.contains("src=\"http") && !text.contains("href=\"http"));
         for name in ["outcomes.png", "success.png", "progress.png"] {
             assert!(folder.path().join(name).is_file(), "{name}");

@@ -1,16 +1,17 @@
-//! How far an episode came, in steps that every attempt at a task goes through,
-//! whoever makes it: told from what the server publishes, never from what an operator
-//! or a policy says. Pure: samples in, a course out.
+//! Progress of an episode, in steps that every attempt at a task passes through. Derived from
+//! the streams of the server, never from reports of an operator or a policy. No I/O: samples
+//! in, a [`Course`] out.
 
 use nalgebra::{Isometry3, Point3};
-use serde::{Deserialize, Serialize};
 use wheelarm_proto::check::Invalid;
 use wheelarm_proto::geometry::normalized;
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 
-/// Streams that a course is told from.
+use super::milestone::{Course, Milestone, Way};
+
+/// Streams from which a course is derived.
 pub const STREAMS: [TopicId; 6] = [
     TopicId::Pose,
     TopicId::ObjectPose,
@@ -20,141 +21,25 @@ pub const STREAMS: [TopicId; 6] = [
     TopicId::Event,
 ];
 
-/// The chair stands below this speed, m/s.
-const SLOW: f64 = 0.02;
-/// And below this turn rate, rad/s.
-const STEADY: f64 = 0.03;
-/// For so long, nanoseconds.
-const REST: u64 = 250_000_000;
-/// A pad presses from this force, N.
-const PRESSES: f64 = 0.5;
-/// A thing is lifted when it is this much higher than it stood, metres.
-const LIFTED: f64 = 0.02;
-/// A slide has moved when it went this far the right way, metres.
-const MOVED: f64 = 0.01;
-
-/// A step on the way to a goal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Milestone {
-    /// The chair stood still with the target in the arm's range.
-    InReach,
-    /// The hand touched the target.
-    Touched,
-    /// Both pads pressed it.
-    Gripped,
-    /// It was off its place, in the grip.
-    Lifted,
-    /// What is to be put somewhere was above the place.
-    OverRegion,
-    /// The slide moved the right way.
-    Moved,
-    /// It came half the way.
-    HalfWay,
-    /// The task's conditions held at its end.
-    Done,
-}
-
-impl Milestone {
-    /// In words.
-    #[must_use]
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::InReach => "stopped in reach",
-            Self::Touched => "touched",
-            Self::Gripped => "both pads",
-            Self::Lifted => "lifted",
-            Self::OverRegion => "over the region",
-            Self::Moved => "moved",
-            Self::HalfWay => "half way",
-            Self::Done => "done",
-        }
-    }
-}
-
-/// The steps to a kind of goal.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Way {
-    /// There is no task.
-    #[default]
-    None,
-    /// A thing is lifted and held.
-    Lift,
-    /// A thing is put somewhere.
-    Put,
-    /// A slide is opened or closed.
-    Slide,
-}
-
-impl Way {
-    fn to(goal: v1::GoalKind) -> Self {
-        match goal {
-            v1::GoalKind::Unspecified => Self::None,
-            // What is handed over is lifted; where to, moves with the chair.
-            v1::GoalKind::Lift | v1::GoalKind::Give | v1::GoalKind::Bring => Self::Lift,
-            v1::GoalKind::Put => Self::Put,
-            v1::GoalKind::Open | v1::GoalKind::Close => Self::Slide,
-        }
-    }
-
-    /// The steps in their order, and what share of the way each is, percent.
-    #[must_use]
-    pub fn steps(self) -> &'static [(Milestone, u8)] {
-        use Milestone as M;
-        match self {
-            Self::None => &[(M::Done, 100)],
-            Self::Lift => &[
-                (M::InReach, 20),
-                (M::Touched, 40),
-                (M::Gripped, 60),
-                (M::Lifted, 80),
-                (M::Done, 100),
-            ],
-            Self::Put => &[
-                (M::InReach, 15),
-                (M::Touched, 30),
-                (M::Gripped, 45),
-                (M::Lifted, 60),
-                (M::OverRegion, 80),
-                (M::Done, 100),
-            ],
-            Self::Slide => &[
-                (M::InReach, 20),
-                (M::Touched, 40),
-                (M::Moved, 60),
-                (M::HalfWay, 80),
-                (M::Done, 100),
-            ],
-        }
-    }
-}
-
-/// How far an episode came.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Course {
-    /// The steps that its goal has.
-    pub way: Way,
-    /// The furthest step that was reached, percent of the way.
-    pub percent: u8,
-    /// Steps that were reached, and simulated seconds into the episode, in the order
-    /// of the way.
-    pub reached: Vec<(Milestone, f64)>,
-    /// The first step of the way after the furthest that was reached; absent at the
-    /// goal.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub missing: Option<Milestone>,
-    /// Pairs of bodies that hit each other hard.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub hard_contacts: Vec<String>,
-}
+/// Speed below which the chair is at rest, m/s.
+const REST_SPEED: f64 = 0.02;
+/// Turn rate below which the chair is at rest, rad/s.
+const REST_TURN_RATE: f64 = 0.03;
+/// Duration of rest for [`Milestone::InReach`], ns.
+const REST_NANOS: u64 = 250_000_000;
+/// Force above which a pad presses, N.
+const PRESS_FORCE: f64 = 0.5;
+/// Height above its initial one from which an object is lifted, metres.
+const LIFT_HEIGHT: f64 = 0.02;
+/// Distance in the required direction from which a slide has moved, metres.
+const SLIDE_DISTANCE: f64 = 0.01;
 
 /// Follows one episode.
 #[derive(Clone, Debug)]
 pub struct Follower {
-    sought: Sought,
+    goal: Goal,
     roles: Roles,
-    /// Newest of each.
+    /// Newest samples.
     chair: Option<Isometry3<f64>>,
     speeds: [f64; 2],
     objects: Vec<Isometry3<f64>>,
@@ -164,15 +49,15 @@ pub struct Follower {
     /// The number of the episode and the stamp of its beginning, nanoseconds.
     episode: (u64, u64),
     since: Option<u64>,
-    /// Height of the target at the beginning, metres, or position of the slide.
+    /// Height of the target or position of the slide at the beginning, metres.
     began: Option<f64>,
     reached: Vec<(Milestone, f64)>,
     hard: Vec<String>,
 }
 
-/// What is sought, as the scene tells it.
+/// The goal, from the description of the scene.
 #[derive(Clone, Debug, PartialEq)]
-struct Sought {
+struct Goal {
     way: Way,
     target: String,
     /// Index among the objects; absent for a slide.
@@ -181,27 +66,27 @@ struct Sought {
     slide: Option<(usize, Isometry3<f64>, [f64; 3])>,
     /// Wanted position of the slide, metres.
     position: f64,
-    /// Where it is to be put: pose of the middle and half sides along x and y.
+    /// Region to place it in: pose of the centre and half sizes along x and y, metres.
     region: Option<(Isometry3<f64>, [f64; 2])>,
-    /// Where it is taken, in its own frame.
+    /// Grasp points, in the frame of the target.
     grasps: Vec<Point3<f64>>,
     chair_from_base: Isometry3<f64>,
-    /// Greatest distance on the floor plan at which the arm takes things, metres.
+    /// Greatest horizontal distance at which the arm reaches objects, metres.
     range: f64,
     hand: Vec<String>,
 }
 
 impl Follower {
-    /// Follows the episode that begins after this, of the scene's task.
+    /// Follows the next episode, of the scene's task.
     ///
     /// # Errors
-    /// [`Invalid`] that names what is not as the contract says.
+    /// [`Invalid`] with the field that violates the contract.
     pub fn new(scene: &v1::SceneReply) -> Result<Self, Invalid> {
         let robot = scene.robot.as_ref();
         let robot = robot.ok_or(Invalid::Missing("description of the robot"))?;
         let goal = scene.goal.clone().unwrap_or_default();
         let slide = scene.joints.iter().enumerate();
-        let way = Way::to(goal.kind());
+        let way = Way::for_goal(goal.kind());
         let slide = slide
             .filter(|(_, joint)| way == Way::Slide && joint.name == goal.joint)
             .map(|(index, joint)| {
@@ -240,7 +125,7 @@ impl Follower {
         });
         hand.extend(fingers.flat_map(|joint| {
             use v1::JointRole as Role;
-            // What a finger's tip hangs on is fixed to its knuckle.
+            // The parent link of a finger tip is fixed to its knuckle.
             let tip = matches!(joint.role(), Role::FingerTipLeft | Role::FingerTipRight);
             let bar = tip.then(|| joint.parent_link.clone());
             bar.into_iter().chain([joint.child_link.clone()])
@@ -253,7 +138,7 @@ impl Follower {
         hand.extend(last.map(|joint| joint.child_link.clone()));
         Ok(Self {
             roles: Roles::find(robot)?,
-            sought: Sought {
+            goal: Goal {
                 way,
                 object: scene.objects.iter().position(|name| *name == goal.target),
                 slide,
@@ -279,8 +164,8 @@ impl Follower {
         })
     }
 
-    /// Takes a sample; others than those of [`STREAMS`] are left alone.
-    pub fn take(&mut self, sample: &Sample) {
+    /// Adds a sample; ignores streams outside of [`STREAMS`].
+    pub fn add(&mut self, sample: &Sample) {
         match sample {
             Sample::Pose(s) if self.is_of(s.header.as_ref()) => {
                 let frame = s.frames.get(self.roles.chair).cloned().unwrap_or_default();
@@ -303,8 +188,8 @@ impl Follower {
                 self.pads = [pad(0), pad(1)];
                 self.touching = s.contacts.iter().any(|contact| {
                     let pair = [&contact.first, &contact.second];
-                    pair.contains(&&self.sought.target)
-                        && pair.iter().any(|name| self.sought.hand.contains(name))
+                    pair.contains(&&self.goal.target)
+                        && pair.iter().any(|name| self.goal.hand.contains(name))
                 });
             }
             Sample::Event(s)
@@ -312,28 +197,28 @@ impl Follower {
             {
                 self.hard.push(format!("{} on {}", s.body, s.other_body));
             }
-            // Published after what it is about.
+            // Published after the samples of its tick.
             Sample::Evaluation(s) if self.is_of(s.header.as_ref()) => {
-                self.appearance(s.header.as_ref().map_or(0, |h| h.stamp_nanos));
+                self.update(s.header.as_ref().map_or(0, |h| h.stamp_nanos));
             }
             _ => {}
         }
     }
 
-    /// The course so far, of an episode that ended as `success` says.
+    /// The course so far, of an episode that ended with `success`.
     #[must_use]
     pub fn course(&self, success: bool, seconds: f64) -> Course {
         let mut reached = self.reached.clone();
         if success {
             reached.push((Milestone::Done, seconds));
         }
-        let way = self.sought.way.steps();
+        let way = self.goal.way.steps();
         reached.sort_by_key(|(step, _)| *step);
         let furthest = way
             .iter()
             .rposition(|(step, _)| reached.iter().any(|(known, _)| known == step));
         Course {
-            way: self.sought.way,
+            way: self.goal.way,
             percent: furthest.map_or(0, |at| way[at].1),
             missing: way
                 .get(furthest.map_or(0, |at| at + 1))
@@ -343,7 +228,7 @@ impl Follower {
         }
     }
 
-    /// Whether it is of the newest episode that anything was heard of.
+    /// Whether the header is of the newest episode; a newer one restarts the follower.
     fn is_of(&mut self, header: Option<&v1::Header>) -> bool {
         let Some(header) = header.filter(|header| header.episode > 0) else {
             return false;
@@ -358,57 +243,57 @@ impl Follower {
         header.episode == self.episode.0
     }
 
-    /// Where the target is, and a number that grows as it is lifted or opened.
+    /// Pose of the target, and its height or the position of the slide, metres.
     fn target(&self) -> Option<(Isometry3<f64>, f64)> {
-        if let Some((index, rest, axis)) = &self.sought.slide {
+        if let Some((index, rest, axis)) = &self.goal.slide {
             let position = *self.slides.get(*index)?;
             let way = nalgebra::Vector3::from(*axis) * position;
             return Some((nalgebra::Translation3::from(way) * rest, position));
         }
-        let pose = *self.objects.get(self.sought.object?)?;
+        let pose = *self.objects.get(self.goal.object?)?;
         Some((pose, pose.translation.z))
     }
 
-    /// Notes what holds now.
-    fn appearance(&mut self, stamp: u64) {
+    /// Adds the milestones that hold now.
+    fn update(&mut self, stamp: u64) {
         let seconds = stamp.saturating_sub(self.episode.1) as f64 * 1e-9;
         let (Some(chair), Some((target, height))) = (self.chair, self.target()) else {
             return;
         };
         let began = *self.began.get_or_insert(height);
-        let stands = self.speeds[0] < SLOW && self.speeds[1] < STEADY;
-        self.since = match stands {
+        let is_at_rest = self.speeds[0] < REST_SPEED && self.speeds[1] < REST_TURN_RATE;
+        self.since = match is_at_rest {
             true => self.since.or(Some(stamp)),
             false => None,
         };
-        let base = chair * self.sought.chair_from_base;
-        let near = self.sought.grasps.iter().any(|grasp| {
+        let base = chair * self.goal.chair_from_base;
+        let near = self.goal.grasps.iter().any(|grasp| {
             let off = (target * grasp).coords - base.translation.vector;
-            off.xy().norm() <= self.sought.range
+            off.xy().norm() <= self.goal.range
         });
         let rested = self
             .since
-            .is_some_and(|since| stamp.saturating_sub(since) >= REST);
-        let gripped = self.touching && self.pads.iter().all(|force| *force > PRESSES);
-        let lifted = gripped && self.sought.slide.is_none() && height - began > LIFTED;
-        let over = self.sought.region.is_some_and(|(pose, half)| {
+            .is_some_and(|since| stamp.saturating_sub(since) >= REST_NANOS);
+        let gripped = self.touching && self.pads.iter().all(|force| *force > PRESS_FORCE);
+        let lifted = gripped && self.goal.slide.is_none() && height - began > LIFT_HEIGHT;
+        let over = self.goal.region.is_some_and(|(pose, half)| {
             let at = pose.inverse_transform_point(&target.translation.vector.into());
             at.x.abs() <= half[0] && at.y.abs() <= half[1]
         });
         let was_lifted = self.has(Milestone::Lifted) || lifted;
-        let whole = self.sought.position - began;
+        let whole = self.goal.position - began;
         let way = (height - began) * whole.signum();
-        let slides = self.sought.slide.is_some();
+        let slides = self.goal.slide.is_some();
         for (step, holds) in [
             (Milestone::InReach, near && rested),
             (Milestone::Touched, self.touching),
             (Milestone::Gripped, gripped),
             (Milestone::Lifted, lifted),
             (Milestone::OverRegion, was_lifted && over),
-            (Milestone::Moved, slides && way > MOVED),
+            (Milestone::Moved, slides && way > SLIDE_DISTANCE),
             (Milestone::HalfWay, slides && way > whole.abs() / 2.0),
         ] {
-            let is_on_the_way = || self.sought.way.steps().iter().any(|(on, _)| *on == step);
+            let is_on_the_way = || self.goal.way.steps().iter().any(|(on, _)| *on == step);
             if holds && !self.has(step) && is_on_the_way() {
                 self.reached.push((step, seconds));
             }
@@ -502,7 +387,7 @@ mod tests {
         }
     }
 
-    /// Chair's x and speed, the mug, the slide, pad forces, who is touched.
+    /// Chair's x and speed, the mug, the slide, pad forces, bodies in contact.
     struct Moment(f64, f64, [f64; 3], f64, [f64; 2], Option<[&'static str; 2]>);
 
     fn follow(kind: v1::GoalKind, moments: &[Moment]) -> Follower {
@@ -555,7 +440,7 @@ mod tests {
                     ..Default::default()
                 }),
             ] {
-                follower.take(&sample);
+                follower.add(&sample);
             }
         }
         follower
@@ -564,7 +449,7 @@ mod tests {
     const MUG: [f64; 3] = [2.0, 0.0, 0.5];
 
     #[test]
-    fn a_pick_goes_from_driving_to_holding_step_by_step() {
+    fn pick_passes_its_milestones_in_order() {
         let far = || Moment(0.0, 0.0, MUG, 0.0, [0.0; 2], None);
         let drives = || Moment(1.5, 0.3, MUG, 0.0, [0.0; 2], None);
         let stands = || Moment(1.5, 0.0, MUG, 0.0, [0.0; 2], None);
@@ -589,7 +474,7 @@ mod tests {
         assert_eq!(percent(&[stands(), by_arm()]).0, 20);
         assert_eq!(percent(&[stands(), gripped(0.5)]).0, 60);
         assert_eq!(percent(&[stands(), gripped(0.53)]), (80, Some(M::Done)));
-        // It counts how far it came, not where it ended.
+        // The furthest milestone counts, not the last state.
         let lost = [stands(), gripped(0.53), far()];
         assert_eq!(percent(&lost).0, 80);
         let done = follow(v1::GoalKind::Lift, &lost).course(true, 9.0);
@@ -599,9 +484,8 @@ mod tests {
     }
 
     #[test]
-    fn steps_of_other_ways_are_not_reached() {
-        // A handle is gripped, a thing to be handed over passes the place: neither is a
-        // step there.
+    fn milestones_of_other_goals_are_not_reached() {
+        // A handle is gripped and a given object passes the region: neither is a milestone there.
         let handle = [2.0, 0.0, 0.4];
         let pulls = |slide| Moment(1.5, 0.0, handle, slide, [3.0; 2], Some(["tip", "drawer"]));
         let opened = follow(v1::GoalKind::Open, &[pulls(0.0), pulls(0.15)]).course(false, 9.0);
@@ -619,7 +503,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_put_somewhere_has_to_be_lifted_before_it_is_over_the_place() {
+    fn object_is_over_the_region_only_after_it_was_lifted() {
         let at =
             |x: f64, z: f64| Moment(1.5, 0.0, [x, 0.0, z], 0.0, [3.0; 2], Some(["tip", "mug"]));
         let pushed = follow(v1::GoalKind::Put, &[at(2.0, 0.5), at(2.5, 0.5)]);
@@ -636,7 +520,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slide_counts_by_how_far_it_went_the_right_way() {
+    fn slide_counts_by_its_distance_in_the_required_direction() {
         let at = |slide: f64| Moment(1.5, 0.0, MUG, slide, [0.0; 2], None);
         let percent = |kind, way: &[f64]| {
             let moments: Vec<_> = way.iter().map(|slide| at(*slide)).collect();
@@ -651,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn hard_contacts_are_told_and_another_episode_begins_anew() {
+    fn hard_contacts_are_listed_per_episode() {
         let mut follower = follow(v1::GoalKind::Lift, &[]);
         let event = |episode, kind: v1::EventKind| {
             Sample::Event(v1::Event {
@@ -665,11 +549,11 @@ mod tests {
                 ..Default::default()
             })
         };
-        follower.take(&event(1, v1::EventKind::Collision));
-        follower.take(&event(2, v1::EventKind::Note));
+        follower.add(&event(1, v1::EventKind::Collision));
+        follower.add(&event(2, v1::EventKind::Note));
         assert!(follower.course(false, 0.0).hard_contacts.is_empty());
-        follower.take(&event(2, v1::EventKind::Collision));
-        follower.take(&event(0, v1::EventKind::Collision));
+        follower.add(&event(2, v1::EventKind::Collision));
+        follower.add(&event(0, v1::EventKind::Collision));
         assert_eq!(follower.course(false, 0.0).hard_contacts, ["arm on table"]);
     }
 }

@@ -1,5 +1,5 @@
-//! Failed episodes drawn again, larger, from their recordings: the same states as
-//! they were, with a contact sheet of each.
+//! Renders failed episodes again, larger, from their recordings: the same states, with a
+//! contact sheet of each.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -15,10 +15,10 @@ use crate::replay::{self, ReplayArgs};
 
 /// Width and height, pixels.
 const SIZE: [u32; 2] = [1280, 720];
-/// Pictures per second.
+/// Images per second.
 const RATE: f64 = 5.0;
 
-/// An episode that was drawn again.
+/// An episode that was rendered again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Redrawn {
     /// Task.
@@ -29,15 +29,15 @@ pub struct Redrawn {
     pub file: PathBuf,
     /// Its contact sheet.
     pub sheet: PathBuf,
-    /// Whether the states were the same again, in words.
+    /// Comparison of the states, as text.
     pub states: String,
 }
 
-/// Draws the first failures of each cause, as many as asked.
+/// Renders the first failures of each cause, at most `--redraw-failures`.
 ///
 /// # Errors
 /// When a program does not start or a file cannot be read or written.
-pub fn draw(args: &EvaluateArgs, entries: &[Entry]) -> anyhow::Result<Vec<Redrawn>> {
+pub fn render_failures(args: &EvaluateArgs, entries: &[Entry]) -> anyhow::Result<Vec<Redrawn>> {
     let Some(most) = args.redraw_failures else {
         return Ok(Vec::new());
     };
@@ -50,29 +50,29 @@ pub fn draw(args: &EvaluateArgs, entries: &[Entry]) -> anyhow::Result<Vec<Redraw
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("making the folder {}", folder.display()))?;
         let file = folder.join(format!("{label}-replay.h5"));
-        let picture = folder.join(format!("{label}.png"));
-        let about = || format!("drawing {} again", recording.display());
+        let image = folder.join(format!("{label}.png"));
+        let about = || format!("rendering {} again", recording.display());
         if !is_of(&file, &recording) {
             if file.is_file() {
                 std::fs::remove_file(&file).with_context(about)?;
             }
-            println!("draws {} seed {} again", entry.task, entry.seed);
-            again(args, &recording, &folder).with_context(about)?;
+            println!("renders {} seed {} again", entry.task, entry.seed);
+            render(args, &recording, &folder).with_context(about)?;
         }
         let episode = Episode::open(&file).with_context(about)?;
-        sheet(&episode, &picture).with_context(about)?;
+        sheet(&episode, &image).with_context(about)?;
         out.push(Redrawn {
             task: entry.task.clone(),
             seed: entry.seed,
             file,
-            sheet: picture,
+            sheet: image,
             states: "equal state hashes".to_owned(),
         });
     }
     Ok(out)
 }
 
-/// Failures, in turns one of each cause.
+/// Failures, one of each cause in turn.
 fn chosen(entries: &[Entry], most: usize) -> Vec<&Entry> {
     let mut causes: Vec<((&str, String), Vec<&Entry>)> = Vec::new();
     for entry in entries.iter().filter(|entry| !entry.success) {
@@ -91,8 +91,8 @@ fn chosen(entries: &[Entry], most: usize) -> Vec<&Entry> {
     turns.take(most).copied().collect()
 }
 
-/// Label and file of an episode's recording; where there is none, that is told with
-/// the cure.
+/// Label and file of an episode's recording; prints the reason and the fix when it does not
+/// exist.
 fn recorded(folder: &Path, entry: &Entry) -> Option<(String, PathBuf)> {
     let label = entry.recording();
     let file = label.as_ref().map(|l| folder.join(format!("{l}.h5")));
@@ -100,27 +100,27 @@ fn recorded(folder: &Path, entry: &Entry) -> Option<(String, PathBuf)> {
         return Some(found);
     }
     let why = file.map_or("it was not recorded".to_owned(), |file| {
-        format!("there is no {}", file.display())
+        format!("{} does not exist", file.display())
     });
     println!(
-        "not redrawn: {} seed {}: {why}; do it again in another --out",
+        "not redrawn: {} seed {}: {why}; repeat it in another --out",
         entry.task, entry.seed
     );
     None
 }
 
-/// Whether a replay is there and was drawn from this recording, not from one that was
-/// there before it under the same name.
+/// Whether a replay exists and was rendered from this recording, not from an earlier one of
+/// the same name.
 fn is_of(replay: &Path, recording: &Path) -> bool {
     let written = |file: &Path| file.metadata().and_then(|file| file.modified());
     match (written(replay), written(recording)) {
-        (Ok(drawn), Ok(recorded)) => drawn >= recorded,
+        (Ok(rendered), Ok(recorded)) => rendered >= recorded,
         _ => false,
     }
 }
 
-/// Replays a recording with large pictures; its states must be the same.
-fn again(args: &EvaluateArgs, recording: &Path, folder: &Path) -> anyhow::Result<()> {
+/// Replays a recording with large images; its states must be the same.
+fn render(args: &EvaluateArgs, recording: &Path, folder: &Path) -> anyhow::Result<()> {
     let camera = |name: &str| v1::CameraSetting {
         name: name.to_owned(),
         width: SIZE[0],
@@ -148,7 +148,7 @@ fn again(args: &EvaluateArgs, recording: &Path, folder: &Path) -> anyhow::Result
         assets: args.assets.clone(),
     })?;
     if code != ExitCode::SUCCESS {
-        bail!("its states were not the same again, or the new recording is not complete");
+        bail!("its states differ, or the new recording is not complete");
     }
     Ok(())
 }
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_of_each_cause_is_drawn_before_two_of_any() {
+    fn one_failure_of_each_cause_is_chosen_before_a_second() {
         let entry = |seed: u64, end: &str| {
             let text = format!(
                 r#"{{"task":"pick_bowl","seed":{seed},"success":{},"why":"","end":"{end}","conditions":[],"seconds":9.0,"factor":1.0,"hash":"","notes":[]}}"#,
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_recording_is_the_one_that_the_entry_names() {
+    fn recording_is_the_one_named_by_the_entry() {
         let folder = tempfile::tempdir().unwrap();
         let entry = |label: &str| {
             let text = format!(
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_replay_that_is_older_than_the_recording_is_of_another() {
+    fn replay_older_than_its_recording_is_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let [recording, replay] = ["a.h5", "b.h5"].map(|name| folder.path().join(name));
         let write = |path: &Path, at: u64| {

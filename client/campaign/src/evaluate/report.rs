@@ -9,7 +9,7 @@ use super::entry::Entry;
 use super::scope::Scope;
 use super::statistics::{clopper_pearson, mean, quantiles, wilson};
 
-/// What came of one task.
+/// Results of one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TaskReport {
     /// Task.
@@ -32,7 +32,7 @@ pub struct TaskReport {
     /// without any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds_quantiles: Option<[f64; 5]>,
-    /// How far the episodes came; absent where none was watched.
+    /// Progress of the episodes; absent when none was monitored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub progress: Option<ProgressReport>,
     /// Episodes in which something else than the target was knocked over.
@@ -43,28 +43,28 @@ pub struct TaskReport {
     /// stayed below in the slowest episode, milliseconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inference_ms: Option<(usize, f64, f64)>,
-    /// What the policy did wrong, by kind, and how often.
+    /// Count of the policy's errors by kind.
     pub policy_errors: BTreeMap<String, usize>,
-    /// How the episodes ended, and how often.
+    /// Count of episodes by end.
     pub ends: BTreeMap<String, usize>,
-    /// Why they failed, and the seeds, the most frequent first.
+    /// Causes of failures with their seeds, the most frequent first.
     pub causes: Vec<(String, Vec<u64>)>,
     /// Hash of the newest state by seed.
     pub state_hashes: BTreeMap<u64, String>,
     /// Simulated seconds per wall second over all episodes.
     pub factor: f64,
-    /// How often each required condition did not hold at the end.
+    /// Count of failures of each required condition at the end.
     pub failed_conditions: BTreeMap<String, usize>,
-    /// How often each condition that is only reported did not hold.
+    /// Count of failures of each condition that is only reported.
     pub reported_conditions: BTreeMap<String, usize>,
     /// Seeds that failed, with the reason.
     pub failed_seeds: BTreeMap<u64, String>,
 }
 
-/// Shares of which quantiles are told.
+/// Shares of the reported quantiles.
 pub const SHARES: [f64; 5] = [0.1, 0.25, 0.5, 0.75, 0.9];
 
-/// How far episodes came, percent of the way.
+/// Progress of episodes, percent of the way.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ProgressReport {
     /// Episodes that a course is known of: not those that broke.
@@ -73,11 +73,11 @@ pub struct ProgressReport {
     pub mean: f64,
     /// Quantiles of [`SHARES`], percent.
     pub quantiles: [f64; 5],
-    /// Share of the episodes that came to each step, in words, and no further.
+    /// Share of the episodes whose furthest step is this one, by name of the step.
     pub furthest: Vec<(String, f64)>,
 }
 
-/// What came of all tasks.
+/// Results of all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// The split; absent where seeds were named.
@@ -85,9 +85,9 @@ pub struct Report {
     pub split: Option<String>,
     /// Name of the policy; `operator` for the scripted one.
     pub policy: String,
-    /// What the seeds are for.
+    /// Purpose of the seeds.
     pub purpose: &'static str,
-    /// What the scenarios say beside task and seed; empty for what is usual.
+    /// Settings of the scenarios beside task and seed; empty for the defaults.
     pub settings: String,
     /// By task.
     pub tasks: Vec<TaskReport>,
@@ -99,9 +99,10 @@ pub struct Report {
     pub interval: [f64; 2],
     /// Clopper and Pearson's exact interval of their share at 95 %.
     pub exact_interval: [f64; 2],
-    /// Start poses that the server drew, and of these the ones that it rejected because
-    /// of the person.
-    pub drawn_starts: [usize; 2],
+    /// Start poses that the server sampled, and those that it rejected because of the
+    /// person.
+    #[serde(rename = "drawn_starts")]
+    pub sampled_starts: [usize; 2],
 }
 
 impl Report {
@@ -128,7 +129,7 @@ impl Report {
             successes,
             interval: wilson(successes, episodes),
             exact_interval: clopper_pearson(successes, episodes),
-            drawn_starts: [episodes + rejected, rejected],
+            sampled_starts: [episodes + rejected, rejected],
             tasks,
         }
     }
@@ -215,7 +216,7 @@ fn count(task: &str, entries: &[Entry]) -> TaskReport {
     }
 }
 
-/// How far they came, and how many came no further than each step.
+/// Progress of the episodes, and the share by furthest step.
 fn progress(own: &[&Entry]) -> Option<ProgressReport> {
     let courses: Vec<_> = own
         .iter()
@@ -308,13 +309,13 @@ impl fmt::Display for Report {
             "" => String::new(),
             words => format!(", {words}"),
         };
-        if let [drawn, rejected] = self.drawn_starts
+        if let [sampled, rejected] = self.sampled_starts
             && rejected > 0
         {
-            let share = 100.0 * rejected as f64 / drawn as f64;
+            let share = 100.0 * rejected as f64 / sampled as f64;
             writeln!(
                 f,
-                "start poses {rejected} of {drawn} rejected because of the person ({share:.1} %)"
+                "start poses {rejected} of {sampled} rejected because of the person ({share:.1} %)"
             )?;
         }
         writeln!(f, "{split}seeds for {}{settings}", self.purpose)
@@ -325,7 +326,7 @@ impl fmt::Display for Report {
 mod tests {
     use super::*;
     use crate::evaluate::entry::Condition;
-    use crate::evaluate::progress::{Course, Milestone, Way};
+    use crate::evaluate::milestone::{Course, Milestone, Way};
     use crate::variation::Variation;
     use wheelarm_rollout::FailureCause;
 
@@ -397,7 +398,7 @@ mod tests {
         assert_eq!((c.episodes, c.rate), (0, 0.0));
         let far = a.progress.clone().unwrap();
         assert!((far.mean - 80.0).abs() < 1e-12, "{far:?}");
-        // One that broke has no course: the mean says of how many it is.
+        // A broken episode has no course: the mean covers the others.
         let mut broken = entry("a", 3, false);
         (broken.course, broken.broken) = (None, Some(FailureCause::Server));
         let with = Report::new(&names, &[&entries[..], &[broken]].concat(), &scope);

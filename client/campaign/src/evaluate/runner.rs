@@ -39,8 +39,7 @@ impl<'a> Runner<'a> {
             ..Record::new(&format!("evaluate-{index}"), &args.out)
         });
         let (assets, adapter) = (args.assets.clone(), args.graphics.adapter.clone());
-        // A policy is queried from this process, and recordings of successes that are not
-        // kept are told apart here.
+        // A policy is queried from this process, which also removes the recordings of successes.
         let is_in_process = args.worker == WorkerMode::Process
             && driver.is_expert()
             && args.redraw_failures.is_none();

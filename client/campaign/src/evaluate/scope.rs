@@ -1,5 +1,5 @@
-//! Which episodes an evaluation does: the seeds and what differs between them,
-//! by the command line or by a frozen split.
+//! The episodes of an evaluation: seeds and variation, from the command line or a frozen
+//! split.
 
 use std::ops::Range;
 use std::path::Path;
@@ -18,21 +18,21 @@ use crate::axis::AxisAt;
 use crate::renamed_keys::translated;
 use crate::variation::{Variation, VariationFile};
 
-/// Which episodes an evaluation does.
+/// The episodes of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scope {
     /// The split, if one is named: its name.
     pub split: Option<String>,
     /// Seeds of each task.
     pub seeds: Range<u64>,
-    /// What differs between episodes beside what their task draws.
+    /// Variation between episodes beside the sampling of their task.
     pub variation: Variation,
-    /// Other layouts are asked for: tasks with one alone are left out.
+    /// Whether other layouts are requested, which skips tasks with one layout.
     pub layout: bool,
 }
 
 impl Scope {
-    /// What the seeds are for, `mixed` where they are for several things.
+    /// Purpose of the seeds; `mixed` for several purposes.
     #[must_use]
     pub fn purpose(&self) -> &'static str {
         Purpose::of_range(self.seeds.clone()).map_or("mixed", Named::name)
@@ -65,11 +65,11 @@ fn named<'de, T: Named, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
     T::from_name(&name).map_err(D::Error::custom)
 }
 
-/// Reads a split and holds it against the hash that froze it.
+/// Reads a split and compares it with the hash that froze it.
 ///
 /// # Errors
-/// With file and line and the cure: it cannot be read, holds a mistake, mixes
-/// purposes, or is not what was frozen.
+/// With file, line and fix: it cannot be read, is invalid, mixes purposes, or differs from
+/// the frozen text.
 pub fn read_split(path: &Path) -> anyhow::Result<Scope> {
     let path = &file_or_asset(path);
     let text = crate::text_file::read(path).with_context(|| {
@@ -91,7 +91,7 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     for warning in &warnings {
         eprintln!("warning: {}: {warning}", path.display());
     }
-    // The text itself while its keys are those of today, for the lines of errors.
+    // Without former keys the text itself is parsed, so that errors have its lines.
     let file: SplitFile = match warnings.is_empty() {
         true => toml::from_str(text).map_err(|e| at(e.span(), e.message()))?,
         false => toml::from_str(&table).map_err(|e| at(None, e.message()))?,
@@ -105,14 +105,14 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let &[first, end] = file.seeds.as_slice() else {
         bail!(
-            "{}: seeds has {} numbers; say the first and the one after the last",
+            "{}: seeds has {} numbers; write the first and the one after the last",
             path.display(),
             file.seeds.len()
         );
     };
     if first >= end {
         bail!(
-            "{}: seeds = [{first}, {end}] are none; say the first and the one after the last",
+            "{}: seeds = [{first}, {end}] is empty; write the first and the one after the last",
             path.display()
         );
     }
@@ -138,12 +138,12 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     let hash = hash(text)?;
     match &file.frozen {
         Some(frozen) if *frozen != hash => bail!(
-            "{}: the split was frozen as {frozen}, and what it says now has {hash}; a frozen split is never changed: undo the change, or give it a file name of its own",
+            "{}: the split was frozen as {frozen}, and its content now has {hash}; a frozen split is never changed: undo the change, or give it a file name of its own",
             path.display()
         ),
         Some(_) => {}
         None => bail!(
-            "{}: it is not frozen; when it says what you want, add the line frozen = \"{hash}\"",
+            "{}: it is not frozen; when it is final, add the line frozen = \"{hash}\"",
             path.display()
         ),
     }
@@ -157,8 +157,8 @@ fn parse(path: &Path, text: &str) -> anyhow::Result<Scope> {
     })
 }
 
-/// Hash of what a split says beside its hash, 16 hexadecimal digits: comments and
-/// the order of its lines do not count.
+/// Hash of a split without its `frozen` line, 16 hexadecimal digits; independent of comments
+/// and the order of lines.
 fn hash(text: &str) -> anyhow::Result<String> {
     let mut table: toml::Table = text.parse()?;
     table.remove("frozen");
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_splits_that_ship_are_frozen() {
+    fn shipped_splits_are_frozen() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/splits");
         let folders = [folder.join("axes"), folder];
         let entries = folders.iter().flat_map(|f| std::fs::read_dir(f).unwrap());
@@ -206,10 +206,10 @@ mod tests {
     }
 
     #[test]
-    fn a_split_is_held_against_the_hash_that_froze_it() {
+    fn split_is_compared_with_its_frozen_hash() {
         let open = "purpose = \"develop\"\nseeds = [0, 5]\nscenario.starts = \"anywhere\"\n";
-        let told = problem(open);
-        let (_, hash) = told.split_once("frozen = \"").unwrap();
+        let problem_text = problem(open);
+        let (_, hash) = problem_text.split_once("frozen = \"").unwrap();
         let line = format!("frozen = \"{}\"\n", &hash[..16]);
         let scope = parse(Path::new("s.toml"), &format!("# why\n{line}{open}")).unwrap();
         assert_eq!(
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_their_place() {
+    fn mistakes_are_reported_with_their_line() {
         for (text, words) in [
             (
                 "purpose = \"develop\"\nseed = 3",
@@ -247,7 +247,7 @@ mod tests {
                 "purpose = \"develop\"\nseeds = [190, 230]",
                 "below 200 for develop",
             ),
-            ("purpose = \"develop\"\nseeds = [5, 5]", "are none"),
+            ("purpose = \"develop\"\nseeds = [5, 5]", "is empty"),
             (
                 "purpose = \"develop\"\nseeds = [0, 5, 9]",
                 "seeds has 3 numbers",

@@ -76,8 +76,8 @@ pub fn mean(values: &[f64]) -> f64 {
 /// Samples of a bootstrap.
 const RESAMPLES: u64 = 10_000;
 
-/// Where the mean lies at 95 %: percentiles of the means of resampled values. Always
-/// the same for the same values.
+/// Interval of the mean at 95 %: percentiles of the means of resampled values.
+/// Deterministic for the same values.
 #[must_use]
 pub fn bootstrap(values: &[f64]) -> [f64; 2] {
     let count = values.len() as u64;
@@ -85,14 +85,14 @@ pub fn bootstrap(values: &[f64]) -> [f64; 2] {
         return [f64::NEG_INFINITY, f64::INFINITY];
     }
     let sample = |resample: u64| {
-        let drawn = (0..count).map(|i| mixed(mixed(resample) ^ i) % count);
-        drawn.map(|at| values[at as usize]).sum::<f64>() / count as f64
+        let sampled = (0..count).map(|i| mixed(mixed(resample) ^ i) % count);
+        sampled.map(|at| values[at as usize]).sum::<f64>() / count as f64
     };
     let means: Vec<f64> = (0..RESAMPLES).map(sample).collect();
     quantiles(&means, [TAIL, 1.0 - TAIL]).unwrap_or_default()
 }
 
-/// Where a condition that holds from some place on begins, 0 to 1.
+/// Point from which a monotone condition holds, 0 to 1.
 fn root(holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {

@@ -10,18 +10,17 @@ use wheelarm_proto::settings::Starts;
 use crate::disturb::Disturb;
 use wheelarm_options::choice::{named, patience, seed_range};
 
-/// First of the seeds that are tried where nothing says them: one of those to train on
-/// (`wheelarm_proto::seeds`).
+/// First seed without `--seeds`: a seed for training (`wheelarm_proto::seeds`).
 const FIRST_SEED: u64 = 500_000;
-/// Runs with other seeds of their own try other scenes, as long as they try no more.
+/// Distance of the first seeds of runs with different `--seed`.
 const STRIDE: u64 = 10_000;
-/// Runs that have scenes of their own.
+/// Number of runs with distinct scenes.
 const RUNS: u64 = 50;
 
 /// Options of `wheelarm multiply`.
 #[derive(Args, Clone, Debug)]
 pub struct MultiplyArgs {
-    /// Folder with the recorded episodes, or the dataset that holds them.
+    /// Folder with the recorded episodes, or the dataset that contains them.
     #[arg(value_name = "DIR")]
     pub dir: PathBuf,
     /// Task.
@@ -30,55 +29,55 @@ pub struct MultiplyArgs {
     /// Episodes to make.
     #[arg(long, value_name = "N")]
     pub episodes: NonZeroU64,
-    /// Seeds of the scenes that are tried, `FIRST..LAST` without the last; without it
-    /// four for each episode, of those that are for training.
+    /// Seeds of the scenes, `FIRST..LAST` without the last; four training seeds per episode
+    /// when absent.
     #[arg(long, value_parser = seed_range, value_name = "A..B")]
     pub seeds: Option<(u64, u64)>,
     /// Folder for the episodes; an interrupted run in it is resumed.
     #[arg(long)]
     pub out: PathBuf,
-    /// Workers at one time.
+    /// Workers that run at the same time.
     #[arg(long, default_value = "1", value_name = "J")]
     pub jobs: NonZeroUsize,
-    /// Seed of the choice among the sources and of the noise, and where nothing says
-    /// them of the scenes.
+    /// Seed of the choice among the sources and of the noise; without --seeds also of the
+    /// scenes.
     #[arg(long, default_value = "0", value_name = "S")]
     pub seed: u64,
-    /// How much the hand is off the way that was shown, metres along each axis (and ten
-    /// times as many radians about it): the deviation of smooth noise.
+    /// Deviation of the hand from the demonstrated path, metres along each axis (and ten times
+    /// as many radians about it): standard deviation of smooth noise.
     #[arg(long, default_value = "0.002", value_name = "METRES", value_parser = noise)]
     pub noise: f64,
-    /// Hinders the robot: strength of noise on what is applied, pushes and slips, 1 to 3,
-    /// or each of them and the share of episodes, as noise=2,pushes=1,slips=1,share=0.8.
+    /// Disturbances: strength of noise on applied commands, pushes and slips, 1 to 3, or each
+    /// of them and the share of episodes, as noise=2,pushes=1,slips=1,share=0.8.
     #[arg(long, value_name = "STRENGTH|KEY=N,…", value_parser = disturb)]
     pub disturb: Option<Disturb>,
-    /// Most sources that are used; all without it.
+    /// Most sources to use; all when absent.
     #[arg(long, value_name = "N")]
     pub sources: Option<NonZeroUsize>,
-    /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
-    /// any of its postures.
+    /// Start of the robot: `near` the target, or `anywhere` in the home with the arm in a
+    /// sampled posture.
     #[arg(long, default_value = "near", value_parser = named::<Starts>())]
     pub starts: Starts,
-    /// Wall seconds without a sign of life after which a worker is ended, 1 at least.
+    /// Wall seconds without a reply after which a worker is ended, at least 1.
     #[arg(long, default_value = "60", value_parser = patience::<1>, value_name = "SECONDS")]
     pub patience: Duration,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
 }
 
 impl MultiplyArgs {
-    /// First seed where nothing says the seeds.
+    /// First seed without `--seeds`.
     pub(super) fn first_seed(&self) -> u64 {
         FIRST_SEED + STRIDE * (self.seed % RUNS)
     }
 }
 
-/// What hinders the robot; the operator's errors on purpose are none of a demonstration.
+/// Disturbances. Deliberate errors of the operator do not apply to demonstrations.
 fn disturb(text: &str) -> Result<Disturb, String> {
     let disturb = Disturb::from_text(text)?;
     match disturb.error_share > 0.0 {
-        true => Err("a demonstration errs where it did; leave error_share out".to_owned()),
+        true => Err("error_share does not apply to demonstrations; remove it".to_owned()),
         false => Ok(disturb),
     }
 }
@@ -86,5 +85,5 @@ fn disturb(text: &str) -> Result<Disturb, String> {
 /// A deviation, metres.
 fn noise(text: &str) -> Result<f64, String> {
     let noise = text.parse().ok().filter(|n| (0.0..=0.05).contains(n));
-    noise.ok_or_else(|| format!("{text:?} is no deviation in metres, 0 to 0.05"))
+    noise.ok_or_else(|| format!("{text:?} is not a deviation in metres, 0 to 0.05"))
 }

@@ -3,18 +3,18 @@
 use serde::{Deserialize, Serialize};
 use wheelarm_rollout::LogEntry;
 
-/// What came of one try.
+/// Result of one attempt.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Entry {
     /// Seed of the scene.
     pub seed: u64,
-    /// The task succeeded and the file is there.
+    /// Whether the task succeeded and the file was kept.
     pub kept: bool,
     /// The episode whose demonstration was adapted; empty where none could be.
     pub source: String,
-    /// How it ended, in a word or two.
+    /// End of the episode, in a word or two.
     pub end: String,
-    /// Why it failed, in words.
+    /// Reason of the failure.
     pub why: String,
     /// Label of its file.
     pub label: String,
@@ -22,12 +22,12 @@ pub struct Entry {
     pub seconds: f64,
     /// Wall seconds.
     pub wall_seconds: f64,
-    /// What the operator noted.
+    /// Notes of the operator.
     pub notes: Vec<String>,
 }
 
 impl Entry {
-    /// One line for people.
+    /// The entry in one line.
     #[must_use]
     pub fn line(&self) -> String {
         let source = match self.source.as_str() {

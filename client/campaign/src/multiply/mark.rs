@@ -1,5 +1,4 @@
-//! How a file says that it was multiplied: attributes of its root, which is all that a
-//! recorder cannot know.
+//! Marks of a multiplied file: root attributes, which the recorder cannot write itself.
 
 use std::path::Path;
 
@@ -9,10 +8,10 @@ use wheelarm_dataset::convert;
 
 /// Attribute that names the episode whose demonstration was adapted.
 pub const FROM: &str = "multiplied_from";
-/// Attribute of its task's seed and the noise, for people.
+/// Attribute of its task's seed and the noise, for readers.
 pub const HOW: &str = "multiplied_how";
 
-/// Marks a file that has not got its final name yet.
+/// Marks a file that does not have its final name yet.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -21,10 +20,10 @@ pub fn write(file: &Path, from: &str, how: &str) -> anyhow::Result<()> {
     added.with_context(|| format!("marking {}", file.display()))
 }
 
-/// Marks a finished file as one of which it is another recording.
+/// Copies the mark of a file to a new recording of the same episode.
 ///
 /// # Errors
-/// When it cannot be written; the file is as it was then.
+/// When it cannot be written; the file is unchanged then.
 pub fn keep(of: &Path, file: &Path) -> anyhow::Result<()> {
     match read(of) {
         Some([from, how]) => convert::change(file, |copy| write(copy, &from, &how)),
@@ -32,8 +31,7 @@ pub fn keep(of: &Path, file: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// The episode of which a file was multiplied, and how; `None` where it was recorded
-/// otherwise.
+/// Source episode and settings of a multiplied file; `None` for other files.
 #[must_use]
 pub fn read(file: &Path) -> Option<[String; 2]> {
     let at = wheelarm_dataset::read::open_file(file).ok()?;
@@ -49,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mark_is_read_as_it_was_written_and_carried_on() {
+    fn mark_survives_reading_and_copying() {
         let folder = tempfile::tempdir().unwrap();
         let [one, other, plain] = ["one.h5", "other.h5", "plain.h5"].map(|name| {
             let path = folder.path().join(name);
@@ -58,8 +56,8 @@ mod tests {
         });
         write(&one, "pick_bowl-0003", "seed 0").unwrap();
         keep(&one, &other).unwrap();
-        let told = ["pick_bowl-0003", "seed 0"].map(str::to_owned);
-        assert_eq!(read(&other), Some(told));
+        let mark = ["pick_bowl-0003", "seed 0"].map(str::to_owned);
+        assert_eq!(read(&other), Some(mark));
         keep(&plain, &other).unwrap();
         assert_eq!(read(&plain), None);
     }

@@ -1,9 +1,9 @@
-//! `wheelarm multiply`: of a few recorded episodes of a task it makes many new ones.
+//! `wheelarm multiply`: makes many new episodes from a few recorded ones of a task.
 //!
-//! What the hand did about the thing is cut out of each source and kept relative to the
-//! thing (`wheelarm_expert::demonstration`); the way there is planned anew in every new
-//! scene. Episodes run as those of `evaluate`, by workers in one process, without
-//! cameras; those in which the task succeeded are kept, marked with their source.
+//! The hand motion near the object is cut out of each source and kept relative to the object
+//! (`wheelarm_expert::demonstration`); the path to the object is planned again in every new
+//! scene. Episodes run as in `evaluate`, by workers in one process, without cameras;
+//! successful ones are kept, marked with their source.
 
 mod args;
 mod entry;
@@ -32,13 +32,13 @@ use runner::Runner;
 use settings::Settings;
 use sources::Sources;
 
-/// Tries for each episode that is asked for where nothing says the seeds.
+/// Seeds per requested episode, without `--seeds`.
 const TRIES: u64 = 4;
-/// Between two appearances whether another episode is to be begun.
+/// Interval between checks for a free seed.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// How far it is.
-struct Course {
+/// Progress of the run.
+struct Progress {
     next: u64,
     end: u64,
     kept: u64,
@@ -46,11 +46,10 @@ struct Course {
     problem: Option<anyhow::Error>,
 }
 
-/// Multiplies. Success when as many episodes were kept as asked for.
+/// Runs `wheelarm multiply`. Exit code 0 when the requested number of episodes was kept.
 ///
 /// # Errors
-/// When there is no source, a program cannot be started, or the folder cannot be
-/// written.
+/// When no source exists, a program cannot be started, or the folder cannot be written.
 pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = seeds(args)?;
     std::fs::create_dir_all(&args.out)
@@ -59,7 +58,7 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     let is_kept = |dir: PathBuf| std::fs::canonicalize(dir).is_ok_and(|dir| dir == kept);
     if is_kept(args.dir.clone()) || is_kept(args.dir.join("episodes")) {
         bail!(
-            "--out {} is the folder of the sources, which would then be others when this goes on: choose another --out",
+            "--out {} is the folder of the sources, which would change when a run resumes: choose another --out",
             args.out.display()
         );
     }
@@ -72,20 +71,20 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     if sources.list.is_empty() {
         let others: Vec<&str> = sources.other_tasks.iter().map(String::as_str).collect();
         bail!(
-            "{} holds no episode of the task {:?} that can be multiplied{}; record some that succeed",
+            "{} contains no episode of the task {:?} that can be multiplied{}; record some that succeed",
             args.dir.display(),
             args.task,
             match others.is_empty() {
                 true => String::new(),
-                false => format!(" (it holds {})", others.join(", ")),
+                false => format!(" (it contains {})", others.join(", ")),
             }
         );
     }
     println!("sources     {}", sources.list.len());
-    Settings::of(args, &sources)?.hold(&args.out)?;
+    Settings::of(args, &sources)?.check(&args.out)?;
     let shown = sources.write(&args.out)?;
     let begun = Instant::now();
-    let course = Mutex::new(Course {
+    let progress = Mutex::new(Progress {
         next: first,
         end,
         kept: log.entries().iter().filter(|entry| entry.kept).count() as u64,
@@ -95,30 +94,30 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     let tried: BTreeSet<u64> = log.entries().iter().map(|entry| entry.seed).collect();
     std::thread::scope(|scope| {
         for index in 0..args.jobs.get() {
-            let (course, log, tried) = (&course, &log, &tried);
+            let (progress, log, tried) = (&progress, &log, &tried);
             let (sources, shown) = (&sources, &shown);
             scope.spawn(move || {
                 let runner = Runner::new(args, sources, shown, index);
-                while let Some(seed) = next(course, tried, args) {
+                while let Some(seed) = next(progress, tried, args) {
                     let tried = runner.episode(seed).and_then(|entry| {
                         println!("{}", entry.line());
                         log.append(&entry)?;
                         Ok(entry)
                     });
-                    let mut course = course.lock();
-                    course.running -= 1;
+                    let mut progress = progress.lock();
+                    progress.running -= 1;
                     match tried {
-                        Ok(entry) => course.kept += u64::from(entry.kept),
+                        Ok(entry) => progress.kept += u64::from(entry.kept),
                         Err(problem) => {
-                            course.problem.get_or_insert(problem);
+                            progress.problem.get_or_insert(problem);
                         }
                     }
                 }
             });
         }
     });
-    let course = course.into_inner();
-    if let Some(problem) = course.problem {
+    let progress = progress.into_inner();
+    if let Some(problem) = progress.problem {
         return Err(problem);
     }
     let report = Report::new(args, &sources, log.entries(), begun.elapsed());
@@ -130,7 +129,7 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// The seeds to try: none with which anything is tested, for what is made is trained on.
+/// The seeds to try. Seeds for tests are rejected, because the episodes are training data.
 fn seeds(args: &MultiplyArgs) -> anyhow::Result<(u64, u64)> {
     let (first, end) = args.seeds.unwrap_or_else(|| {
         let most = args.episodes.get().saturating_mul(TRIES);
@@ -143,18 +142,18 @@ fn seeds(args: &MultiplyArgs) -> anyhow::Result<(u64, u64)> {
         | Purpose::PolicyClaim
         | Purpose::Adversarial
         | Purpose::OperatorClaim => bail!(
-            "seeds {first}..{end} are for {}, and what is multiplied is to train on; take some of {}",
+            "seeds {first}..{end} are for {}, and multiplied episodes are training data; use some of {}",
             purpose.name(),
             Purpose::Train.seeds()
         ),
     }
 }
 
-/// The seed to try next; `None` at the end. No more are begun than would be enough if
-/// all of them succeeded, so that the same are kept whatever the number of workers.
-fn next(course: &Mutex<Course>, tried: &BTreeSet<u64>, args: &MultiplyArgs) -> Option<u64> {
+/// The next seed to try; `None` at the end. Starts only as many episodes as suffice if all
+/// succeed, so that the kept seeds do not depend on the number of workers.
+fn next(progress: &Mutex<Progress>, tried: &BTreeSet<u64>, args: &MultiplyArgs) -> Option<u64> {
     loop {
-        let mut now = course.lock();
+        let mut now = progress.lock();
         if now.problem.is_some() || now.kept >= args.episodes.get() {
             return None;
         }

@@ -1,4 +1,4 @@
-//! What came of a run: counts, reasons of failures, which sources were used.
+//! Report of a run: counts, reasons of failures, used sources.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,35 +12,35 @@ use super::args::MultiplyArgs;
 use super::entry::Entry;
 use super::sources::Sources;
 
-/// What came of a run; `report.json`.
+/// Report of a run; `report.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Task.
     pub task: String,
-    /// Scenes that were tried, with those of an interrupted run before.
+    /// Tried scenes, including those of an interrupted run.
     pub tried: u64,
     /// Episodes that were kept.
     pub kept: u64,
-    /// Episodes by how they failed.
+    /// Count of episodes by failure.
     pub failures: BTreeMap<String, u64>,
     /// By source: scenes in which it was adapted, and episodes that were kept.
     pub sources: BTreeMap<String, [u64; 2]>,
-    /// Sources that were left out, and why.
+    /// Skipped sources with reasons.
     pub left_out: Vec<(String, String)>,
     /// Seed of the choice among the sources and of the noise.
     pub seed: u64,
     /// Deviation of the hand, metres.
     pub noise: f64,
-    /// What hinders the robot, as `--disturb`.
+    /// Disturbances, as `--disturb`.
     pub disturb: Option<String>,
     /// Wall seconds of this run.
     pub wall_seconds: f64,
-    /// What was tried.
+    /// Number of attempts.
     pub episodes: Vec<Entry>,
 }
 
 impl Report {
-    /// Of all `entries`.
+    /// The report of all `entries`.
     pub(super) fn new(
         args: &MultiplyArgs,
         sources: &Sources,
@@ -76,10 +76,10 @@ impl Report {
         }
     }
 
-    /// Writes it.
+    /// Writes the report.
     ///
     /// # Errors
-    /// When it cannot.
+    /// When the file cannot be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<()> {
         let path = folder.join("report.json");
         let text = serde_json::to_string_pretty(self)?;

@@ -1,4 +1,4 @@
-//! One new episode after another, by a worker.
+//! Runs the new episodes of one worker.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -50,7 +50,7 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Tries one scene. An episode that fails is an [`Entry`] too.
+    /// Runs one scene. A failed episode is an [`Entry`] too.
     ///
     /// # Errors
     /// When something fails that is not part of the episode.

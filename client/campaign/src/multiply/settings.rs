@@ -1,5 +1,5 @@
-//! With what a folder was begun. A run goes on with the same, for its report and its
-//! files say one thing of all of them.
+//! Settings of a folder. A resumed run must have the same ones, because one report covers
+//! all files.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use super::sources::Sources;
 /// Name of the file in the folder.
 const FILE: &str = "settings.json";
 
-/// What may not change from run to run.
+/// Settings that must not change between runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Task.
@@ -25,7 +25,7 @@ pub struct Settings {
     seed: u64,
     /// Deviation of the hand, metres.
     noise: f64,
-    /// What hinders the robot; empty for nothing.
+    /// Disturbances; empty for none.
     #[serde(default)]
     disturb: String,
     /// SHA-256 of the demonstrations.
@@ -33,7 +33,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Those of a run.
+    /// The settings of a run.
     ///
     /// # Errors
     /// When the demonstrations cannot be written as text.
@@ -49,12 +49,11 @@ impl Settings {
         })
     }
 
-    /// Holds them against those with which `folder` was begun, or begins it.
+    /// Compares the settings with those of `folder`, or stores them in a new folder.
     ///
     /// # Errors
-    /// When they are others, with the names of what differs, or the file cannot be read
-    /// or written.
-    pub fn hold(&self, folder: &Path) -> anyhow::Result<()> {
+    /// When settings differ, with their names, or the file cannot be read or written.
+    pub fn check(&self, folder: &Path) -> anyhow::Result<()> {
         let path = folder.join(FILE);
         let text = match std::fs::read_to_string(&path) {
             Ok(text) => text,
@@ -78,14 +77,14 @@ impl Settings {
             (begun.noise != self.noise).then(|| format!("--noise {}", begun.noise)),
             (begun.disturb != self.disturb).then(|| match begun.disturb.as_str() {
                 "" => "no --disturb".to_owned(),
-                told => format!("--disturb {told}"),
+                disturb => format!("--disturb {disturb}"),
             }),
             (begun.sources != self.sources).then(|| "other sources".to_owned()),
         ];
         let others: Vec<String> = others.into_iter().flatten().collect();
         if !others.is_empty() {
             bail!(
-                "{} was begun with {}; go on with the same, or choose another --out",
+                "{} was begun with {}; use the same, or choose another --out",
                 folder.display(),
                 others.join(" and ")
             );
@@ -99,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_goes_on_with_what_it_was_begun_with() {
+    fn resumed_folder_keeps_its_settings() {
         let folder = tempfile::tempdir().unwrap();
         let first = Settings {
             task: "pick_bowl".to_owned(),
@@ -109,21 +108,21 @@ mod tests {
             disturb: String::new(),
             sources: "ab".to_owned(),
         };
-        first.hold(folder.path()).unwrap();
-        first.hold(folder.path()).unwrap();
+        first.check(folder.path()).unwrap();
+        first.check(folder.path()).unwrap();
         let other = Settings {
             task: "pick_mustard".to_owned(),
             noise: 0.03,
             disturb: "noise=2,pushes=0,slips=0,share=1".to_owned(),
             ..first.clone()
         };
-        let told = other.hold(folder.path()).unwrap_err().to_string();
+        let error = other.check(folder.path()).unwrap_err().to_string();
         assert!(
-            told.contains("begun with --task pick_bowl and --noise 0.002 and no --disturb;"),
-            "{told}"
+            error.contains("begun with --task pick_bowl and --noise 0.002 and no --disturb;"),
+            "{error}"
         );
         std::fs::write(folder.path().join(FILE), "{").unwrap();
-        let told = first.hold(folder.path()).unwrap_err().to_string();
-        assert!(told.contains("choose another --out"), "{told}");
+        let error = first.check(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("choose another --out"), "{error}");
     }
 }

@@ -1,8 +1,8 @@
-//! The sources: recordings of successful episodes, whoever did them, and the
-//! demonstrations that are cut out of them.
+//! The sources: recordings of successful episodes, and the demonstrations that are cut out
+//! of them.
 //!
-//! A recording does not hold the region or the rest of a slide, nor the boxes of things:
-//! a server that stands in the recorded scenario tells them.
+//! A recording does not contain the region of the goal, the rest pose of a slide or the
+//! bounding boxes of objects: a server with the recorded scenario provides them.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -21,11 +21,11 @@ use wheelarm_sdk::Client;
 
 use super::args::MultiplyArgs;
 
-/// What is multiplied.
+/// Recordings to multiply.
 pub struct Sources {
     /// The demonstrations.
     pub list: Vec<Demonstration>,
-    /// Files of the task that are none, and why.
+    /// Files of the task that cannot be used, with reasons.
     pub left_out: Vec<(String, String)>,
     /// Tasks of the other files.
     pub other_tasks: BTreeSet<String>,
@@ -76,17 +76,17 @@ impl Sources {
                 sources.left_out.push((name, why));
                 continue;
             }
-            let (_, link) = match &mut server {
+            let (_, client) = match &mut server {
                 Some(server) => server,
                 none => none.insert(start(args, &scenario)?),
             };
-            match demonstration(&recording, &name, scenario, link) {
+            match demonstration(&recording, &name, scenario, client) {
                 Ok(one) => sources.list.push(one),
                 Err(why) => sources.left_out.push((name, format!("{why:#}"))),
             }
         }
-        if let Some((server, link)) = server {
-            server.stop(link)?;
+        if let Some((server, client)) = server {
+            server.stop(client)?;
         }
         Ok(sources)
     }
@@ -94,12 +94,12 @@ impl Sources {
     /// The demonstrations as text.
     ///
     /// # Errors
-    /// When they cannot be written so.
+    /// When they cannot be serialized.
     pub fn text(&self) -> anyhow::Result<String> {
         Ok(serde_json::to_string(&self.list)?)
     }
 
-    /// Writes the demonstrations for the workers, and says where.
+    /// Writes the demonstrations for the workers, and returns their path.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -138,7 +138,7 @@ enum Found {
     Other(String),
 }
 
-/// The recording, where it is of the task; why it cannot be used, where it is and cannot.
+/// The recording, if it is of the task; an error if it is of the task and cannot be used.
 fn open(path: &Path, task: &str) -> anyhow::Result<Found> {
     let recording = Episode::open(path)?;
     let summary = recording.summary()?;
@@ -151,7 +151,7 @@ fn open(path: &Path, task: &str) -> anyhow::Result<Found> {
     Ok(Found::Source(Box::new(recording)))
 }
 
-/// A server that stands in a recorded scenario.
+/// Starts a server with a recorded scenario.
 fn start(args: &MultiplyArgs, scenario: &v1::Scenario) -> anyhow::Result<(Server, Client)> {
     let server = Server::start(&ServerOptions {
         scenario: v1::Scenario {
@@ -165,31 +165,31 @@ fn start(args: &MultiplyArgs, scenario: &v1::Scenario) -> anyhow::Result<(Server
         assets: args.assets.clone(),
         ..ServerOptions::default()
     })?;
-    let link = server.link()?;
-    Ok((server, link))
+    let client = server.client()?;
+    Ok((server, client))
 }
 
-/// What a recording shows.
+/// The demonstration in a recording.
 fn demonstration(
     recording: &Episode,
     name: &str,
     mut scenario: v1::Scenario,
-    link: &Client,
+    client: &Client,
 ) -> anyhow::Result<Demonstration> {
     scenario.cameras.clear();
     scenario.sensors.clear();
     scenario.pacing = v1::Pacing::LockStep.into();
-    link.reset(scenario, false)?;
-    let reply = link.request(&v1::SceneRequest {})?;
+    client.reset(scenario, false)?;
+    let reply = client.request(&v1::SceneRequest {})?;
     let scene = SceneModel::read(&reply)?;
     let goal = Goal::read(&reply, &scene)?.ok_or_else(|| anyhow!("its task has no goal"))?;
     let mut grasps = scene.grasps.iter();
     if grasps.any(|grasp| grasp.item == goal.item() && grasp.force.is_some()) {
-        bail!("what is soft is not multiplied");
+        bail!("deformable objects are not supported");
     }
-    let (seen, applied) = observations(recording)?;
+    let (observed, applied) = observations(recording)?;
     let robot = recording.robot()?;
-    let told: Vec<Option<f64>> = applied
+    let commanded: Vec<Option<f64>> = applied
         .iter()
         .map(|applied| {
             use v1::gripper_command::Target;
@@ -199,21 +199,23 @@ fn demonstration(
             }
         })
         .collect();
-    let opening = seen.iter().map(|seen| robot.opening(seen.knuckle));
+    let opening = observed
+        .iter()
+        .map(|observed| robot.opening(observed.knuckle));
     let opening: Option<Vec<f64>> = opening.collect();
     let course = Course {
         source: name,
         scene: &scene,
         goal: &goal,
-        observations: &seen,
-        commanded: &told,
+        observations: &observed,
+        commanded: &commanded,
         opening: &opening.ok_or_else(|| anyhow!("its robot has no gripper"))?,
     };
     cut(&course).map_err(|why| anyhow!(why))
 }
 
-/// What was seen at each sample of the joints, and what the robot was told since the
-/// one before.
+/// The observation at each joint sample, and the newest applied command since the previous
+/// one.
 fn observations(
     recording: &Episode,
 ) -> anyhow::Result<(Vec<Observation>, Vec<Option<v1::Applied>>)> {
@@ -235,7 +237,7 @@ fn observations(
     }
     others.sort_by_key(|(tick, _)| *tick);
     let mut others = others.into_iter().peekable();
-    let (mut seen, mut told) = (Vec::new(), Vec::new());
+    let (mut observed, mut commanded) = (Vec::new(), Vec::new());
     for (tick, state) in joints {
         let stamp = state.header.as_ref().map_or(0, |h| h.stamp_nanos);
         collector.take(Sample::JointState(state));
@@ -249,9 +251,9 @@ fn observations(
             collector.take(sample);
         }
         if let Some(observation) = collector.observe(stamp)? {
-            seen.push(observation);
-            told.push(newest);
+            observed.push(observation);
+            commanded.push(newest);
         }
     }
-    Ok((seen, told))
+    Ok((observed, commanded))
 }

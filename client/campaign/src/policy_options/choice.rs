@@ -1,36 +1,36 @@
-//! The words of `--policy`.
+//! Values of `--policy`.
 
 use std::path::PathBuf;
 
-/// Words of `--policy`.
+/// A value of `--policy`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Choice {
     /// The scripted operator.
     #[default]
     Operator,
-    /// Stands still.
+    /// Keeps the robot at rest.
     Hold,
-    /// Goes on as before.
+    /// Repeats the last action.
     Repeat,
-    /// Plays the nearest recording of a folder.
+    /// Plays the most similar recording of a folder.
     Replay(PathBuf),
-    /// A network in a file, answered for by `wheelarm-learn serve`.
+    /// A network in a file, run by `wheelarm-learn serve`.
     Act(PathBuf),
     /// A program of the user's.
     Exec(String),
-    /// One that runs elsewhere.
+    /// A policy on a Zenoh network.
     Zenoh(String),
-    /// One behind a WebSocket, by openpi's protocol or RoboArena's.
+    /// A policy at a WebSocket, with the protocol of openpi or RoboArena.
     Openpi(String),
-    /// A checkpoint of LeRobot, in a Python process of ours.
+    /// A LeRobot checkpoint, in a child Python process.
     Lerobot(PathBuf),
 }
 
 impl Choice {
-    /// Reads the words of `--policy`.
+    /// Reads a value of `--policy`.
     ///
     /// # Errors
-    /// With what there is.
+    /// Lists the allowed forms.
     pub fn read(text: &str) -> Result<Self, String> {
         let rest = |word: &str| text.strip_prefix(word).filter(|rest| !rest.is_empty());
         Ok(match text {
@@ -52,14 +52,14 @@ impl Choice {
                     Self::Lerobot(folder.into())
                 } else {
                     return Err(format!(
-                        "{text:?} is no policy; there are operator, hold, repeat, replay:DIR, act:FILE, exec:COMMAND, zenoh:NAME, openpi:ws://HOST:PORT and lerobot:DIR"
+                        "{text:?} is not a policy; use operator, hold, repeat, replay:DIR, act:FILE, exec:COMMAND, zenoh:NAME, openpi:ws://HOST:PORT or lerobot:DIR"
                     ));
                 }
             }
         })
     }
 
-    /// Whether it may want pictures.
+    /// Whether the policy may need images.
     #[must_use]
     pub fn has_cameras(&self) -> bool {
         !matches!(self, Self::Operator | Self::Hold | Self::Repeat)
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_policy_is_read_from_words_and_what_is_none_is_told_what_there_is() {
+    fn unknown_policy_lists_the_allowed_forms() {
         assert_eq!(Choice::read("hold"), Ok(Choice::Hold));
         let file = Choice::read("act:a/b.safetensors");
         assert_eq!(file, Ok(Choice::Act("a/b.safetensors".into())));
@@ -87,8 +87,8 @@ mod tests {
             Ok(Choice::Lerobot("a/b".into()))
         );
         for bad in ["", "act:", "openvla", "zenoh:", "lerobot:"] {
-            let told = Choice::read(bad).unwrap_err();
-            assert!(told.contains("exec:COMMAND"), "{told}");
+            let error = Choice::read(bad).unwrap_err();
+            assert!(error.contains("exec:COMMAND"), "{error}");
         }
     }
 }

@@ -24,31 +24,30 @@ use crate::episode_seed::mixed;
 pub enum DriverChoice {
     /// The scripted expert.
     Expert,
-    /// A policy, how its answers are executed, and the seconds after which the expert takes
-    /// over at the latest.
+    /// A policy, the execution of its chunks, and the latest time of the takeover by the
+    /// expert, s.
     Policy(Arc<dyn Policy>, PolicyOptions, Option<f64>),
 }
 
-/// What a driver is started for.
+/// Settings of the start of a driver.
 #[derive(Clone, Debug)]
 pub struct Start<'a> {
     /// Seeds of its episodes.
     pub seeds: Range<u64>,
-    /// Folder for what the policy's process says.
+    /// Folder for the log of the policy's process.
     pub log: &'a Path,
-    /// It is asked about one observation at a time.
+    /// Sends one observation at a time, without batches.
     pub alone: bool,
-    /// The scripted operator takes over, after this at the latest.
+    /// Latest time at which the scripted operator takes over.
     pub takeover: Option<Duration>,
 }
 
 impl DriverChoice {
-    /// Starts what `--policy` says.
+    /// Starts the driver of `--policy`.
     ///
     /// # Errors
-    /// When the policy does not start, does not fit, answers too few rows for what is
-    /// to be carried out, or was trained on seeds that are to be evaluated; when there
-    /// is none that the operator could take over from.
+    /// When the policy does not start, is incompatible, has chunks with fewer rows than are
+    /// executed, or was trained on the seeds; when `--takeover` is given without a policy.
     pub fn start(args: &PolicyArgs, start: &Start<'_>) -> anyhow::Result<Self> {
         let patience = args.policy_patience;
         let most = start.alone.then_some(1);
@@ -61,7 +60,7 @@ impl DriverChoice {
             Choice::Operator => {
                 if let Some(most) = start.takeover {
                     bail!(
-                        "--takeover {}: there is no policy to take over from; name one with --policy",
+                        "--takeover {}: without a policy there is nothing to take over; name one with --policy",
                         most.as_secs_f64()
                     );
                 }
@@ -73,7 +72,10 @@ impl DriverChoice {
             Choice::Act(file) => {
                 let file = file_or_asset(file);
                 if !file.exists() {
-                    bail!("there is no file {}", file.display());
+                    bail!(
+                        "{} does not exist: check the path after act:",
+                        file.display()
+                    );
                 }
                 let arguments = vec!["serve".to_owned(), file.display().to_string()];
                 Arc::new(process(Program::Own("wheelarm-learn"), arguments)?)
@@ -87,7 +89,7 @@ impl DriverChoice {
             Choice::Lerobot(folder) => {
                 if !folder.join("config.json").is_file() {
                     bail!(
-                        "{} holds no LeRobot checkpoint: config.json is missing; name its folder `pretrained_model`",
+                        "{} is not a LeRobot checkpoint: config.json is missing; name its folder `pretrained_model`",
                         folder.display()
                     );
                 }
@@ -104,19 +106,19 @@ impl DriverChoice {
         };
         let spec = policy.spec();
         if !args.training_seeds {
-            apart(spec, &start.seeds)?;
+            check_training_seeds(spec, &start.seeds)?;
         }
         let (_, ticks) = checked(spec)?;
         let row = ticks * wheelarm_proto::TICKS_PER_CONTROL as u32;
         if !args.latency.is_multiple_of(row) {
             bail!(
-                "--latency {}: a row of this policy takes {row} ticks; say a multiple of it",
+                "--latency {}: a row of this policy has {row} ticks; use a multiple of it",
                 args.latency
             );
         }
         let latency = args.latency / row;
         if args.ensemble.is_none() {
-            enough(spec, args.execute, latency)?;
+            check_rows(spec, args.execute, latency)?;
         }
         let options = PolicyOptions {
             execute: args.execute,
@@ -134,7 +136,7 @@ impl DriverChoice {
         matches!(self, Self::Expert)
     }
 
-    /// The driver of one episode; `forced` is the error that the expert makes on purpose.
+    /// The driver of one episode; `forced` is the deliberate error of the expert.
     #[must_use]
     pub fn for_episode(&self, seed: u64, forced: Option<ForcedError>) -> Driver {
         let expert = Expert {
@@ -154,7 +156,7 @@ impl DriverChoice {
         }
     }
 
-    /// One line about a policy for people; absent for the expert.
+    /// Description of a policy in one line; absent for the expert.
     #[must_use]
     pub fn description(&self) -> Option<String> {
         let Self::Policy(policy, options, _) = self else {
@@ -167,10 +169,10 @@ impl DriverChoice {
             .map(|c| format!("{} {}x{}", c.name, c.width, c.height))
             .collect();
         Some(format!(
-            "policy {}: sees {}, answers {} rows at {} Hz of which {} are carried out, trained on {seeds} seeds",
+            "policy {}: {}, chunks of {} rows at {} Hz of which {} are executed, trained on {seeds} seeds",
             self.name(),
             if cameras.is_empty() {
-                "no pictures".to_owned()
+                "no images".to_owned()
             } else {
                 cameras.join(" and ")
             },
@@ -206,11 +208,11 @@ impl DriverChoice {
     /// Cameras that its servers need; those of the recordings are `recorded`.
     ///
     /// # Errors
-    /// Where a recording asks for other pictures of a camera than the policy.
+    /// When a recording needs other images of a camera than the policy.
     pub fn cameras(
         &self,
         recorded: Vec<v1::CameraSetting>,
-        is_asked: bool,
+        is_requested: bool,
     ) -> anyhow::Result<Vec<v1::CameraSetting>> {
         let Self::Policy(policy, ..) = self else {
             return Ok(recorded);
@@ -230,14 +232,14 @@ impl DriverChoice {
                 ..Default::default()
             })
             .collect();
-        for camera in recorded.into_iter().filter(|_| is_asked) {
+        for camera in recorded.into_iter().filter(|_| is_requested) {
             match cameras
                 .iter()
                 .find(|own| own.name == camera.name || camera.name == "*")
             {
                 Some(own) if *own == camera => {}
                 Some(own) => bail!(
-                    "the policy sees camera {:?} at {}x{} and {} Hz, and --camera asks for other pictures of it; leave it out",
+                    "the policy needs camera {:?} at {}x{} and {} Hz, and --camera names another format; remove it",
                     own.name,
                     own.width,
                     own.height,
@@ -255,38 +257,37 @@ fn share(seed: u64) -> f64 {
     (mixed(seed ^ 0x7a6b_0c57_11d3_95e1) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// The map of names of a policy behind a WebSocket.
+/// Reads the map of names of a policy at a WebSocket.
 fn name_map(path: &Path) -> anyhow::Result<NameMap> {
     let path = &file_or_asset(path);
     let text = std::fs::read_to_string(path).with_context(|| {
         format!(
-            "reading the map of names {}; say --policy-map FILE, for example assets/policies/openpi.toml",
+            "reading the map of names {}; use --policy-map FILE, for example assets/policies/openpi.toml",
             path.display()
         )
     })?;
     NameMap::read(&text).map_err(|problem| anyhow::anyhow!("{}: {problem}", path.display()))
 }
 
-/// Refuses a policy whose answers have fewer rows than are to be carried out of them,
-/// `latency` rows late.
-fn enough(spec: &v1::PolicySpec, execute: Option<u32>, latency: u32) -> anyhow::Result<()> {
+/// Rejects a policy whose chunks have fewer rows than are executed `latency` rows late.
+fn check_rows(spec: &v1::PolicySpec, execute: Option<u32>, latency: u32) -> anyhow::Result<()> {
     let chunk = spec.chunk;
     if let Some(execute) = execute.filter(|execute| *execute > chunk) {
-        bail!("--execute {execute}: an answer of this policy has {chunk} rows; say 1 to {chunk}");
+        bail!("--execute {execute}: a chunk of this policy has {chunk} rows; use 1 to {chunk}");
     }
     let execute = execute.unwrap_or(spec.execute);
-    // The answer before goes on until the one that is late is there.
+    // The previous chunk is executed until the late one arrives.
     let needed = execute + 2 * latency;
     if needed > chunk {
         bail!(
-            "an answer of this policy has {chunk} rows, and {execute} carried out {latency} rows late take {needed}; say a lower --latency or --execute"
+            "a chunk of this policy has {chunk} rows, and {execute} executed {latency} rows late need {needed}; use a lower --latency or --execute"
         );
     }
     Ok(())
 }
 
-/// Refuses seeds that a policy was trained on.
-fn apart(spec: &v1::PolicySpec, seeds: &Range<u64>) -> anyhow::Result<()> {
+/// Rejects seeds that a policy was trained on.
+fn check_training_seeds(spec: &v1::PolicySpec, seeds: &Range<u64>) -> anyhow::Result<()> {
     let both = spec
         .training_seeds
         .iter()
@@ -295,10 +296,10 @@ fn apart(spec: &v1::PolicySpec, seeds: &Range<u64>) -> anyhow::Result<()> {
         return Ok(());
     };
     Err(anyhow::anyhow!(
-        "the policy {:?} was trained on the seeds {}..{}, and {}..{} are asked for",
+        "the policy {:?} was trained on the seeds {}..{}, which overlap the requested {}..{}",
         spec.name, both.first, both.end, seeds.start, seeds.end
     ))
-    .context("take others (assets/splits/policy-claim.toml), or say --training-seeds to see what it remembers")
+    .context("use other seeds (assets/splits/policy-claim.toml), or --training-seeds to evaluate on training data")
 }
 
 #[cfg(test)]
@@ -306,26 +307,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_rows_than_an_answer_has_are_refused() {
+    fn more_rows_than_a_chunk_has_are_rejected() {
         let spec = v1::PolicySpec {
             chunk: 20,
             execute: 10,
             ..Default::default()
         };
         for (execute, latency) in [(None, 0), (Some(20), 0), (None, 5), (Some(1), 9)] {
-            assert!(enough(&spec, execute, latency).is_ok());
+            assert!(check_rows(&spec, execute, latency).is_ok());
         }
         for (execute, latency, words) in [
-            (Some(21), 0, "has 20 rows; say 1 to 20"),
-            (None, 6, "10 carried out 6 rows late take 22"),
+            (Some(21), 0, "has 20 rows; use 1 to 20"),
+            (None, 6, "10 executed 6 rows late need 22"),
         ] {
-            let told = enough(&spec, execute, latency).unwrap_err().to_string();
-            assert!(told.contains(words), "{told}");
+            let error = check_rows(&spec, execute, latency).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
         }
     }
 
     #[test]
-    fn an_operator_takes_over_from_a_policy_alone() {
+    fn takeover_needs_a_policy() {
         #[derive(clap::Parser)]
         struct Cli {
             #[command(flatten)]
@@ -338,15 +339,15 @@ mod tests {
             alone: false,
             takeover: Some(Duration::from_secs(5)),
         };
-        let told = DriverChoice::start(&args, &start)
+        let error = DriverChoice::start(&args, &start)
             .err()
             .unwrap()
             .to_string();
-        assert!(told.contains("--policy"), "{told}");
+        assert!(error.contains("--policy"), "{error}");
     }
 
     #[test]
-    fn what_it_was_trained_on_is_not_evaluated() {
+    fn training_seeds_are_rejected() {
         let spec = v1::PolicySpec {
             training_seeds: vec![v1::SeedRange {
                 first: 500,
@@ -354,12 +355,15 @@ mod tests {
             }],
             ..Default::default()
         };
-        assert!(apart(&spec, &(0..500)).is_ok());
-        assert!(apart(&spec, &(600..700)).is_ok());
-        let told = format!("{:#}", apart(&spec, &(599..610)).unwrap_err());
+        assert!(check_training_seeds(&spec, &(0..500)).is_ok());
+        assert!(check_training_seeds(&spec, &(600..700)).is_ok());
+        let error = format!(
+            "{:#}",
+            check_training_seeds(&spec, &(599..610)).unwrap_err()
+        );
         assert!(
-            told.contains("500..600") && told.contains("--training-seeds"),
-            "{told}"
+            error.contains("500..600") && error.contains("--training-seeds"),
+            "{error}"
         );
     }
 }

@@ -1,5 +1,5 @@
-//! The files behind a policy, as one digest: results of a policy whose script or checkpoint
-//! was changed are results of another policy.
+//! Digest of the files of a policy: results of a policy whose script or checkpoint
+//! changed are results of another policy.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -13,8 +13,8 @@ use super::Choice;
 /// Bytes of a digest that are kept.
 const KEPT: usize = 8;
 
-/// Digest of the files that `choice` names, hexadecimal; empty where it names none on this
-/// host. These are: for a command the files that it names and the Python modules beside
+/// Digest of the files that `choice` names, hexadecimal; empty if it names none on this
+/// host. The files are: for a command those that it names and the Python modules beside
 /// them that they import; for a checkpoint all files of its folder; for recordings their
 /// names and sizes.
 ///
@@ -119,7 +119,7 @@ fn below(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     while let Some(folder) = pending.pop() {
         for entry in std::fs::read_dir(&folder).with_context(reading)? {
             let path = entry.with_context(reading)?.path();
-            // A link may lead round in a circle.
+            // A link may form a cycle.
             match path.is_dir() {
                 true if path.is_symlink() => {}
                 true => pending.push(path),

@@ -1,5 +1,5 @@
-//! A policy that has learnt nothing: it plays the recording whose first pictures
-//! are nearest to what it sees first.
+//! A baseline without training: plays the recording whose first images are most similar to
+//! the first observed ones.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -12,23 +12,23 @@ use wheelarm_policy::ActionKind;
 use wheelarm_proto::{PHYSICS_HZ, v1};
 use wheelarm_rollout::policy::{Policy, PolicyError};
 
-/// Rows of an answer.
+/// Rows of a chunk.
 const CHUNK: usize = 10;
-/// Pictures are compared in so many cells along each side.
+/// Cells across and down in which images are compared.
 const CELLS: [usize; 2] = [32, 18];
-/// Where the chair's speeds stand in a row.
+/// Columns of the chair's speeds in a row.
 const SPEEDS: std::ops::Range<usize> = 10..12;
 
 /// Plays the nearest recording.
 pub struct Nearest {
     spec: v1::PolicySpec,
     demonstrations: Vec<Demonstration>,
-    /// Which is played in an episode, and since which tick.
+    /// Index of the demonstration and its first tick, by episode.
     chosen: Mutex<HashMap<String, (usize, u64)>>,
 }
 
 struct Demonstration {
-    /// Means of the first pictures' cells, camera after camera.
+    /// Means of the cells of the first images, camera after camera.
     first: Vec<f32>,
     rows: Vec<Vec<f64>>,
 }
@@ -46,7 +46,7 @@ impl Nearest {
         files.sort();
         ensure!(
             !files.is_empty(),
-            "{} holds no recordings (*.h5)",
+            "{} contains no recordings (*.h5)",
             folder.display()
         );
         let mut spec: Option<v1::PolicySpec> = None;
@@ -73,15 +73,15 @@ impl Nearest {
         })
     }
 
-    /// The demonstration whose first pictures are nearest.
+    /// Index of the demonstration with the most similar first images.
     fn nearest(&self, moment: &v1::PolicyStep) -> Option<usize> {
-        let seen: Vec<f32> = moment
+        let observed: Vec<f32> = moment
             .images
             .iter()
             .flat_map(|p| cells(&p.color, p.width as usize, p.height as usize))
             .collect();
         let far = |demonstration: &Demonstration| {
-            let pairs = demonstration.first.iter().zip(&seen);
+            let pairs = demonstration.first.iter().zip(&observed);
             pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
         };
         (0..self.demonstrations.len())
@@ -100,7 +100,7 @@ impl Policy for Nearest {
     }
 
     fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
-        let none = || PolicyError::Said("the observation has no pictures".to_owned());
+        let none = || PolicyError::Rejected("the observation has no images".to_owned());
         let moment = observation.steps.last().ok_or_else(none)?;
         let mut chosen = self.chosen.lock();
         let (which, since) = match chosen.get(&observation.episode_key) {
@@ -131,7 +131,7 @@ impl Policy for Nearest {
     }
 }
 
-/// What a policy of a recording would be, and its demonstration where it succeeded.
+/// Description of a policy for a recording, and its demonstration if it succeeded.
 fn read(file: &Path) -> anyhow::Result<(v1::PolicySpec, Option<Demonstration>)> {
     let wanted = learning::reads;
     let recording = Recording::open(file, &ReadOptions::default(), &wanted)?;
@@ -170,7 +170,7 @@ fn read(file: &Path) -> anyhow::Result<(v1::PolicySpec, Option<Demonstration>)> 
     Ok((spec, succeeded.then_some(Demonstration { first, rows })))
 }
 
-/// Mean of every cell of a picture and channel, row-major.
+/// Mean of every cell and channel of an image, row-major.
 fn cells(rgb: &[u8], width: usize, height: usize) -> Vec<f32> {
     let [across, down] = CELLS;
     let mut sums = vec![(0_u32, 0_u32); across * down * 3];
@@ -191,7 +191,7 @@ fn cells(rgb: &[u8], width: usize, height: usize) -> Vec<f32> {
 mod tests {
     use super::*;
 
-    fn picture(value: u8) -> v1::PolicyStep {
+    fn step_with_image(value: u8) -> v1::PolicyStep {
         v1::PolicyStep {
             state_values: Vec::new(),
             images: vec![v1::PolicyImage {
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_is_played_row_by_row_and_then_the_chair_stands() {
+    fn nearest_demonstration_is_played_and_then_the_chair_stops() {
         let rows = |speed: f64| {
             let row = |i: u32| {
                 let mut row = vec![f64::from(i); 12];
@@ -230,14 +230,14 @@ mod tests {
             let observation = v1::PolicyObservation {
                 episode_key: "a".to_owned(),
                 tick,
-                steps: vec![picture(value)],
+                steps: vec![step_with_image(value)],
                 ..Default::default()
             };
             policy.infer(observation).unwrap().values
         };
         let first = request(48, 180);
         assert_eq!((first.len(), first[10]), (CHUNK * 12, 0.2));
-        // What it sees later changes nothing.
+        // Later images change nothing.
         let second = request(48 + 240, 10);
         assert_eq!((second[0], second[10]), (10.0, 0.2));
         assert_eq!((second[24], second[34]), (11.0, 0.0));

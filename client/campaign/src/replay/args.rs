@@ -15,13 +15,13 @@ use wheelarm_options::choice::named;
 pub struct ReplayArgs {
     /// Episode file.
     pub file: PathBuf,
-    /// Records again into this folder; only compares when absent.
+    /// Folder for a new recording; only compares when absent.
     #[arg(long)]
     pub out: Option<PathBuf>,
-    /// Width of the recorded cameras' new pictures, pixels.
+    /// Width of the new images of the recorded cameras, pixels.
     #[arg(long, requires = "out")]
     pub width: Option<u32>,
-    /// Height of the recorded cameras' new pictures, pixels.
+    /// Height of the new images of the recorded cameras, pixels.
     #[arg(long, requires = "out")]
     pub height: Option<u32>,
     /// Another camera as NAME=WIDTHxHEIGHT@HZ; may be repeated. One of the
@@ -33,8 +33,8 @@ pub struct ReplayArgs {
         value_name = "NAME=WxH@HZ"
     )]
     pub camera: Vec<v1::CameraSetting>,
-    /// Records the run this many times, each time under another appearance: with the
-    /// seeds from --appearance-seed on, a file each.
+    /// Records the run this many times, each with another appearance and into its own file,
+    /// with consecutive seeds from --appearance-seed.
     #[arg(long, alias = "looks", requires = "out", conflicts_with = "as_recorded", value_name = "K",
         value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub appearances: Option<u32>,
@@ -51,28 +51,28 @@ pub struct ReplayArgs {
     /// usual ones when absent.
     #[arg(long, alias = "look-axes", requires = "appearances", value_name = "AXIS=N,…", value_parser = axes)]
     pub appearance_axes: Option<AppearanceText>,
-    /// Runs that are done at a time; half as many as there are cores when absent.
+    /// Runs at the same time; half the number of cores when absent.
     #[arg(long, requires = "appearances", value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..=256))]
     pub jobs: Option<u32>,
-    /// Draws the recorded states anew instead of computing them, also those of
-    /// another version of the physics: robot, objects, furniture, commands and
-    /// evaluation as recorded, and new pictures.
+    /// Renders the recorded states instead of computing them, also those of another version
+    /// of the physics: robot, objects, furniture, commands and evaluation as recorded, with
+    /// new images.
     #[arg(long, requires = "out")]
     pub as_recorded: bool,
-    /// Work per picture; the recording's when absent.
+    /// Rendering quality; the recording's when absent.
     #[arg(long, requires = "out", value_parser = named::<Quality>())]
     pub quality: Option<Quality>,
-    /// On what it is drawn; several for --appearances.
+    /// Graphics adapters for rendering; several for --appearances.
     #[command(flatten)]
     pub graphics: AdapterArgs,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
 }
 
 impl ReplayArgs {
-    /// The looks that are asked for.
+    /// The requested appearances.
     pub(super) fn requested_appearances(&self) -> Vec<v1::Appearance> {
         let usual = |seed| match &self.appearance_axes {
             Some(axes) => axes.seeded(seed),

@@ -1,5 +1,5 @@
-//! What the loaded assets have otherwise than those of a recording, field by
-//! field, so that a replay says it before it drifts.
+//! Differences between the loaded assets and those of a recording, field by field, which a
+//! replay prints before it diverges.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,12 +7,12 @@ use std::fmt;
 use toml::{Table, Value};
 use wheelarm_proto::v1;
 
-/// Tables of `robot.toml` that move nothing: looks and noise.
-const STILL: [&str; 3] = ["camera", "material", "imu"];
-/// Changes that are told one by one.
-const TOLD: usize = 12;
-/// Characters of a value that are told.
-const SHORT: usize = 60;
+/// Tables of `robot.toml` without an effect on motion: appearance and noise.
+const MOTIONLESS_TABLES: [&str; 3] = ["camera", "material", "imu"];
+/// Most listed changes.
+const MAX_LISTED: usize = 12;
+/// Most printed characters of a value.
+const MAX_VALUE: usize = 60;
 
 /// A place in an asset that differs.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,31 +21,33 @@ pub(super) struct Change {
     path: String,
     /// Field of a TOML file, line of another; empty for the whole file.
     place: String,
-    /// What was recorded; nothing where it was not there.
+    /// Recorded value; absent if it did not exist.
     was: Option<String>,
-    /// What is loaded; nothing where it is not there.
+    /// Loaded value; absent if it does not exist.
     is: Option<String>,
 }
 
 impl Change {
-    /// Whether the robot moves otherwise with it: a number of its `robot.toml`
-    /// that was recorded and is another, or gone.
+    /// Whether the change affects the motion of the robot: a changed or removed number of its
+    /// `robot.toml`.
     pub fn moves_the_robot(&self) -> bool {
         let first = self.place.split(['.', '[']).next().unwrap_or_default();
-        self.path.ends_with("/robot.toml") && self.was.is_some() && !STILL.contains(&first)
+        self.path.ends_with("/robot.toml")
+            && self.was.is_some()
+            && !MOTIONLESS_TABLES.contains(&first)
     }
 }
 
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let told = |value: &Option<String>| match value {
-            Some(value) if value.chars().count() > SHORT => {
-                value.chars().take(SHORT).chain("…".chars()).collect()
+        let shorten = |value: &Option<String>| match value {
+            Some(value) if value.chars().count() > MAX_VALUE => {
+                value.chars().take(MAX_VALUE).chain("…".chars()).collect()
             }
             Some(value) => value.clone(),
             None => "nothing".to_owned(),
         };
-        let (was, is) = (told(&self.was), told(&self.is));
+        let (was, is) = (shorten(&self.was), shorten(&self.is));
         write!(
             f,
             "{}: {} is {is}, recorded was {was}",
@@ -54,21 +56,21 @@ impl fmt::Display for Change {
     }
 }
 
-/// Some changes, a line each.
+/// The first changes, one per line.
 pub(super) fn lines(changes: &[Change]) -> String {
     let mut lines: Vec<String> = changes
         .iter()
-        .take(TOLD)
+        .take(MAX_LISTED)
         .map(|change| format!("  {change}"))
         .collect();
-    if changes.len() > TOLD {
-        lines.push(format!("  and {} more", changes.len() - TOLD));
+    if changes.len() > MAX_LISTED {
+        lines.push(format!("  and {} more", changes.len() - MAX_LISTED));
     }
     lines.join("\n")
 }
 
-/// What differs. Files that were not recorded are not looked at, for the first
-/// recordings hold fewer.
+/// The differences. Files without a recorded text are ignored, because early recordings
+/// contain fewer.
 pub(super) fn changes(recorded: &[v1::AssetText], loaded: &[v1::AssetText]) -> Vec<Change> {
     let loaded: BTreeMap<&str, &str> = loaded
         .iter()
@@ -76,12 +78,12 @@ pub(super) fn changes(recorded: &[v1::AssetText], loaded: &[v1::AssetText]) -> V
         .collect();
     let mut changes = Vec::new();
     for asset in recorded {
-        let mut found = Found {
+        let mut found = Collector {
             path: &asset.path,
             changes: &mut changes,
         };
         match loaded.get(asset.path.as_str()) {
-            None => found.add("the file", Some("there".to_owned()), None),
+            None => found.add("the file", Some("present".to_owned()), None),
             Some(text) if *text == asset.text => {}
             Some(text) => found.texts(&asset.text, text),
         }
@@ -89,13 +91,13 @@ pub(super) fn changes(recorded: &[v1::AssetText], loaded: &[v1::AssetText]) -> V
     changes
 }
 
-/// Where changes of one file go.
-struct Found<'a> {
+/// Collects the changes of one file.
+struct Collector<'a> {
     path: &'a str,
     changes: &'a mut Vec<Change>,
 }
 
-impl Found<'_> {
+impl Collector<'_> {
     fn add(&mut self, place: &str, was: Option<String>, is: Option<String>) {
         self.changes.push(Change {
             path: self.path.to_owned(),
@@ -155,13 +157,13 @@ impl Found<'_> {
     }
 }
 
-/// What the loaded robot has otherwise than the recorded one where its states are
-/// drawn without reckoning: the mount of its arm, its joints and its frames.
-pub(super) fn drawn_otherwise(
+/// Differences of the loaded robot from the recorded one that affect the rendering of its
+/// states: mount of the arm, joints and frames.
+pub(super) fn rendering_differences(
     was: &v1::RobotDescription,
     is: &v1::RobotDescription,
 ) -> Vec<String> {
-    let mut told = Vec::new();
+    let mut differences = Vec::new();
     let numbers = |pose: Option<&v1::Pose>| {
         let pose = pose.copied().unwrap_or_default();
         let (x, q) = (
@@ -172,7 +174,7 @@ pub(super) fn drawn_otherwise(
     };
     let [old, new] = [was, is].map(|robot| numbers(robot.arm_mount.as_ref()));
     if old.iter().zip(&new).any(|(a, b)| (a - b).abs() > 1e-9) {
-        told.push(format!(
+        differences.push(format!(
             "arm_mount (x y z, m, and quaternion x y z w) is {new:?}, recorded was {old:?}"
         ));
     }
@@ -183,14 +185,14 @@ pub(super) fn drawn_otherwise(
     };
     for ((what, old), (_, new)) in names(was).into_iter().zip(names(is)) {
         if old != new {
-            told.push(format!(
+            differences.push(format!(
                 "{what} are {}, recorded were {}",
                 new.join(", "),
                 old.join(", ")
             ));
         }
     }
-    told
+    differences
 }
 
 #[cfg(test)]
@@ -205,18 +207,18 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_differs_is_named_and_comments_are_not() {
+    fn changed_field_is_named_and_comments_are_ignored() {
         let path = "robots/wheelarm/robot.toml";
         let was = "[drive]\ntrack = 0.57\n[[camera]]\nname = \"gen3\"\nrange = [0.05, 10.0]";
         let is = "# Wider.\n[drive]\ntrack = 0.6\n[[camera]]\nname = \"gen3\"\nrange = [0.05, 9.0]\n[new]\na = 1";
         let found = changes(&[text(path, was)], &[text(path, is)]);
-        let told = lines(&found);
+        let differences = lines(&found);
         for words in [
             "drive.track is 0.6, recorded was 0.57",
             "camera[gen3].range[1] is 9.0, recorded was 10.0",
             "new is { a = 1 }, recorded was nothing",
         ] {
-            assert!(told.contains(words), "{told}");
+            assert!(differences.contains(words), "{differences}");
         }
         let moving: Vec<_> = found.iter().filter(|c| c.moves_the_robot()).collect();
         assert_eq!(moving.len(), 1, "{moving:?}");
@@ -226,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn another_file_is_told_with_its_line_and_a_missing_one_as_missing() {
+    fn changed_file_is_named_with_its_line_and_missing_one_as_missing() {
         let [old, new] = ["<robot>\n<link/>", "<robot>\n<joint/>"];
         let found = changes(&[text("a.urdf", old)], &[text("a.urdf", new)]);
         assert_eq!(
@@ -236,12 +238,12 @@ mod tests {
         let found = changes(&[text("a.urdf", old)], &[]);
         assert_eq!(
             lines(&found),
-            "  a.urdf: the file is nothing, recorded was there"
+            "  a.urdf: the file is nothing, recorded was present"
         );
     }
 
     #[test]
-    fn a_mount_that_differs_is_told() {
+    fn changed_mount_is_named() {
         let mounted = |z: f64| v1::RobotDescription {
             arm_mount: Some(v1::Pose {
                 position: Some(v1::Vector3 { x: 0.1, y: 0.0, z }),
@@ -250,13 +252,13 @@ mod tests {
             ..v1::RobotDescription::default()
         };
         assert_eq!(
-            drawn_otherwise(&mounted(0.5), &mounted(0.5)),
+            rendering_differences(&mounted(0.5), &mounted(0.5)),
             Vec::<String>::new()
         );
-        let told = drawn_otherwise(&mounted(0.5), &mounted(0.6));
+        let differences = rendering_differences(&mounted(0.5), &mounted(0.6));
         assert!(
-            told.len() == 1 && told[0].starts_with("arm_mount"),
-            "{told:?}"
+            differences.len() == 1 && differences[0].starts_with("arm_mount"),
+            "{differences:?}"
         );
     }
 }

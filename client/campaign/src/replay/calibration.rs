@@ -1,13 +1,13 @@
-//! The cameras of a recording as they were: lens and place of its pictures, so
-//! that an old recording is drawn as its own robot saw it.
+//! Calibration of recorded cameras: lens and pose of their images, so that an old recording
+//! is rendered with its own cameras.
 
 use anyhow::Context;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::geometry::{self, from_columns, normalized};
 use wheelarm_proto::v1;
 
-/// Gives each of the robot's cameras that was recorded the lens and the place of
-/// its first picture. Others keep what the robot's description says.
+/// Sets lens and pose of each recorded camera of the robot to those of its first image.
+/// Others keep the values of the robot's description.
 ///
 /// # Errors
 /// When the file cannot be read.
@@ -41,7 +41,7 @@ pub(super) fn as_recorded(
         let name = robot
             .frames
             .get(frame)
-            .context("the file does not name its frames")?;
+            .context("the file has no names of frames")?;
         let optical = house_from_frame.inverse() * from_columns(camera.pose(0));
         let [width, height, fx, fy, cx, cy] = camera.intrinsics(0);
         setting.lens = Some(v1::Intrinsics {

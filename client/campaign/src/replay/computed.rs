@@ -1,5 +1,5 @@
-//! `wheelarm replay FILE`: the recorded state and the recorded commands again,
-//! and the state hashes compared, under one look or several.
+//! `wheelarm replay FILE`: repeats the recorded commands from the recorded state and compares
+//! the state hashes, with one appearance or several.
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,7 +19,7 @@ use super::script::{self, Script};
 /// new recording is not complete.
 ///
 /// # Errors
-/// When the file cannot be replayed or a program does not answer.
+/// When the file cannot be replayed or a program does not reply.
 pub(super) fn run(args: &ReplayArgs, episode: &Episode) -> anyhow::Result<ExitCode> {
     let script = Script::read(episode)?;
     script.check_physics(&args.file)?;
@@ -95,7 +95,7 @@ fn once(
         let before = scenario.appearance.replace(appearance).unwrap_or_default();
         let moves = |appearance: &v1::Appearance| appearance.camera > 0 || appearance.lens > 0;
         if moves(&before) || moves(&appearance) {
-            // Sampled anew: the calibration, and the appearance on top of it.
+            // Sampled again: the calibration, and the appearance on top of it.
             for camera in &mut cameras {
                 (camera.lens, camera.place) = (None, None);
             }
@@ -165,9 +165,9 @@ fn check_assets(recorded: &[v1::AssetText], loaded: &[v1::AssetText]) -> anyhow:
     }
     if !moving.is_empty() {
         bail!(
-            "the robot is another than the recorded one, so it would drift:\n{}\nreplay with the \
-             recorded assets (--assets DIR; their texts stand in the file, `initial_state/assets`), \
-             or draw the recorded states with --as-recorded",
+            "the robot differs from the recorded one, so the states would diverge:\n{}\nreplay \
+             with the recorded assets (--assets DIR; the file has their texts in \
+             `initial_state/assets`), or render the recorded states with --as-recorded",
             assets::lines(&moving)
         );
     }

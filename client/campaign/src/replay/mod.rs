@@ -1,8 +1,5 @@
-//! `wheelarm replay FILE`: does an episode again from its snapshot and its
-//! applied commands, and compares the state hashes; with `--out` it records
-//! again, with other cameras if asked.
-//!
-//! Nothing is decided here: what was applied at a tick is applied again.
+//! `wheelarm replay FILE`: repeats an episode from its snapshot and its applied commands, and
+//! compares the state hashes. With `--out` it also records, optionally with other cameras.
 
 mod args;
 mod assets;
@@ -22,7 +19,7 @@ pub use args::ReplayArgs;
 /// new recording is not complete.
 ///
 /// # Errors
-/// When the file cannot be replayed or a program does not answer.
+/// When the file cannot be replayed or a program does not reply.
 pub fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let episode = Episode::open(&args.file)?;
     match (args.as_recorded, &args.out) {

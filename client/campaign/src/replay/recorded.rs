@@ -1,5 +1,5 @@
-//! `wheelarm replay FILE --as-recorded`: draws the recorded states anew, whatever
-//! version of the physics made them. Nothing is computed, so nothing can differ.
+//! `wheelarm replay FILE --as-recorded`: renders the recorded states, of any version
+//! of the physics, without computing them.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -16,18 +16,18 @@ use super::calibration;
 use super::recording::{self, Recorded};
 use super::script;
 
-/// Records the states of the file again with new pictures; exit code 3 when the
+/// Records the states of the file again with new images; exit code 3 when the
 /// new recording is not complete.
 ///
 /// # Errors
-/// When the file holds no states, or a program does not answer.
+/// When the file contains no states, or a program does not reply.
 pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::Result<ExitCode> {
     let started = episode.started()?;
     let scenario = episode.scenario()?;
     let states = episode.states()?;
     if states.is_empty() {
         bail!(
-            "{} holds no recorded state that could be drawn",
+            "{} contains no recorded state to render",
             args.file.display()
         );
     }
@@ -58,37 +58,37 @@ pub(super) fn run(args: &ReplayArgs, out: &Path, episode: &Episode) -> anyhow::R
         ),
     )?;
     let recorded = Recorded::new(args, &finished)?.context("nothing was recorded")?;
-    println!("drew {count} recorded states into {}", recorded.line());
+    println!("rendered {count} recorded states into {}", recorded.line());
     let computed = episode.streams()?.into_iter();
     let computed: Vec<_> = computed.filter(|name| is_computed(name)).collect();
     if !computed.is_empty() {
         println!(
-            "left out, for nothing was computed: {}",
+            "skipped streams, because nothing was computed: {}",
             computed.join(", ")
         );
     }
     Ok(recorded.code())
 }
 
-/// Prints that the loaded robot looks different from the recorded one, if it does.
+/// Prints the visible differences between the loaded robot and the recorded one.
 fn warn_of_another_robot(recorded: &v1::RobotDescription, loaded: &v1::RobotDescription) {
-    let differences = assets::drawn_otherwise(recorded, loaded);
+    let differences = assets::rendering_differences(recorded, loaded);
     if !differences.is_empty() {
         eprintln!(
-            "the loaded robot is drawn, which is another than the recorded one (take the \
-             recorded assets with --assets):\n  {}",
+            "the loaded robot is rendered, which differs from the recorded one (use the recorded \
+             assets with --assets):\n  {}",
             differences.join("\n  ")
         );
     }
 }
 
-/// Pictures can be drawn only where a state was recorded.
+/// Rejects cameras with images between the recorded states.
 fn check_rates(cameras: &[v1::CameraSetting], state_rate: f64) -> anyhow::Result<()> {
     for camera in cameras {
         let states = state_rate / camera.rate_hz();
         if (states - states.round()).abs() > 1e-9 || states < 1.0 {
             bail!(
-                "camera {:?} is to take {} pictures a second, but {state_rate} states a second \
+                "camera {:?} is to render {} images per second, but {state_rate} states per second \
                  were recorded; choose a rate that divides this: --camera {}={}x{}@{}",
                 camera.name,
                 camera.rate_hz(),
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rate_without_states_is_refused_with_one_that_has_them() {
+    fn rate_without_states_is_rejected_with_a_valid_one() {
         let camera = |rate| v1::CameraSetting {
             name: "gen3".into(),
             width: 64,
@@ -122,8 +122,8 @@ mod tests {
         };
         assert!(check_rates(&[camera(10.0), camera(2.5), camera(5.0)], 10.0).is_ok());
         for (rate, cure) in [(30.0, "gen3=64x48@10"), (4.0, "gen3=64x48@3.33")] {
-            let told = check_rates(&[camera(rate)], 10.0).unwrap_err().to_string();
-            assert!(told.contains(cure), "{told}");
+            let error = check_rates(&[camera(rate)], 10.0).unwrap_err().to_string();
+            assert!(error.contains(cure), "{error}");
         }
     }
 }

@@ -69,7 +69,7 @@ impl Recorded {
         Ok(Some(Self(status.clone())))
     }
 
-    /// File and state in a few words.
+    /// File and state as text.
     pub fn line(&self) -> String {
         let Self(status) = self;
         format!(

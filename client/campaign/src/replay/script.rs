@@ -1,4 +1,4 @@
-//! What a recording tells a replay: where to start and what to do at each tick.
+//! Script of a replay: initial state and command of each tick, from a recording.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +14,7 @@ pub(super) struct Script {
     pub label: String,
     pub instruction: String,
     pub scenario: v1::Scenario,
-    /// How its depth is stored.
+    /// Storage of its depth.
     pub depth: Depth,
     /// Version of the physics and of the server that made the episode.
     pub made_by: (u32, String),
@@ -41,7 +41,7 @@ struct Marks {
 }
 
 impl Marks {
-    /// Takes those that a later command of the same tick has.
+    /// Adds the labels of a later command of the same tick.
     fn add(&mut self, command: v1::Command) {
         let later = |old: &mut i32, new: i32| {
             if new != 0 {
@@ -75,7 +75,7 @@ impl Marks {
     }
 }
 
-/// How depth is stored in a recording.
+/// Storage of depth in a recording.
 pub(super) fn depth(episode: &Episode) -> anyhow::Result<Depth> {
     for name in episode.cameras()? {
         let camera = episode.camera(&name)?;
@@ -95,15 +95,15 @@ impl Script {
         let started = episode.started()?;
         if started.as_recorded {
             bail!(
-                "the file was drawn from the states of another recording and holds none that \
-                 could be gone on from; replay that recording, or draw this one again with \
+                "the file was rendered from the states of another recording and has no snapshot to \
+                 continue from; replay that recording, or render this one again with \
                  --as-recorded"
             );
         }
         let snapshot = episode.snapshot()?;
         let header = snapshot.header.unwrap_or_default();
         if snapshot.snapshot.is_empty() {
-            bail!("the file holds no snapshot to start from");
+            bail!("the file has no snapshot to start from");
         }
         let applied = by_tick(episode.applied()?, |applied| applied.header.as_ref());
         let mut marks: BTreeMap<u64, Marks> = BTreeMap::new();
@@ -114,7 +114,7 @@ impl Script {
         }
         let last_tick = *applied
             .last_key_value()
-            .context("the file holds no applied command")?
+            .context("the file has no applied command")?
             .0;
         let ticks = (header.tick..=last_tick).step_by(TICKS_PER_CONTROL as usize);
         for tick in ticks {
@@ -143,7 +143,7 @@ impl Script {
         })
     }
 
-    /// Refuses an episode that this version of the physics cannot do again.
+    /// Rejects an episode that this version of the physics cannot reproduce.
     pub fn check_physics(&self, file: &Path) -> anyhow::Result<()> {
         let (found, server) = &self.made_by;
         if *found == PHYSICS_VERSION {
@@ -162,10 +162,10 @@ impl Script {
         let scenario = &self.scenario;
         bail!(
             "{} {made}; these programs have version {PHYSICS_VERSION}. They would compute other \
-             bits from the same commands, so it is not replayed. To draw its recorded states anew: \
-             `wheelarm replay {} --as-recorded --out FOLDER`. To compute it again, take the {with}; \
-             to record the same scene anew: `wheelarm demo --task {} --seed {}`. Its data stay as \
-             they are: `wheelarm dataset` reads them as any other's",
+             bits from the same commands, so it is not replayed. To render its recorded states: \
+             `wheelarm replay {} --as-recorded --out FOLDER`. To compute it again, use the {with}; \
+             to record the same scene again: `wheelarm demo --task {} --seed {}`. Its data remain \
+             valid: `wheelarm dataset` reads them",
             file.display(),
             file.display(),
             scenario.task(),
@@ -174,8 +174,8 @@ impl Script {
     }
 }
 
-/// Cameras of a new recording: the recorded ones in another size if asked,
-/// and `others`, which take the place of those of the same name.
+/// Cameras of a new recording: the recorded ones in another size if requested,
+/// and `others`, which replace those of the same name.
 pub(super) fn cameras(
     scenario: &v1::Scenario,
     width: Option<u32>,
@@ -203,7 +203,7 @@ fn by_tick<T>(list: Vec<T>, header: impl Fn(&T) -> Option<&v1::Header>) -> BTree
 mod tests {
     use super::*;
 
-    /// An episode that was made by another version, or by one that told none.
+    /// An episode of the given physics version; 0 for none.
     fn made_by(physics: u32) -> Script {
         Script {
             label: String::new(),
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn an_episode_of_another_physics_is_refused_with_the_way_on() {
+    fn episode_of_another_physics_is_rejected_with_the_fix() {
         let file = Path::new("old.h5");
         assert!(made_by(PHYSICS_VERSION).check_physics(file).is_ok());
         for version in [0, PHYSICS_VERSION - 1, PHYSICS_VERSION + 1] {
@@ -233,11 +233,11 @@ mod tests {
                 0 => "names no physics version".to_owned(),
                 other => format!("was made with physics version {other};"),
             };
-            let told = made_by(version).check_physics(file).unwrap_err();
-            let told = told.to_string();
-            assert!(told.starts_with("old.h5 "), "{told}");
-            assert!(told.contains(&words), "{told}");
-            assert!(told.contains("--task pick_mustard --seed 7"), "{told}");
+            let error = made_by(version).check_physics(file).unwrap_err();
+            let error = error.to_string();
+            assert!(error.starts_with("old.h5 "), "{error}");
+            assert!(error.contains(&words), "{error}");
+            assert!(error.contains("--task pick_mustard --seed 7"), "{error}");
         }
     }
 
@@ -249,15 +249,15 @@ mod tests {
             ..v1::Scenario::default()
         };
         let others = ["room=960x540@7.5", "gen3=64x48@0"].map(camera);
-        let taken = cameras(&scenario, Some(32), None, &others[..1]);
+        let replayed = cameras(&scenario, Some(32), None, &others[..1]);
         let wanted = ["gen3=32x48@10", "room=960x540@7.5"].map(camera);
-        assert_eq!(taken, wanted);
+        assert_eq!(replayed, wanted);
         // A rate of 0 switches a camera off.
         assert_eq!(cameras(&scenario, None, None, &others), [others[0].clone()]);
         for bad in ["room", "room=960@10", "room=axb@10"] {
             assert!(
                 v1::CameraSetting::from_text(bad).is_err(),
-                "{bad:?} was taken"
+                "{bad:?} was accepted"
             );
         }
     }

@@ -10,32 +10,32 @@ use wheelarm_access::{Folder, Subjects, router};
 use super::folder;
 use wheelarm_options::choice;
 
-/// Hosts under which a server is reached on its own machine.
+/// Names of a server on its own host.
 const HERE: [&str; 3] = ["localhost", "127.0.0.1", "::1"];
 
-/// What `wheelarm keys` does.
+/// Subcommands of `wheelarm keys`.
 #[derive(Subcommand, Clone, Debug)]
 pub enum KeysCommand {
-    /// Makes a new folder of keys: authority, server's certificate, no users.
+    /// Makes a new folder of keys: authority and server's certificate, without users.
     Init {
-        /// Name or address under which clients reach this host, as they write it
-        /// behind tls/. May be repeated; this host's name is among them.
+        /// Name or address of this host, as clients write it after tls/. May be repeated;
+        /// the system's host name is included.
         #[arg(long, value_name = "NAME")]
         host: Vec<String>,
     },
-    /// Makes the keys that a user takes along.
+    /// Makes the keys of a user.
     User {
-        /// Who; added before with `wheelarm users add`.
+        /// User name, added with `wheelarm users add`.
         #[arg(value_parser = choice::name)]
         name: String,
-        /// Days until they are over, 30 to 365.
+        /// Days of validity, 30 to 365.
         #[arg(long, default_value_t = 90)]
         days: u32,
     },
     /// Writes the configuration of `wheelarm router`, for a Zenoh router of your own
     /// (`zenohd -c FILE`).
     Router {
-        /// Endpoint that it listens on. May be repeated.
+        /// Endpoint to listen on. May be repeated.
         #[arg(long, default_value = "tls/0.0.0.0:7447", value_parser = choice::endpoint)]
         listen: Vec<String>,
         /// File to write; standard output without it.
@@ -47,7 +47,7 @@ pub enum KeysCommand {
 /// Runs `wheelarm keys`.
 ///
 /// # Errors
-/// With the cure.
+/// When the folder or the user is invalid, or a file cannot be written.
 pub fn keys(named: Option<&PathBuf>, command: &KeysCommand) -> anyhow::Result<()> {
     let path = folder(named)?;
     match command {
@@ -75,7 +75,7 @@ pub fn keys(named: Option<&PathBuf>, command: &KeysCommand) -> anyhow::Result<()
             let bundle = folder.issue(name, *days)?;
             println!("made {} for {days} days", bundle.display());
             println!(
-                "give that folder to {name} on a way that nobody else reads (scp -r); there: \
+                "copy that folder to {name} over an encrypted connection (scp -r); there: \
                  wheelarm --connect tls/HOST:7447 --keys {name} teleop"
             );
         }
@@ -87,7 +87,7 @@ pub fn keys(named: Option<&PathBuf>, command: &KeysCommand) -> anyhow::Result<()
                     std::fs::write(file, text)
                         .with_context(|| format!("writing {}", file.display()))?;
                     println!(
-                        "made {}; a router that runs with it follows it when it is started again",
+                        "made {}; restart a running router to apply it",
                         file.display()
                     );
                 }

@@ -1,6 +1,5 @@
-//! `wheelarm keys` and `wheelarm users`: who may connect to the servers of this
-//! host, and what each may do there. They work on files alone. `wheelarm router`: the
-//! same rules in front of many servers.
+//! `wheelarm keys` and `wheelarm users`: users of the servers of this host and their roles,
+//! kept in files. `wheelarm router`: the same rules in front of many servers.
 
 mod keys;
 mod router;
@@ -15,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-/// The folder of keys, which every command here needs.
+/// The folder of keys, which every command of this module needs.
 fn folder(named: Option<&PathBuf>) -> anyhow::Result<&Path> {
     named
         .map(PathBuf::as_path)

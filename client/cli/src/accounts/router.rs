@@ -14,24 +14,24 @@ use zenoh::Wait;
 use super::folder;
 use wheelarm_options::choice;
 
-/// What `wheelarm router` is told.
+/// Options of `wheelarm router`.
 #[derive(Args, Clone, Debug)]
 pub struct RouterArgs {
-    /// Endpoint that it listens on. May be repeated.
+    /// Endpoint to listen on. May be repeated.
     #[arg(long, default_value = "tls/0.0.0.0:7447", value_parser = choice::endpoint)]
     listen: Vec<String>,
 }
 
-/// Runs `wheelarm router` until it is interrupted. Says `ready ENDPOINTS` when it serves.
+/// Runs `wheelarm router` until it is interrupted. Prints `ready ENDPOINTS` when it serves.
 ///
 /// # Errors
-/// With the cure.
+/// When the keys are invalid or an endpoint is in use.
 pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
     let folder = Folder::open(folder(named)?)?;
     if let Some(any) = args.listen.iter().find(|e| takes_any_port(e)) {
-        bail!("{any}: servers and clients have to know the port, name one");
+        bail!("{any}: servers and clients need a fixed port: name one");
     }
-    let problem = |why: &str| tracing::error!("the users stay as they were: {why}");
+    let problem = |why: &str| tracing::error!("the previous users stay in force: {why}");
     follow(&folder, zenoh_link_tls::admit, problem)?;
     let text = router(&folder, &args.listen, Subjects::Roles)?;
     let listen = args.listen.join(", ");
@@ -39,7 +39,7 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
         .map_err(|e| anyhow!("the configuration of a router: {}", transport_words(&e)))?;
     let runtime = tokio::runtime::Runtime::new()?;
     let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
-    // The file of a local socket is the user's own, whom the rules call admin.
+    // Only the owner may open a local socket, because the rules give it the role admin.
     let before = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o177));
     let opened = zenoh::open(config).wait();
     rustix::process::umask(before);
@@ -55,7 +55,7 @@ pub fn route(named: Option<&PathBuf>, args: &RouterArgs) -> anyhow::Result<()> {
         .map_err(|e| anyhow!("ending: {}", transport_words(&e)))
 }
 
-/// Whether the system is to choose the port.
+/// Whether the endpoint leaves the port to the system.
 fn takes_any_port(endpoint: &str) -> bool {
     ["tcp", "tls"].contains(&endpoint::parts(endpoint).0) && endpoint.ends_with(":0")
 }

@@ -1,62 +1,64 @@
-//! A password, typed unseen or piped in.
+//! Reads a password, typed without echo or from a pipe.
 
 use std::io::{BufRead, IsTerminal, Read, Write};
 
 use anyhow::{Context, bail};
 use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
 
-/// Longest line that is read, bytes.
-const LONGEST: u64 = 4096;
+/// Longest accepted line, bytes.
+const MAX_LINE: u64 = 4096;
 
-/// Shows what is typed again when it is dropped.
-struct Unseen(Termios);
+/// Terminal without echo; dropping it restores the previous mode.
+struct HiddenInput(Termios);
 
-impl Unseen {
+impl HiddenInput {
     fn new() -> anyhow::Result<Self> {
-        let before = tcgetattr(std::io::stdin()).context("asking the terminal")?;
-        let mut unseen = before.clone();
-        unseen.local_modes.remove(LocalModes::ECHO);
-        tcsetattr(std::io::stdin(), OptionalActions::Now, &unseen)
-            .context("telling the terminal to hide what is typed")?;
+        let before = tcgetattr(std::io::stdin()).context("cannot read the terminal mode")?;
+        let mut hidden = before.clone();
+        hidden.local_modes.remove(LocalModes::ECHO);
+        tcsetattr(std::io::stdin(), OptionalActions::Now, &hidden)
+            .context("cannot switch off the echo of the terminal")?;
         Ok(Self(before))
     }
 }
 
-impl Drop for Unseen {
+impl Drop for HiddenInput {
     fn drop(&mut self) {
-        // A terminal that is gone shows nothing anyway.
+        // A closed terminal has no echo to restore.
         let _ = tcsetattr(std::io::stdin(), OptionalActions::Now, &self.0);
         eprintln!();
     }
 }
 
-fn line() -> anyhow::Result<String> {
+fn read_line() -> anyhow::Result<String> {
     let mut text = String::new();
     std::io::stdin()
         .lock()
-        .take(LONGEST)
+        .take(MAX_LINE)
         .read_line(&mut text)
-        .context("reading the password")?;
+        .context("cannot read the password")?;
     Ok(text.trim_end_matches(['\n', '\r']).to_owned())
 }
 
-fn typed(question: &str) -> anyhow::Result<String> {
+fn read_hidden(question: &str) -> anyhow::Result<String> {
     eprint!("{question}: ");
-    std::io::stderr().flush().context("asking")?;
-    let _unseen = Unseen::new()?;
-    line()
+    std::io::stderr()
+        .flush()
+        .context("cannot write to standard error")?;
+    let _hidden = HiddenInput::new()?;
+    read_line()
 }
 
-/// A new password: the first line of standard input, or typed twice.
+/// Reads a new password: the first line of standard input, or typed twice.
 ///
 /// # Errors
-/// When both differ, or nothing can be read.
+/// When the two differ, or standard input or the terminal fails.
 pub fn new_password(name: &str) -> anyhow::Result<String> {
     if !std::io::stdin().is_terminal() {
-        return line();
+        return read_line();
     }
-    let first = typed(&format!("password of {name}"))?;
-    if typed("once more")? != first {
+    let first = read_hidden(&format!("password of {name}"))?;
+    if read_hidden("repeat the password")? != first {
         bail!("the two passwords differ: nothing was changed");
     }
     Ok(first)

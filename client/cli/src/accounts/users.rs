@@ -1,4 +1,4 @@
-//! `wheelarm users`: who there is.
+//! `wheelarm users`: adds, removes and lists users.
 
 use std::path::PathBuf;
 
@@ -11,95 +11,97 @@ use super::folder;
 use super::secret::new_password;
 use wheelarm_options::choice;
 
-/// What `wheelarm users` does.
+/// Subcommands of `wheelarm users`.
 #[derive(Subcommand, Clone, Debug)]
 pub enum UsersCommand {
     /// Adds a user.
     Add {
-        /// Name: 1 to 64 letters, digits, `-` or `_`; it stands in the keys of what
-        /// the user sends.
+        /// Name: 1 to 64 letters, digits, `-` or `_`; part of the key expressions of the
+        /// user's messages.
         #[arg(value_parser = choice::name)]
         name: String,
-        /// What the user may do: viewer watches, operator also drives, recorder
-        /// watches and records, admin may do everything.
+        /// Role: a viewer watches, an operator also drives, a recorder watches and records,
+        /// an admin has every right.
         #[arg(long, value_parser = roles())]
         role: Role,
-        /// An operator that also takes full pictures, as a policy does.
-        #[arg(long)]
-        pictures: bool,
-        /// Also sets a password, for the web page: typed, or a line of standard
-        /// input.
+        /// An operator that also receives full images, as a policy does.
+        #[arg(long = "pictures")]
+        images: bool,
+        /// Also sets a password for the web page: typed, or a line of standard input.
         #[arg(long)]
         password: bool,
     },
-    /// Removes a user and the keys of that name in the folder. Within a second its
-    /// connections and sessions end, on servers, routers and pages that run; what it
-    /// drives brakes.
+    /// Removes a user and its keys from the folder. Within a second its connections and
+    /// sessions end on running servers, routers and pages, and a chair that it drives
+    /// brakes.
     Remove {
-        /// Who.
+        /// User name.
         #[arg(value_parser = choice::name)]
         name: String,
     },
     /// Gives a user another role. Within a second its connections and sessions end; it
     /// connects again with the new role.
     Role {
-        /// Who.
+        /// User name.
         #[arg(value_parser = choice::name)]
         name: String,
         /// The new role, as for `add`.
         #[arg(long, value_parser = roles())]
         role: Role,
-        /// An operator that also takes full pictures, as a policy does.
-        #[arg(long)]
-        pictures: bool,
+        /// An operator that also receives full images, as a policy does.
+        #[arg(long = "pictures")]
+        images: bool,
     },
     /// Lists the users.
     List {
-        /// One JSON list instead of lines.
+        /// Prints one JSON list instead of lines.
         #[arg(long)]
         json: bool,
     },
     /// Sets a user's password: typed, or a line of standard input.
     Password {
-        /// Who.
+        /// User name.
         #[arg(value_parser = choice::name)]
         name: String,
-        /// Takes the password away instead.
+        /// Removes the password instead.
         #[arg(long)]
         none: bool,
     },
 }
 
-/// What follows a change of a user that servers know.
-const AT_ONCE: &str = "its connections and sessions end within a second";
+/// Effect of a change of a user on running servers.
+const EFFECT: &str = "its connections and sessions end within a second";
 
-fn check_pictures(role: Role, pictures: bool) -> anyhow::Result<()> {
-    if pictures && role != Role::Operator {
-        anyhow::bail!("--pictures is for operators: a {role} has its role's already");
+fn check_images(role: Role, images: bool) -> anyhow::Result<()> {
+    if images && role != Role::Operator {
+        anyhow::bail!(
+            "--pictures applies to operators only: the images of a {role} follow from its role"
+        );
     }
     Ok(())
 }
 
 fn roles() -> impl TypedValueParser<Value = Role> {
     PossibleValuesParser::new(Role::ALL.map(Role::name))
-        .try_map(|name| Role::from_name(&name).ok_or("no role"))
+        .try_map(|name| Role::from_name(&name).ok_or("unknown role"))
 }
 
-/// A user in a list.
+/// One user of the list.
 #[derive(Serialize)]
 struct Listed<'a> {
     name: &'a str,
     role: Role,
-    pictures: bool,
+    #[serde(rename = "pictures")]
+    images: bool,
     password: bool,
-    /// Last day of the newest keys.
+    /// Last day of validity of the newest keys.
     until: Option<String>,
 }
 
 /// Runs `wheelarm users`.
 ///
 /// # Errors
-/// With the cure.
+/// When the folder or the user is invalid.
 pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<()> {
     let folder = Folder::open(folder(named)?)?;
     let (file, mut users) = (folder.users_file(), folder.users()?);
@@ -107,20 +109,18 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
         UsersCommand::Add {
             name,
             role,
-            pictures,
+            images,
             password,
         } => {
             let mut user = User::new(name, *role)?;
-            check_pictures(*role, *pictures)?;
-            user.pictures = *pictures;
+            check_images(*role, *images)?;
+            user.pictures = *images;
             users.add(user)?;
             if *password {
                 users.set_password(name, Some(&new_password(name)?))?;
             }
             users.save(&file)?;
-            println!(
-                "added {name}, {role}; servers and routers let it in when they are started again"
-            );
+            println!("added {name}, {role}; servers and routers accept it after their next start");
             println!(
                 "next: wheelarm keys user {name} --keys {}",
                 folder.path().display()
@@ -130,17 +130,13 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
             users.remove(name)?;
             users.save(&file)?;
             folder.discard(name)?;
-            println!("removed {name}; {AT_ONCE}");
+            println!("removed {name}; {EFFECT}");
         }
-        UsersCommand::Role {
-            name,
-            role,
-            pictures,
-        } => {
-            check_pictures(*role, *pictures)?;
-            users.set_role(name, *role, *pictures)?;
+        UsersCommand::Role { name, role, images } => {
+            check_images(*role, *images)?;
+            users.set_role(name, *role, *images)?;
             users.save(&file)?;
-            println!("{name} is {role}; {AT_ONCE}");
+            println!("{name} is {role}; {EFFECT}");
         }
         UsersCommand::List { json } => {
             let listed: Vec<Listed<'_>> = users
@@ -148,7 +144,7 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
                 .map(|user| Listed {
                     name: &user.name,
                     role: user.role,
-                    pictures: user.pictures,
+                    images: user.pictures,
                     password: user.has_password(),
                     until: About::beside(&folder.bundle(&user.name)).map(|about| about.until),
                 })
@@ -161,7 +157,7 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
                 println!(
                     "{:<20} {:<9} {:<12} keys {}",
                     user.name,
-                    format!("{}{}", user.role, if user.pictures { "+" } else { "" }),
+                    format!("{}{}", user.role, if user.images { "+" } else { "" }),
                     if user.password {
                         "password"
                     } else {
@@ -174,7 +170,7 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
         }
         UsersCommand::Password { name, none } => {
             if users.get(name).is_none() {
-                // Told before anything is typed.
+                // Fails before a password is typed.
                 users.set_password(name, None)?;
             }
             let new = (!none).then(|| new_password(name)).transpose()?;

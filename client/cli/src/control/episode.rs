@@ -1,5 +1,4 @@
-//! `wheelarm episode …`: an episode is started, and the word is given when it
-//! runs; or ended.
+//! `wheelarm episode …`: starts an episode and waits until it runs, or ends it.
 
 use std::process::ExitCode;
 
@@ -21,18 +20,18 @@ pub enum EpisodeCommand {
 /// Options of `wheelarm episode start`.
 #[derive(Args, Clone, Debug)]
 pub struct EpisodeStartArgs {
-    /// Label: letters, digits, `-`, `_`, `.`; names the file. A recorder that has a file
-    /// of that label refuses and proposes the next free one.
+    /// Label: letters, digits, `-`, `_`, `.`; names the file. A recorder that already has a
+    /// file of that label rejects it and proposes the next free one.
     #[arg(long)]
     pub label: String,
-    /// Instruction sentence, stored exactly; the scenario's when absent.
+    /// Instruction, stored verbatim; the scenario's when absent.
     #[arg(long, default_value = "")]
     pub instruction: String,
-    /// Recorders that must be ready before time goes on.
+    /// Recorders that must be ready before time runs.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub require_recorders: u32,
-    /// In lock-step: the commander that the simulation waits for; it must hold
-    /// control. Whoever does when absent.
+    /// In lock-step: the commander that the simulation waits for; it must hold control.
+    /// Default: the commander that holds control.
     #[arg(long, value_parser = wheelarm_options::choice::name)]
     pub commander: Option<String>,
 }
@@ -40,28 +39,28 @@ pub struct EpisodeStartArgs {
 /// Options of `wheelarm episode stop`.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct EpisodeStopArgs {
-    /// Recorders throw the episode away.
+    /// Recorders discard the episode.
     #[arg(long)]
     pub discard: bool,
-    /// Discards also while somebody else is in control.
+    /// Discards even while another client is in control.
     #[arg(long, requires = "discard")]
     pub force: bool,
 }
 
 /// Runs `wheelarm episode …` and prints the result. Exit code 3 when a recorder has not
-/// confirmed that it has the whole episode.
+/// confirmed a complete file.
 ///
 /// # Errors
-/// When the server refuses, or the episode is over before it began.
-pub fn episode(link: &Client, command: &EpisodeCommand) -> anyhow::Result<ExitCode> {
+/// When the server rejects the request, or the episode ends before it begins.
+pub fn episode(client: &Client, command: &EpisodeCommand) -> anyhow::Result<ExitCode> {
     match command {
-        EpisodeCommand::Start(args) => start(link, args).map(|()| ExitCode::SUCCESS),
+        EpisodeCommand::Start(args) => start(client, args).map(|()| ExitCode::SUCCESS),
         EpisodeCommand::Stop(args) => {
-            let stopped = link.request(&v1::EpisodeStopRequest {
+            let stopped = client.request(&v1::EpisodeStopRequest {
                 discard: args.discard,
                 episode: None,
                 force: args.force,
-                secret: link.secret(),
+                secret: client.secret(),
             })?;
             print!("{}", stopped_text(&stopped));
             Ok(match stopped.unconfirmed_recorders.is_empty() {
@@ -72,13 +71,13 @@ pub fn episode(link: &Client, command: &EpisodeCommand) -> anyhow::Result<ExitCo
     }
 }
 
-fn start(link: &Client, args: &EpisodeStartArgs) -> anyhow::Result<()> {
+fn start(client: &Client, args: &EpisodeStartArgs) -> anyhow::Result<()> {
     let instruction = &args.instruction;
-    let status = link.request(&v1::StatusRequest {})?;
-    if let Some(words) = waiting(args.require_recorders, &status) {
-        eprintln!("{words}");
+    let status = client.request(&v1::StatusRequest {})?;
+    if let Some(message) = recorders_warning(args.require_recorders, &status) {
+        eprintln!("{message}");
     }
-    let started = link.start_episode(&v1::EpisodeStartRequest {
+    let started = client.start_episode(&v1::EpisodeStartRequest {
         label: args.label.clone(),
         instruction: (!instruction.is_empty()).then(|| instruction.clone()),
         require_recorders: args.require_recorders,
@@ -89,8 +88,8 @@ fn start(link: &Client, args: &EpisodeStartArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The recorders that an episode will wait for because they do not answer, in words.
-fn waiting(required: u32, status: &v1::Status) -> Option<String> {
+/// Warning that the episode will wait for recorders; `None` when enough are connected.
+fn recorders_warning(required: u32, status: &v1::Status) -> Option<String> {
     let all = status.recorders.iter();
     let recorders = all.filter(|one| one.silent_seconds.is_none());
     let names: Vec<&str> = recorders.map(|one| one.recorder.as_str()).collect();
@@ -111,18 +110,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wait_for_recorders_names_those_that_are_connected() {
+    fn warning_names_the_connected_recorders() {
         let mut status = v1::Status::default();
-        assert_eq!(waiting(0, &status), None);
-        let words = waiting(1, &status).unwrap();
-        assert!(words.contains("connected: none; start one with `wheelarm record`"));
+        assert_eq!(recorders_warning(0, &status), None);
+        let message = recorders_warning(1, &status).unwrap();
+        assert!(message.contains("connected: none; start one with `wheelarm record`"));
         status.recorders = vec![v1::RecorderStatus {
             recorder: "r".to_owned(),
             ..v1::RecorderStatus::default()
         }];
-        assert_eq!(waiting(1, &status), None);
-        assert!(waiting(2, &status).unwrap().contains("connected: r;"));
+        assert_eq!(recorders_warning(1, &status), None);
+        assert!(
+            recorders_warning(2, &status)
+                .unwrap()
+                .contains("connected: r;")
+        );
         status.recorders[0].silent_seconds = Some(4.0);
-        assert!(waiting(1, &status).unwrap().contains("connected: none;"));
+        assert!(
+            recorders_warning(1, &status)
+                .unwrap()
+                .contains("connected: none;")
+        );
     }
 }

@@ -6,10 +6,10 @@ use std::process::{Command, ExitCode};
 use anyhow::{Context, bail};
 use wheelarm_rollout::launcher::{end_with_parent, find_program, programs_named};
 
-/// Likeness (Jaro and Winkler, 0 to 1) from which a name is suggested.
-const ALIKE: f64 = 0.85;
+/// Similarity (Jaro-Winkler, 0 to 1) from which a name is suggested.
+const SUGGESTED_SIMILARITY: f64 = 0.85;
 
-/// The feature of a command that this build lacks.
+/// Cargo feature of a command that this build lacks.
 fn left_out(name: &str) -> Option<&'static str> {
     match name {
         "record" | "replay" | "demo" | "evaluate" | "collect" => Some("hdf5"),
@@ -18,19 +18,21 @@ fn left_out(name: &str) -> Option<&'static str> {
     }
 }
 
-/// The name among `known` that is most like `name`, if any is.
+/// The most similar name among `known`, if one is similar enough.
 fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
-    let alike = |known: &String| strsim::jaro_winkler(name, known);
-    let likely = known.iter().filter(|known| alike(known) >= ALIKE);
-    let best = likely.max_by(|a, b| alike(a).total_cmp(&alike(b)));
+    let similarity = |known: &String| strsim::jaro_winkler(name, known);
+    let likely = known
+        .iter()
+        .filter(|known| similarity(known) >= SUGGESTED_SIMILARITY);
+    let best = likely.max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
     best.map(String::as_str)
 }
 
-/// Runs an external subcommand and passes its exit code on; `known` are the names of
-/// those that are built in.
+/// Runs an external subcommand and returns its exit code; `known` are the built-in
+/// commands.
 ///
 /// # Errors
-/// When there is no such program or it cannot be started.
+/// When the program does not exist or cannot be started.
 pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<ExitCode> {
     let Some((name, arguments)) = words.split_first() else {
         bail!("no subcommand given");
@@ -40,7 +42,7 @@ pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<Ex
     let Some(path) = find_program(&program) else {
         if let Some(feature) = left_out(&name) {
             bail!(
-                "`wheelarm {name}` was left out of this build: build wheelarm-cli with its feature `{feature}`"
+                "`wheelarm {name}` is not part of this build: build wheelarm-cli with its feature `{feature}`"
             );
         }
         let mut known = known;
@@ -49,12 +51,12 @@ pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<Ex
             bail!("no command `wheelarm {name}`; did you mean `wheelarm {nearest}`?");
         }
         bail!(
-            "`wheelarm {name}` is not built in, and no `{program}` lies beside this program or on PATH; see `wheelarm --help`"
+            "`wheelarm {name}` is not built in, and `{program}` is neither beside this program nor on PATH; see `wheelarm --help`"
         );
     };
     let mut command = Command::new(&path);
     command.args(arguments);
-    // Who ends this program means that one.
+    // A signal that ends this program also ends the child.
     end_with_parent(&mut command);
     let status = command
         .status()
@@ -62,9 +64,9 @@ pub fn run_external(words: &[OsString], known: Vec<String>) -> anyhow::Result<Ex
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
         eprintln!(
-            "{program} was ended by signal {signal}. Where it crashed by itself, a file that it \
-             read is damaged beyond what its library can tell: give it the files one by one to \
-             find which"
+            "{program} was ended by signal {signal}. If it crashed, one of its input files is \
+             damaged in a way that its library cannot report: pass the files one by one to \
+             find it"
         );
         return Ok(ExitCode::from(
             u8::try_from(128 + signal).unwrap_or(u8::MAX),
@@ -83,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn misspelled_command_is_answered_with_the_nearest_one() {
+    fn misspelled_command_suggests_the_nearest_name() {
         let known = ["evaluate", "episode", "record", "dataset", "drive"].map(str::to_owned);
         for (typed, meant) in [
             ("evalute", Some("evaluate")),

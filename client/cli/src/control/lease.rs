@@ -1,4 +1,4 @@
-//! `wheelarm lease hold`: control from the command line, for episodes by hand.
+//! `wheelarm lease hold`: holds control and sends commands read from standard input.
 
 use std::io::{BufRead, IsTerminal};
 use std::process::ExitCode;
@@ -18,9 +18,9 @@ use wheelarm_sdk::{Client, Turn};
 pub enum LeaseCommand {
     /// Holds control until it is interrupted.
     ///
-    /// Every control tick is answered: by nothing new, or by what a line on
-    /// standard input says. The chair keeps its speed until the next line; when
-    /// standard input ends, chair and arm stop.
+    /// Replies to every control tick, with an empty command or with the command of a line
+    /// on standard input. The chair keeps its speed until the next line. Chair and arm stop
+    /// when standard input ends.
     #[command(alias = "take", after_long_help = super::manual::LEASE)]
     Hold(LeaseHoldArgs),
 }
@@ -31,64 +31,64 @@ pub struct LeaseHoldArgs {
     /// Name of the commander.
     #[arg(long, default_value = "hand", value_parser = wheelarm_options::choice::name)]
     pub name: String,
-    /// Takes control over from whoever holds it.
+    /// Takes control over from the commander that holds it.
     #[arg(long)]
     pub take: bool,
 }
 
-/// How often the server is asked whether control is still ours.
-const LOOK: Duration = Duration::from_millis(500);
-/// Silence after which the lines and Ctrl-C are looked at.
+/// Interval between checks that this program still holds control.
+const CHECK_INTERVAL: Duration = Duration::from_millis(500);
+/// Wait for a tick, after which input lines and Ctrl-C are checked.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Runs `wheelarm lease …`.
 ///
 /// # Errors
-/// When control is refused or lost.
-pub fn lease(link: &Client, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
+/// When control is denied or lost.
+pub fn lease(client: &Client, command: &LeaseCommand) -> anyhow::Result<ExitCode> {
     let LeaseCommand::Hold(args) = command;
     let interrupted = listen()?;
-    let mut turns = link.turns(&args.name, args.take, &[])?;
+    let mut turns = client.turns(&args.name, args.take, &[])?;
     println!(
-        "{} is in control of {}; Ctrl-C gives it back",
+        "{} is in control of {}; Ctrl-C releases it",
         args.name,
-        link.keys().sim()
+        client.keys().sim()
     );
     let lines = lines();
-    let robot = link.request(&v1::SceneRequest {})?.robot;
-    let mut hand = Hand {
+    let robot = client.request(&v1::SceneRequest {})?.robot;
+    let mut console = Console {
         limits: robot.and_then(|robot| robot.drive),
-        ..Hand::default()
+        ..Console::default()
     };
-    let mut looked = Instant::now();
-    while !interrupted.load(Ordering::Acquire) && !hand.quits {
-        hand.read(&lines);
+    let mut checked = Instant::now();
+    while !interrupted.load(Ordering::Acquire) && !console.quits {
+        console.read(&lines);
         match turns.next(PATIENCE, &mut |_| {})? {
-            Turn::Answer(_) => turns.answer(hand.command())?,
-            Turn::Refused(refusal) => hand.refused(&refusal),
+            Turn::Answer(_) => turns.answer(console.next_command())?,
+            Turn::Refused(refusal) => console.refused(&refusal),
             Turn::Ended(_) | Turn::Silent(_) => {}
         }
-        if looked.elapsed() > LOOK {
-            looked = Instant::now();
-            let status: v1::Status = link.request(&v1::StatusRequest {})?;
+        if checked.elapsed() > CHECK_INTERVAL {
+            checked = Instant::now();
+            let status: v1::Status = client.request(&v1::StatusRequest {})?;
             if status.holder != args.name {
                 match status.holder.as_str() {
-                    "" => bail!("control ended: the server gave it up"),
+                    "" => bail!("control ended: the server released it"),
                     other => bail!("{other:?} took control"),
                 }
             }
         }
     }
     drop(turns);
-    println!("{} gave control back", args.name);
+    println!("{} released control", args.name);
     Ok(ExitCode::SUCCESS)
 }
 
 /// Becomes true on Ctrl-C, SIGTERM or SIGHUP.
 fn listen() -> anyhow::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&interrupted);
-    on_signals(move |_| told.store(true, Ordering::Release))?;
+    let flag = Arc::clone(&interrupted);
+    on_signals(move |_| flag.store(true, Ordering::Release))?;
     Ok(interrupted)
 }
 
@@ -99,7 +99,7 @@ fn lines() -> Receiver<String> {
         eprintln!("lines: drive LINEAR TURN | stop | open | close | quit");
     }
     std::thread::spawn(move || {
-        // A line that is no text is one that is not understood, not the end.
+        // Invalid UTF-8 makes one line unknown and does not end the input.
         for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line).into_owned();
             if sender.send(line).is_err() {
@@ -110,52 +110,52 @@ fn lines() -> Receiver<String> {
     lines
 }
 
-/// What the lines asked for.
+/// State of the commands that the input lines requested.
 #[derive(Debug, Default, PartialEq)]
-struct Hand {
+struct Console {
     /// Speed of the chair, m/s and rad/s, while it drives.
     drive: Option<[f64; 2]>,
-    /// Goes out with the next command, once.
+    /// Sent once, with the next reply to a tick.
     next: v1::Command,
     quits: bool,
-    /// What the chair can do, where the server tells it.
+    /// Limits of the chair, if the server sends them.
     limits: Option<v1::DriveDescription>,
-    /// Why the newest command was refused, told once.
-    told: String,
-    /// No line comes any more.
-    alone: bool,
+    /// Last printed reason of a refusal; each reason is printed once.
+    last_reason: String,
+    /// Standard input has ended.
+    input_ended: bool,
 }
 
-impl Hand {
+impl Console {
     fn read(&mut self, lines: &Receiver<String>) {
         loop {
             match lines.try_recv() {
                 Ok(line) => {
-                    if let Err(e) = self.take(&line) {
+                    if let Err(e) = self.parse(&line) {
                         eprintln!("{e:#}");
                     }
                 }
                 Err(TryRecvError::Empty) => return,
                 Err(TryRecvError::Disconnected) => {
-                    if !self.alone && self.drive.is_some() {
+                    if !self.input_ended && self.drive.is_some() {
                         eprintln!("standard input has ended: the chair stops");
                         self.stop();
                     }
-                    self.alone = true;
+                    self.input_ended = true;
                     return;
                 }
             }
         }
     }
 
-    /// A line that is wrong in itself is dropped, or it would be refused at every
-    /// tick. Where only its moment was wrong (a tick that is over, a rate, a break
-    /// before a `reset`), the next tick is answered with it again.
+    /// Drops a speed that is itself invalid, because it would be refused at every tick.
+    /// After a refusal of timing (a late tick, a rate, a pause before a `reset`) the next
+    /// tick repeats it.
     fn refused(&mut self, refusal: &v1::Refusal) {
         let wrong = [v1::RefusalCode::Invalid, v1::RefusalCode::TooLong];
         let drops = wrong.contains(&refusal.code()) && self.drive.take().is_some();
-        if self.told != refusal.reason {
-            self.told.clone_from(&refusal.reason);
+        if self.last_reason != refusal.reason {
+            self.last_reason.clone_from(&refusal.reason);
             let more = if drops { "; the line is dropped" } else { "" };
             eprintln!("refused: {}{more}", refusal.reason);
         }
@@ -169,14 +169,14 @@ impl Hand {
         });
     }
 
-    fn take(&mut self, line: &str) -> anyhow::Result<()> {
+    fn parse(&mut self, line: &str) -> anyhow::Result<()> {
         use v1::gripper_command::Target;
         let grip = |target| v1::GripperCommand {
             target: Some(target),
             max_force: None,
         };
         let words: Vec<&str> = line.split_whitespace().collect();
-        self.told.clear();
+        self.last_reason.clear();
         match words.as_slice() {
             [] => {}
             ["drive", linear, turn] => {
@@ -184,9 +184,9 @@ impl Hand {
                     let read = text.parse::<f64>();
                     read.with_context(|| format!("{text:?} is not a number"))
                 };
-                let asked = [number(linear)?, number(turn)?];
-                self.check(asked)?;
-                self.drive = Some(asked);
+                let speeds = [number(linear)?, number(turn)?];
+                self.check(speeds)?;
+                self.drive = Some(speeds);
             }
             ["stop"] => self.stop(),
             ["open"] => self.next.gripper = Some(grip(Target::Knuckle(0.0))),
@@ -197,7 +197,7 @@ impl Hand {
         Ok(())
     }
 
-    /// Refuses speeds beyond what the chair can do.
+    /// Rejects speeds beyond the limits of the chair.
     fn check(&self, [linear, turn]: [f64; 2]) -> anyhow::Result<()> {
         let limits = self.limits.unwrap_or(v1::DriveDescription {
             forward_speed: f64::MAX,
@@ -219,8 +219,8 @@ impl Hand {
         Ok(())
     }
 
-    /// What the next tick is answered with.
-    fn command(&mut self) -> v1::Command {
+    /// Reply to the next tick.
+    fn next_command(&mut self) -> v1::Command {
         let mut command = std::mem::take(&mut self.next);
         if let Some([linear, angular]) = self.drive {
             command.base = Some(v1::BaseCommand { linear, angular });
@@ -234,71 +234,73 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_chair_stops_when_no_line_can_come_any_more() {
+    fn chair_stops_when_standard_input_ends() {
         let (sender, lines) = crossbeam_channel::unbounded();
-        let mut hand = Hand::default();
+        let mut console = Console::default();
         sender.send("drive 0.3 0".to_owned()).unwrap();
         sender.send("st\u{fffd}p".to_owned()).unwrap();
-        hand.read(&lines);
-        assert_eq!(hand.command().base.unwrap().linear, 0.3);
+        console.read(&lines);
+        assert_eq!(console.next_command().base.unwrap().linear, 0.3);
         drop(sender);
-        hand.read(&lines);
-        let command = hand.command();
+        console.read(&lines);
+        let command = console.next_command();
         assert_eq!(command.base, Some(v1::BaseCommand::default()));
         assert!(command.arm.is_some());
-        hand.read(&lines);
-        assert_eq!(hand.command(), v1::Command::default());
+        console.read(&lines);
+        assert_eq!(console.next_command(), v1::Command::default());
     }
 
     #[test]
-    fn a_line_beyond_the_limits_or_refused_is_dropped() {
-        let mut hand = Hand {
+    fn speed_beyond_the_limits_or_refused_is_dropped() {
+        let mut console = Console {
             limits: Some(v1::DriveDescription {
                 forward_speed: 0.5,
                 backward_speed: 0.3,
                 turn_rate: 1.0,
                 ..v1::DriveDescription::default()
             }),
-            ..Hand::default()
+            ..Console::default()
         };
         for wrong in ["drive 5 0", "drive -0.4 0", "drive 0 -1.1", "drive NaN 0"] {
-            let told = hand.take(wrong).unwrap_err().to_string();
-            assert!(told.contains("the chair"), "{told}");
+            let error = console.parse(wrong).unwrap_err().to_string();
+            assert!(error.contains("the chair"), "{error}");
         }
-        hand.take("drive 0.5 1").unwrap();
-        assert!(hand.command().base.is_some());
+        console.parse("drive 0.5 1").unwrap();
+        assert!(console.next_command().base.is_some());
         let refusal = |code: v1::RefusalCode| v1::Refusal {
             code: code.into(),
             ..v1::Refusal::default()
         };
         for passing in [v1::RefusalCode::Answered, v1::RefusalCode::TooOld] {
-            hand.refused(&refusal(passing));
-            assert!(hand.command().base.is_some());
+            console.refused(&refusal(passing));
+            assert!(console.next_command().base.is_some());
         }
-        hand.refused(&refusal(v1::RefusalCode::Invalid));
-        assert_eq!(hand.command(), v1::Command::default());
+        console.refused(&refusal(v1::RefusalCode::Invalid));
+        assert_eq!(console.next_command(), v1::Command::default());
     }
 
     #[test]
-    fn lines_become_commands_and_a_speed_lasts_until_the_next_line() {
-        let mut hand = Hand::default();
-        assert_eq!(hand.command(), v1::Command::default());
-        hand.take("drive 0.3 -0.1").unwrap();
+    fn speed_lasts_until_the_next_line() {
+        let mut console = Console::default();
+        assert_eq!(console.next_command(), v1::Command::default());
+        console.parse("drive 0.3 -0.1").unwrap();
         for _ in 0..2 {
-            let base = hand.command().base.unwrap();
+            let base = console.next_command().base.unwrap();
             assert_eq!((base.linear, base.angular), (0.3, -0.1));
         }
-        hand.take(" close ").unwrap();
-        assert!(hand.command().gripper.is_some() && hand.command().gripper.is_none());
-        hand.take("stop").unwrap();
-        let stopped = hand.command();
+        console.parse(" close ").unwrap();
+        assert!(
+            console.next_command().gripper.is_some() && console.next_command().gripper.is_none()
+        );
+        console.parse("stop").unwrap();
+        let stopped = console.next_command();
         assert!(wheelarm_proto::check::stops(&stopped), "{stopped:?}");
-        assert_eq!(hand.command().base, None);
+        assert_eq!(console.next_command().base, None);
         for wrong in ["drive", "drive fast 0", "fly", "stop now"] {
-            assert!(hand.take(wrong).is_err(), "{wrong:?} was taken");
+            assert!(console.parse(wrong).is_err(), "{wrong:?} was accepted");
         }
-        assert!(!hand.quits);
-        hand.take("quit").unwrap();
-        assert!(hand.quits);
+        assert!(!console.quits);
+        console.parse("quit").unwrap();
+        assert!(console.quits);
     }
 }

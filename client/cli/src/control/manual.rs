@@ -1,5 +1,4 @@
-//! The long parts of `--help` and of the man pages: examples, exit codes,
-//! environment.
+//! Long parts of `--help` and of the man pages: examples, exit codes, environment.
 
 macro_rules! environment {
     ($($more:literal)*) => {
@@ -8,7 +7,7 @@ macro_rules! environment {
             "  WHEELARM_CONNECT  endpoint of the server, as --connect\n",
             "  WHEELARM_SIM      name of the server, as --sim\n",
             "  WHEELARM_KEYS     folder of keys, as --keys\n",
-            "  WHEELARM_USER     whose keys of that folder, as --user\n",
+            "  WHEELARM_USER     user of that folder, as --user\n",
             "  RUST_LOG          more messages on standard error, for example RUST_LOG=wheelarm_cli=debug",
             $($more)*
         )
@@ -23,14 +22,14 @@ macro_rules! manual {
 
 /// `wheelarm`.
 pub const WHEELARM: &str = manual!(
-    "  wheelarm doctor                    is everything here that is needed?
-  wheelarm demo                      one recorded episode from nothing
-  wheelarm teleop                    drive by keys; the page shows the cameras
+    "  wheelarm doctor                    checks this host and the server
+  wheelarm demo                      records one episode, without a running server
+  wheelarm teleop                    drives by keyboard; a page shows the cameras
   wheelarm record --out data/today   records every episode into a file
-  ssh -N -L 7447:127.0.0.1:7447 HOST brings a remote server near
+  ssh -N -L 7447:127.0.0.1:7447 HOST forwards the port of a remote server
 ",
     "  0  done
-  1  failed; the message names the cure
+  1  failed; the message names the fix
   2  the command line is wrong
   3  finished with loss: a recording is incomplete, or samples were missed
 "
@@ -41,8 +40,8 @@ pub const STATUS: &str = manual!(
     "  wheelarm status
   wheelarm --connect tcp/127.0.0.1:7448 --sim left status
 ",
-    "  0  a server answered
-  1  none did
+    "  0  a server replied
+  1  no server replied
 "
 );
 
@@ -55,7 +54,7 @@ pub const KEYS: &str = manual!(
   wheelarm --connect tls/sim-host:7447 --keys anna teleop
 ",
     "  0  made
-  1  a folder or a user is not as it must be
+  1  the folder or the user is invalid
 "
 );
 
@@ -67,7 +66,7 @@ pub const ROUTER: &str = manual!(
   wheelarm --connect tls/sim-host:7447 --keys anna --sim kitchen teleop
 ",
     "  0  it was interrupted and ended
-  1  the keys are not as they must be, or the endpoint is taken
+  1  the keys are invalid, or the endpoint is in use
 "
 );
 
@@ -78,7 +77,7 @@ pub const USERS: &str = manual!(
   wheelarm users list --keys /srv/wheelarm/keys
 ",
     "  0  done
-  1  a folder or a user is not as it must be
+  1  the folder or the user is invalid
 "
 );
 
@@ -87,7 +86,7 @@ pub const TASKS: &str = manual!(
     "  wheelarm tasks
 ",
     "  0  listed, by the server or by the program wheelarm-server beside this one
-  1  neither could be asked
+  1  neither returned a list
 "
 );
 
@@ -98,7 +97,7 @@ pub const RESET: &str = manual!(
   wheelarm reset --seed 7 --starts anywhere
 ",
     "  0  set up
-  1  refused (an episode runs, somebody is in control, no such task), or no server answered
+  1  refused (an episode runs, another client is in control, unknown task), or no server replied
 "
 );
 
@@ -107,7 +106,7 @@ pub const PAUSE: &str = manual!(
     "  wheelarm pause; wheelarm status; wheelarm resume
 ",
     "  0  done
-  1  no server answered
+  1  no server replied
 "
 );
 
@@ -117,15 +116,15 @@ pub const LEASE: &str = manual!(
   wheelarm episode start --label try-1
   wheelarm episode stop
 ",
-    "  0  control was given back
-  1  refused (somebody else is in control), or control was lost
+    "  0  control was released
+  1  refused (another client is in control), or control was lost
 ",
     "\nLines on standard input, one command each:
   drive LINEAR TURN   chair speeds, m/s and rad/s, until the next line of the chair
                       or the end of the lines
   stop                chair and arm stop
   open, close         the gripper
-  quit                gives control back, as Ctrl-C does"
+  quit                releases control, as Ctrl-C does"
 );
 
 /// `wheelarm episode`.
@@ -136,7 +135,7 @@ pub const EPISODE: &str = manual!(
 ",
     "  0  started or ended
   1  refused (one runs already, none runs), or it did not begin (a recorder is
-     missing or cannot record it), or no server answered
+     missing or cannot record it), or no server replied
 "
 );
 
@@ -148,7 +147,7 @@ pub const RECORD: &str = manual!(
 ",
     "  0  every file is complete
   1  an episode could not be recorded
-  3  a file is partial: it says what it lacks
+  3  a file is partial: the file lists what is missing
 "
 );
 
@@ -157,7 +156,7 @@ pub const OPERATE: &str = manual!(
     "  wheelarm operate --task pick_mustard --require-recorders 1
 ",
     "  0  the task succeeded
-  1  it did not, or no server answered
+  1  it did not, or no server replied
 "
 );
 
@@ -176,12 +175,12 @@ pub const DEMO: &str = manual!(
 /// `wheelarm evaluate`.
 pub const EVALUATE: &str = manual!(
     "  wheelarm evaluate --task all --seeds 0..50 --jobs 4
-  wheelarm evaluate --task all --seeds 0..50 --again   once more, where something broke
+  wheelarm evaluate --task all --seeds 0..50 --again   repeats episodes that broke
 ",
     "  0  every episode of every task succeeded
   1  one did not, or a program could not be started
-  3  in one of them the physics, the server or the scenario broke: it is entered
-     in episodes.jsonl as failed, with the scenario, and the others were done
+  3  in one of them the physics, the server or the scenario failed: episodes.jsonl
+     lists it as failed, with the scenario, and the other episodes were run
 ",
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
 );
@@ -190,14 +189,14 @@ pub const EVALUATE: &str = manual!(
 pub const MULTIPLY: &str = manual!(
     "  wheelarm multiply data/mine --task pick_mustard --episodes 100 --out data/more --jobs 2
   wheelarm multiply data/mine --task place_knife --episodes 20 --noise 0 --out data/exact
-  wheelarm replay data/more/FILE.h5 --out data/drawn --camera '*=640x360@10'   draws one
+  wheelarm replay data/more/FILE.h5 --out data/rendered --camera '*=640x360@10'   renders one
 ",
-    "  0  as many episodes were kept as asked for
-  1  they were not, or nothing could be multiplied; the same command goes on
+    "  0  the requested number of episodes was kept
+  1  fewer were kept, or nothing could be multiplied; the same command continues
 ",
     "\n  WHEELARM_ASSETS   assets folder, as --assets
-\nFiles say of which episode they are by the attribute multiplied_from of their root; the
-folder's report.json counts what was tried, and how it failed."
+\nThe root attribute multiplied_from of a file names its source episode. The folder's
+report.json counts the attempts and their failures."
 );
 
 /// `wheelarm replay`.
@@ -205,7 +204,7 @@ pub const REPLAY: &str = manual!(
     "  wheelarm replay data/demo/pick_mustard-seed0.h5
   wheelarm replay FILE --out data/again --camera room=1280x720@10
 ",
-    "  0  the same bits again
+    "  0  the same bits
   1  they differ (the first differing tick is named), or the file cannot be replayed
 ",
     "\n  WHEELARM_ASSETS   assets folder, as --assets"
@@ -216,10 +215,11 @@ pub const TELEOP: &str = manual!(
     "  wheelarm teleop
   wheelarm teleop --instruction \"Bring me the mustard\"
   ssh -t HOST wheelarm teleop --dead-man 2
-  wheelarm teleop --take             takes control from whoever holds it
+  wheelarm teleop --take             takes control over from its holder
 ",
     "  0  you left
-  1  the terminal died, a signal came, or there is no terminal; the chair was stopped
+  1  the terminal closed, a signal arrived, or standard output is not a terminal; the
+     chair was stopped
 ",
     "\n  NO_COLOR          no colours
 \nKeys (also ? inside):
@@ -236,12 +236,12 @@ pub const TELEOP: &str = manual!(
 
 /// `wheelarm drive`.
 pub const DRIVE: &str = manual!(
-    "  wheelarm drive                         the server that runs on this host
-  wheelarm drive --task pick_mustard --out data/drive   one of its own, recorded
+    "  wheelarm drive                         connects to the server of this host
+  wheelarm drive --task pick_mustard --out data/drive   starts and records its own server
   ssh -N -L 7460:127.0.0.1:7460 HOST     then open the printed link here
 ",
-    "  0  interrupted; the chair was stopped and control given back
-  1  no server answers, or the address cannot be used
+    "  0  interrupted; the chair was stopped and control released
+  1  no server replies, or the address cannot be used
 "
 );
 
@@ -263,8 +263,8 @@ pub const WATCH: &str = manual!(
   wheelarm watch --only camera --cameras --duration 10
 ",
     "  0  measured, nothing missed
-  1  no server answered, or one of another version came back; with --once or at
-     the end of --duration also when it went away
+  1  no server replied, or a server of another version replied; with --once or
+     at the end of --duration also when the server ended
   3  measured, samples were missed
 "
 );
@@ -275,7 +275,7 @@ pub const DOCTOR: &str = manual!(
   wheelarm doctor --server --out /data/session
 ",
     "  0  everything works; warnings may remain
-  1  something does not work: the line after it names the cure
+  1  a check failed: the line after it names the fix
 "
 );
 
@@ -303,21 +303,21 @@ pub const SHUTDOWN: &str = manual!(
     "  wheelarm shutdown
 ",
     "  0  the server ends; a running episode is finished first
-  1  no server answered
+  1  no server replied
 "
 );
 
 /// `wheelarm collect`.
 pub const COLLECT: &str = manual!(
     "  wheelarm collect assets/campaigns/small.toml --dry-run      episodes, samples, disk, time
-  wheelarm collect assets/campaigns/small.toml                makes what is missing
-  wheelarm collect PLAN --out DIR --shard 3/8                 one part of eight
-  wheelarm collect --merge DIR                                joins, checks, lists what is missing
+  wheelarm collect assets/campaigns/small.toml                runs the missing episodes
+  wheelarm collect PLAN --out DIR --shard 3/8                 one of eight parts
+  wheelarm collect --merge DIR                                joins, checks, lists missing episodes
 ",
-    "  0  every episode asked for is there
-  1  failed, or ended early; the same command goes on
-  3  episodes are missing, or the physics or a server broke on the way: the
-     journal has the scenario, and an attempt with a fresh seed took its place
+    "  0  every planned episode exists
+  1  failed, or ended early; the same command continues
+  3  episodes are missing, or the physics or a server failed: the journal has the
+     scenario, and an attempt with a new seed replaced it
 ",
     "
   WHEELARM_ASSETS   assets folder, as --assets

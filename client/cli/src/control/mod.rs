@@ -1,4 +1,4 @@
-//! The small commands: one query each, its answer printed.
+//! Commands that send one query and print its reply.
 
 mod episode;
 mod external;
@@ -35,14 +35,14 @@ pub struct ResetArgs {
     /// Seed of every random choice.
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Where the robot starts: `near` by, or `anywhere` in the home with the arm in
-    /// any of its postures; as before when absent.
+    /// Start of the robot: `near` the target, or `anywhere` in the home with the arm in a
+    /// sampled posture; unchanged when absent.
     #[arg(long, value_parser = named::<Starts>())]
     pub starts: Option<Starts>,
-    /// Instruction sentence; drawn from the task's by seed when absent.
+    /// Instruction; sampled from the task's by seed when absent.
     #[arg(long)]
     pub instruction: Option<String>,
-    /// Also while somebody else is in control.
+    /// Also while another client is in control.
     #[arg(long)]
     pub force: bool,
 }
@@ -50,29 +50,28 @@ pub struct ResetArgs {
 /// Options of `wheelarm shutdown`.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct ShutdownArgs {
-    /// Also while somebody else is in control.
+    /// Also while another client is in control.
     #[arg(long)]
     pub force: bool,
 }
 
-/// Connects; where nothing listens on this host it says so at once.
+/// Connects. A closed port of this host fails at once.
 ///
 /// # Errors
 /// [`ClientError`].
-pub fn link(connect: &Connect) -> Result<Client, ClientError> {
+pub fn open(connect: &Connect) -> Result<Client, ClientError> {
     refuse_closed(&connect.endpoint)?;
     Client::open(connect)
 }
 
-/// Prints what the server does. Where nothing listens on this host it says so at
-/// once.
+/// Prints the status of the server. A closed port of this host fails at once.
 ///
 /// # Errors
 /// [`ClientError`].
 pub fn status(connect: &Connect) -> Result<(), ClientError> {
-    let link = link(connect)?;
-    let status: v1::Status = link.request(&v1::StatusRequest {})?;
-    print!("{}", print::status_text(link.keys().sim(), &status));
+    let client = open(connect)?;
+    let status: v1::Status = client.request(&v1::StatusRequest {})?;
+    print!("{}", print::status_text(client.keys().sim(), &status));
     Ok(())
 }
 
@@ -80,7 +79,7 @@ pub fn status(connect: &Connect) -> Result<(), ClientError> {
 ///
 /// # Errors
 /// [`ClientError`].
-pub fn reset(link: &Client, args: &ResetArgs) -> Result<v1::Scenario, ClientError> {
+pub fn reset(client: &Client, args: &ResetArgs) -> Result<v1::Scenario, ClientError> {
     let scenario = v1::Scenario {
         scene: args.scene.clone().unwrap_or_default(),
         task: args.task.clone(),
@@ -89,17 +88,17 @@ pub fn reset(link: &Client, args: &ResetArgs) -> Result<v1::Scenario, ClientErro
         starts: args.starts.map_or(0, |starts| starts.code().into()),
         ..v1::Scenario::default()
     };
-    link.reset(scenario, args.force)
+    client.reset(scenario, args.force)
 }
 
-/// Pauses simulation time, or lets it go on.
+/// Pauses or resumes simulation time.
 ///
 /// # Errors
 /// [`ClientError`].
-pub fn pause(link: &Client, pause: bool) -> Result<(), ClientError> {
+pub fn pause(client: &Client, pause: bool) -> Result<(), ClientError> {
     let done = match pause {
-        true => link.request(&v1::PauseRequest {}),
-        false => link.request(&v1::ResumeRequest {}),
+        true => client.request(&v1::PauseRequest {}),
+        false => client.request(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
 }

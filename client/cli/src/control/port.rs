@@ -1,6 +1,5 @@
-//! Whether anything listens on this host, asked of the kernel: a closed port of
-//! the loopback interface is told at once, where the transport would go on
-//! trying.
+//! Detects a closed port on the loopback interface at once: the transport would retry until
+//! its timeout.
 
 use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 use std::time::Duration;
@@ -10,11 +9,11 @@ use wheelarm_sdk::ClientError;
 /// Longest wait; the loopback interface answers within microseconds.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Refuses an endpoint `tcp/HOST:PORT` of this host on which nothing listens.
-/// Other endpoints are the transport's matter.
+/// Rejects a loopback endpoint `tcp/HOST:PORT` without a listener. Other endpoints are
+/// left to the transport.
 ///
 /// # Errors
-/// [`ClientError::NoServer`] with the cure.
+/// [`ClientError::NoServer`] with the fix.
 pub fn refuse_closed(endpoint: &str) -> Result<(), ClientError> {
     let Some(addresses) = loopback(endpoint) else {
         return Ok(());
@@ -36,7 +35,7 @@ pub fn refuse_closed(endpoint: &str) -> Result<(), ClientError> {
     }
 }
 
-/// The addresses of an endpoint, if all of them are of the loopback interface.
+/// Addresses of an endpoint, if all belong to the loopback interface.
 fn loopback(endpoint: &str) -> Option<Vec<SocketAddr>> {
     let rest = endpoint.strip_prefix("tcp/")?;
     let address = rest.split(['#', '?']).next().unwrap_or(rest);
@@ -50,14 +49,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_closed_port_of_this_host_is_told_with_the_cure_and_an_open_one_is_not() {
+    fn closed_loopback_port_is_an_error_with_its_fix() {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
         assert!(refuse_closed(&endpoint).is_ok());
         drop(listener);
-        let told = refuse_closed(&endpoint).unwrap_err().to_string();
-        assert!(told.contains("start one with `wheelarm-server`"), "{told}");
-        // Nobody is asked on another host or through another transport.
+        let error = refuse_closed(&endpoint).unwrap_err().to_string();
+        assert!(
+            error.contains("start one with `wheelarm-server`"),
+            "{error}"
+        );
+        // Other hosts and transports are not probed.
         assert_eq!(loopback("tcp/192.0.2.1:7447"), None);
         assert_eq!(loopback("unixsock-stream/socket"), None);
     }

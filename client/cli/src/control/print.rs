@@ -1,4 +1,4 @@
-//! Answers of the server as text for people.
+//! Replies of the server as text.
 
 use std::fmt::Write as _;
 
@@ -85,14 +85,14 @@ pub(super) fn status_text(sim: &str, status: &v1::Status) -> String {
     line(
         "control",
         match status.holder.as_str() {
-            "" => "nobody".to_owned(),
+            "" => "none".to_owned(),
             holder => format!("{holder:?}, for {:.0} s", status.held_seconds),
         },
     );
     line("refused", format!("{} commands", status.refused));
     line("reached", reached(status.access()).to_owned());
     if status.strange > 0 {
-        let strange = "messages named somebody else than their key, or could not be read";
+        let strange = "messages named another client than their key, or could not be decoded";
         line("STRANGE", format!("{} {strange}", status.strange));
     }
     for recorder in &status.recorders {
@@ -135,7 +135,7 @@ fn reached(access: v1::Access) -> &'static str {
         v1::Access::Unspecified => "",
         v1::Access::Local => "from its own host",
         v1::Access::Keys => "with keys",
-        v1::Access::Insecure => "INSECURE, from everywhere and by everybody",
+        v1::Access::Insecure => "INSECURE, from every host and by every client",
     }
 }
 
@@ -143,7 +143,7 @@ fn pacing(pacing: v1::Pacing) -> &'static str {
     match pacing {
         v1::Pacing::Unspecified | v1::Pacing::RealTime => "real time",
         v1::Pacing::LockStep => "lock-step",
-        v1::Pacing::Fast => "as fast as it goes",
+        v1::Pacing::Fast => "as fast as possible",
     }
 }
 
@@ -152,12 +152,12 @@ pub(super) fn tasks_text(tasks: &[v1::TaskInfo]) -> String {
     for task in tasks {
         let _ = writeln!(text, "{} ({}, {})", task.name, task.activity, task.area);
         let (goal, targets) = (goal_word(task.goal()), task.targets.join(" or "));
-        let _ = writeln!(text, "  asks  {goal} {targets}");
+        let _ = writeln!(text, "  goal  {goal} {targets}");
         for instruction in &task.instructions {
-            let _ = writeln!(text, "  says  {instruction}");
+            let _ = writeln!(text, "  text  {instruction}");
         }
         for predicate in &task.predicates {
-            let _ = writeln!(text, "  wants {predicate}");
+            let _ = writeln!(text, "  needs {predicate}");
         }
     }
     text
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_missing_required_condition_stands_out() {
+    fn missing_required_condition_is_in_capitals() {
         let condition = |name: &str, holds, required| v1::Condition {
             predicate: String::new(),
             name: name.to_owned(),

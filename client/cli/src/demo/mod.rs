@@ -1,7 +1,7 @@
-//! `wheelarm demo`: a server, a recorder and the operator, or a policy, on loopback in
-//! lock-step; then the episode's file, its pictures and what came of it.
+//! `wheelarm demo`: runs a server, a recorder and the scripted operator or a policy on
+//! loopback in lock-step, and prints the result, the file and its contact sheet.
 //!
-//! The demo uses only what every user has: the three programs and the link.
+//! The demo uses only the three programs and the client SDK.
 
 mod summary;
 
@@ -26,8 +26,8 @@ use wheelarm_rollout::launcher::tasks_of_program;
 use wheelarm_rollout::launcher::{Input, Launch, Process, Program, all_cameras};
 use wheelarm_rollout::{Backend, Limits, Observer, Processes, Record, Rollout, free_label};
 
-/// Longest time for drawing a contact sheet.
-const SHEET: Duration = Duration::from_secs(120);
+/// Longest time for rendering a contact sheet.
+const SHEET_PATIENCE: Duration = Duration::from_secs(120);
 
 /// Options of `wheelarm demo`.
 #[derive(Args, Clone, Debug)]
@@ -50,30 +50,30 @@ pub struct DemoArgs {
     /// Robot, a folder in assets/robots.
     #[arg(long, default_value = "wheelarm")]
     pub robot: String,
-    /// Picture width, pixels.
+    /// Image width, pixels.
     #[arg(long, default_value_t = 1280)]
     pub width: u32,
-    /// Picture height, pixels.
+    /// Image height, pixels.
     #[arg(long, default_value_t = 720)]
     pub height: u32,
-    /// Pictures per simulated second of each camera; divides 240.
+    /// Images per simulated second of each camera; divides 240.
     #[arg(long, default_value_t = 10.0)]
     pub rate: f64,
-    /// Sensor model that is on, MODEL or MODEL@CAMERA, a file in assets/sensors;
-    /// with =STRENGTH from 0 to 3. May be repeated.
+    /// Active sensor model, MODEL or MODEL@CAMERA, a file in assets/sensors; with
+    /// =STRENGTH from 0 to 3. May be repeated.
     #[arg(long, value_parser = v1::SensorSetting::from_text, value_name = "MODEL@CAMERA")]
     pub sensor: Vec<v1::SensorSetting>,
-    /// Work per picture.
+    /// Rendering quality.
     #[arg(long, value_parser = named::<Quality>(), default_value = "standard")]
     pub quality: Quality,
-    /// Visual randomization: SEED[:AXIS=STRENGTH,…] as the server's --appearance, `*` in the
-    /// place of the seed for each episode's own.
+    /// Visual randomization: SEED[:AXIS=STRENGTH,…] as the server's --appearance; `*` as the
+    /// seed uses the seed of each episode.
     #[arg(long, alias = "look", value_name = "APPEARANCE", value_parser = AppearanceText::read)]
     pub appearance: Option<AppearanceText>,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]
     pub assets: Option<PathBuf>,
-    /// No contact sheet.
+    /// Skips the contact sheet.
     #[arg(long)]
     pub no_sheet: bool,
     #[command(flatten)]
@@ -99,11 +99,11 @@ impl DemoArgs {
     }
 }
 
-/// Runs the demo for every seed. Success only when every task succeeded and
-/// every recording is complete; a recording with loss is exit code 3.
+/// Runs the demo for every seed. Exit code 0 when every task succeeded and every recording
+/// is complete, 3 when only recordings are incomplete, otherwise 1.
 ///
 /// # Errors
-/// When a program cannot be started or stops answering.
+/// When a program cannot be started or stops replying.
 pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     let (first, end) = args.seeds.unwrap_or((args.seed, args.seed + 1));
     let tasks = tasks_of_program(args.assets.as_deref())?;
@@ -131,7 +131,7 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     let mut done = Vec::new();
     for seed in first..end {
-        let summary = one(args, &driver, seed)?;
+        let summary = record_episode(args, &driver, seed)?;
         print!("{summary}");
         done.push(summary);
     }
@@ -155,20 +155,20 @@ pub fn run(args: &DemoArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Records one episode.
-fn one(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summary> {
+fn record_episode(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summary> {
     let begun = Instant::now();
     let bar = ProgressBar::new_spinner().with_style(ProgressStyle::with_template(
         "{spinner} {elapsed_precise} {msg}",
     )?);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar.set_message(format!("seed {seed}: starting the server"));
-    // A policy sees the images that it was made for, and these are recorded.
+    // A policy receives the images that it was trained with, and these are recorded.
     let cameras = vec![all_cameras(args.width, args.height, args.rate)];
     let display = Arc::new(Display {
         bar: bar.clone(),
         seed,
         begun,
-        seen: Mutex::default(),
+        newest: Mutex::default(),
     });
     let rollout = Rollout {
         scenario: args.scenario(seed, driver.cameras(cameras, false)?),
@@ -189,17 +189,17 @@ fn one(args: &DemoArgs, driver: &DriverChoice, seed: u64) -> anyhow::Result<Summ
     let sheet = if args.no_sheet || recorded.path.is_empty() {
         None
     } else {
-        bar.set_message(format!("seed {seed}: drawing the contact sheet"));
+        bar.set_message(format!("seed {seed}: rendering the contact sheet"));
         sheet(Path::new(&recorded.path))?
     };
     bar.finish_and_clear();
-    let seen = std::mem::take(&mut *display.seen.lock());
+    let newest = std::mem::take(&mut *display.newest.lock());
     Ok(Summary {
         seed,
         finished,
         recorded,
-        adapter: seen.adapter,
-        first_picture: seen.first_picture,
+        adapter: newest.adapter,
+        first_image: newest.first_image,
         wall,
         sheet,
     })
@@ -210,15 +210,15 @@ struct Display {
     bar: ProgressBar,
     seed: u64,
     begun: Instant,
-    seen: Mutex<Seen>,
+    newest: Mutex<NewestStatus>,
 }
 
-/// Values of the newest status.
+/// Values of the newest status message.
 #[derive(Default)]
-struct Seen {
+struct NewestStatus {
     adapter: String,
     frames: u64,
-    first_picture: Option<Duration>,
+    first_image: Option<Duration>,
 }
 
 impl Observer for Display {
@@ -228,29 +228,30 @@ impl Observer for Display {
                 .println(format!("  {:6.1} s  {note}", progress.time));
         }
         self.bar.set_message(format!(
-            "seed {}: {:5.1} s simulated, {:<11} {:4} pictures, {:.2}x real time",
+            "seed {}: {:5.1} s simulated, {:<11} {:4} images, {:.2}x real time",
             self.seed,
             progress.time,
             progress.phase,
-            self.seen.lock().frames,
+            self.newest.lock().frames,
             progress.factor
         ));
     }
 
     fn status(&self, status: &v1::Status) {
-        let mut seen = self.seen.lock();
-        seen.adapter.clone_from(&status.adapter);
-        seen.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
-        if seen.frames > 0 {
-            seen.first_picture
+        let mut newest = self.newest.lock();
+        newest.adapter.clone_from(&status.adapter);
+        newest.frames = status.recorders.iter().map(|r| r.accepted_frames).sum();
+        if newest.frames > 0 {
+            newest
+                .first_image
                 .get_or_insert_with(|| self.begun.elapsed());
         }
     }
 }
 
-/// Draws the contact sheet; its path.
+/// Renders the contact sheet. Returns its path, or `None` after printing the failure.
 fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
-    let picture = file.with_extension("png");
+    let image = file.with_extension("png");
     let mut program = Process::start(Launch {
         name: "sheet",
         program: Program::Own("wheelarm-dataset"),
@@ -259,19 +260,19 @@ fn sheet(file: &Path) -> anyhow::Result<Option<PathBuf>> {
             "sheet".into(),
             file.into(),
             "--out".into(),
-            picture.clone().into(),
+            image.clone().into(),
         ],
         input: Input::Text(String::new()),
         folder: None,
     })?;
-    let status = program.ended_within(SHEET)?;
-    if status.is_none_or(|status| !status.success()) || !picture.is_file() {
+    let status = program.ended_within(SHEET_PATIENCE)?;
+    if status.is_none_or(|status| !status.success()) || !image.is_file() {
         let how = status.map_or_else(
-            || format!("it took longer than {:.0} s", SHEET.as_secs_f64()),
+            || format!("it took longer than {:.0} s", SHEET_PATIENCE.as_secs_f64()),
             |status| status.to_string(),
         );
         eprintln!("no contact sheet ({how}):\n{}", program.tail());
         return Ok(None);
     }
-    Ok(Some(picture))
+    Ok(Some(image))
 }

@@ -1,4 +1,4 @@
-//! What came of a demo, for people.
+//! Printed result of a demo.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -9,23 +9,23 @@ use wheelarm_proto::{StreamId, v1};
 use crate::control::evaluation_lines;
 use wheelarm_rollout::Finished;
 
-/// What came of one episode.
+/// Result of one episode.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Seed of the scenario.
     pub seed: u64,
-    /// The verdict of the driver and of the task.
+    /// Result of the driver and of the task.
     pub finished: Finished,
     /// Status of the recorder.
     pub recorded: v1::RecorderStatus,
     /// Graphics adapter.
     pub adapter: String,
-    /// From the start of the server until the recorder had a picture, as far as it
-    /// was asked: once a second.
-    pub first_picture: Option<Duration>,
-    /// From the start of the server to the finished file.
+    /// Time from the start of the server to the recorder's first image, s, with the
+    /// resolution of one status request per second.
+    pub first_image: Option<Duration>,
+    /// Time from the start of the server to the finished file.
     pub wall: Duration,
-    /// Contact sheet, if it was drawn.
+    /// Path of the contact sheet, if it was rendered.
     pub sheet: Option<PathBuf>,
 }
 
@@ -36,7 +36,7 @@ impl Summary {
         self.finished.succeeded() && self.recorded.complete && self.recorded.missed == 0
     }
 
-    /// Why it is not good.
+    /// Reason why it is not good.
     #[must_use]
     pub fn problem(&self) -> String {
         self.finished.why().unwrap_or_else(|| {
@@ -61,10 +61,10 @@ impl fmt::Display for Summary {
         }
         f.write_str(&evaluation_lines(&self.finished.evaluation))?;
         let stopped = &self.finished.stopped;
-        let mut pictures = 0;
+        let mut images = 0;
         for stream in &stopped.manifest {
             if StreamId::parse(&stream.stream).is_camera() {
-                pictures += stream.count;
+                images += stream.count;
             }
             writeln!(
                 f,
@@ -77,8 +77,8 @@ impl fmt::Display for Summary {
         let wall = stopped.wall_seconds.max(1e-9);
         writeln!(
             f,
-            "  pictures    {pictures}, each colour, depth and ids, {:.1} per wall second on {}",
-            pictures as f64 / wall,
+            "  images      {images}, each color, depth and segmentation, {:.1} per wall second on {}",
+            images as f64 / wall,
             if self.adapter.is_empty() {
                 "no adapter"
             } else {
@@ -110,8 +110,8 @@ impl fmt::Display for Summary {
             "  time        {simulated:.1} s simulated in {wall:.1} s ({:.2}x real time), {:.1} s with start and file{}",
             simulated / wall,
             self.wall.as_secs_f64(),
-            self.first_picture
-                .map(|first| format!(", first picture after {:.1} s", first.as_secs_f64()))
+            self.first_image
+                .map(|first| format!(", first image after {:.1} s", first.as_secs_f64()))
                 .unwrap_or_default()
         )
     }

@@ -1,36 +1,36 @@
-//! What one look found, as a line and as JSON.
+//! Result of one check, as a line and as JSON.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// How bad it is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
-    /// As it should be.
+    /// The check passed.
     Ok,
-    /// It works, but not well, or not for everything.
+    /// It works with limits.
     Warn,
     /// It does not work.
     Fail,
 }
 
-/// What one look found.
+/// Result of one check.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Severity.
     pub level: Level,
-    /// What was looked at.
+    /// Subject of the check.
     pub what: &'static str,
-    /// What was found.
+    /// Observed state.
     pub found: String,
-    /// What to do; empty when nothing is wrong.
+    /// Fix; empty when the check passed.
     pub cure: String,
 }
 
 impl Finding {
-    /// Nothing is wrong.
+    /// A check that passed.
     pub fn ok(what: &'static str, found: impl Into<String>) -> Self {
         Self {
             level: Level::Ok,
@@ -40,7 +40,7 @@ impl Finding {
         }
     }
 
-    /// It works, but `cure` would do it good.
+    /// A check that passed with limits; `cure` removes them.
     pub fn warn(what: &'static str, found: impl Into<String>, cure: impl Into<String>) -> Self {
         Self {
             level: Level::Warn,
@@ -50,7 +50,7 @@ impl Finding {
         }
     }
 
-    /// It does not work until `cure` is done.
+    /// A check that failed; `cure` fixes it.
     pub fn fail(what: &'static str, found: impl Into<String>, cure: impl Into<String>) -> Self {
         Self {
             level: Level::Fail,

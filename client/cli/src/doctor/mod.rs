@@ -1,5 +1,5 @@
-//! `wheelarm doctor`: looks at everything that WheelArm needs here and at the
-//! server, and names the cure of what is wrong. It changes nothing.
+//! `wheelarm doctor`: checks this host and the server and prints the fix of each problem.
+//! It changes nothing.
 
 mod finding;
 mod rights;
@@ -17,33 +17,33 @@ use finding::{Finding, Level};
 /// Options of `wheelarm doctor`.
 #[derive(Args, Clone, Debug)]
 pub struct DoctorArgs {
-    /// Folder that recordings will go to.
+    /// Folder for recordings.
     #[arg(long, default_value = "data", value_name = "DIR")]
     pub out: PathBuf,
-    /// A server must answer: without one the result is a failure.
+    /// Fails when no server replies.
     #[arg(long)]
     pub server: bool,
-    /// One JSON list instead of lines.
+    /// Prints one JSON list instead of lines.
     #[arg(long)]
     pub json: bool,
 }
 
-/// Looks at everything and prints it. Exit code 1 when something does not work.
+/// Runs all checks and prints the findings. Exit code 1 when a check fails.
 ///
 /// # Errors
 /// When the result cannot be written.
 pub fn run(connect: &Connect, args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     let mut worst = Level::Ok;
     let mut all = Vec::new();
-    let mut tell = |finding: Finding| {
+    let mut report = |finding: Finding| {
         worst = worst.max(finding.level);
         if !args.json {
             println!("{finding}");
         }
         all.push(finding);
     };
-    this_host::appearance(&args.out, &mut tell);
-    server::appearance(connect, args.server, &mut tell);
+    this_host::inspect(&args.out, &mut report);
+    server::inspect(connect, args.server, &mut report);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&all)?);
     }

@@ -1,7 +1,6 @@
-//! What the user of these keys may do at the server: every right that its role has
-//! is tried in a way that changes nothing. A request of no version of the contract
-//! is refused by a server that it reaches, and ends without a word where the
-//! transport does not let it through.
+//! Rights of the user of these keys at the server: every right that its role has is tested
+//! without a change of state. A request of an unknown contract version is rejected by a
+//! server that it reaches. It gets no reply where the transport filters it out.
 
 use std::time::{Duration, Instant};
 
@@ -15,61 +14,58 @@ use zenoh::{Session, Wait};
 
 use super::finding::Finding;
 
-/// Longest wait for what should come.
+/// Longest wait for a reply or a sample.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// A version that no program speaks.
+/// A contract version that no program implements.
 const NO_VERSION: &str = "application/protobuf;wheelarm.v1.Nothing@0";
-/// What to do about a right that is missing.
-const CURE: &str = "ask who runs the server: `wheelarm users list` says the role, and a server knows the users that were added before it was started";
+/// Fix for a missing right.
+const FIX: &str = "contact the operator of the server: `wheelarm users list` prints the role; a server knows only users that were added before it started";
 
-/// What came of one try.
+/// Result of one test of a right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Tried {
-    /// It got through.
+enum RightTest {
+    /// The message got through.
     Allowed,
-    /// It did not.
+    /// It was filtered out.
     Refused,
-    /// Nothing comes now, for anybody.
+    /// Nothing is published now, so the right cannot be tested.
     Unknown,
 }
 
-/// Tries every right of the role, and what is over or missing of the keys.
-pub fn appearance(
+/// Reports expired or incomplete keys and tests every right of the role.
+pub fn inspect(
     connect: &Connect,
-    link: &Client,
+    client: &Client,
     status: &v1::Status,
-    tell: &mut dyn FnMut(Finding),
+    report: &mut dyn FnMut(Finding),
 ) {
     let Some(identity) = &connect.identity else {
         return;
     };
     let Some(about) = About::beside(identity.folder()) else {
-        tell(Finding::warn(
+        report(Finding::warn(
             "keys",
-            format!(
-                "{} does not say whose they are",
-                identity.folder().display()
-            ),
-            "let them be made anew: wheelarm keys user NAME",
+            format!("{} does not name its user", identity.folder().display()),
+            "request new keys: wheelarm keys user NAME",
         ));
         return;
     };
     let found = format!("of {}, {}, until {}", about.user, about.role, about.until);
-    tell(match about.is_over() {
+    report(match about.is_over() {
         true => Finding::fail(
             "keys",
             found,
-            "they are over: wheelarm keys user NAME makes new ones",
+            "the keys have expired: wheelarm keys user NAME makes new ones",
         ),
         false => Finding::ok("keys", found),
     });
     let Ok(user) = User::new(&about.user, about.role) else {
         return;
     };
-    let mut tries = Tries {
-        link,
+    let mut tests = RightTests {
+        client,
         user: &user,
-        right: Vec::new(),
+        allowed: Vec::new(),
         missing: Vec::new(),
         unknown: Vec::new(),
     };
@@ -79,86 +75,88 @@ pub fn appearance(
             false => query.name().to_owned(),
         };
         let key = format!("query/{name}");
-        tries.note(Kind::Query, &key, &|_| reaches(link, &key));
+        tests.test(Kind::Query, &key, &|_| query_arrives(client, &key));
     }
     let moving = !status.paused && status.waiting_for.is_empty();
     let clock = TopicId::Clock.info().key;
-    tries.note(Kind::DeclareSubscriber, clock, &|_| {
-        comes(link, clock, moving)
+    tests.test(Kind::DeclareSubscriber, clock, &|_| {
+        is_published(client, clock, moving)
     });
     let cameras = status.scenario.clone().unwrap_or_default().cameras;
     if let Some(camera) = cameras.iter().find(|camera| camera.rate_hz != Some(0.0)) {
         let key = format!("preview/{}/{}", camera.name, PreviewLevel::Low.name());
-        tries.note(Kind::DeclareSubscriber, &key, &|_| {
-            comes(link, &key, moving)
+        tests.test(Kind::DeclareSubscriber, &key, &|_| {
+            is_published(client, &key, moving)
         });
         let key = format!("camera/{}", camera.name);
-        tries.note(Kind::DeclareSubscriber, &key, &|_| {
-            comes(link, &key, moving)
+        tests.test(Kind::DeclareSubscriber, &key, &|_| {
+            is_published(client, &key, moving)
         });
     }
     if user.role.commands() {
         let key = format!("command/{}", user.name);
-        tries.note(Kind::Put, &key, &|_| commands(link, &user.name));
+        tests.test(Kind::Put, &key, &|_| command_arrives(client, &user.name));
     }
     let token = match user.role {
         Role::Operator | Role::Admin => Some(format!("commander/{}/doctor/alive", user.name)),
-        // A recorder of that name may be at work; its sign of life is let alone.
+        // A recorder of that name may be running; its liveliness token is left alone.
         Role::Recorder | Role::Viewer => None,
     };
     if let Some(token) = token {
         let other = open_session(connect, Silence::Gone);
         let other = other.as_ref().ok();
-        tries.note(Kind::LivelinessToken, &token, &|key| {
-            other.map_or(Tried::Unknown, |other| lives(link, other, key))
+        tests.test(Kind::LivelinessToken, &token, &|key| {
+            other.map_or(RightTest::Unknown, |other| {
+                token_arrives(client, other, key)
+            })
         });
     }
-    for finding in tries.findings() {
-        tell(finding);
+    for finding in tests.findings() {
+        report(finding);
     }
 }
 
-struct Tries<'a> {
-    link: &'a Client,
+struct RightTests<'a> {
+    client: &'a Client,
     user: &'a User,
-    right: Vec<String>,
+    allowed: Vec<String>,
     missing: Vec<String>,
     unknown: Vec<String>,
 }
 
-impl Tries<'_> {
-    /// Tries one right that the role has; of others nothing is said.
-    fn note(&mut self, kind: Kind, rest: &str, attempt: &dyn Fn(&str) -> Tried) {
-        let key = format!("{}/{}/{rest}", keys::PREFIX, self.link.keys().sim());
-        if !has(self.user, self.link.keys().sim(), kind, &key) {
+impl RightTests<'_> {
+    /// Tests one right. A right that the role does not have is skipped.
+    fn test(&mut self, kind: Kind, rest: &str, attempt: &dyn Fn(&str) -> RightTest) {
+        let key = format!("{}/{}/{rest}", keys::PREFIX, self.client.keys().sim());
+        if !grants_right(self.user, self.client.keys().sim(), kind, &key) {
             return;
         }
         match attempt(&key) {
-            Tried::Allowed => self.right.push(rest.to_owned()),
-            Tried::Refused => self.missing.push(rest.to_owned()),
-            Tried::Unknown => self.unknown.push(rest.to_owned()),
+            RightTest::Allowed => self.allowed.push(rest.to_owned()),
+            RightTest::Refused => self.missing.push(rest.to_owned()),
+            RightTest::Unknown => self.unknown.push(rest.to_owned()),
         }
     }
 
     fn findings(self) -> Vec<Finding> {
-        let mut findings = vec![Finding::ok("rights", self.right.join(", "))];
+        let mut findings = vec![Finding::ok("rights", self.allowed.join(", "))];
         for missing in self.missing {
             let found = format!("{missing} is not let through, and the role has it");
-            findings.push(Finding::fail("right", found, CURE));
+            findings.push(Finding::fail("right", found, FIX));
         }
         if !self.unknown.is_empty() {
             findings.push(Finding::warn(
-                "rights untried",
+                "rights untested",
                 self.unknown.join(", "),
-                "time stands still, so nothing is published: let it go on and ask again",
+                "time is paused, so nothing is published: resume and run this again",
             ));
         }
         findings
     }
 }
 
-/// Whether the table gives the role a right.
-fn has(user: &User, sim: &str, kind: Kind, key: &str) -> bool {
+/// Whether the access table grants the right to the role.
+fn grants_right(user: &User, sim: &str, kind: Kind, key: &str) -> bool {
     let Ok(key) = zenoh::key_expr::keyexpr::new(key) else {
         return false;
     };
@@ -170,10 +168,10 @@ fn has(user: &User, sim: &str, kind: Kind, key: &str) -> bool {
         .any(|allowed| allowed.includes(key))
 }
 
-/// Whether the server refuses a request that it cannot understand.
-fn reaches(link: &Client, rest: &str) -> Tried {
-    let key = format!("{}/{}/{rest}", keys::PREFIX, link.keys().sim());
-    let asked = link
+/// Whether the server rejects a request of an unknown version, which shows that it arrived.
+fn query_arrives(client: &Client, rest: &str) -> RightTest {
+    let key = format!("{}/{}/{rest}", keys::PREFIX, client.keys().sim());
+    let replies = client
         .session()
         .get(key)
         .payload(Vec::<u8>::new())
@@ -182,80 +180,80 @@ fn reaches(link: &Client, rest: &str) -> Tried {
         .consolidation(ConsolidationMode::None)
         .timeout(PATIENCE)
         .wait();
-    let Ok(replies) = asked else {
-        return Tried::Unknown;
+    let Ok(replies) = replies else {
+        return RightTest::Unknown;
     };
-    let answered = replies.iter().any(|reply| link.server().answered(&reply));
+    let answered = replies.iter().any(|reply| client.server().answered(&reply));
     match answered {
-        true => Tried::Allowed,
-        false => Tried::Refused,
+        true => RightTest::Allowed,
+        false => RightTest::Refused,
     }
 }
 
-/// Whether something is published to us under a key.
-fn comes(link: &Client, rest: &str, moving: bool) -> Tried {
-    let key = format!("{}/{}/{rest}", keys::PREFIX, link.keys().sim());
-    let (seen, sees) = std::sync::mpsc::channel();
-    let subscribed = link.subscribe(&key, move |_| {
-        // Whoever waited may have gone.
-        let _ = seen.send(());
+/// Whether a sample arrives under a key.
+fn is_published(client: &Client, rest: &str, moving: bool) -> RightTest {
+    let key = format!("{}/{}/{rest}", keys::PREFIX, client.keys().sim());
+    let (sender, receiver) = std::sync::mpsc::channel();
+    let subscribed = client.subscribe(&key, move |_| {
+        // The receiver may have stopped waiting.
+        let _ = sender.send(());
     });
-    let came = subscribed.is_ok_and(|_kept| sees.recv_timeout(PATIENCE).is_ok());
-    match (came, moving) {
-        (true, _) => Tried::Allowed,
-        (false, true) => Tried::Refused,
-        (false, false) => Tried::Unknown,
+    let arrived = subscribed.is_ok_and(|_kept| receiver.recv_timeout(PATIENCE).is_ok());
+    match (arrived, moving) {
+        (true, _) => RightTest::Allowed,
+        (false, true) => RightTest::Refused,
+        (false, false) => RightTest::Unknown,
     }
 }
 
-/// Whether the gate tells that it refused a command of no version.
-fn commands(link: &Client, name: &str) -> Tried {
-    let (seen, sees) = std::sync::mpsc::channel();
-    let refusals = link.keys().topic(TopicId::Refusal);
+/// Whether the command gate publishes the refusal of a command of an unknown version.
+fn command_arrives(client: &Client, name: &str) -> RightTest {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    let refusals = client.keys().topic(TopicId::Refusal);
     let wanted = name.to_owned();
-    let subscribed = link.subscribe(&refusals, move |sample| {
+    let subscribed = client.subscribe(&refusals, move |sample| {
         let refusal = v1::Refusal::decode(sample.payload().to_bytes().as_ref());
         if refusal.is_ok_and(|refusal| refusal.commander == wanted) {
-            // Whoever waited may have gone.
-            let _ = seen.send(());
+            // The receiver may have stopped waiting.
+            let _ = sender.send(());
         }
     });
     let Ok(_kept) = subscribed else {
-        return Tried::Unknown;
+        return RightTest::Unknown;
     };
-    // The first ones may be sent before the server knows who listens.
+    // The server may not know the subscription yet when it refuses the first ones.
     let since = Instant::now();
     while since.elapsed() < PATIENCE {
-        let put = link
+        let put = client
             .session()
-            .put(link.keys().command(name), Vec::<u8>::new());
+            .put(client.keys().command(name), Vec::<u8>::new());
         if put.encoding(NO_VERSION).wait().is_err() {
-            return Tried::Unknown;
+            return RightTest::Unknown;
         }
-        if sees.recv_timeout(PATIENCE / 8).is_ok() {
-            return Tried::Allowed;
+        if receiver.recv_timeout(PATIENCE / 8).is_ok() {
+            return RightTest::Allowed;
         }
     }
-    Tried::Refused
+    RightTest::Refused
 }
 
-/// Whether a sign of life of one session reaches another of the same user.
-fn lives(link: &Client, other: &Session, key: &str) -> Tried {
-    let Ok(_token) = link.session().liveliness().declare_token(key).wait() else {
-        return Tried::Unknown;
+/// Whether the liveliness token of one session reaches another session of the same user.
+fn token_arrives(client: &Client, other: &Session, key: &str) -> RightTest {
+    let Ok(_token) = client.session().liveliness().declare_token(key).wait() else {
+        return RightTest::Unknown;
     };
     let since = Instant::now();
     while since.elapsed() < PATIENCE {
-        let asked = other.liveliness().get(key).timeout(PATIENCE).wait();
-        let Ok(replies) = asked else {
-            return Tried::Unknown;
+        let replies = other.liveliness().get(key).timeout(PATIENCE).wait();
+        let Ok(replies) = replies else {
+            return RightTest::Unknown;
         };
         if replies.iter().any(|reply| reply.result().is_ok()) {
-            return Tried::Allowed;
+            return RightTest::Allowed;
         }
         std::thread::sleep(Duration::from_millis(50));
     }
-    Tried::Refused
+    RightTest::Refused
 }
 
 #[cfg(test)]
@@ -263,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_the_role_has_is_tried() {
+    fn only_rights_of_the_role_are_tested() {
         let viewer = User::new("veit", Role::Viewer).unwrap();
         let operator = User::new("anna", Role::Operator).unwrap();
         for (kind, key, viewers, operators) in [
@@ -281,8 +279,12 @@ mod tests {
             ),
         ] {
             let key = format!("wheelarm/lab/{key}");
-            assert_eq!(has(&viewer, "lab", kind, &key), viewers, "{key}");
-            assert_eq!(has(&operator, "lab", kind, &key), operators, "{key}");
+            assert_eq!(grants_right(&viewer, "lab", kind, &key), viewers, "{key}");
+            assert_eq!(
+                grants_right(&operator, "lab", kind, &key),
+                operators,
+                "{key}"
+            );
         }
     }
 }

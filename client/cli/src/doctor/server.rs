@@ -1,5 +1,4 @@
-//! The server: is its port reachable, does it speak, is it of this version,
-//! how far away is it, and do the clocks agree.
+//! Checks of the server: open port, reply, version, round trip, clock offset and load.
 
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -9,31 +8,31 @@ use wheelarm_proto::v1;
 use super::finding::{Finding, Level};
 use wheelarm_sdk::{Client, Connect};
 
-/// Longest wait for a port to answer.
-const PORT: Duration = Duration::from_secs(2);
-/// Questions from which the round trip is taken.
-const QUESTIONS: usize = 10;
-/// A round trip from which operating becomes hard, s.
-const FAR: f64 = 0.25;
-/// Clocks that differ by more are worth a word, s.
-const CLOCKS: f64 = 1.0;
+/// Longest wait for a TCP connection.
+const PORT_PATIENCE: Duration = Duration::from_secs(2);
+/// Requests from which the round trip is measured.
+const REQUESTS: usize = 10;
+/// Round trip above which driving becomes hard, s.
+const SLOW_ROUND_TRIP: f64 = 0.25;
+/// Clock offset above which a warning is printed, s.
+const CLOCK_OFFSET: f64 = 1.0;
 
-pub fn appearance(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)) {
-    let open = port(&connect.endpoint, wanted);
+pub fn inspect(connect: &Connect, required: bool, report: &mut dyn FnMut(Finding)) {
+    let open = port(&connect.endpoint, required);
     let reachable = open.level == Level::Ok && open.found.contains("open");
-    tell(open);
+    report(open);
     if !reachable {
         return;
     }
-    let link = match Client::open(connect) {
-        Ok(link) => link,
+    let client = match Client::open(connect) {
+        Ok(client) => client,
         Err(error) => {
-            tell(Finding::fail(
+            report(Finding::fail(
                 "server",
                 error.to_string(),
                 match &connect.identity {
                     Some(_) => {
-                        "the host behind tls/ must be one that `wheelarm keys init --host` was told, and the keys those of this server and not over"
+                        "the host after tls/ must be one that `wheelarm keys init --host` named, and the keys must be of this server and not expired"
                     }
                     None => {
                         "another program may hold the port: start the server with --listen tcp/127.0.0.1:PORT and name it with --connect"
@@ -46,12 +45,12 @@ pub fn appearance(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)
     let mut trips = Vec::new();
     let mut offset = None;
     let mut last = None;
-    for _ in 0..QUESTIONS {
-        let asked = Instant::now();
-        match link.request(&v1::StatusRequest {}) {
+    for _ in 0..REQUESTS {
+        let sent = Instant::now();
+        match client.request(&v1::StatusRequest {}) {
             Ok(status) => {
-                let trip = asked.elapsed().as_secs_f64();
-                // The quickest question tells the clocks' difference best.
+                let trip = sent.elapsed().as_secs_f64();
+                // The fastest request bounds the clock offset best.
                 if trips.iter().all(|t| trip <= *t) {
                     offset = clock_offset(&status, trip);
                 }
@@ -59,23 +58,23 @@ pub fn appearance(connect: &Connect, wanted: bool, tell: &mut dyn FnMut(Finding)
                 last = Some(status);
             }
             Err(error) => {
-                tell(Finding::fail(
+                report(Finding::fail(
                     "server",
                     error.to_string(),
-                    "look at the server's own messages; restart it",
+                    "read the server's log; restart it",
                 ));
                 return;
             }
         }
     }
     let Some(status) = last else { return };
-    tell(version(&link, &status));
-    tell(round_trip(trips));
+    report(version(&client, &status));
+    report(round_trip(trips));
     if let Some(offset) = offset {
-        tell(clocks(offset));
+        report(clocks(offset));
     }
-    tell(load(&status));
-    super::rights::appearance(connect, &link, &status, tell);
+    report(load(&status));
+    super::rights::inspect(connect, &client, &status, report);
 }
 
 /// Host and port of an endpoint that is reached over TCP.
@@ -86,10 +85,10 @@ fn host_and_port(endpoint: &str) -> Option<&str> {
     Some(rest.split(['#', '?']).next().unwrap_or(rest))
 }
 
-fn port(endpoint: &str, wanted: bool) -> Finding {
+fn port(endpoint: &str, required: bool) -> Finding {
     let what = "port";
     let Some(address) = host_and_port(endpoint) else {
-        return Finding::ok(what, format!("{endpoint} taken as open"));
+        return Finding::ok(what, format!("{endpoint} is assumed open"));
     };
     let addresses: Vec<_> = match address.to_socket_addrs() {
         Ok(addresses) => addresses.collect(),
@@ -101,33 +100,33 @@ fn port(endpoint: &str, wanted: bool) -> Finding {
             );
         }
     };
-    let mut problem = "no address".to_owned();
+    let mut problem = "the name has no address".to_owned();
     for address in &addresses {
-        match TcpStream::connect_timeout(address, PORT) {
+        match TcpStream::connect_timeout(address, PORT_PATIENCE) {
             Ok(_) => return Finding::ok(what, format!("{address} is open")),
             Err(error) => problem = error.to_string(),
         }
     }
     let found = format!("{address}: {problem}");
     let here = addresses.iter().all(|a| a.ip().is_loopback());
-    if here && !wanted {
+    if here && !required {
         return Finding::ok(what, format!("{address} is free: no server runs here"));
     }
     let cure = if endpoint.starts_with("tls/") {
         "start it there with `wheelarm-server --keys DIR`, or check the firewall"
     } else if here {
-        "start wheelarm-server here, or bring a remote one near: ssh -N -L 7447:127.0.0.1:7447 HOST"
+        "start wheelarm-server here, or forward the port of a remote one: ssh -N -L 7447:127.0.0.1:7447 HOST"
     } else {
         "the server listens on 127.0.0.1 of its host: use an SSH tunnel (ssh -N -L 7447:127.0.0.1:7447 HOST), or check the firewall"
     };
     Finding::fail(what, found, cure)
 }
 
-fn version(link: &Client, status: &v1::Status) -> Finding {
+fn version(client: &Client, status: &v1::Status) -> Finding {
     let ours = env!("CARGO_PKG_VERSION");
     let found = format!(
-        "{:?} answers, version {}, draws with {}",
-        link.keys().sim(),
+        "{:?} replies, version {}, renders with {}",
+        client.keys().sim(),
         status.version,
         if status.adapter.is_empty() {
             "nothing (no cameras)"
@@ -156,7 +155,7 @@ fn round_trip(mut trips: Vec<f64>) -> Finding {
         least * 1e3,
         greatest * 1e3
     );
-    if middle <= FAR {
+    if middle <= SLOW_ROUND_TRIP {
         Finding::ok("round trip", found)
     } else {
         Finding::warn(
@@ -167,7 +166,7 @@ fn round_trip(mut trips: Vec<f64>) -> Finding {
     }
 }
 
-/// The server's clock less this one's, s; `None` when it does not tell.
+/// Server clock minus local clock, s; `None` when the server does not send its clock.
 fn clock_offset(status: &v1::Status, trip: f64) -> Option<f64> {
     if status.unix_nanos == 0 {
         return None;
@@ -179,13 +178,13 @@ fn clock_offset(status: &v1::Status, trip: f64) -> Option<f64> {
 
 fn clocks(offset: f64) -> Finding {
     let found = format!("the server's is {:+.3} s from this one", offset);
-    if offset.abs() <= CLOCKS {
+    if offset.abs() <= CLOCK_OFFSET {
         Finding::ok("clocks", found)
     } else {
         Finding::warn(
             "clocks",
             found,
-            "recordings are stamped in simulation time and stay right; set the clocks (chrony, timedatectl) so that dates of files and logs agree",
+            "recordings use simulation time and stay correct; synchronize the clocks (chrony, timedatectl) so that dates of files and logs agree",
         )
     }
 }
@@ -201,7 +200,7 @@ fn load(status: &v1::Status) -> Finding {
         Finding::warn(
             "speed",
             found,
-            "slower than real time: smaller or fewer pictures (--camera), --quality fast, or more cores",
+            "slower than real time: use smaller or fewer images (--camera), --quality fast, or more cores",
         )
     } else {
         Finding::ok("speed", found)
@@ -213,14 +212,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn endpoints_are_taken_apart() {
+    fn host_and_port_are_parsed_from_an_endpoint() {
         assert_eq!(host_and_port("tcp/127.0.0.1:7447"), Some("127.0.0.1:7447"));
         assert_eq!(host_and_port("tcp/[::1]:7447#iface=lo"), Some("[::1]:7447"));
         assert_eq!(host_and_port("unixsock-stream/x"), None);
     }
 
     #[test]
-    fn a_free_port_is_well_unless_a_server_is_wanted() {
+    fn free_port_is_ok_unless_a_server_is_required() {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
         assert!(port(&endpoint, true).found.contains("open"));
@@ -231,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_round_trip_is_the_middle_one() {
+    fn round_trip_is_the_median() {
         assert!(
             round_trip(vec![0.9, 0.001, 0.002])
                 .found

@@ -1,4 +1,4 @@
-//! This machine: programs, driver, libraries, disk, terminal.
+//! Checks of this host: programs, graphics driver, libraries, disk, terminal.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -8,32 +8,32 @@ use super::finding::Finding;
 use wheelarm_proto::program::version;
 use wheelarm_rollout::launcher::find_program;
 
-/// Cores that a server with two cameras and a recorder want for real time.
+/// Cores that a server with two cameras and a recorder need for real time.
 const CORES: usize = 4;
 /// A recording of two RGB-D cameras at 1280x720 and 10 Hz, bytes/s: 3.24 MB
-/// per pair of pictures, measured.
+/// per pair of images, measured.
 const BYTES_PER_SECOND: u64 = 32_400_000;
-/// Room that is too little, and room that is enough, minutes of recording.
+/// Disk space below which the check fails, and from which it passes, minutes of recording.
 const MINUTES: [u64; 2] = [2, 30];
-/// Longest time for another program to answer.
+/// Longest run of another program.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-pub fn appearance(out: &Path, tell: &mut dyn FnMut(Finding)) {
-    tell(Finding::ok("wheelarm", format!("version {}", version())));
-    tell(cores());
+pub fn inspect(out: &Path, report: &mut dyn FnMut(Finding)) {
+    report(Finding::ok("wheelarm", format!("version {}", version())));
+    report(cores());
     #[cfg(feature = "hdf5")]
-    tell(hdf5());
-    tell(disk(out));
+    report(hdf5());
+    report(disk(out));
     for finding in programs() {
-        tell(finding);
+        report(finding);
     }
-    tell(terminal());
-    tell(congestion());
+    report(terminal());
+    report(congestion());
 }
 
-/// How the kernel answers loss on the connections of `wheelarm drive`.
+/// Whether the kernel allows BBR, which keeps `wheelarm drive` fast under packet loss.
 fn congestion() -> Finding {
-    let what = "links with loss";
+    let what = "packet loss";
     let setting = "/proc/sys/net/ipv4/tcp_allowed_congestion_control";
     let allowed = std::fs::read_to_string(setting).unwrap_or_default();
     if allowed.split_whitespace().any(|name| name == "bbr") {
@@ -45,17 +45,17 @@ fn congestion() -> Finding {
 }
 
 fn cores() -> Finding {
-    let what = "processor cores";
+    let what = "CPU cores";
     match std::thread::available_parallelism() {
         Ok(n) if n.get() >= CORES => Finding::ok(what, n.to_string()),
         Ok(n) => Finding::warn(
             what,
             n.to_string(),
             format!(
-                "below {CORES} the simulation of two 1280x720 cameras may run slower than real time: choose smaller pictures (--camera gen3=640x360@10), or lock-step pacing"
+                "below {CORES} the simulation of two 1280x720 cameras may run slower than real time: use smaller images (--camera gen3=640x360@10) or lock-step pacing"
             ),
         ),
-        Err(error) => Finding::warn(what, error.to_string(), "nothing can be said about speed"),
+        Err(error) => Finding::warn(what, error.to_string(), "the speed cannot be predicted"),
     }
 }
 
@@ -66,7 +66,7 @@ fn hdf5() -> Finding {
     if !hdf5::filters::deflate_available() {
         Finding::fail(
             "HDF5 library",
-            format!("{version}, without deflate: it reads no episode"),
+            format!("{version}, without deflate: it cannot read episodes"),
             "use a release's programs, or an HDF5 with zlib: apt-get install libhdf5-dev, then build again",
         )
     } else if (major, minor) >= (1, 10) {
@@ -80,7 +80,7 @@ fn hdf5() -> Finding {
     }
 }
 
-/// The nearest folder above that is there.
+/// The nearest existing ancestor folder.
 fn existing(folder: &Path) -> PathBuf {
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     absolute
@@ -98,7 +98,7 @@ fn disk(out: &Path) -> Finding {
         return Finding::fail(
             what,
             format!("{place} cannot be written: {error}"),
-            "choose a folder of yours with --out",
+            "choose a writable folder with --out",
         );
     }
     let space = match rustix::fs::statvfs(&folder) {
@@ -107,7 +107,7 @@ fn disk(out: &Path) -> Finding {
             return Finding::warn(
                 what,
                 format!("{place}: {error}"),
-                "check the space yourself",
+                "check the free space with df",
             );
         }
     };
@@ -116,7 +116,7 @@ fn disk(out: &Path) -> Finding {
         "{:.1} GB free in {place}: {minutes} min of two 1280x720 cameras at 10 Hz",
         space as f64 * 1e-9
     );
-    let cure = "free some space, choose another --out, smaller pictures, or `record --depth u16`";
+    let cure = "free some space, choose another --out, smaller images, or `record --depth u16`";
     if minutes < MINUTES[0] {
         Finding::fail(what, found, cure)
     } else if minutes < MINUTES[1] {
@@ -126,8 +126,8 @@ fn disk(out: &Path) -> Finding {
     }
 }
 
-/// Output of a program that ends by itself; its messages when it fails.
-fn request(program: &Path, argument: &str) -> Result<String, String> {
+/// Standard output of a program, or its standard error when it fails.
+fn output_of(program: &Path, argument: &str) -> Result<String, String> {
     let mut child = Command::new(program)
         .arg(argument)
         .stdin(Stdio::null())
@@ -138,10 +138,13 @@ fn request(program: &Path, argument: &str) -> Result<String, String> {
     let since = Instant::now();
     while matches!(child.try_wait(), Ok(None)) {
         if since.elapsed() > PATIENCE {
-            // It hangs; nothing it says is waited for.
+            // It hangs; its output is discarded.
             let _ = child.kill();
             let _ = child.wait();
-            return Err(format!("no answer within {:.0} s", PATIENCE.as_secs_f64()));
+            return Err(format!(
+                "it did not end within {:.0} s",
+                PATIENCE.as_secs_f64()
+            ));
         }
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -149,8 +152,8 @@ fn request(program: &Path, argument: &str) -> Result<String, String> {
     if output.status.success() {
         Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
     } else {
-        let said = String::from_utf8_lossy(&output.stderr);
-        Err(said.trim().to_owned())
+        let errors = String::from_utf8_lossy(&output.stderr);
+        Err(errors.trim().to_owned())
     }
 }
 
@@ -164,7 +167,7 @@ fn programs() -> Vec<Finding> {
     };
     let mut findings = Vec::new();
     let ours = version();
-    findings.push(match request(&server, "--version") {
+    findings.push(match output_of(&server, "--version") {
         Ok(text) if text.ends_with(&format!(" {ours}")) => {
             Finding::ok("wheelarm-server", format!("version {ours}"))
         }
@@ -179,15 +182,15 @@ fn programs() -> Vec<Finding> {
             "build it again: cargo build --release --workspace",
         ),
     });
-    findings.push(match request(&server, "--list-adapters") {
+    findings.push(match output_of(&server, "--list-adapters") {
         Ok(adapters) => adapter(&adapters),
         Err(error) => Finding::warn(
             "graphics driver",
             error.lines().next().unwrap_or("none").to_owned(),
-            "apt-get install mesa-vulkan-drivers libvulkan1 (draws on the CPU), or the GPU maker's Vulkan driver; without one: wheelarm-server --no-cameras",
+            "apt-get install mesa-vulkan-drivers libvulkan1 (renders on the CPU), or the GPU maker's Vulkan driver; without one: wheelarm-server --no-cameras",
         ),
     });
-    findings.push(match request(&server, "--list-tasks") {
+    findings.push(match output_of(&server, "--list-tasks") {
         Ok(tasks) => Finding::ok("assets", format!("{} tasks", tasks.lines().count())),
         Err(error) => Finding::warn(
             "assets",
@@ -198,7 +201,7 @@ fn programs() -> Vec<Finding> {
     findings
 }
 
-/// What draws: every adapter with its index, by which `--adapter` and `--adapters`
+/// The graphics adapters with their indices, by which `--adapter` and `--adapters`
 /// choose.
 fn adapter(adapters: &str) -> Finding {
     let what = "graphics driver";
@@ -213,7 +216,7 @@ fn adapter(adapters: &str) -> Finding {
         false => Finding::warn(
             what,
             found,
-            "pictures are drawn on the CPU: fine for small ones; for more install the GPU maker's Vulkan driver",
+            "images are rendered on the CPU, which is enough for small ones; for more, install the GPU maker's Vulkan driver",
         ),
     }
 }
@@ -245,7 +248,7 @@ fn terminal() -> Finding {
         Finding::warn(
             "terminal",
             found,
-            "arrows and accents may look wrong: export LANG=C.UTF-8",
+            "arrows and accents may be garbled: export LANG=C.UTF-8",
         )
     } else {
         Finding::ok("terminal", found)
@@ -258,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_that_cannot_be_written_is_a_failure() {
+    fn unwritable_folder_is_a_failure() {
         let finding = disk(Path::new("/proc/nowhere"));
         assert_eq!(finding.level, Level::Fail, "{finding}");
         let finding = disk(&std::env::temp_dir().join("not/there/yet"));
@@ -266,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_on_the_cpu_is_told_from_a_gpu() {
+    fn cpu_adapter_is_a_warning_and_gpu_is_ok() {
         assert_eq!(adapter("llvmpipe (LLVM 15), Mesa, Cpu").level, Level::Warn);
         let both = "0: llvmpipe (LLVM 15), Cpu\n1: NVIDIA H200, PCI 0000:1b:00.0";
         let finding = adapter(both);

@@ -1,10 +1,10 @@
-//! What one stream does: rate, jitter, latency, gaps, bytes. Pure.
+//! Measures one stream: rate, jitter, latency, gaps, bytes. No I/O.
 
 use std::collections::VecDeque;
 
 use wheelarm_proto::v1;
 
-/// Time over which rates and delays are taken, s.
+/// Window for rates and delays, s.
 const WINDOW: f64 = 5.0;
 
 /// One arrival.
@@ -28,16 +28,16 @@ pub struct Figures {
     pub jitter: Option<f64>,
     /// Greatest time between two arrivals, s.
     pub interval_max: Option<f64>,
-    /// Mean extra delay over the quickest sample seen, s: simulation stamps
+    /// Mean delay in excess of the fastest sample, s: simulation stamps
     /// carry no wall time, so only the growth of the delay can be measured.
     pub delay_mean: Option<f64>,
-    /// Greatest extra delay over the quickest sample seen, s.
+    /// Greatest delay in excess of the fastest sample, s.
     pub delay_max: Option<f64>,
     /// Payload per second of wall time, bytes/s.
     pub bytes_per_second: Option<f64>,
-    /// Samples that were published but did not come (count).
+    /// Samples that were published but did not arrive (count).
     pub missed: u64,
-    /// Samples that came twice or out of order (count).
+    /// Samples that arrived twice or out of order (count).
     pub disordered: u64,
     /// Messages that could not be read (count).
     pub unreadable: u64,
@@ -56,10 +56,10 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// Takes the header of a message of `bytes` that came at `now`, s.
-    pub fn take(&mut self, header: &v1::Header, bytes: usize, now: f64) {
+    /// Adds the header of a message of `bytes` that arrived at `now`, s.
+    pub fn add(&mut self, header: &v1::Header, bytes: usize, now: f64) {
         if header.run_id != self.run {
-            // Another run of the server counts anew.
+            // A restarted server restarts its sequence numbers.
             self.run.clone_from(&header.run_id);
             self.next = None;
             self.arrivals.clear();
@@ -76,15 +76,15 @@ impl Meter {
             bytes,
             stamp: header.stamp_nanos as f64 * 1e-9,
         });
-        self.forget(now);
+        self.drop_old(now);
     }
 
-    /// Takes a message that could not be read.
-    pub fn garbled(&mut self) {
+    /// Counts a message that could not be decoded.
+    pub fn count_unreadable(&mut self) {
         self.unreadable += 1;
     }
 
-    fn forget(&mut self, now: f64) {
+    fn drop_old(&mut self, now: f64) {
         while self.arrivals.front().is_some_and(|a| now - a.at > WINDOW) {
             self.arrivals.pop_front();
         }
@@ -122,7 +122,7 @@ impl Meter {
         figures.jitter = Some(variance.sqrt());
         figures.interval_max = gaps.into_iter().reduce(f64::max);
         figures.bytes_per_second = Some(bytes as f64 / span);
-        // While the simulation keeps its rate, arrival and stamp advance alike.
+        // While the simulation keeps its rate, arrival times and stamps advance at the same pace.
         if factor > 0.5 {
             let delays: Vec<f64> = recent.iter().map(|a| a.at - a.stamp / factor).collect();
             let least = delays.iter().copied().fold(f64::INFINITY, f64::min);
@@ -148,10 +148,10 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_stream_has_its_rate_and_no_jitter() {
+    fn steady_stream_has_no_jitter() {
         let mut meter = Meter::default();
         for i in 0..20 {
-            meter.take(&header("a", i), 1000, i as f64 * 0.1);
+            meter.add(&header("a", i), 1000, i as f64 * 0.1);
         }
         let figures = meter.figures(2.0, 1.0);
         assert!((figures.rate_hz.unwrap() - 10.0).abs() < 1e-9);
@@ -162,25 +162,25 @@ mod tests {
     }
 
     #[test]
-    fn gaps_repeats_and_late_samples_are_told_apart() {
+    fn gaps_repeats_and_late_samples_are_distinguished() {
         let mut meter = Meter::default();
         for (sequence, at) in [(0, 0.0), (1, 0.1), (4, 0.4), (3, 0.45), (5, 0.8)] {
-            meter.take(&header("a", sequence), 10, at);
+            meter.add(&header("a", sequence), 10, at);
         }
         let figures = meter.figures(0.8, 1.0);
         assert_eq!((figures.missed, figures.disordered), (2, 1));
-        // The last came 0.3 s later than its stamp asks for.
+        // The last sample arrived 0.3 s later than its stamp predicts.
         assert!((figures.delay_max.unwrap() - 0.3).abs() < 1e-9);
-        // A server that starts anew is no gap.
-        meter.take(&header("b", 900), 10, 1.0);
+        // A restarted server does not count as a gap.
+        meter.add(&header("b", 900), 10, 1.0);
         assert_eq!(meter.figures(1.0, 1.0).missed, 2);
     }
 
     #[test]
-    fn a_stream_that_stopped_has_no_rate() {
+    fn stopped_stream_has_no_rate() {
         let mut meter = Meter::default();
-        meter.take(&header("a", 0), 10, 0.0);
-        meter.take(&header("a", 1), 10, 0.1);
+        meter.add(&header("a", 0), 10, 0.0);
+        meter.add(&header("a", 1), 10, 0.1);
         assert_eq!(meter.figures(60.0, 1.0).rate_hz, None);
     }
 }

@@ -1,5 +1,4 @@
-//! Watching a simulation: `wheelarm watch` measures every stream. Nothing here
-//! commands.
+//! `wheelarm watch`: measures every stream of a server. It never commands.
 
 mod meter;
 mod report;
@@ -20,22 +19,22 @@ use wheelarm_sdk::{Client, ClientError};
 /// Options of `wheelarm watch`.
 #[derive(Args, Clone, Debug)]
 pub struct WatchArgs {
-    /// Measures once and ends: exit code 0, or 3 when samples were missed.
+    /// Measures once and exits: code 0, or 3 when samples were missed.
     #[arg(long)]
     pub once: bool,
-    /// One JSON object per report instead of a table.
+    /// Prints one JSON object per report instead of a table.
     #[arg(long)]
     pub json: bool,
     /// Time between two reports, seconds.
     #[arg(long, default_value_t = 1.0, value_name = "SECONDS", value_parser = seconds)]
     pub interval: f64,
-    /// Ends after this many seconds; with --once the time of the measurement.
+    /// Ends after this many seconds; with --once, duration of the measurement.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub duration: Option<f64>,
-    /// Measures the full camera streams too: several MB per picture.
+    /// Also measures the full camera streams: several MB per image.
     #[arg(long)]
     pub cameras: bool,
-    /// Only streams whose name contains this.
+    /// Measures only streams whose name contains this text.
     #[arg(long, value_name = "TEXT")]
     pub only: Option<String>,
 }
@@ -47,7 +46,7 @@ fn seconds(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("{text:?} is not a number of seconds from 0.1 to 1000000"))
 }
 
-/// The part that every message begins with.
+/// Field 1, common to all published messages.
 #[derive(Clone, PartialEq, prost::Message)]
 struct Stamped {
     /// Stamp of the sample.
@@ -55,8 +54,8 @@ struct Stamped {
     header: Option<v1::Header>,
 }
 
-/// One message as it came.
-struct Came {
+/// One received message.
+struct Arrival {
     stream: String,
     at: Instant,
     bytes: usize,
@@ -66,24 +65,24 @@ struct Came {
 /// Runs `wheelarm watch`.
 ///
 /// # Errors
-/// When no server answers any more until the end, or the output is closed.
-pub fn run(link: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
-    let (sender, receiver) = crossbeam_channel::unbounded::<Came>();
-    let mut places = vec![link.keys().streams()];
+/// When the server does not reply at the end, or the output is closed.
+pub fn run(client: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
+    let (sender, receiver) = crossbeam_channel::unbounded::<Arrival>();
+    let mut key_expressions = vec![client.keys().streams()];
     if args.cameras {
-        places.push(link.keys().topic(TopicId::Camera));
+        key_expressions.push(client.keys().topic(TopicId::Camera));
     }
     let mut subscribers = Vec::new();
-    for place in places {
-        let (sender, keys) = (sender.clone(), link.keys().clone());
-        let subscriber = link.subscribe(&place, move |sample| {
+    for key_expression in key_expressions {
+        let (sender, keys) = (sender.clone(), client.keys().clone());
+        let subscriber = client.subscribe(&key_expression, move |sample| {
             let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
                 return;
             };
             let payload = sample.payload();
             let stamped = Stamped::decode(&*payload.to_bytes()).ok();
             // A closed queue means that the program ends.
-            let _ = sender.send(Came {
+            let _ = sender.send(Arrival {
                 stream: stream.to_string(),
                 at: Instant::now(),
                 bytes: payload.len(),
@@ -95,7 +94,7 @@ pub fn run(link: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     let began = Instant::now();
     let length = match (args.once, args.duration) {
         (true, None) => Some(2.0),
-        (_, told) => told,
+        (_, length) => length,
     };
     let mut meters: BTreeMap<String, Meter> = BTreeMap::new();
     let interval = if args.once {
@@ -107,26 +106,26 @@ pub fn run(link: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     loop {
         let left = next - began.elapsed().as_secs_f64();
         if left > 0.0 {
-            if let Ok(came) = receiver.recv_timeout(Duration::from_secs_f64(left)) {
-                take(&mut meters, &came, began, args.only.as_deref());
+            if let Ok(arrival) = receiver.recv_timeout(Duration::from_secs_f64(left)) {
+                measure(&mut meters, &arrival, began, args.only.as_deref());
             }
             continue;
         }
-        for came in receiver.try_iter() {
-            take(&mut meters, &came, began, args.only.as_deref());
+        for arrival in receiver.try_iter() {
+            measure(&mut meters, &arrival, began, args.only.as_deref());
         }
         next += interval;
         let now = began.elapsed().as_secs_f64();
-        let asked = Instant::now();
-        let status = match link.request(&v1::StatusRequest {}) {
+        let sent = Instant::now();
+        let status = match client.request(&v1::StatusRequest {}) {
             Ok(status) => status,
-            // A server that is restarted is found again, and its answer tells
-            // whether it speaks the same version.
+            // A restarted server is found again, and its reply shows whether it has the
+            // same version.
             Err(error @ (ClientError::Gone { .. } | ClientError::Silent { .. }))
                 if !args.once && length.is_none_or(|length| now < length) =>
             {
                 if !lost {
-                    eprintln!("{error}; waiting for it");
+                    eprintln!("{error}; waiting for the server");
                 }
                 lost = true;
                 next = began.elapsed().as_secs_f64() + interval;
@@ -135,12 +134,12 @@ pub fn run(link: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
             Err(error) => return Err(error.into()),
         };
         if std::mem::take(&mut lost) {
-            eprintln!("the server is there again");
+            eprintln!("the server replies again");
         }
         let report = Report::new(
-            link.keys().sim(),
+            client.keys().sim(),
             &status,
-            asked.elapsed().as_secs_f64(),
+            sent.elapsed().as_secs_f64(),
             &meters,
             now,
         );
@@ -153,17 +152,22 @@ pub fn run(link: &Client, args: &WatchArgs) -> anyhow::Result<ExitCode> {
     }
 }
 
-fn take(meters: &mut BTreeMap<String, Meter>, came: &Came, began: Instant, only: Option<&str>) {
-    if only.is_some_and(|text| !came.stream.contains(text)) {
+fn measure(
+    meters: &mut BTreeMap<String, Meter>,
+    arrival: &Arrival,
+    began: Instant,
+    only: Option<&str>,
+) {
+    if only.is_some_and(|text| !arrival.stream.contains(text)) {
         return;
     }
-    let meter = meters.entry(came.stream.clone()).or_default();
-    match came.stamped.as_ref().and_then(|s| s.header.as_ref()) {
+    let meter = meters.entry(arrival.stream.clone()).or_default();
+    match arrival.stamped.as_ref().and_then(|s| s.header.as_ref()) {
         Some(header) => {
-            let at = came.at.saturating_duration_since(began).as_secs_f64();
-            meter.take(header, came.bytes, at);
+            let at = arrival.at.saturating_duration_since(began).as_secs_f64();
+            meter.add(header, arrival.bytes, at);
         }
-        None => meter.garbled(),
+        None => meter.count_unreadable(),
     }
 }
 
@@ -177,7 +181,7 @@ fn print(report: &Report, args: &WatchArgs, last: bool) -> anyhow::Result<()> {
         report.to_string()
     };
     if repaint {
-        // Each line clears its own rest, so that nothing flickers.
+        // Each line clears its own remainder, which avoids flicker.
         let body = text.replace('\n', "\x1b[K\n");
         write!(out, "\x1b[H{body}\x1b[J")
     } else if args.once || args.json || last {

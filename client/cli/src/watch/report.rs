@@ -16,15 +16,15 @@ pub struct Recorder {
     pub name: String,
     /// `idle`, `ready`, `finished`, `failed` or `unknown`.
     pub state: &'static str,
-    /// Pictures accepted in this episode (count).
+    /// Images accepted in this episode (count).
     pub accepted_frames: u64,
     /// Samples lost in this episode (count).
     pub missed: u64,
-    /// The finished file holds everything that was published.
+    /// The finished file contains every published sample.
     pub complete: bool,
     /// Path of the finished file; empty before.
     pub path: String,
-    /// Problem in words; empty when there is none.
+    /// Problem, as text; empty without one.
     pub message: String,
 }
 
@@ -73,7 +73,7 @@ pub struct Task {
     pub success: bool,
     /// It is over.
     pub done: bool,
-    /// Why it failed; empty otherwise.
+    /// Reason of the failure; empty otherwise.
     pub failure: String,
     /// Simulated seconds since it began, s.
     pub elapsed: f64,
@@ -107,9 +107,9 @@ pub struct Report {
     pub factor: f64,
     /// Time is paused by command.
     pub paused: bool,
-    /// Whom or what the simulation waits for; empty when it does not.
+    /// Commander or recorder that the simulation waits for; empty when it does not wait.
     pub waiting_for: String,
-    /// Commander that holds control; empty when nobody does.
+    /// Commander that holds control; empty when control is free.
     pub holder: String,
     /// Commands refused since the start (count).
     pub refused: u64,
@@ -128,7 +128,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Puts together what the server says and what was measured until `now`, s.
+    /// Combines the server's status and the measurements until `now`, s.
     #[must_use]
     pub fn new(
         sim: &str,
@@ -221,7 +221,7 @@ impl fmt::Display for Report {
             self.refused
         )?;
         let holder = if self.holder.is_empty() {
-            "nobody"
+            "none"
         } else {
             &self.holder
         };
@@ -291,10 +291,7 @@ impl Report {
             )?;
         }
         if self.streams.is_empty() {
-            writeln!(
-                f,
-                "(nothing came: time is paused, or see `wheelarm doctor`)"
-            )?;
+            writeln!(f, "(no samples: time is paused, or see `wheelarm doctor`)")?;
         }
         Ok(())
     }

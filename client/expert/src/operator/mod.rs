@@ -41,7 +41,13 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Why the task was not done, for people; absent when it was.
+    /// Whether the operator finished and the task's conditions hold.
+    #[must_use]
+    pub fn is_success(&self, evaluation: &v1::Evaluation) -> bool {
+        *self == Self::Success && evaluation.success
+    }
+
+    /// Reason of a failure, as text; absent after success.
     #[must_use]
     pub fn why(&self, evaluation: &v1::Evaluation) -> Option<String> {
         match self {

@@ -58,7 +58,7 @@ impl Backend for InProcess {
             watch: Watch {
                 rollout,
                 heartbeat: Heartbeat::new(rollout.limits.silence),
-                verb: "told",
+                verb: "sent",
             },
             episode: worker.begin(request)?,
             recorder: None,
@@ -154,7 +154,7 @@ impl Run<'_> {
         }
     }
 
-    /// Ends an episode whose simulated time stands still.
+    /// Ends an episode whose simulated time does not advance.
     fn check_stall(&mut self) -> anyhow::Result<()> {
         let Some(words) = self.watch.stall() else {
             return Ok(());

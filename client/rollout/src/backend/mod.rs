@@ -1,4 +1,4 @@
-//! Where the simulation of an episode runs.
+//! Backends, which run the simulation of an episode.
 
 mod in_process;
 mod processes;
@@ -12,7 +12,7 @@ pub use in_process::InProcess;
 pub use processes::Processes;
 pub use worker::WorkerOptions;
 
-/// Where the simulation of an episode runs.
+/// Runs the simulation of an episode.
 pub trait Backend: Send + Sync {
     /// Runs an episode; calls `simulated` when only its file is unfinished.
     ///

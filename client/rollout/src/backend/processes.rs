@@ -1,4 +1,4 @@
-//! Server and recorder as programs of their own, and the driver on a thread of this
+//! Server and recorder as separate programs, and the driver on a thread of this
 //! process, in lock-step over a socket.
 
 use std::path::PathBuf;
@@ -28,11 +28,11 @@ const STATUS: Duration = Duration::from_secs(1);
 /// Longest wait for the answer to one.
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// Runs episodes with a server and a recorder in processes of their own.
+/// Runs episodes with a server and a recorder in separate processes.
 pub struct Processes {
     assets: Option<PathBuf>,
     adapter: Option<String>,
-    /// What the programs start with that stay from one episode to the next.
+    /// Settings of programs that are kept between episodes.
     kept: Option<Kept>,
     programs: Mutex<Option<Programs>>,
 }
@@ -91,7 +91,7 @@ impl Processes {
             StartError::Scenario(words) => anyhow!(words),
             StartError::Broke(problem) => problem,
         })?;
-        let link = server.link()?;
+        let client = server.client()?;
         // A folder has room for the messages of one episode.
         let lifetime = match rollout.folder {
             Some(_) => Lifetime::OneEpisode,
@@ -103,7 +103,7 @@ impl Processes {
             .transpose()?;
         Ok(Programs {
             server,
-            link,
+            client,
             recorder,
             lifetime,
         })
@@ -138,7 +138,7 @@ impl Processes {
         simulated: &mut dyn FnMut(),
     ) -> anyhow::Result<Finished> {
         let heartbeat = Heartbeat::new(rollout.limits.silence);
-        let status = Status::start(&programs.link, &heartbeat, rollout, self.kept.is_some());
+        let status = Status::start(&programs.client, &heartbeat, rollout, self.kept.is_some());
         let driver = self.drive(rollout, programs, &heartbeat)?;
         let mut run = Run {
             watch: Watch {
@@ -157,7 +157,7 @@ impl Processes {
         result
     }
 
-    /// Starts the driver on a thread of its own.
+    /// Starts the driver on a separate thread.
     fn drive(
         &self,
         rollout: &Rollout,
@@ -172,12 +172,12 @@ impl Processes {
             quality: v1::RenderQuality::Unspecified.into(),
             ..rollout.scenario.clone()
         });
-        let (link, heartbeat, rollout) =
-            (programs.link.clone(), heartbeat.clone(), rollout.clone());
+        let (client, heartbeat, rollout) =
+            (programs.client.clone(), heartbeat.clone(), rollout.clone());
         let recorders = u32::from(programs.recorder.is_some());
         Work::start("driver", move || {
             if let Some(scenario) = reset {
-                match link.reset(scenario, false) {
+                match client.reset(scenario, false) {
                     Ok(scenario) => heartbeat.set_scenario(&scenario),
                     Err(ClientError::Refused { message, .. }) => {
                         return Err(heartbeat.failure(FailureCause::Scenario, message).into());
@@ -185,10 +185,10 @@ impl Processes {
                     Err(problem) => return Err(problem.into()),
                 }
             }
-            rollout.observer.attach(&link)?;
+            rollout.observer.attach(&client)?;
             let log = rollout.operator_log();
             let finished = rollout.driver.run(&Session {
-                link: &link,
+                client: &client,
                 label: &rollout.label,
                 recorders,
                 log: log.as_deref(),
@@ -204,7 +204,7 @@ impl Processes {
 /// A server and its clients.
 struct Programs {
     server: Server,
-    link: Client,
+    client: Client,
     recorder: Option<Recorder>,
     lifetime: Lifetime,
 }
@@ -215,7 +215,7 @@ impl Programs {
     fn end(mut self, is_finished: bool) {
         if is_finished {
             // A client that leaves first sees no lost connection. The server ends anyway.
-            let _ = self.link.close();
+            let _ = self.client.close();
         }
         self.server.process.kill();
         if let Some(recorder) = self
@@ -277,7 +277,7 @@ impl Run<'_> {
             return Ok(finished);
         };
         if self.programs.lifetime == Lifetime::Lasting {
-            let status = recorder.finished(&self.programs.link, finished.episode())?;
+            let status = recorder.finished(&self.programs.client, finished.episode())?;
             return Ok(Finished {
                 messages: recorder.process.tail(),
                 recorded: Some(status),
@@ -307,7 +307,7 @@ impl Run<'_> {
         }
     }
 
-    /// Ends an episode whose simulated time stands still.
+    /// Ends an episode whose simulated time does not advance.
     fn check_stall(&mut self) -> anyhow::Result<()> {
         let Some(words) = self.watch.stall() else {
             return Ok(());
@@ -339,14 +339,14 @@ impl Run<'_> {
             return self.watch.failed(FailureCause::Stall, words);
         }
         let tail = self.programs.server.process.tail();
-        problem.context(format!("the driver failed; the server said:\n{tail}"))
+        problem.context(format!("the driver failed; output of the server:\n{tail}"))
     }
 }
 
 impl Drop for Run<'_> {
     fn drop(&mut self) {
         if let Some(driver) = &self.driver {
-            // The driver ends with its server; one that hangs is left behind.
+            // The driver ends with its server; one that hangs is abandoned.
             self.programs.server.process.kill();
             let _ = driver.is_over_within(limits::END);
         }
@@ -372,21 +372,21 @@ fn is_unanswered(problem: &anyhow::Error) -> bool {
     }
 }
 
-/// Requests the server's status on a thread of its own, so that a server that does not
+/// Requests the server's status on a separate thread, so that a server that does not
 /// answer cannot delay the end of the episode. Stops when dropped.
 struct Status(Arc<AtomicBool>);
 
 impl Status {
-    fn start(link: &Client, heartbeat: &Heartbeat, rollout: &Rollout, is_kept: bool) -> Self {
+    fn start(client: &Client, heartbeat: &Heartbeat, rollout: &Rollout, is_kept: bool) -> Self {
         let wanted = Arc::new(AtomicBool::new(true));
-        let (link, heartbeat) = (link.clone(), heartbeat.clone());
+        let (client, heartbeat) = (client.clone(), heartbeat.clone());
         let observer: Arc<dyn Observer> = Arc::clone(&rollout.observer);
         let answer = ANSWER.min(heartbeat.longest());
         let is_wanted = Arc::clone(&wanted);
         std::thread::spawn(move || {
             while is_wanted.load(Ordering::Acquire) {
                 let sent = Instant::now();
-                if let Ok(mut status) = link.request_within(&v1::StatusRequest {}, answer)
+                if let Ok(mut status) = client.request_within(&v1::StatusRequest {}, answer)
                     && is_wanted.load(Ordering::Acquire)
                 {
                     if is_kept {

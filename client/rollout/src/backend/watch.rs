@@ -10,7 +10,7 @@ use crate::rollout::Rollout;
 pub(super) struct Watch<'a> {
     pub rollout: &'a Rollout,
     pub heartbeat: Heartbeat,
-    /// What a silent program did not do, for the error: `answered`.
+    /// Verb of the error about a silent program: `answered` or `sent`.
     pub verb: &'static str,
 }
 
@@ -18,7 +18,7 @@ impl Watch<'_> {
     /// Ends the episode with an error when the caller cancels it, or when the program died
     /// or is silent for too long.
     pub fn check(&self, simulator: &mut Process) -> anyhow::Result<()> {
-        self.heartbeat.appearance();
+        self.heartbeat.update();
         let limits = &self.rollout.limits;
         if (limits.cancelled)() {
             simulator.kill();
@@ -44,7 +44,7 @@ impl Watch<'_> {
         Err(self.failed(FailureCause::Server, words))
     }
 
-    /// How simulated time stands still while the program answers, if it does for too long.
+    /// Message when simulated time does not advance for too long while the program replies.
     pub fn stall(&self) -> Option<String> {
         let patience = self.rollout.limits.stall;
         (self.heartbeat.stalled_for() >= patience).then(|| {

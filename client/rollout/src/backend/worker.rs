@@ -28,7 +28,7 @@ pub struct WorkerOptions {
     pub assets: Option<PathBuf>,
     /// Graphics adapter, as the server names it; the server's choice when absent.
     pub adapter: Option<String>,
-    /// The folder of results that it works for, in its command line: for people who list
+    /// The folder of results, in its command line: for users who list
     /// processes.
     pub folder: Option<PathBuf>,
 }
@@ -163,7 +163,7 @@ impl Inbox {
     }
 }
 
-/// An episode under way. Dropped before its end, it is cancelled, and its worker is killed
+/// A running episode. Dropped before its end, it is cancelled, and its worker is killed
 /// when that takes too long.
 pub(super) struct RunningEpisode {
     worker: Arc<Worker>,

@@ -1,6 +1,6 @@
-//! A child process under supervision: its messages are kept in a file, the
-//! terminal's Ctrl-C does not reach it, and it does not outlive this process. It has a
-//! process group of its own: what it starts ends with it.
+//! A supervised child process: its output is kept in a file, the terminal's Ctrl-C does not
+//! reach it, and it does not outlive this process. It has a separate process group, so its
+//! own children end with it.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -17,50 +17,49 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use super::program::required_program;
 use crate::limits;
 
-/// Lines of a program's messages that stand in an error.
+/// Lines of a program's output that an error contains.
 const TAIL_LINES: usize = 30;
-/// Newest bytes of its messages that are read.
+/// Newest bytes of its output that are read.
 const TAIL_BYTES: u64 = 1 << 16;
 
-/// How a program is started.
+/// Settings of the start of a program.
 #[derive(Debug)]
 pub struct Launch {
-    /// What it is in words, for errors and the name of its log: `server`.
+    /// Name for errors and for the file of its log: `server`.
     pub name: &'static str,
     /// The program.
     pub program: Program,
     /// Its arguments.
     pub arguments: Vec<OsString>,
-    /// Environment variables that it has beside those of this process.
+    /// Additional environment variables.
     pub environment: Vec<(&'static str, OsString)>,
-    /// What it reads, and with what it ends.
+    /// Standard input.
     pub input: Input,
-    /// Folder for its messages as `NAME.log`; without one they are kept while
-    /// it is watched.
+    /// Folder for its output as `NAME.log`; without one the output is kept until the process
+    /// is dropped.
     pub folder: Option<PathBuf>,
 }
 
-/// Which program is started.
+/// The program to start.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Program {
-    /// One of WheelArm's, found beside this one or on PATH.
+    /// A program of WheelArm, found beside this one or on PATH.
     Own(&'static str),
-    /// A command line of the user's, for `sh`; arguments follow it as they are.
+    /// A command line of the user for `sh`; arguments are appended verbatim.
     Shell(String),
 }
 
-/// What a program has as its standard input, and with what it ends.
+/// Standard input of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// This text, which may be empty. The kernel kills the program when the
-    /// thread that started it is gone, however it went (on Linux): start it on
-    /// one that lives as long as it is needed.
+    /// This text, which may be empty. On Linux the kernel kills the program when the
+    /// thread that started it ends: start it on a thread that lives long enough.
     Text(String),
-    /// Nothing, until this process is gone or lets it end: the program ends by
-    /// itself then, in good order.
+    /// An open pipe without data. The program ends in good order when it is closed, also by
+    /// the end of this process.
     Lifeline,
-    /// What is written into [`Process::take_pipes`], whose other end is what it
-    /// prints. The kernel kills it as one that reads a text.
+    /// The pipes of [`Process::take_pipes`]: standard input and output. The kernel kills it
+    /// as in [`Input::Text`].
     Orders,
 }
 
@@ -69,12 +68,12 @@ pub enum Input {
 pub struct Process {
     name: &'static str,
     child: Child,
-    /// How it ended, once that is known.
+    /// Exit status, once known.
     status: Option<ExitStatus>,
-    /// This program killed it.
+    /// Whether this program killed it.
     ended_here: bool,
     log: File,
-    /// Where its own messages begin: those of another before it may stand there.
+    /// Offset of its own output; the log may contain that of an earlier process.
     begin: u64,
 }
 
@@ -82,13 +81,13 @@ impl Process {
     /// Starts a program.
     ///
     /// # Errors
-    /// When it is not there or does not start.
+    /// When the program does not exist or does not start.
     pub fn start(launch: Launch) -> anyhow::Result<Self> {
         let mut command = match &launch.program {
             Program::Own(name) => Command::new(required_program(name)?),
             Program::Shell(line) => {
                 let mut shell = Command::new("sh");
-                // In the place of the shell, so that what is ended is the program.
+                // `exec` replaces the shell, so that a signal reaches the program.
                 shell.args(["-c", &format!("exec {line} \"$@\""), "sh"]);
                 shell
             }
@@ -118,7 +117,7 @@ impl Process {
             .stdout(output)
             .stderr(another()?)
             .process_group(0);
-        // Its last words are shown, and a backtrace behind them would hide them;
+        // Its last message is shown, and a backtrace after it would hide it;
         // panics still show theirs.
         const BACKTRACE: &str = "RUST_LIB_BACKTRACE";
         if std::env::var_os(BACKTRACE).is_none() {
@@ -141,22 +140,22 @@ impl Process {
         if let Input::Text(text) = launch.input
             && let Some(mut input) = process.child.stdin.take()
         {
-            // One that ends before it has read everything says why by itself.
+            // A program that ends before it has read everything prints its reason.
             let _ = input.write_all(text.as_bytes());
         }
         Ok(process)
     }
 
-    /// What it reads and what it prints, once, of one that takes orders.
+    /// Standard input and output of [`Input::Orders`]; only the first call returns them.
     #[must_use]
     pub fn take_pipes(&mut self) -> Option<(ChildStdin, ChildStdout)> {
         self.child.stdin.take().zip(self.child.stdout.take())
     }
 
-    /// How it ended, if it has. What it started and left behind is killed then.
+    /// Exit status, if it has ended. Its remaining child processes are killed then.
     ///
     /// # Errors
-    /// When the operating system does not tell.
+    /// When the operating system does not report it.
     pub fn ended(&mut self) -> anyhow::Result<Option<ExitStatus>> {
         if self.status.is_none() {
             let status = self.child.try_wait();
@@ -168,18 +167,18 @@ impl Process {
         Ok(self.status)
     }
 
-    /// Signals the whole group. The group may be gone; its number is nobody else's while
-    /// one of it lives, or its first has not been waited for.
+    /// Signals the whole group. The group may have ended; its number is not reused while a
+    /// member lives, or its leader was not waited for.
     fn signal(&self, signal: Signal) {
         if let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw) {
             let _ = kill_process_group(group, signal);
         }
     }
 
-    /// How it ended, if it does so within `patience`.
+    /// Exit status, if it ends within `patience`.
     ///
     /// # Errors
-    /// When the operating system does not tell.
+    /// When the operating system does not report it.
     pub fn ended_within(&mut self, patience: Duration) -> anyhow::Result<Option<ExitStatus>> {
         let deadline = Instant::now() + patience;
         loop {
@@ -190,12 +189,11 @@ impl Process {
         }
     }
 
-    /// Ends it: its standard input is closed, with which one that holds it as a
-    /// lifeline ends; after [`limits::END`] it is terminated with all that it started,
-    /// then killed. How it ended.
+    /// Ends the program and returns its exit status: closes its standard input, after
+    /// [`limits::END`] terminates its group, then kills it.
     ///
     /// # Errors
-    /// When the operating system does not tell.
+    /// When the operating system does not report it.
     pub fn end(&mut self) -> anyhow::Result<ExitStatus> {
         if let Some(lifeline) = self.child.stdin.take() {
             drop(lifeline);
@@ -214,7 +212,7 @@ impl Process {
         status.with_context(|| format!("watching the {}", self.name))
     }
 
-    /// Kills it and all that it started, also when it is stopped.
+    /// Kills its process group, even if it is stopped.
     pub fn kill(&mut self) {
         if self.status.is_none() {
             self.ended_here = true;
@@ -223,7 +221,7 @@ impl Process {
         }
     }
 
-    /// How it died, with its last words, if it has.
+    /// Description of its end with its last message, if it has ended.
     ///
     /// # Errors
     /// When the operating system cannot report it.
@@ -238,21 +236,21 @@ impl Process {
         }))
     }
 
-    /// Its name in messages, as in [`Launch::name`].
+    /// Name for messages, as in [`Launch::name`].
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// Whether SIGKILL ended it that this program did not send: a process rarely gets it
-    /// from anything but a kernel or a job scheduler without memory left.
+    /// Whether a foreign SIGKILL ended it, which nearly always comes from a kernel or a job
+    /// scheduler without free memory.
     #[must_use]
     pub fn was_killed(&self) -> bool {
         let signal = self.status.and_then(|status| status.signal());
         !self.ended_here && signal == Some(Signal::KILL.as_raw())
     }
 
-    /// Its newest messages, 64 KiB at most.
+    /// Its newest output, at most 64 KiB.
     #[must_use]
     pub fn messages(&self) -> String {
         let length = self.log.metadata().map_or(0, |file| file.len());
@@ -265,7 +263,7 @@ impl Process {
         }
     }
 
-    /// The last lines of what it said, indented, each with its end.
+    /// The last lines of its output, indented, each with its line end.
     #[must_use]
     pub fn tail(&self) -> String {
         let text = self.messages();
@@ -274,8 +272,8 @@ impl Process {
         tail.map(|line| format!("  {line}\n")).collect()
     }
 
-    /// Why it ended by its own words: those of a panic, else its error; empty
-    /// when it said neither.
+    /// Reason of its end from its output: a panic message, else its error; empty
+    /// without either.
     #[must_use]
     pub fn last_words(&self) -> String {
         last_words(&self.messages())
@@ -288,8 +286,7 @@ impl Drop for Process {
     }
 }
 
-/// Lets the kernel kill the child when the thread that started it is gone,
-/// however it went.
+/// Makes the kernel kill the child when the thread that started it ends.
 #[cfg(target_os = "linux")]
 #[expect(
     unsafe_code,
@@ -299,7 +296,7 @@ pub fn end_with_parent(command: &mut Command) {
     let parent = std::process::id();
     let hook = move || {
         rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
-        // The parent may have gone before the kernel was asked.
+        // The parent may have ended before this request to the kernel.
         if std::os::unix::process::parent_id() == parent {
             Ok(())
         } else {
@@ -316,8 +313,7 @@ pub fn end_with_parent(command: &mut Command) {
 #[cfg(not(target_os = "linux"))]
 pub fn end_with_parent(_command: &mut Command) {}
 
-/// The place and words of the first panic in a program's messages, else its last
-/// error.
+/// Location and message of the first panic in a program's output, else its last error.
 fn last_words(messages: &str) -> String {
     let lines: Vec<&str> = messages
         .lines()
@@ -353,11 +349,11 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_is_the_last_word_of_a_program() {
-        let said = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
+    fn panic_is_the_last_message_of_a_program() {
+        let output = "INFO begins\nthread 'simulation' (7) panicked at src/a.rs:3:4:\n\
                     index out of bounds\nnote: run with RUST_BACKTRACE=1\n\
                     Error: the simulation thread panicked\n";
-        let words = last_words(said);
+        let words = last_words(output);
         assert!(
             words.ends_with("src/a.rs:3:4: index out of bounds"),
             "{words}"
@@ -367,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_reads_its_text_and_its_messages_are_kept() {
+    fn program_reads_its_text_and_its_output_is_kept() {
         let folder = tempfile::tempdir().unwrap();
         for folder in [None, Some(folder.path().to_owned())] {
             let text = Input::Text("a scenario\n".to_owned());
@@ -394,7 +390,7 @@ mod tests {
         assert_eq!(other.end().unwrap().code(), Some(5));
     }
 
-    /// Whether a process runs; one that nobody has waited for does not.
+    /// Whether a process runs; a zombie does not.
     fn runs(id: &str) -> bool {
         let status = std::fs::read_to_string(format!("/proc/{id}/status"));
         status.is_ok_and(|status| !status.contains("State:\tZ"))
@@ -403,7 +399,7 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn what_a_launcher_started_ends_with_it() {
-        // Once it is ended, once it ends by itself.
+        // Once by a kill, once by itself.
         for rest in ["wait", "exit 0"] {
             let script = format!("sleep 600 & echo $!; {rest}");
             let mut launcher = shell(&script, Input::Text(String::new()), None);
@@ -427,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_absent_is_told_with_the_cure() {
+    fn missing_program_is_an_error_with_its_fix() {
         let launch = Launch {
             name: "ghost",
             program: Program::Own("wheelarm-ghost"),
@@ -436,7 +432,7 @@ mod tests {
             input: Input::Lifeline,
             folder: None,
         };
-        let told = Process::start(launch).unwrap_err().to_string();
-        assert!(told.contains("cargo build"), "{told}");
+        let error = Process::start(launch).unwrap_err().to_string();
+        assert!(error.contains("cargo build"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Where the programs of WheelArm lie.
+//! Finds the programs of WheelArm.
 
 use std::path::{Path, PathBuf};
 
@@ -43,11 +43,11 @@ pub fn programs_named(prefix: &str) -> Vec<String> {
 /// As [`find_program`] for one that must be there.
 ///
 /// # Errors
-/// With the cure when it is not.
+/// With the fix when it does not exist.
 pub fn required_program(name: &str) -> anyhow::Result<PathBuf> {
     find_program(name).with_context(|| {
         format!(
-            "`{name}` lies neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace"
+            "`{name}` is neither beside this program nor on PATH; build the workspace first: cargo build --release --workspace"
         )
     })
 }

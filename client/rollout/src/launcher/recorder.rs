@@ -14,7 +14,7 @@ use super::process::{Input, Launch, Process, Program};
 use crate::limits;
 use crate::serde_text::named;
 
-/// How an episode is recorded.
+/// Settings of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Record {
     /// Folder for the file.
@@ -22,7 +22,7 @@ pub struct Record {
     /// Folder for the recording before it is complete; `out` when absent.
     #[serde(default)]
     pub scratch: Option<PathBuf>,
-    /// How depth is stored.
+    /// Storage of depth.
     #[serde(with = "named")]
     pub depth: Depth,
     /// Name of the recorder at the server.
@@ -42,7 +42,7 @@ impl Record {
     }
 }
 
-/// How long a recorder lives.
+/// Lifetime of a recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lifetime {
     /// It records one episode and exits. Its messages go to `recorder.log` in its folder,
@@ -111,10 +111,14 @@ impl Recorder {
     ///
     /// # Errors
     /// When the recording failed, the recorder ended or takes too long.
-    pub fn finished(&mut self, link: &Client, episode: u64) -> anyhow::Result<v1::RecorderStatus> {
+    pub fn finished(
+        &mut self,
+        client: &Client,
+        episode: u64,
+    ) -> anyhow::Result<v1::RecorderStatus> {
         let deadline = Instant::now() + limits::FINISH;
         loop {
-            let status = link.request(&v1::StatusRequest {})?;
+            let status = client.request(&v1::StatusRequest {})?;
             let ours = status.recorders.into_iter().find(|recorder| {
                 let header = recorder.header.as_ref();
                 recorder.recorder == self.name && header.is_some_and(|h| h.episode == episode)

@@ -14,13 +14,13 @@ use super::process::{Input, Launch, Process, Program};
 use super::socket::socket_folder;
 use crate::limits;
 
-/// What a server is started with.
+/// Settings of the start of a server.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServerOptions {
-    /// What to simulate; without cameras no picture is drawn and no graphics
+    /// The scenario; without cameras no image is rendered and no graphics
     /// driver is needed.
     pub scenario: v1::Scenario,
-    /// Assets folder; the server looks for it when absent.
+    /// Assets folder; found by the server when absent.
     pub assets: Option<PathBuf>,
     /// Graphics adapter by a part of its name; the server's choice when absent.
     pub adapter: Option<String>,
@@ -30,7 +30,7 @@ pub struct ServerOptions {
     pub folder: Option<PathBuf>,
 }
 
-/// One setting for all of the robot's cameras: pictures of `width` and `height`
+/// One setting for all of the robot's cameras: images of `width` and `height`
 /// pixels, `rate_hz` per simulated second.
 #[must_use]
 pub fn all_cameras(width: u32, height: u32, rate_hz: f64) -> v1::CameraSetting {
@@ -43,10 +43,10 @@ pub fn all_cameras(width: u32, height: u32, rate_hz: f64) -> v1::CameraSetting {
     }
 }
 
-/// Why there is no server.
+/// Why the server did not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// Whoever waited for it wants it no more.
+    /// The caller no longer waits for the server.
     #[error("the start was called off")]
     CalledOff,
     /// The scenario cannot be simulated; its words.
@@ -122,7 +122,7 @@ impl Server {
     fn wait_until_ready(&mut self, called_off: impl Fn() -> bool) -> Result<(), StartError> {
         let deadline = Instant::now() + limits::READY;
         loop {
-            // Before its messages are read: what it said last is among them.
+            // Before its messages are read, which include the last ones.
             let ended = self.process.ended().map_err(StartError::Broke)?;
             let messages = self.process.messages();
             if let Some(ready) = messages.lines().find_map(Ready::parse) {
@@ -150,7 +150,7 @@ impl Server {
         }
     }
 
-    /// How to reach it.
+    /// Connection settings.
     #[must_use]
     pub fn connect(&self) -> &Connect {
         &self.connect
@@ -160,19 +160,19 @@ impl Server {
     ///
     /// # Errors
     /// With the server's last messages.
-    pub fn link(&self) -> anyhow::Result<Client> {
+    pub fn client(&self) -> anyhow::Result<Client> {
         Client::open(&self.connect)
-            .with_context(|| format!("the server said:\n{}", self.process.tail()))
+            .with_context(|| format!("output of the server:\n{}", self.process.tail()))
     }
 
     /// Asks it to end; after [`limits::END`] it is terminated, then killed.
     ///
     /// # Errors
-    /// When it cannot be asked.
-    pub fn stop(mut self, link: Client) -> anyhow::Result<()> {
-        link.shutdown(true)?;
-        // A client that goes first leaves no half-open connection behind.
-        link.close()?;
+    /// When the server does not reply.
+    pub fn stop(mut self, client: Client) -> anyhow::Result<()> {
+        client.shutdown(true)?;
+        // A client that leaves first leaves no half-open connection.
+        client.close()?;
         if self.process.ended_within(limits::END)?.is_none() {
             self.process.end()?;
         }
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scenario_without_cameras_draws_nothing_and_large_seeds_are_written() {
+    fn scenario_without_cameras_renders_nothing_and_keeps_large_seeds() {
         let mut options = ServerOptions {
             scenario: v1::Scenario {
                 task: Some("pick_bowl".into()),

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 
 /// Beginning of the name of a folder for a socket.
 const SOCKET: &str = "wheelarm-socket-";
-/// Note in a working folder that says where the socket is.
+/// Note in a working folder with the path of the socket.
 const SOCKET_NOTE: &str = "socket";
 /// Longest path of such a folder, bytes: the operating system's limit for a
 /// socket is 108, and the socket's own name and the transport's lock follow.
@@ -51,7 +51,7 @@ pub fn remove_socket(work: &Path) {
         .unwrap_or_default();
     // Only what this module can have made.
     if folder.parent() == Some(&std::env::temp_dir()) && name.starts_with(SOCKET) {
-        // It may be gone, or lie on another host.
+        // It may have ended, or run on another host.
         let _ = std::fs::remove_dir_all(folder);
     }
 }
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_socket_that_was_left_is_removed_and_nothing_else_is() {
+    fn only_a_leftover_socket_is_removed() {
         let work = tempfile::tempdir().unwrap();
         let socket = socket_folder(work.path()).unwrap().keep();
         assert!(socket.is_dir());
@@ -71,6 +71,6 @@ mod tests {
         let note = other.path().as_os_str().as_encoded_bytes();
         std::fs::write(work.path().join(SOCKET_NOTE), note).unwrap();
         remove_socket(work.path());
-        assert!(other.path().is_dir(), "a folder of somebody else");
+        assert!(other.path().is_dir(), "a folder of another process");
     }
 }

@@ -1,4 +1,4 @@
-//! Work on a thread of its own, which whoever started it can outlive.
+//! Work on a separate thread, which its starter can outlive.
 
 use std::any::Any;
 use std::thread::JoinHandle;
@@ -8,8 +8,8 @@ use anyhow::Context;
 
 use crate::limits;
 
-/// Work of this process on a thread of its own. A panic in it is an answer, and
-/// where it never comes to an end it can be left behind.
+/// Work of this process on a separate thread. A panic in it is an error, and work that never
+/// ends can be abandoned.
 #[derive(Debug)]
 pub struct Work<T> {
     thread: JoinHandle<T>,
@@ -39,7 +39,7 @@ impl<T: Send + 'static> Work<T> {
         self.thread.is_finished()
     }
 
-    /// Whether it comes to an end within `patience`.
+    /// Whether it ends within `patience`.
     #[must_use]
     pub fn is_over_within(&self, patience: Duration) -> bool {
         let deadline = Instant::now() + patience;
@@ -76,23 +76,23 @@ mod tests {
     use std::sync::mpsc;
 
     #[test]
-    fn a_panic_is_an_answer_with_its_words() {
-        let told = Work::start("operator", || -> u32 {
+    fn panic_is_an_error_with_its_message() {
+        let work = Work::start("operator", || -> u32 {
             let number = 7;
             panic!("no way to {number}")
         });
         assert_eq!(
-            told.unwrap().outcome(),
+            work.unwrap().outcome(),
             Err(Panicked("no way to 7".to_owned()))
         );
         let plain = Work::start("operator", || -> u32 { panic!("plain") });
-        let told = plain.unwrap().outcome().unwrap_err().to_string();
-        assert_eq!(told, "it panicked: plain");
+        let error = plain.unwrap().outcome().unwrap_err().to_string();
+        assert_eq!(error, "it panicked: plain");
         assert_eq!(Work::start("operator", || 3).unwrap().outcome(), Ok(3));
     }
 
     #[test]
-    fn what_never_ends_is_left_behind() {
+    fn endless_work_is_abandoned() {
         let (end, ended) = mpsc::channel::<()>();
         let work = Work::start("operator", move || ended.recv().is_err()).unwrap();
         assert!(!work.is_over_within(limits::LOOK));

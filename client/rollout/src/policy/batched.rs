@@ -1,5 +1,5 @@
-//! Many episodes and one policy: what waits is asked together, and what broke
-//! together is asked one by one, so that only the culprit pays.
+//! One policy for many episodes: waiting observations form a batch. A failed batch is repeated
+//! one by one, so that only the episode at fault fails.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -9,39 +9,38 @@ use wheelarm_proto::v1;
 use super::host::Host;
 use super::interface::{Policy, PolicyError};
 
-/// How long the first of a batch waits for others.
+/// Longest wait of the first observation of a batch for others.
 const GATHER: Duration = Duration::from_millis(3);
-/// Questions that may wait; each asker has one.
+/// Capacity of the queue; each episode has one request.
 const WAITING: usize = 256;
 
-/// A policy that several threads may ask at one time.
+/// A policy that several threads may use at the same time.
 #[derive(Debug)]
 pub struct Batched {
     spec: v1::PolicySpec,
-    queue: SyncSender<Ask>,
+    queue: SyncSender<Request>,
 }
 
 #[derive(Debug)]
-enum Ask {
+enum Request {
     Reset(v1::PolicyResetRequest, SyncSender<Result<(), PolicyError>>),
-    Infer(v1::PolicyObservation, Answer),
+    Infer(v1::PolicyObservation, ReplySender),
 }
 
-type Answer = SyncSender<Result<v1::PolicyChunk, PolicyError>>;
+type ReplySender = SyncSender<Result<v1::PolicyChunk, PolicyError>>;
 
 impl Batched {
-    /// Starts the policy by `start` on a thread of its own, which ends with this;
-    /// `most` observations are asked about at a time, as many as the policy takes
-    /// without it.
+    /// Starts the policy with `start` on a thread that ends with this value. A batch has at
+    /// most `most` observations; without it, as many as the policy accepts.
     ///
     /// # Errors
-    /// What `start` says.
+    /// The error of `start`.
     pub fn start(
         start: impl FnOnce() -> Result<Host, PolicyError> + Send + 'static,
         most: Option<usize>,
     ) -> Result<Self, PolicyError> {
-        let (queue, asked) = sync_channel(WAITING);
-        let (told, spec) = sync_channel(1);
+        let (queue, requests) = sync_channel(WAITING);
+        let (spec_sender, spec) = sync_channel(1);
         let spawned = std::thread::Builder::new()
             .name("policy".to_owned())
             .spawn(move || match start() {
@@ -49,13 +48,13 @@ impl Batched {
                     let spec = host.spec().clone();
                     let takes = (spec.max_batch.max(1)) as usize;
                     let most = most.map_or(takes, |most| most.clamp(1, takes));
-                    // Nobody waits for it any more only when the program ends.
-                    if told.send(Ok(spec)).is_ok() {
-                        serve(&mut host, &asked, most);
+                    // The receiver is gone only when the program ends.
+                    if spec_sender.send(Ok(spec)).is_ok() {
+                        serve(&mut host, &requests, most);
                     }
                 }
                 Err(problem) => {
-                    let _ = told.send(Err(problem));
+                    let _ = spec_sender.send(Err(problem));
                 }
             });
         spawned.map_err(|e| PolicyError::Start(e.to_string()))?;
@@ -71,51 +70,51 @@ impl Policy for Batched {
     }
 
     fn reset(&self, request: v1::PolicyResetRequest) -> Result<(), PolicyError> {
-        let (answer, told) = sync_channel(1);
+        let (sender, reply) = sync_channel(1);
         self.queue
-            .send(Ask::Reset(request, answer))
+            .send(Request::Reset(request, sender))
             .map_err(|_| over())?;
-        told.recv().map_err(|_| over())?
+        reply.recv().map_err(|_| over())?
     }
 
     fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
-        let (answer, told) = sync_channel(1);
+        let (sender, reply) = sync_channel(1);
         self.queue
-            .send(Ask::Infer(observation, answer))
+            .send(Request::Infer(observation, sender))
             .map_err(|_| over())?;
-        told.recv().map_err(|_| over())?
+        reply.recv().map_err(|_| over())?
     }
 }
 
 fn over() -> PolicyError {
-    PolicyError::Gone("whoever asked it has ended".to_owned())
+    PolicyError::Gone("its thread has ended".to_owned())
 }
 
-/// Asks until nobody can ask any more.
-fn serve(host: &mut Host, asked: &Receiver<Ask>, most: usize) {
+/// Serves requests until the last sender is dropped.
+fn serve(host: &mut Host, requests: &Receiver<Request>, most: usize) {
     let (mut waiting, mut answers) = (Vec::new(), Vec::new());
     let mut until = Instant::now();
     loop {
         let next = match waiting.is_empty() {
-            true => asked.recv().map_err(|_| RecvTimeoutError::Disconnected),
-            false => asked.recv_timeout(until.saturating_duration_since(Instant::now())),
+            true => requests.recv().map_err(|_| RecvTimeoutError::Disconnected),
+            false => requests.recv_timeout(until.saturating_duration_since(Instant::now())),
         };
         match next {
-            Ok(Ask::Reset(request, answer)) => {
-                let told = match host.reset(&request) {
-                    // It had ended before it was asked, and has been started again.
+            Ok(Request::Reset(request, sender)) => {
+                let result = match host.reset(&request) {
+                    // It had ended before the request, and was started again.
                     Err(PolicyError::Gone(_)) => host.reset(&request),
-                    told => told,
+                    other => other,
                 };
-                // Who asked may have given up.
-                let _ = answer.send(told);
+                // The caller may have given up.
+                let _ = sender.send(result);
             }
-            Ok(Ask::Infer(observation, answer)) => {
+            Ok(Request::Infer(observation, sender)) => {
                 if waiting.is_empty() {
                     until = Instant::now() + GATHER;
                 }
                 waiting.push(observation);
-                answers.push(answer);
+                answers.push(sender);
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) if waiting.is_empty() => return,
@@ -128,14 +127,14 @@ fn serve(host: &mut Host, asked: &Receiver<Ask>, most: usize) {
     }
 }
 
-/// Answers everybody who waits.
-fn answer(host: &mut Host, waiting: Vec<v1::PolicyObservation>, answers: Vec<Answer>) {
+/// Replies to all waiting requests.
+fn answer(host: &mut Host, waiting: Vec<v1::PolicyObservation>, answers: Vec<ReplySender>) {
     let request = v1::InferRequest {
         observations: waiting,
     };
     let all = match host.infer(&request) {
         Ok(chunks) => chunks.into_iter().map(Ok).collect(),
-        // It may have ended before it was asked: then once more, as after a batch.
+        // It may have ended before the request: repeat it, as after a batch.
         Err(problem)
             if request.observations.len() == 1 && !matches!(problem, PolicyError::Gone(_)) =>
         {
@@ -144,7 +143,7 @@ fn answer(host: &mut Host, waiting: Vec<v1::PolicyObservation>, answers: Vec<Ans
         Err(_) => one_by_one(host, request.observations),
     };
     for (chunk, answer) in all.into_iter().zip(answers) {
-        // Who asked may have given up.
+        // The caller may have given up.
         let _ = answer.send(chunk.and_then(without_problem));
     }
 }
@@ -165,6 +164,6 @@ fn one_by_one(
 fn without_problem(chunk: v1::PolicyChunk) -> Result<v1::PolicyChunk, PolicyError> {
     match chunk.problem.is_empty() {
         true => Ok(chunk),
-        false => Err(PolicyError::Said(chunk.problem)),
+        false => Err(PolicyError::Rejected(chunk.problem)),
     }
 }

@@ -1,4 +1,4 @@
-//! A policy that this program starts, or finds, and asks again after it broke.
+//! A policy process that this program starts or finds, and restarts after a failure.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -12,18 +12,18 @@ use zenoh::Session;
 use super::interface::{PolicyError, checked};
 use super::remote::{Remote, listen};
 
-/// Environment variable that tells a policy the Zenoh endpoint to connect to.
+/// Environment variable with the Zenoh endpoint for the policy.
 pub const POLICY_VARIABLE: &str = "WHEELARM_POLICY_ENDPOINT";
-/// Environment variable that tells a policy its name in the keys.
+/// Environment variable with the name of the policy in key expressions.
 pub const NAME_VARIABLE: &str = "WHEELARM_POLICY_NAME";
-/// For a policy to start, at the least: large networks are read, libraries are imported.
-const START: Duration = Duration::from_secs(180);
-/// How a shell ends that finds no such command.
+/// Least start timeout of a policy: it loads networks and imports libraries.
+const START_PATIENCE: Duration = Duration::from_secs(180);
+/// Exit code of a shell that does not find a command.
 const NOT_FOUND: i32 = 127;
-/// What is said then.
-const ONE_COMMAND: &str = "the policy is one program with its arguments; of several commands make one with sh -c 'cd FOLDER && exec python x.py', set variables with env NAME=VALUE python x.py";
+/// Fix for that exit code.
+const ONE_COMMAND: &str = "the policy is one program with its arguments; combine several commands with sh -c 'cd FOLDER && exec python x.py', set variables with env NAME=VALUE python x.py";
 
-/// A policy of this program's own, or one that runs elsewhere.
+/// A policy process, started by this program or found elsewhere.
 #[derive(Debug)]
 pub struct Host {
     remote: Remote,
@@ -33,7 +33,7 @@ pub struct Host {
     _session: Session,
 }
 
-/// How it is started, and again.
+/// Settings of the start and of restarts.
 #[derive(Debug)]
 struct Start {
     program: Program,
@@ -42,19 +42,19 @@ struct Start {
     endpoint: String,
     log: PathBuf,
     patience: Duration,
-    /// How often it was started. Each has a name of its own: the transport still
-    /// knows for some seconds what one declared that was killed.
+    /// Number of starts. Each start has another name, because the transport keeps the
+    /// declarations of a killed process for some seconds.
     count: u32,
     _socket: TempDir,
 }
 
 impl Host {
-    /// Starts a program, which is told by [`POLICY_VARIABLE`] and
-    /// [`NAME_VARIABLE`] where to declare its queries. Its messages go to
-    /// `policy.log` in `log`. The kernel ends it with the thread that calls this.
+    /// Starts a program, which declares its queries as [`POLICY_VARIABLE`] and
+    /// [`NAME_VARIABLE`] define. Its output is written to `policy.log` in `log`. The kernel
+    /// ends it with the calling thread.
     ///
     /// # Errors
-    /// [`PolicyError::Start`] with its last words, [`PolicyError::Unfit`].
+    /// [`PolicyError::Start`] with its last message, [`PolicyError::Unfit`].
     pub fn start(
         program: Program,
         arguments: Vec<String>,
@@ -86,13 +86,13 @@ impl Host {
         })
     }
 
-    /// Finds the policy `name` behind an endpoint.
+    /// Finds the policy `name` at an endpoint.
     ///
     /// # Errors
-    /// [`PolicyError::Start`] when it is not there, [`PolicyError::Unfit`].
+    /// [`PolicyError::Start`] when it does not exist, [`PolicyError::Unfit`].
     pub fn find(name: &str, connect: &Connect, patience: Duration) -> Result<Self, PolicyError> {
         let session = open_session(connect, Silence::Gone);
-        let session = session.map_err(|e| PolicyError::Start(unfound(&e)))?;
+        let session = session.map_err(|e| PolicyError::Start(describe_missing(&e)))?;
         let remote = Remote::new(session.clone(), name, patience)?;
         let wait = Duration::from_secs_f64(connect.timeout_secs.clamp(0.1, 3600.0));
         let absent = |problem| match problem {
@@ -114,25 +114,24 @@ impl Host {
         })
     }
 
-    /// What it is.
+    /// Description of the policy.
     #[must_use]
     pub fn spec(&self) -> &v1::PolicySpec {
         &self.spec
     }
 
-    /// An episode begins. A policy that broke before is started again first.
+    /// Begins an episode, after a restart of a failed policy.
     ///
     /// # Errors
     /// [`PolicyError`]; [`PolicyError::Start`] when it cannot be started again.
     pub fn reset(&mut self, request: &v1::PolicyResetRequest) -> Result<(), PolicyError> {
         self.revive()?;
-        let told = self.remote.reset(request);
-        told.map_err(|problem| self.broke(problem))
+        let result = self.remote.reset(request);
+        result.map_err(|problem| self.broke(problem))
     }
 
-    /// Answers to observations, one for each in their order. A policy that has
-    /// ended, or does not answer, is started again when it is asked next: whoever asked
-    /// now is told at once.
+    /// Requests one chunk per observation, in their order. A policy that has ended or does
+    /// not reply returns its error at once, and is restarted at the next request.
     ///
     /// # Errors
     /// [`PolicyError`]; [`PolicyError::Start`] when it cannot be started again.
@@ -141,11 +140,11 @@ impl Host {
         request: &v1::InferRequest,
     ) -> Result<Vec<v1::PolicyChunk>, PolicyError> {
         self.revive()?;
-        let told = self.remote.infer(request);
-        told.map_err(|problem| self.broke(problem))
+        let result = self.remote.infer(request);
+        result.map_err(|problem| self.broke(problem))
     }
 
-    /// Starts it again where it broke before.
+    /// Restarts a failed policy.
     fn revive(&mut self) -> Result<(), PolicyError> {
         let Some(start) = self.start.as_mut().filter(|_| self.process.is_none()) else {
             return Ok(());
@@ -153,12 +152,12 @@ impl Host {
         let (remote, process, spec) = start.run()?;
         (self.remote, self.process) = (remote, Some(process));
         if spec != self.spec {
-            tracing::warn!("the policy describes itself otherwise than before");
+            tracing::warn!("the description of the policy changed with its restart");
         }
         Ok(())
     }
 
-    /// Ends it where it can answer no more; the problem with its last words.
+    /// Ends a policy that cannot reply any more, and adds its last message to the error.
     fn broke(&mut self, problem: PolicyError) -> PolicyError {
         let is_over = matches!(problem, PolicyError::Gone(_) | PolicyError::Silent { .. });
         if !is_over {
@@ -166,31 +165,31 @@ impl Host {
         }
         match (&problem, self.process.take()) {
             (PolicyError::Gone(_), Some(process)) => {
-                // It may still be at its last words.
+                // It may still write its last message.
                 std::thread::sleep(Duration::from_millis(100));
-                PolicyError::Gone(told(&process))
+                PolicyError::Gone(last_message(&process))
             }
             _ => problem,
         }
     }
 }
 
-/// Why nobody is found behind an endpoint, with the cure.
-fn unfound(problem: &ClientError) -> String {
+/// Reason and fix when an endpoint has no policy.
+fn describe_missing(problem: &ClientError) -> String {
     match problem {
         ClientError::NoServer {
             endpoint,
             seconds,
             cause,
         } => format!(
-            "no server answers at {endpoint} (waited {seconds:.1} s): start a `wheelarm-server` or a Zenoh router there, and the policy with that endpoint, or name another with --policy-connect ({cause})"
+            "no server replies at {endpoint} (waited {seconds:.1} s): start a `wheelarm-server` or a Zenoh router there, and the policy with that endpoint, or name another with --policy-connect ({cause})"
         ),
         other => other.to_string(),
     }
 }
 
 impl Start {
-    /// Runs it until it serves.
+    /// Starts the policy and waits until it serves.
     fn run(&mut self) -> Result<(Remote, Process, v1::PolicySpec), PolicyError> {
         let failed = |e: anyhow::Error| PolicyError::Start(format!("{e:#}"));
         self.count += 1;
@@ -210,30 +209,33 @@ impl Start {
         })
         .map_err(failed)?;
         let is_shell = matches!(self.program, Program::Shell(_));
-        remote.wait(START.max(self.patience), &mut || match process.ended() {
-            Ok(None) => Ok(()),
-            Ok(Some(status)) => {
-                let cure = match is_shell && status.code() == Some(NOT_FOUND) {
-                    true => ONE_COMMAND,
-                    false => "",
-                };
-                Err(PolicyError::Start(told(&process) + cure))
-            }
-            Err(e) => Err(failed(e)),
-        })?;
+        remote.wait(
+            START_PATIENCE.max(self.patience),
+            &mut || match process.ended() {
+                Ok(None) => Ok(()),
+                Ok(Some(status)) => {
+                    let cure = match is_shell && status.code() == Some(NOT_FOUND) {
+                        true => ONE_COMMAND,
+                        false => "",
+                    };
+                    Err(PolicyError::Start(last_message(&process) + cure))
+                }
+                Err(e) => Err(failed(e)),
+            },
+        )?;
         let spec = remote.describe()?;
         checked(&spec)?;
         Ok((remote, process, spec))
     }
 }
 
-/// The last words of a process.
-fn told(process: &Process) -> String {
+/// The last message of a process.
+fn last_message(process: &Process) -> String {
     let words = process.last_words();
     match (words.is_empty(), process.tail()) {
         (false, _) => words,
-        (true, tail) if tail.is_empty() => "it said nothing".to_owned(),
-        (true, tail) => format!("it said last:\n{tail}"),
+        (true, tail) if tail.is_empty() => "it printed nothing".to_owned(),
+        (true, tail) => format!("its last output:\n{tail}"),
     }
 }
 
@@ -248,28 +250,28 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_several_commands_is_told_with_the_cure() {
+    fn several_commands_are_an_error_with_its_fix() {
         let folder = tempfile::tempdir().unwrap();
         for line in ["cd pol && python x.py", "FOO=1 python x.py"] {
-            let told = shell(line, folder.path()).to_string();
+            let error = shell(line, folder.path()).to_string();
             assert!(
-                told.contains("sh -c") && told.contains("env NAME"),
-                "{told}"
+                error.contains("sh -c") && error.contains("env NAME"),
+                "{error}"
             );
         }
-        let told = shell("sh -c 'echo error: no weights; exit 3'", folder.path()).to_string();
-        assert!(told.ends_with("error: no weights"), "{told}");
+        let error = shell("sh -c 'echo error: no weights; exit 3'", folder.path()).to_string();
+        assert!(error.ends_with("error: no weights"), "{error}");
     }
 
     #[test]
-    fn a_policy_that_is_nowhere_is_told_with_its_own_cure() {
-        let nobody = ClientError::NoServer {
+    fn missing_policy_is_an_error_with_its_fix() {
+        let missing = ClientError::NoServer {
             endpoint: "tcp/127.0.0.1:9".to_owned(),
             seconds: 5.0,
             cause: "refused".to_owned(),
         };
-        let told = unfound(&nobody);
-        assert!(told.contains("--policy-connect"), "{told}");
-        assert!(!told.contains(" --connect"), "{told}");
+        let error = describe_missing(&missing);
+        assert!(error.contains("--policy-connect"), "{error}");
+        assert!(!error.contains(" --connect"), "{error}");
     }
 }

@@ -1,66 +1,66 @@
-//! What answers for a robot, and what can be wrong with it.
+//! The interface of policies, and their errors.
 
 use std::ops::RangeInclusive;
 
 use wheelarm_policy::{ActionKind, ChunkError, RowError};
 use wheelarm_proto::v1;
 
-/// What answers for a robot.
+/// A policy: returns action chunks for observations.
 pub trait Policy: Send + Sync {
-    /// What it wants and answers.
+    /// Description of its observations and actions.
     fn spec(&self) -> &v1::PolicySpec;
 
-    /// An episode begins.
+    /// Begins an episode.
     ///
     /// # Errors
     /// [`PolicyError`].
     fn reset(&self, request: v1::PolicyResetRequest) -> Result<(), PolicyError>;
 
-    /// What is to be done.
+    /// Returns the action chunk for an observation.
     ///
     /// # Errors
-    /// [`PolicyError`], which ends the episode that asked.
+    /// [`PolicyError`], which ends the episode.
     fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError>;
 }
 
-/// What can be wrong with a policy.
+/// Errors of a policy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PolicyError {
-    /// It does not start, or not as a policy.
+    /// The process does not start, or is not a policy.
     #[error("the policy does not start: {0}")]
     Start(String),
-    /// It has ended.
+    /// The policy has ended.
     #[error("the policy ended: {0}")]
     Gone(String),
-    /// It does not answer.
-    #[error("the policy did not answer `{query}` within {seconds:.0} s")]
+    /// The policy does not reply.
+    #[error("the policy did not reply to `{query}` within {seconds:.0} s")]
     Silent {
         /// Query.
         query: &'static str,
-        /// How long, wall time.
+        /// Wall time of the wait, s.
         seconds: f64,
     },
-    /// It says itself why it does not answer.
-    #[error("the policy says: {0}")]
-    Said(String),
-    /// Its answer is no answer.
-    #[error("the policy answers `{query}` wrongly: {problem}")]
+    /// The policy returned an error.
+    #[error("the policy returned an error: {0}")]
+    Rejected(String),
+    /// The reply is malformed.
+    #[error("the policy returned a malformed reply to `{query}`: {problem}")]
     Garbled {
         /// Query.
         query: &'static str,
-        /// What is wrong with it.
+        /// Problem of the reply.
         problem: String,
     },
-    /// Its rows cannot be carried out.
+    /// Its rows cannot be executed.
     #[error(transparent)]
     Chunk(#[from] ChunkError),
-    /// A row of which no command can be made.
+    /// A row without a valid command.
     #[error(transparent)]
     Row(#[from] RowError),
-    /// The server refused its command.
+    /// The server rejected its command.
     #[error("the server refused the policy's command: {0}")]
     Refused(String),
-    /// It was made for something else.
+    /// The policy is incompatible with the robot or the server.
     #[error("the policy does not fit: {0}")]
     Unfit(String),
 }
@@ -73,7 +73,7 @@ impl PolicyError {
             Self::Start(_) => "start",
             Self::Gone(_) => "ended",
             Self::Silent { .. } => "silent",
-            Self::Said(_) => "said",
+            Self::Rejected(_) => "said",
             Self::Garbled { .. } => "garbled",
             Self::Chunk(_) => "chunk",
             Self::Row(_) => "row",
@@ -86,7 +86,7 @@ impl PolicyError {
 /// Kind of the rows of a spec, and control ticks of one.
 ///
 /// # Errors
-/// [`PolicyError::Unfit`] where nobody could carry them out.
+/// [`PolicyError::Unfit`] when they cannot be executed.
 pub fn checked(spec: &v1::PolicySpec) -> Result<(ActionKind, u32), PolicyError> {
     let unfit = |words: String| Err(PolicyError::Unfit(words));
     let kind = match spec.action() {
@@ -97,19 +97,19 @@ pub fn checked(spec: &v1::PolicySpec) -> Result<(ActionKind, u32), PolicyError> 
     let ticks = control / spec.rate_hz;
     if !(1.0..=control).contains(&ticks) || ticks.fract() != 0.0 {
         return unfit(format!(
-            "its rate is {} Hz; allowed is what divides {control}, from 1 to {control}",
+            "its rate is {} Hz; it must divide {control}, from 1 to {control}",
             spec.rate_hz
         ));
     }
     let (chunk, execute) = (spec.chunk, spec.execute);
     if !(1..=MOST_ROWS).contains(&chunk) || !(1..=chunk).contains(&execute) {
         return unfit(format!(
-            "it answers {chunk} rows and carries {execute} of them out; allowed is 1 to {MOST_ROWS} rows, of which one at least is carried out"
+            "its chunks have {chunk} rows, of which {execute} are executed; allowed are 1 to {MOST_ROWS} rows, of which at least one is executed"
         ));
     }
     if spec.history > MOST_MOMENTS || spec.max_batch > MOST_OBSERVATIONS {
         return unfit(format!(
-            "it wants {} moments and {} observations at a time; allowed is {MOST_MOMENTS} and {MOST_OBSERVATIONS}",
+            "it needs {} moments and {} observations at a time; allowed are {MOST_MOMENTS} and {MOST_OBSERVATIONS}",
             spec.history, spec.max_batch
         ));
     }
@@ -117,7 +117,7 @@ pub fn checked(spec: &v1::PolicySpec) -> Result<(ActionKind, u32), PolicyError> 
         let sides = [camera.width, camera.height];
         if !sides.iter().all(|side| SIDES.contains(side)) {
             return unfit(format!(
-                "it wants pictures of {}x{} pixels of {:?}; allowed is {} to {} a side",
+                "it needs images of {}x{} pixels of {:?}; allowed are {} to {} per side",
                 camera.width,
                 camera.height,
                 camera.name,
@@ -129,13 +129,13 @@ pub fn checked(spec: &v1::PolicySpec) -> Result<(ActionKind, u32), PolicyError> 
     Ok((kind, ticks as u32))
 }
 
-/// Most rows of an answer.
+/// Most rows of a chunk.
 const MOST_ROWS: u32 = 1000;
 /// Most moments of an observation.
 const MOST_MOMENTS: u32 = 64;
 /// Most observations of a request.
 const MOST_OBSERVATIONS: u32 = 256;
-/// Sides that a server's pictures may have, pixels.
+/// Allowed sides of images, pixels.
 const SIDES: RangeInclusive<u32> = 16..=4096;
 
 #[cfg(test)]
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_nobody_could_carry_out_is_refused_in_words() {
+    fn invalid_description_is_rejected() {
         let good = v1::PolicySpec {
             rate_hz: 10.0,
             chunk: 20,
@@ -162,10 +162,10 @@ mod tests {
             height,
             depth: false,
         };
-        for (words, told) in [
-            ("divides 60", wrong(&|s| s.rate_hz = 7.0)),
-            ("divides 60", wrong(&|s| s.rate_hz = f64::NAN)),
-            ("divides 60", wrong(&|s| s.rate_hz = 0.0)),
+        for (words, error) in [
+            ("divide 60", wrong(&|s| s.rate_hz = 7.0)),
+            ("divide 60", wrong(&|s| s.rate_hz = f64::NAN)),
+            ("divide 60", wrong(&|s| s.rate_hz = 0.0)),
             ("1 to 1000 rows", wrong(&|s| s.execute = 21)),
             ("1 to 1000 rows", wrong(&|s| s.chunk = 0)),
             ("1 to 1000 rows", wrong(&|s| s.chunk = u32::MAX)),
@@ -176,7 +176,7 @@ mod tests {
             ),
             ("16 to 4096", wrong(&|s| s.cameras.push(camera(8, 8)))),
         ] {
-            assert!(told.contains(words), "{told}");
+            assert!(error.contains(words), "{error}");
         }
     }
 }

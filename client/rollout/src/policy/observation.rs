@@ -1,5 +1,4 @@
-//! The observations of a policy: the samples and images of one tick together, as exports
-//! hold them.
+//! The observations of a policy: samples and images of one tick, as in exported datasets.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -11,7 +10,7 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TopicId, v1};
 use wheelarm_sdk::{Camera, Client, ClientError, Frame, SensorImages};
 
-/// Streams that make up a row of state, and how the task stands.
+/// Streams of a state row, and of the state of the task.
 pub(crate) const STREAMS: [TopicId; 6] = [
     TopicId::JointState,
     TopicId::Pose,
@@ -20,11 +19,10 @@ pub(crate) const STREAMS: [TopicId; 6] = [
     TopicId::SensedOdometry,
     TopicId::Evaluation,
 ];
-/// Pictures of a camera that may wait.
+/// Images of a camera that may be queued.
 const KEPT: usize = 4;
 
-/// What a policy sees of a camera: what the sensors on it give where there are some,
-/// else the exact pictures.
+/// A camera of a policy: the images of its sensor models, otherwise the exact images.
 struct View {
     wanted: v1::PolicyCamera,
     exact: Option<Camera>,
@@ -35,11 +33,11 @@ struct View {
 /// A sensor on a camera.
 struct Sensor {
     name: String,
-    pictures: SensorImages,
+    images: SensorImages,
     newest: Option<v1::SensorFrame>,
 }
 
-/// Collects what a policy sees.
+/// Collects the observations of a policy.
 pub(crate) struct Collector {
     roles: Roles,
     views: Vec<View>,
@@ -58,14 +56,14 @@ pub(crate) struct Collector {
 }
 
 impl Collector {
-    /// Subscribes to the cameras that a policy wants.
+    /// Subscribes to the cameras of a policy.
     ///
     /// # Errors
-    /// [`ClientError::NoCamera`] and what else a subscription says.
-    pub fn open(link: &Client, spec: &v1::PolicySpec, roles: Roles) -> Result<Self, ClientError> {
+    /// [`ClientError::NoCamera`] and other errors of a subscription.
+    pub fn open(client: &Client, spec: &v1::PolicySpec, roles: Roles) -> Result<Self, ClientError> {
         let sensors = match spec.cameras.is_empty() {
             true => Vec::new(),
-            false => link.request(&v1::SensorsRequest {})?.sensors,
+            false => client.request(&v1::SensorsRequest {})?.sensors,
         };
         let view = |wanted: &v1::PolicyCamera| {
             let sensor = |is_depth: bool| {
@@ -74,7 +72,7 @@ impl Collector {
                 let open = |given: &v1::SensorProgress| {
                     Ok::<_, ClientError>(Sensor {
                         name: given.sensor.clone(),
-                        pictures: link.sensor(&given.sensor, KEPT)?,
+                        images: client.sensor(&given.sensor, KEPT)?,
                         newest: None,
                     })
                 };
@@ -83,7 +81,7 @@ impl Collector {
             let color = sensor(false)?;
             let depth = if wanted.depth { sensor(true)? } else { None };
             let is_exact = color.is_none() || wanted.depth && depth.is_none();
-            let exact = is_exact.then(|| link.camera(&wanted.name, KEPT));
+            let exact = is_exact.then(|| client.camera(&wanted.name, KEPT));
             Ok(View {
                 wanted: wanted.clone(),
                 exact: exact.transpose()?,
@@ -110,7 +108,7 @@ impl Collector {
         })
     }
 
-    /// Takes a sample; others than those of [`STREAMS`] are left alone.
+    /// Adds a sample; ignores streams outside of [`STREAMS`].
     pub fn take(&mut self, sample: Sample) {
         match sample {
             Sample::JointState(s) => self.joints = s,
@@ -123,15 +121,14 @@ impl Collector {
         }
     }
 
-    /// Sees what is there at `now`, the stamp of a picture, and remembers it.
-    /// Returns whether it is the first moment; `None` while a sensor has not given a
-    /// picture yet.
+    /// Stores the observation at `now`, the stamp of an image. Returns whether it is the
+    /// first moment; `None` while a sensor has not sent an image yet.
     ///
     /// # Errors
-    /// [`DriverError::Scene`] when a sample or a picture is not there.
-    pub fn see(
+    /// [`DriverError::Scene`] when a sample or an image is missing.
+    pub fn observe(
         &mut self,
-        link: &Client,
+        client: &Client,
         now: &v1::Header,
         patience: Duration,
     ) -> Result<Option<bool>, DriverError> {
@@ -139,24 +136,24 @@ impl Collector {
         let deadline = Instant::now() + patience;
         let has_sensors = |view: &View| view.color.is_some() || view.depth.is_some();
         let given = match self.views.iter().any(has_sensors) {
-            true => link.request(&v1::SensorsRequest {})?.sensors,
+            true => client.request(&v1::SensorsRequest {})?.sensors,
             false => Vec::new(),
         };
-        let mut pictures = Vec::with_capacity(self.views.len());
-        let mut is_blind = false;
+        let mut images = Vec::with_capacity(self.views.len());
+        let mut is_missing = false;
         for view in &mut self.views {
-            match view.see(&given, now, deadline)? {
-                Some(picture) => pictures.push(picture),
-                None => is_blind = true,
+            match view.observe(&given, now, deadline)? {
+                Some(image) => images.push(image),
+                None => is_missing = true,
             }
         }
-        if is_blind {
+        if is_missing {
             return Ok(None);
         }
         let state_values = self.state(now)?;
         let moment = v1::PolicyStep {
             state_values,
-            images: pictures,
+            images,
         };
         while self.moments.len() + 1 < self.history {
             self.moments.push_back(moment.clone());
@@ -168,7 +165,7 @@ impl Collector {
         Ok(Some(is_first))
     }
 
-    /// What is remembered, the newest last.
+    /// The stored moments, the newest last.
     pub fn moments(&self) -> Vec<v1::PolicyStep> {
         self.moments.iter().cloned().collect()
     }
@@ -217,7 +214,7 @@ impl Collector {
             false => self.odometry.pose.as_ref(),
         };
         let odometry = values(odometry).ok_or_else(|| lacks("odometry"))?;
-        let seen = Observed {
+        let observed = Observed {
             joints,
             velocities,
             knuckle: [knuckle, turning],
@@ -225,7 +222,7 @@ impl Collector {
             odometry,
             start: *self.start.get_or_insert(odometry),
         };
-        Ok(state(&seen).to_vec())
+        Ok(state(&observed).to_vec())
     }
 }
 
@@ -236,14 +233,14 @@ fn values(pose: Option<&v1::Pose>) -> Option<[f64; 7]> {
 }
 
 impl View {
-    /// The picture at a tick; `None` while a sensor has not given any.
-    fn see(
+    /// The image at a tick; `None` while a sensor has not sent any.
+    fn observe(
         &mut self,
         given: &[v1::SensorProgress],
         now: &v1::Header,
         deadline: Instant,
     ) -> Result<Option<v1::PolicyImage>, DriverError> {
-        let mut picture = match &self.exact {
+        let mut image = match &self.exact {
             Some(camera) => exact(&self.wanted, camera, now, deadline)?,
             None => v1::PolicyImage::default(),
         };
@@ -253,24 +250,24 @@ impl View {
             }
         }
         if let Some(color) = &self.color {
-            picture.color = color.plane(&self.wanted, |frame| frame.color.clone())?;
+            image.color = color.plane(&self.wanted, |frame| frame.color.clone())?;
         }
         if let Some(depth) = &self.depth {
             let millimetres = depth.plane(&self.wanted, |frame| frame.depth.clone())?;
             let all = millimetres.chunks_exact(2);
             let metres = all.map(|b| metres(u16::from_le_bytes([b[0], b[1]])));
-            picture.depth = metres.flat_map(f32::to_le_bytes).collect();
+            image.depth = metres.flat_map(f32::to_le_bytes).collect();
         }
         Ok(Some(v1::PolicyImage {
             camera: self.wanted.name.clone(),
             width: self.wanted.width,
             height: self.wanted.height,
-            ..picture
+            ..image
         }))
     }
 }
 
-/// What a depth sensor tells, m; infinite where it has no return.
+/// Depth in metres; infinite without a return.
 fn metres(millimetres: u16) -> f32 {
     match millimetres {
         0 => f32::INFINITY,
@@ -279,39 +276,39 @@ fn metres(millimetres: u16) -> f32 {
 }
 
 impl Sensor {
-    /// Waits for the newest picture that has arrived by `now`; whether there is one.
+    /// Waits for the newest image at `now`; returns whether one exists.
     fn wait(
         &mut self,
         given: &[v1::SensorProgress],
         now: &v1::Header,
         deadline: Instant,
     ) -> Result<bool, DriverError> {
-        let Some(told) = given.iter().find(|told| told.sensor == self.name) else {
+        let Some(progress) = given.iter().find(|progress| progress.sensor == self.name) else {
             let words = format!("the sensor {:?} is gone", self.name);
             return Err(DriverError::Scene(words));
         };
-        if told.images == 0 {
+        if progress.images == 0 {
             return Ok(false);
         }
         loop {
             let header = self.newest.as_ref().and_then(|frame| frame.header.as_ref());
-            if header.is_some_and(|h| h.episode == now.episode && h.sequence >= told.newest) {
+            if header.is_some_and(|h| h.episode == now.episode && h.sequence >= progress.newest) {
                 return Ok(true);
             }
             let left = deadline.saturating_duration_since(Instant::now());
-            match self.pictures.next(left)? {
+            match self.images.next(left)? {
                 Some(frame) => self.newest = Some(frame),
                 None => {
                     return Err(DriverError::Scene(format!(
-                        "picture {} of the sensor {:?} did not come",
-                        told.newest, self.name
+                        "image {} of the sensor {:?} did not arrive",
+                        progress.newest, self.name
                     )));
                 }
             }
         }
     }
 
-    /// A plane of the newest picture, which must be of the wanted size.
+    /// A plane of the newest image, which must have the requested size.
     fn plane(
         &self,
         wanted: &v1::PolicyCamera,
@@ -322,15 +319,15 @@ impl Sensor {
         match size.unwrap_or_default() {
             found if found == [wanted.width, wanted.height] => Ok(plane(&frame)),
             [width, height] => Err(DriverError::Scene(format!(
-                "the sensor {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
-                 make it for that size, or leave this sensor model out",
+                "the sensor {:?} sends images of {width}x{height}, the policy needs {}x{}: \
+                 make it for that size, or remove this sensor model",
                 self.name, wanted.width, wanted.height
             ))),
         }
     }
 }
 
-/// The exact picture of a camera at a tick.
+/// The exact image of a camera at a tick.
 fn exact(
     wanted: &v1::PolicyCamera,
     camera: &Camera,
@@ -341,7 +338,7 @@ fn exact(
         let left = deadline.saturating_duration_since(Instant::now());
         let Some(frame) = camera.next(left)? else {
             return Err(DriverError::Scene(format!(
-                "no picture of camera {:?} came for tick {}",
+                "no image of camera {:?} arrived for tick {}",
                 wanted.name, now.tick
             )));
         };
@@ -352,7 +349,7 @@ fn exact(
         let (width, height) = (frame.intrinsics.width, frame.intrinsics.height);
         if (width, height) != (wanted.width, wanted.height) {
             return Err(DriverError::Scene(format!(
-                "camera {:?} gives pictures of {width}x{height}, the policy was made for {}x{}: \
+                "camera {:?} sends images of {width}x{height}, the policy needs {}x{}: \
                  start the server with --camera {0}={}x{}",
                 wanted.name, wanted.width, wanted.height, wanted.width, wanted.height
             )));

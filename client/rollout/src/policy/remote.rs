@@ -1,4 +1,4 @@
-//! A policy behind Zenoh: its three queries.
+//! A policy on a Zenoh network: its three queries.
 
 use std::time::{Duration, Instant};
 
@@ -10,15 +10,15 @@ use zenoh::{Config, Session, Wait};
 
 use super::interface::PolicyError;
 
-/// How long a policy may think about one question, wall time.
+/// Longest wait for a reply, wall time.
 pub const PATIENCE: Duration = Duration::from_secs(30);
-/// Share of a wait after which an end without an answer is the end of the wait.
+/// Share of a wait after which an end without a reply counts as a timeout.
 const WAITED: f64 = 0.9;
-/// Between two appearances for a token.
+/// Interval between checks for the token.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A session to which a policy connects, at a socket in `folder`, and the
-/// endpoint that the policy is told.
+/// endpoint that the policy receives.
 ///
 /// # Errors
 /// [`PolicyError::Start`] when it cannot listen there.
@@ -30,7 +30,7 @@ pub fn listen(folder: &std::path::Path) -> Result<(Session, String), PolicyError
 /// A session that listens at an endpoint.
 ///
 /// # Errors
-/// [`PolicyError::Start`] when it cannot.
+/// [`PolicyError::Start`] when the endpoint cannot be used.
 pub fn listen_at(endpoint: &str) -> Result<Session, PolicyError> {
     let settings = [
         ("mode", "\"peer\"".to_owned()),
@@ -49,7 +49,7 @@ pub fn listen_at(endpoint: &str) -> Result<Session, PolicyError> {
     zenoh::open(config).wait().map_err(|e| put(&e))
 }
 
-/// A policy that answers over a session.
+/// A policy that replies over a session.
 #[derive(Clone, Debug)]
 pub struct Remote {
     session: Session,
@@ -58,10 +58,10 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Asks the policy `name`, which has `patience` for every answer.
+    /// The policy `name`, with the timeout `patience` for every reply.
     ///
     /// # Errors
-    /// [`PolicyError::Start`] when it cannot have that name.
+    /// [`PolicyError::Start`] when the name is not valid in a key expression.
     pub fn new(session: Session, name: &str, patience: Duration) -> Result<Self, PolicyError> {
         let keys = PolicyKeys::new(name).map_err(|e| PolicyError::Start(e.to_string()))?;
         Ok(Self {
@@ -71,10 +71,10 @@ impl Remote {
         })
     }
 
-    /// Waits until it is there, unless `called_off` has something against it.
+    /// Waits until the policy exists, or `called_off` returns an error.
     ///
     /// # Errors
-    /// What `called_off` says; [`PolicyError::Start`] when it is not there within
+    /// The error of `called_off`; [`PolicyError::Start`] when the policy does not exist within
     /// `patience`.
     pub fn wait(
         &self,
@@ -110,7 +110,7 @@ impl Remote {
         Ok(replies.into_iter().any(|reply| reply.result().is_ok()))
     }
 
-    /// What it is.
+    /// Requests the description of the policy.
     ///
     /// # Errors
     /// [`PolicyError`].
@@ -119,7 +119,7 @@ impl Remote {
         self.request(self.keys.describe(), names, &v1::PolicyDescribeRequest {})
     }
 
-    /// An episode begins.
+    /// Begins an episode.
     ///
     /// # Errors
     /// [`PolicyError`].
@@ -129,11 +129,10 @@ impl Remote {
         Ok(())
     }
 
-    /// Answers to observations, one for each in their order.
+    /// Chunks for observations, one for each in their order.
     ///
     /// # Errors
-    /// [`PolicyError`] when they are not; a chunk may still tell a problem of its
-    /// own.
+    /// [`PolicyError`] when they do not match; a chunk may still contain a problem.
     pub fn infer(&self, request: &v1::InferRequest) -> Result<Vec<v1::PolicyChunk>, PolicyError> {
         let names = ("infer", "wheelarm.v1.InferRequest");
         let reply: v1::InferReply = self.request(self.keys.infer(), names, request)?;
@@ -141,14 +140,14 @@ impl Remote {
             query: "infer",
             problem,
         };
-        let (asked, answered) = (request.observations.len(), reply.chunks.len());
-        if asked != answered {
-            return Err(wrong(format!("{answered} chunks to {asked} observations")));
+        let (sent, received) = (request.observations.len(), reply.chunks.len());
+        if sent != received {
+            return Err(wrong(format!("{received} chunks for {sent} observations")));
         }
-        for (asked, answered) in request.observations.iter().zip(&reply.chunks) {
+        for (request_item, chunk) in request.observations.iter().zip(&reply.chunks) {
             let [a, b] = [
-                (&asked.episode_key, asked.tick),
-                (&answered.episode_key, answered.tick),
+                (&request_item.episode_key, request_item.tick),
+                (&chunk.episode_key, chunk.tick),
             ];
             if a != b {
                 return Err(wrong(format!(
@@ -181,7 +180,7 @@ impl Remote {
         let seconds = self.patience.as_secs_f64();
         let none = || match begun.elapsed() > self.patience.mul_f64(WAITED) {
             true => PolicyError::Silent { query, seconds },
-            false => PolicyError::Gone(format!("nobody answers `{query}` any more")),
+            false => PolicyError::Gone(format!("no policy replies to `{query}` any more")),
         };
         let reply = replies.recv().map_err(|_| none())?;
         let garbled = |problem: String| PolicyError::Garbled { query, problem };
@@ -194,7 +193,7 @@ impl Remote {
             }
             Err(error) => match v1::Failure::decode(&*error.payload().to_bytes()) {
                 Ok(failure) if !failure.message.is_empty() => {
-                    Err(PolicyError::Said(failure.message))
+                    Err(PolicyError::Rejected(failure.message))
                 }
                 // The transport itself reports a timeout as an error reply.
                 _ => Err(none()),

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use wheelarm_expert::operator::Outcome;
 use wheelarm_expert::run::{DriverError, OwnEpisode, Report};
-use wheelarm_policy::{Pilot, PilotOptions, Player};
+use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
 use wheelarm_proto::robot::Roles;
 use wheelarm_proto::{TICKS_PER_CONTROL, v1};
 use wheelarm_sdk::{Client, Turn, Turns};
@@ -14,34 +14,34 @@ use super::interface::{Policy, PolicyError, checked};
 use super::observation::{Collector, STREAMS};
 use crate::finished::Finished;
 
-/// Silence after which the server is asked what it waits for.
+/// Silence after which the status of the server is requested.
 const SILENCE: Duration = Duration::from_secs(1);
-/// Times of silence after which the episode is given up.
+/// Periods of silence after which the episode is aborted.
 const GIVE_UP: u32 = 60;
-/// For a picture to be drawn and to come.
-const PICTURE: Duration = Duration::from_secs(60);
+/// Longest wait for an image.
+const IMAGE_PATIENCE: Duration = Duration::from_secs(60);
 
-/// How an episode is run.
+/// Settings of an episode.
 #[derive(Clone, Debug)]
 pub struct PolicyOptions {
     /// Label of the episode.
     pub label: String,
     /// Instruction sentence; the scenario's when empty.
     pub instruction: String,
-    /// Recorders that must be ready before time goes on.
+    /// Recorders that must be ready before time runs.
     pub require_recorders: u32,
-    /// Name under which the policy commands.
+    /// Commander name of the policy.
     pub commander: String,
-    /// Rows carried out of an answer; the policy's own number without it.
+    /// Executed rows of a chunk; the policy's own number when absent.
     pub execute: Option<u32>,
-    /// Rows between a question and the use of its answer.
+    /// Rows between a request and the use of its chunk.
     pub latency: u32,
-    /// Temporal ensemble: see [`PilotOptions::ensemble`].
+    /// Temporal ensemble: see [`ExecutorOptions::ensemble`].
     pub ensemble: Option<f64>,
-    /// The policy gives control up after so many simulated seconds, its episode goes
-    /// on: somebody else does the rest.
+    /// Simulated seconds after which the policy releases control; another driver continues
+    /// the episode.
     pub until_seconds: Option<f64>,
-    /// What the commands say of their device.
+    /// Device label of the commands.
     pub device: v1::Device,
 }
 
@@ -61,21 +61,21 @@ impl Default for PolicyOptions {
     }
 }
 
-/// Runs the task in force, which must wait for an episode in lock-step. `told`
-/// receives the simulated seconds at every row.
+/// Runs the task in force, which must wait for an episode in lock-step.
+/// `progress` receives the simulated seconds at every row.
 ///
 /// # Errors
 /// [`DriverError`] when server or scenario are at fault; an error of the policy ends the
 /// episode and is part of [`Finished`].
 pub fn run(
-    link: &Client,
+    client: &Client,
     policy: &dyn Policy,
     options: &PolicyOptions,
-    told: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<Finished, DriverError> {
     let spec = policy.spec();
-    let scene = link.request(&v1::SceneRequest {})?;
-    let status = link.request(&v1::StatusRequest {})?;
+    let scene = client.request(&v1::SceneRequest {})?;
+    let status = client.request(&v1::StatusRequest {})?;
     let scenario = status.scenario.unwrap_or_default();
     let cap = force_cap(&scene);
     let robot = scene.robot.unwrap_or_default();
@@ -87,9 +87,9 @@ pub fn run(
     let mut player = Player::new(kind, &robot, spec.rate_hz);
     player.device = options.device;
     player.max_force = cap;
-    let turns = link.turns(&options.commander, false, &STREAMS)?;
-    let collector = Collector::open(link, spec, Roles::find(&robot)?)?;
-    let started = link.request(&v1::EpisodeStartRequest {
+    let turns = client.turns(&options.commander, false, &STREAMS)?;
+    let collector = Collector::open(client, spec, Roles::find(&robot)?)?;
+    let started = client.request(&v1::EpisodeStartRequest {
         label: options.label.clone(),
         instruction: (!options.instruction.is_empty()).then(|| options.instruction.clone()),
         require_recorders: options.require_recorders,
@@ -102,14 +102,14 @@ pub fn run(
     };
     let first = started.header.clone().unwrap_or_default();
     let mut work = Work {
-        link,
-        own: OwnEpisode::new(link, &started, true),
+        client,
+        own: OwnEpisode::new(client, &started, true),
         policy,
         turns,
         collector,
-        pilot: Pilot::new(
+        executor: ChunkExecutor::new(
             player,
-            PilotOptions {
+            ExecutorOptions {
                 execute: options.execute.unwrap_or(spec.execute) as usize,
                 latency: options.latency as usize,
                 ensemble: options.ensemble,
@@ -129,7 +129,7 @@ pub fn run(
         rows: 0,
         answer_seconds: Vec::new(),
     };
-    let over = work.execute(told)?;
+    let over = work.execute(progress)?;
     work.finish(over)
 }
 
@@ -164,7 +164,7 @@ fn fitting(
     Ok((kind, ticks))
 }
 
-/// Cap of the pads' force where the task's object is soft, N.
+/// Limit of the pads' force for a deformable object, N.
 fn force_cap(scene: &v1::SceneReply) -> Option<f64> {
     let own = scene
         .grasps
@@ -173,24 +173,24 @@ fn force_cap(scene: &v1::SceneReply) -> Option<f64> {
     own.filter_map(|grasp| grasp.force).reduce(f64::min)
 }
 
-/// How the loop ended.
+/// End of the loop.
 enum Over {
     /// The task is over, or the policy broke: the episode is to be ended.
     Done,
-    /// Somebody else goes on.
+    /// Another driver continues.
     Given,
     /// It was ended by the server.
     Stopped,
 }
 
 struct Work<'a> {
-    link: &'a Client,
+    client: &'a Client,
     /// Ended before control is given back with the turns.
     own: OwnEpisode<'a>,
     policy: &'a dyn Policy,
     turns: Turns,
     collector: Collector,
-    pilot: Pilot,
+    executor: ChunkExecutor,
     over_ticks: u32,
     key: String,
     seed: u64,
@@ -201,7 +201,7 @@ struct Work<'a> {
     stopped: Option<v1::EpisodeStopped>,
     /// The error of the policy, which ends the episode.
     error: Option<PolicyError>,
-    /// How the state of the simulation diverged.
+    /// Description of a divergence of the simulation.
     broken: Option<String>,
     /// Rows that were executed.
     rows: u64,
@@ -210,7 +210,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    fn execute(&mut self, told: &mut dyn FnMut(f64)) -> Result<Over, DriverError> {
+    fn execute(&mut self, progress: &mut dyn FnMut(f64)) -> Result<Over, DriverError> {
         let mut silent = 0;
         let reset = v1::PolicyResetRequest {
             episode_key: self.key.clone(),
@@ -232,7 +232,7 @@ impl Work<'_> {
                     silent = 0;
                     let since = header.stamp_nanos.saturating_sub(self.first.stamp_nanos);
                     let since = since as f64 * 1e-9;
-                    told(since);
+                    progress(since);
                     if self.collector.evaluation.done {
                         return Ok(Over::Done);
                     }
@@ -275,13 +275,13 @@ impl Work<'_> {
         }
     }
 
-    /// Answers one turn; whether the policy could.
+    /// Replies to one turn. Returns whether the policy succeeded.
     fn answer(&mut self, now: &v1::Header) -> Result<bool, DriverError> {
-        let picture = u64::from(self.over_ticks) * TICKS_PER_CONTROL;
-        let beyond = now.tick % picture;
+        let image_ticks = u64::from(self.over_ticks) * TICKS_PER_CONTROL;
+        let beyond = now.tick % image_ticks;
         if beyond != 0 {
-            // Until the first picture.
-            let rest = (picture - beyond) / TICKS_PER_CONTROL;
+            // Until the first image.
+            let rest = (image_ticks - beyond) / TICKS_PER_CONTROL;
             self.turns.answer(v1::Command {
                 over_ticks: rest as u32,
                 ..Default::default()
@@ -293,8 +293,8 @@ impl Work<'_> {
             over_ticks,
             ..Default::default()
         };
-        let Some(is_first) = self.collector.see(self.link, now, PICTURE)? else {
-            // A sensor has not given its first picture.
+        let Some(is_first) = self.collector.observe(self.client, now, IMAGE_PATIENCE)? else {
+            // A sensor has not sent its first image.
             self.turns.answer(hold())?;
             return Ok(true);
         };
@@ -310,13 +310,13 @@ impl Work<'_> {
         Ok(true)
     }
 
-    /// The policy's command until the next picture.
+    /// The policy's command until the next image.
     fn request(
         &mut self,
         now: &v1::Header,
         first: bool,
     ) -> Result<Option<v1::Command>, PolicyError> {
-        if self.pilot.asks() {
+        if self.executor.needs_chunk() {
             let begun = Instant::now();
             let chunk = self.policy.infer(v1::PolicyObservation {
                 episode_key: self.key.clone(),
@@ -327,9 +327,9 @@ impl Work<'_> {
                 steps: self.collector.moments(),
             })?;
             self.answer_seconds.push(begun.elapsed().as_secs_f64());
-            self.pilot.take(chunk.rows as usize, &chunk.values)?;
+            self.executor.add(chunk.rows as usize, &chunk.values)?;
         }
-        Ok(self.pilot.command()?)
+        Ok(self.executor.command()?)
     }
 
     /// Ends the episode, unless another driver continues it or it has ended.

@@ -1,5 +1,5 @@
-//! A policy as a process: it connects to whoever asks it, holds its liveliness
-//! token and answers the queries `describe`, `reset` and `infer`, one at a time.
+//! A policy as a process: connects to its user, holds a liveliness token and replies to the
+//! queries `describe`, `reset` and `infer`, one at a time.
 
 use anyhow::Context;
 use wheelarm_proto::keys::PolicyKeys;
@@ -8,26 +8,26 @@ use wheelarm_sdk::{Connect, Silence, open_session};
 use zenoh::Wait;
 use zenoh::query::Query;
 
-/// Questions that may wait.
+/// Capacity of the queue of queries.
 const WAITING: usize = 64;
 
-/// What a process answers as a policy.
+/// Replies of a policy process.
 pub trait Answers {
-    /// What it wants and answers.
+    /// Description of its observations and actions.
     fn spec(&self) -> v1::PolicySpec;
 
-    /// An episode begins.
+    /// Begins an episode.
     fn reset(&mut self, request: &v1::PolicyResetRequest);
 
-    /// A chunk for every observation, in their order; one that does not fit is
-    /// answered by a problem in words.
+    /// One chunk per observation, in their order; an invalid observation gets a chunk with a
+    /// problem.
     fn infer(&mut self, request: &v1::InferRequest) -> v1::InferReply;
 }
 
-/// Answers until the process is ended. `ready` is called when questions are taken.
+/// Replies until the process is ended. `ready` is called when queries are accepted.
 ///
 /// # Errors
-/// When the name cannot stand in a key, or the transport fails.
+/// When the name is not valid in a key expression, or the transport fails.
 pub fn serve(
     policy: &mut dyn Answers,
     name: &str,
@@ -38,13 +38,13 @@ pub fn serve(
     let session = open_session(connect, Silence::Still)?;
     let failed = |problem: zenoh::Error| anyhow::anyhow!("the transport: {problem}");
     let (sender, queries_received) = std::sync::mpsc::sync_channel::<Query>(WAITING);
-    // One queue: an answer never stands behind a question that came later.
+    // One queue keeps the replies in the order of the queries.
     let all = [keys.describe(), keys.reset(), keys.infer()];
     let mut open = Vec::new();
     for key in all {
         let sender = sender.clone();
         let queries = session.declare_queryable(key).callback(move |query| {
-            // Whoever asks more than waits here is not answered.
+            // Queries beyond the capacity get no reply.
             let _ = sender.try_send(query);
         });
         open.push(queries.wait().map_err(failed)?);
@@ -60,7 +60,7 @@ pub fn serve(
                 let encoding = schema::encoding(message);
                 let reply = query.reply(key, bytes).encoding(encoding).wait();
                 if let Err(problem) = reply {
-                    tracing::warn!("an answer does not arrive: {problem}");
+                    tracing::warn!("cannot send a reply: {problem}");
                 }
             }
             Err(problem) => {

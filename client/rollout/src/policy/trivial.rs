@@ -1,11 +1,11 @@
-//! Policies that know nothing: what every other one must beat.
+//! Trivial policies, as baselines.
 
 use wheelarm_policy::{ActionKind, STATE};
 use wheelarm_proto::v1;
 
 use super::interface::{Policy, PolicyError};
 
-/// Where things stand in a row of state: hand pose, odometry, knuckle.
+/// Columns of a state row: knuckle, hand pose, odometry.
 const KNUCKLE: usize = 12;
 const HAND: std::ops::Range<usize> = 14..23;
 const ODOMETRY: std::ops::Range<usize> = 23..27;
@@ -22,7 +22,7 @@ fn spec(name: &str, history: u32, rate_hz: f64) -> v1::PolicySpec {
     }
 }
 
-/// The hand stays, the chair stands.
+/// Keeps the hand and the chair at rest.
 #[derive(Debug)]
 pub struct Hold(v1::PolicySpec);
 
@@ -32,8 +32,8 @@ impl Default for Hold {
     }
 }
 
-/// Goes on as in the row before: hand, knuckle and chair keep their velocities
-/// (the rotation of the hand stays).
+/// Repeats the previous motion: hand, knuckle and chair keep their velocities, the hand
+/// keeps its rotation.
 #[derive(Debug)]
 pub struct Repeat(v1::PolicySpec);
 
@@ -93,9 +93,9 @@ impl Policy for Repeat {
 fn newest(observation: &v1::PolicyObservation, ago: usize) -> Result<&[f64], PolicyError> {
     let moment = observation.steps.iter().rev().nth(ago);
     let state = moment.map(|moment| moment.state_values.as_slice());
-    state
-        .filter(|state| state.len() == STATE)
-        .ok_or_else(|| PolicyError::Said(format!("the observation has no {STATE} values of state")))
+    state.filter(|state| state.len() == STATE).ok_or_else(|| {
+        PolicyError::Rejected(format!("the observation has no {STATE} values of state"))
+    })
 }
 
 fn chunk(observation: &v1::PolicyObservation, row: &[f64]) -> v1::PolicyChunk {

@@ -69,7 +69,7 @@ fn attempt(
         // Absent, they would be those of the default scenario.
         scenario.cameras.clear();
     }
-    let draws = !scenario.cameras.is_empty();
+    let has_cameras = !scenario.cameras.is_empty();
     let sim = match Simulation::new(&room.assets, scenario) {
         Ok(sim) => sim,
         Err(problem) if problem.is_of_one_draw() => {
@@ -81,11 +81,11 @@ fn attempt(
     let name = format!("worker-{}-{}", std::process::id(), request.number);
     let record = request.record.as_ref();
     let depth = record.map(|record| record.depth).unwrap_or_default();
-    let mut serving = Serving::start(room, sim, &name, draws, depth, stop)?;
-    let recorder = record.map(|record| Recorder::start(room, serving.link(), record, stop));
+    let mut serving = Serving::start(room, sim, &name, has_cameras, depth, stop)?;
+    let recorder = record.map(|record| Recorder::start(room, serving.client(), record, stop));
     let recorder = recorder.transpose()?;
-    let status = report_status(serving.link(), output)?;
-    let expert = begin(serving.link(), request)?;
+    let status = report_status(serving.client(), output)?;
+    let expert = begin(serving.client(), request)?;
     let mut broken = None;
     let outcome = loop {
         match expert.recv_timeout(limits::LOOK) {
@@ -133,13 +133,13 @@ fn attempt(
 }
 
 /// Reports the simulation's status until the returned sender is dropped.
-fn report_status(link: &Client, output: &EpisodeOutput) -> std::io::Result<SyncSender<()>> {
+fn report_status(client: &Client, output: &EpisodeOutput) -> std::io::Result<SyncSender<()>> {
     let (end, ended) = mpsc::sync_channel::<()>(1);
-    let (link, output) = (link.clone(), output.clone());
+    let (client, output) = (client.clone(), output.clone());
     let thread = std::thread::Builder::new().name("status".to_owned());
     thread.spawn(move || {
         while ended.recv_timeout(STATUS) == Err(RecvTimeoutError::Timeout) {
-            if let Ok(status) = link.request_within(&v1::StatusRequest {}, ANSWER) {
+            if let Ok(status) = client.request_within(&v1::StatusRequest {}, ANSWER) {
                 output.write(Event::Status(Box::new(status)));
             }
         }
@@ -150,15 +150,15 @@ fn report_status(link: &Client, output: &EpisodeOutput) -> std::io::Result<SyncS
 /// The outcome of the expert's thread.
 type Outcome = Result<anyhow::Result<Finished>, Panicked>;
 
-/// Starts the expert on a thread of its own.
-fn begin(link: &Client, request: &EpisodeRequest) -> anyhow::Result<Receiver<Outcome>> {
-    let (link, request) = (link.clone(), request.clone());
+/// Starts the expert on a separate thread.
+fn begin(client: &Client, request: &EpisodeRequest) -> anyhow::Result<Receiver<Outcome>> {
+    let (client, request) = (client.clone(), request.clone());
     let (done, outcome) = mpsc::sync_channel(1);
     let thread = std::thread::Builder::new().name("operator".to_owned());
     thread.spawn(move || {
         let work = AssertUnwindSafe(|| {
             request.driver().run(&Session {
-                link: &link,
+                client: &client,
                 label: &request.label,
                 recorders: u32::from(request.record.is_some()),
                 log: request.log.as_deref(),
@@ -173,13 +173,13 @@ fn begin(link: &Client, request: &EpisodeRequest) -> anyhow::Result<Receiver<Out
     Ok(outcome)
 }
 
-/// The recorder of an episode, on a thread of its own.
+/// The recorder of an episode, on a separate thread.
 struct Recorder {
     thread: JoinHandle<anyhow::Result<ExitSummary>>,
 }
 
 impl Recorder {
-    fn start(room: &Room, link: &Client, record: &Record, stop: &Stop) -> anyhow::Result<Self> {
+    fn start(room: &Room, client: &Client, record: &Record, stop: &Stop) -> anyhow::Result<Self> {
         let options = RecordOptions {
             out: record.out.clone(),
             scratch: record.scratch.clone(),
@@ -188,11 +188,11 @@ impl Recorder {
             end_with_stdin: false,
             episodes: Some(1),
         };
-        let (link, stop, runtime) = (link.clone(), stop.clone(), room.runtime.clone());
+        let (client, stop, runtime) = (client.clone(), stop.clone(), room.runtime.clone());
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread
             .spawn(move || {
-                let recording = wheelarm_recorder::run(&link, options, stop.requested(), |_| {});
+                let recording = wheelarm_recorder::run(&client, options, stop.requested(), |_| {});
                 runtime.block_on(recording)
             })
             .context("starting the thread of the recorder")?;

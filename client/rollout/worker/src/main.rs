@@ -3,8 +3,8 @@
 //! `wheelarm-rollout` starts it and sends it requests (`wheelarm_rollout::protocol`), one
 //! for each episode. All episodes share one session that reaches no other process, so an
 //! image goes from the renderer into the log without a copy; the graphics device stays from
-//! one episode to the next. Each episode has a service and a recorder of its own, as fresh
-//! as in a process of its own. This is the only package that names both server and clients.
+//! one episode to the next. Each episode has a new service and recorder, as in a
+//! separate process. This is the only package that names both server and clients.
 
 mod episode;
 mod room;
@@ -42,7 +42,7 @@ struct Args {
     /// (`wheelarm-server --list-adapters`) [default: the strongest].
     #[arg(long, value_name = "INDEX|PCI-ID|NAME")]
     adapter: Option<String>,
-    /// For what it works: for people who list processes.
+    /// Folder of results, for users who list processes.
     #[arg(long = "for", value_name = "DIR")]
     _folder: Option<PathBuf>,
     /// Prints the man page and ends, for packages.
@@ -72,7 +72,7 @@ fn assets(named: Option<PathBuf>) -> anyhow::Result<PathBuf> {
     if let Some(named) = named {
         if !named.join("scenes").is_dir() {
             bail!(
-                "{} holds no folder `scenes`; name the assets folder of WheelArm",
+                "{} has no folder `scenes`; name the assets folder of WheelArm",
                 named.display()
             );
         }
@@ -83,7 +83,7 @@ fn assets(named: Option<PathBuf>) -> anyhow::Result<PathBuf> {
 }
 
 /// Runs requests until the standard input ends: then the sender is gone, and would make
-/// the episodes under way again.
+/// the running episodes again.
 fn work(args: Args) -> anyhow::Result<()> {
     wheelarm_proto::log::start("warn,zenoh=error", false, std::io::stderr);
     let assets = assets(args.assets)?;

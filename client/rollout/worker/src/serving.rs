@@ -1,4 +1,4 @@
-//! The service of one episode, on a thread of its own, over the session of this
+//! The service of one episode, on a separate thread, over the session of this
 //! process.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -20,7 +20,7 @@ use super::room::{Room, Stop};
 
 /// A running service; it ends when dropped.
 pub struct Serving {
-    link: Client,
+    client: Client,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<Result<(), String>>>,
 }
@@ -29,19 +29,19 @@ impl Serving {
     /// Starts to serve and waits until it does, unless it is stopped before.
     ///
     /// # Errors
-    /// The service's, for example that there is no graphics driver.
+    /// Those of the service, for example a missing graphics driver.
     pub fn start(
         room: &Room,
         sim: Simulation,
         name: &str,
-        draws: bool,
+        has_cameras: bool,
         depth: Depth,
         stop: &Stop,
     ) -> anyhow::Result<Self> {
         let options = Options {
             keys: Keys::new(name)?,
             graphics: room.graphics.clone(),
-            no_cameras: !draws,
+            no_cameras: !has_cameras,
             depth,
             access: v1::Access::Local,
         };
@@ -84,26 +84,26 @@ impl Serving {
             }
         }
         Ok(Self {
-            link: Client::within(room.session.clone(), name)?,
+            client: Client::within(room.session.clone(), name)?,
             end: Some(end),
             thread: Some(thread),
         })
     }
 
-    /// A link to it.
+    /// A client of the service.
     #[must_use]
-    pub fn link(&self) -> &Client {
-        &self.link
+    pub fn client(&self) -> &Client {
+        &self.client
     }
 
-    /// Why it ended by itself, if it has.
+    /// Reason of an unrequested end, if it has ended.
     pub fn ended(&mut self) -> Option<String> {
         if !self.thread.as_ref()?.is_finished() {
             return None;
         }
         Some(match self.thread.take()?.join() {
             Ok(Err(why)) => format!("the simulation ended: {why}"),
-            Ok(Ok(())) => "the simulation was asked to end".to_owned(),
+            Ok(Ok(())) => "the simulation received a request to end".to_owned(),
             Err(cause) => format!("the simulation ended: {}", Panicked::because_of(&*cause)),
         })
     }

@@ -127,7 +127,7 @@ fn a_terminal_that_dies_stops_the_chair_and_gives_control_back() {
     let since = Instant::now();
     loop {
         let status = client(&server, &["status"]);
-        if status.contains("yes chair_stopped") && status.contains("control     nobody") {
+        if status.contains("yes chair_stopped") && status.contains("control     none") {
             break;
         }
         assert!(since.elapsed() < Duration::from_secs(10), "{status}");

@@ -1,4 +1,4 @@
-//! Checks of a plan's file; each names the line and the cure.
+//! Checks of a plan's file; each error names the line and the fix.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -69,23 +69,23 @@ impl Check<'_> {
         }
     }
 
-    /// What training must not see.
+    /// Rejects held-out sentences in a plan for training.
     pub(super) fn apart(
         &self,
         purpose: Purpose,
         language: Option<&Language>,
     ) -> Result<(), PlanError> {
-        let held_out = language.is_some_and(|said| said.split != LanguageSplit::Train);
+        let held_out = language.is_some_and(|language| language.split != LanguageSplit::Train);
         if purpose == Purpose::Train && held_out {
             return Err(self.whole(
-                "[variation.language] of a plan for training says sentences that are held out for tests; \
+                "[variation.language] of a plan for training uses sentences that are held out for tests; \
                  write split = \"train\"",
             ));
         }
         Ok(())
     }
 
-    /// Sensors see through cameras that are recorded.
+    /// Rejects a sensor whose camera is not recorded.
     pub(super) fn sensors(
         &self,
         sensors: &[v1::SensorSetting],
@@ -97,7 +97,7 @@ impl Check<'_> {
         };
         let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
         Err(self.whole(&format!(
-            "the sensor {:?} sees through the camera {:?}, which the plan does not record; \
+            "the sensor {:?} uses the camera {:?}, which the plan does not record; \
              its cameras are {}",
             blind.text(),
             blind.camera,
@@ -111,21 +111,20 @@ impl Check<'_> {
         let divides = value > 0.0 && steps >= 1.0 && (steps - steps.round()).abs() < 1e-9;
         self.that(divides, rate, || {
             format!(
-                "{key} is {value} Hz, which does not divide {base}; take for example {}",
+                "{key} is {value} Hz, which does not divide {base}; use for example {}",
                 base / 6.0
             )
         })
     }
 
-    /// What the seeds of all tasks are for, which is what the plan says if it
-    /// says it.
+    /// Purpose of the seeds of all tasks, which must equal the plan's if it names one.
     pub(super) fn purpose(
         &self,
         tasks: &[Task],
-        asked: Option<Purpose>,
+        stated: Option<Purpose>,
         attempts: u32,
     ) -> Result<Purpose, PlanError> {
-        let mut asked = asked;
+        let mut stated = stated;
         // Seeds of the last attempts are numbers too: one that wraps around would
         // be another purpose's.
         let most = u64::MAX - ATTEMPT_STRIDE * (1 + u64::from(attempts));
@@ -143,7 +142,7 @@ impl Check<'_> {
             }
             let seeds = task.first_seed..task.first_seed + u64::from(task.episodes);
             let found = Purpose::of_range(seeds.clone()).map_err(|mixed| at(mixed.to_string()))?;
-            let wanted = *asked.get_or_insert(found);
+            let wanted = *stated.get_or_insert(found);
             if found != wanted {
                 return Err(at(format!(
                     "seeds {}..{} are for {}, the plan is for {}, whose seeds are {}",
@@ -155,7 +154,7 @@ impl Check<'_> {
                 )));
             }
         }
-        Ok(asked.unwrap_or_default())
+        Ok(stated.unwrap_or_default())
     }
 
     pub(super) fn tasks(
@@ -174,17 +173,13 @@ impl Check<'_> {
             self.name(&task.name)?;
             let name = task.name.get_ref().clone();
             self.that(names.insert(name.clone()), &task.name, || {
-                format!("task {name:?} stands here twice; add up its episodes in one entry")
+                format!("task {name:?} is listed twice; add up its episodes in one entry")
             })?;
             let episodes = *task.episodes.get_ref();
             self.that(
                 (1..=ATTEMPT_STRIDE).contains(&u64::from(episodes)),
                 &task.episodes,
-                || {
-                    format!(
-                        "episodes is {episodes}; take 1 to {ATTEMPT_STRIDE}, or leave the task out"
-                    )
-                },
+                || format!("episodes is {episodes}; use 1 to {ATTEMPT_STRIDE}, or remove the task"),
             )?;
             let positive = |key: &str, value: Option<&Spanned<f64>>| match value {
                 Some(value) => {

@@ -1,8 +1,7 @@
 //! A campaign's plan: TOML, checked in full before anything starts.
 //!
-//! Every error names the file, the line and the cure. What a task is, which
-//! ranges it draws from and how it is done are not said here: that lies in
-//! the assets and in the operator.
+//! Every error names the file, the line and the fix. The assets define the tasks and their
+//! sampling ranges; the operator defines how a task is done.
 
 mod check;
 mod form;
@@ -29,17 +28,17 @@ pub struct Plan {
     pub text: String,
     /// Name of the dataset.
     pub name: String,
-    /// Folder for the dataset, unless told otherwise on the command line.
+    /// Folder for the dataset; the command line overrides it.
     pub out: Option<PathBuf>,
     /// Attempts at one episode, each with a fresh seed, before it is dropped.
     pub attempts: u32,
-    /// How depth is stored.
+    /// Storage of depth.
     pub depth: Depth,
     /// Licence of the dataset, as the Hugging Face hub names licences.
     pub license: String,
     /// Keeps the recordings of attempts that failed at the task.
     pub keep_failed: bool,
-    /// What its episodes are for.
+    /// Purpose of its episodes.
     pub purpose: Purpose,
     /// Scenarios of its episodes. The shared fields have no defaults left to the server.
     pub variation: Variation,
@@ -57,7 +56,7 @@ impl Plan {
     /// Reads and checks a plan.
     ///
     /// # Errors
-    /// [`PlanError`] with file, line and cure.
+    /// [`PlanError`] with file, line and fix.
     pub fn read(path: &Path) -> Result<Self, PlanError> {
         let path = &file_or_asset(path);
         let text = crate::text_file::read(path).map_err(|source| PlanError {
@@ -70,7 +69,7 @@ impl Plan {
         Self::parse(path, text)
     }
 
-    /// Checks the text of a plan; `path` stands in errors.
+    /// Checks the text of a plan; errors name `path`.
     ///
     /// # Errors
     /// As [`Plan::read`].
@@ -80,7 +79,7 @@ impl Plan {
             check.at((e.span().unwrap_or(0..0), e.message().trim().to_owned()))
         };
         let (table, warnings) = translated(&text).map_err(|what| check.whole(&what))?;
-        // The text itself while its keys are those of today, for the lines of errors.
+        // Without former keys the text itself is parsed, so that errors have its lines.
         let file: PlanFile = match warnings.is_empty() {
             true => toml::from_str(&text).map_err(at)?,
             false => toml::from_str(&table).map_err(|e| check.whole(e.message()))?,
@@ -145,7 +144,7 @@ impl Plan {
         self.scenario().cameras.iter().map(pixels_per_second).sum()
     }
 
-    /// Pixels per simulated second of those cameras through which sensor models see.
+    /// Pixels per simulated second of cameras with a sensor model.
     #[must_use]
     pub fn sensed_pixels_per_second(&self) -> f64 {
         let scenario = self.scenario();
@@ -198,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_plan_takes_the_defaults() {
+    fn short_plan_has_the_defaults() {
         let plan = parse(GOOD).unwrap();
         assert_eq!(plan.scenario().cameras[0].text(), "gen3=64x48@10");
         assert_eq!((plan.attempts, plan.depth.name()), (5, "f32"));
@@ -206,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_has_one_purpose() {
+    fn plan_has_one_purpose() {
         let of = |text: &str| parse(&GOOD.replace("name = \"x\"", text));
         let develop = of("name = \"x\"").unwrap();
         assert_eq!(develop.purpose, Purpose::Develop);
@@ -246,8 +245,8 @@ mod tests {
     }
 
     #[test]
-    fn training_sees_no_test_sentences_and_no_sensor_is_blind() {
-        let told = |more: &str| {
+    fn training_plan_rejects_held_out_sentences_and_unrecorded_sensor_cameras() {
+        let check = |more: &str| {
             let text = GOOD.replace(
                 "[[scenario.cameras]]",
                 &format!("{more}\n[[scenario.cameras]]"),
@@ -257,23 +256,24 @@ mod tests {
         let train = "purpose = \"train\"\nfirst_seed = 10000\n";
         for split in ["held_out", "any"] {
             let held_out = format!("{train}[variation.language]\nsplit = \"{split}\"");
-            assert!(told(&held_out).unwrap_err().contains("split = \"train\""));
+            assert!(check(&held_out).unwrap_err().contains("split = \"train\""));
         }
         assert_eq!(
-            told(&format!("{train}[variation.language]\nsplit = \"train\"")),
+            check(&format!("{train}[variation.language]\nsplit = \"train\"")),
             Ok(())
         );
         assert_eq!(
-            told("[[scenario.sensors]]\nmodel = \"kinova_vision\"\ncamera = \"gen3\""),
+            check("[[scenario.sensors]]\nmodel = \"kinova_vision\"\ncamera = \"gen3\""),
             Ok(())
         );
-        let blind = told("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
-            .unwrap_err();
+        let blind =
+            check("[[scenario.sensors]]\nmodel = \"chair_stereo\"\ncamera = \"wheelchair\"")
+                .unwrap_err();
         assert!(blind.contains("its cameras are gen3"), "{blind}");
     }
 
     #[test]
-    fn errors_name_the_line_and_the_cure() {
+    fn errors_name_the_line_and_the_fix() {
         for (from, to, line, words) in [
             (
                 "[[scenario.cameras]]",
@@ -293,7 +293,7 @@ mod tests {
                 3,
                 "at least 1",
             ),
-            ("episodes = 2", "episodes = 0", 8, "leave the task out"),
+            ("episodes = 2", "episodes = 0", 8, "remove the task"),
             ("width = 64", "width = 0", 2, "16 to 4096"),
             ("height = 48", "height = 4097", 2, "16 to 4096"),
             (
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_in_the_spelling_of_contract_2_has_the_same_episodes_and_names_every_new_key() {
+    fn plan_of_contract_2_has_equal_episodes_and_names_every_new_key() {
         let old = include_str!("../../../../../tests/data/plans/contract-2.toml");
         let new = include_str!("../../../../../assets/campaigns/train-1k.toml");
         let [old, new] = [old, new].map(|text| parse(text).unwrap());

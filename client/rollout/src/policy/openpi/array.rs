@@ -1,13 +1,12 @@
-//! Arrays of numpy in msgpack, as openpi writes them: a map whose keys are bytes.
-//! Everything here comes from somebody else: sizes are checked before anything is
-//! taken.
+//! Arrays of numpy in msgpack, in the form of openpi: a map whose keys are bytes. The input
+//! is untrusted: sizes are checked before an allocation.
 
 use rmpv::Value;
 
-/// Rows of an answer.
+/// Rows of a reply.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rows {
-    /// How many.
+    /// Number of rows.
     pub count: usize,
     /// Numbers of each.
     pub size: usize,
@@ -15,15 +14,15 @@ pub struct Rows {
     pub values: Vec<f32>,
 }
 
-/// Levels of a message.
+/// Most levels of a message.
 const DEEPEST: usize = 16;
-/// Most numbers of an answer.
+/// Most numbers of a reply.
 const MOST: usize = 1 << 20;
 
-/// Reads one message and nothing behind it.
+/// Reads exactly one message.
 pub(super) fn read(mut bytes: &[u8]) -> Result<Value, String> {
     let value = rmpv::decode::read_value_with_max_depth(&mut bytes, DEEPEST)
-        .map_err(|e| format!("it is no msgpack: {e}"))?;
+        .map_err(|e| format!("it is not msgpack: {e}"))?;
     match bytes.is_empty() {
         true => Ok(value),
         false => Err(format!("{} bytes follow the message", bytes.len())),
@@ -41,16 +40,21 @@ pub(super) fn at<'a>(map: &'a Value, key: &str) -> Option<&'a Value> {
     entry.map(|(_, value)| value)
 }
 
-/// The rows of an answer: those at `key` of a map, or the answer itself.
+/// The rows of a reply: at `key` of a map, or the reply itself.
 ///
 /// # Errors
-/// In words, what is wrong with it.
+/// The problem of the reply.
 pub fn rows(bytes: &[u8], key: &str) -> Result<Rows, String> {
     let answer = read(bytes)?;
     let is_array = at(&answer, "__ndarray__").is_some();
     let array = match (answer.is_map() && !is_array, at(&answer, key)) {
         (true, Some(array)) => array,
-        (true, None) => return Err(format!("it holds no {key:?}, but {}", keys(&answer))),
+        (true, None) => {
+            return Err(format!(
+                "it has no key {key:?}; its keys are {}",
+                keys(&answer)
+            ));
+        }
         (false, _) => &answer,
     };
     let (shape, values) = numbers(array)?;
@@ -70,13 +74,13 @@ pub fn rows(bytes: &[u8], key: &str) -> Result<Rows, String> {
     })
 }
 
-/// Keys of a map, for people.
+/// Keys of a map, for messages.
 fn keys(map: &Value) -> String {
     let names = map.as_map().into_iter().flatten();
     let mut words: Vec<String> = names.map(|(key, _)| key.to_string()).take(8).collect();
     words.sort();
     match words.is_empty() {
-        true => "nothing".to_owned(),
+        true => "none".to_owned(),
         false => words.join(", "),
     }
 }
@@ -149,7 +153,7 @@ fn listed(list: &[Value]) -> Result<(Vec<usize>, Vec<f32>), String> {
     for row in list {
         let row = row.as_array().map(|row| row.iter().map(number));
         let row = row.and_then(Iterator::collect::<Option<Vec<f32>>>);
-        let row = row.ok_or("its rows are no numbers")?;
+        let row = row.ok_or("its rows are not numbers")?;
         if *size.get_or_insert(row.len()) != row.len() {
             return Err("its rows are of several lengths".to_owned());
         }

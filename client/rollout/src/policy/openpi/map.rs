@@ -1,5 +1,5 @@
-//! What is named how: a TOML file that says which picture and which numbers stand
-//! under which key of an observation, and which columns of an answer make up a row.
+//! The map of names: a TOML file that assigns images and state values to the keys of an
+//! observation, and columns of a reply to the columns of a row.
 
 use rmpv::Value;
 use serde::Deserialize;
@@ -9,19 +9,19 @@ use wheelarm_proto::v1;
 use super::array::{self, Rows, at};
 use crate::policy::interface::PolicyError;
 
-/// Which protocol a server speaks.
+/// Protocol of a server.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
-    /// openpi's: observations alone.
+    /// openpi: only observations.
     #[default]
     Openpi,
-    /// RoboArena's: each message names its `endpoint` and its `session_id`, and an
+    /// RoboArena: each message names its `endpoint` and its `session_id`, and an
     /// episode begins with a reset.
     Roboarena,
 }
 
-/// How a server is to be spoken to.
+/// Protocol and names of a server.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NameMap {
@@ -33,32 +33,32 @@ pub struct NameMap {
     pub name: String,
     /// Observations and rows per second, Hz.
     pub rate_hz: f64,
-    /// Rows of an answer at most.
+    /// Most rows of a reply.
     pub chunk: u32,
-    /// Rows that are carried out before it is asked again.
+    /// Rows that are executed before the next request.
     pub execute: u32,
-    /// What a row is: `next-pose` or `next-joints`.
+    /// Kind of a row: `next-pose` or `next-joints`.
     pub action: String,
-    /// Key of the sentence; not sent without it.
+    /// Key of the instruction; not sent when absent.
     pub prompt: Option<String>,
-    /// Key of the rows in an answer that is a map.
+    /// Key of the rows in a reply that is a map.
     #[serde(default = "actions")]
     pub answer: String,
-    /// For each number of a row, its column in the answer, or -1 for 0; as they come
-    /// without it.
+    /// For each number of a row, its column in the reply, or -1 for 0; all in order when
+    /// absent.
     pub columns: Option<Vec<i64>>,
-    /// For each number of a row, what it is multiplied by; 1 without it.
+    /// For each number of a row, its factor; 1 when absent.
     pub scale: Option<Vec<f32>>,
-    /// Pictures.
-    #[serde(default)]
-    pub pictures: Vec<PictureMap>,
-    /// Numbers of the row of state.
+    /// Images.
+    #[serde(default, rename = "pictures")]
+    pub images: Vec<ImageMap>,
+    /// Values of the state row.
     #[serde(default)]
     pub numbers: Vec<NumbersMap>,
-    /// Where it is from, for people.
+    /// Origin of the map, for readers.
     #[serde(default)]
     pub origin: String,
-    /// Its licence, for people.
+    /// Licence of the map, for readers.
     #[serde(default)]
     pub license: String,
 }
@@ -67,29 +67,29 @@ fn actions() -> String {
     "actions".to_owned()
 }
 
-/// A picture of an observation: height, width and three colours, uint8.
+/// An image of an observation: height x width x 3, RGB8.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PictureMap {
+pub struct ImageMap {
     /// Key.
     pub key: String,
     /// Camera of the robot.
     pub camera: String,
-    /// Width as drawn, pixels.
+    /// Width as rendered, pixels.
     pub width: u32,
-    /// Height as drawn, pixels.
+    /// Height as rendered, pixels.
     pub height: u32,
-    /// Width and height with black around, in the middle of which it stands.
+    /// Width and height of the black canvas on which the image is centred, pixels.
     pub pad: Option<[u32; 2]>,
 }
 
-/// Numbers of the row of state, float32.
+/// Values of the state row, float32.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NumbersMap {
     /// Key.
     pub key: String,
-    /// Places in the row of state, from 0; all without it.
+    /// Columns of the state row, from 0; all when absent.
     pub places: Option<Vec<usize>>,
 }
 
@@ -97,7 +97,7 @@ impl NameMap {
     /// Reads a file's text.
     ///
     /// # Errors
-    /// In words, with the line.
+    /// The problem, with the line.
     pub fn read(text: &str) -> Result<Self, String> {
         let map: Self = toml::from_str(text).map_err(|e| e.to_string())?;
         map.kind()?;
@@ -115,16 +115,13 @@ impl NameMap {
                 ));
             }
         }
-        for picture in &map.pictures {
-            if let Some([width, height]) = picture.pad
-                && (width < picture.width
-                    || height < picture.height
-                    || width > 4096
-                    || height > 4096)
+        for image in &map.images {
+            if let Some([width, height]) = image.pad
+                && (width < image.width || height < image.height || width > 4096 || height > 4096)
             {
                 return Err(format!(
-                    "{}: a picture of {}x{} does not fit into {width}x{height}; allowed is up to 4096x4096",
-                    picture.key, picture.width, picture.height
+                    "{}: an image of {}x{} does not fit into {width}x{height}; allowed is up to 4096x4096",
+                    image.key, image.width, image.height
                 ));
             }
         }
@@ -136,7 +133,7 @@ impl NameMap {
         for (what, length) in lengths {
             if let Some(length) = length.filter(|length| *length != size) {
                 return Err(format!(
-                    "{what}: a row of {} has {size} numbers, and {length} stand there",
+                    "{what}: a row of {} has {size} numbers, and the map has {length}",
                     map.action
                 ));
             }
@@ -149,7 +146,7 @@ impl NameMap {
             "next-pose" => Ok(ActionKind::NextPose),
             "next-joints" => Ok(ActionKind::NextJoints),
             other => Err(format!(
-                "action: {other:?} is none; there are next-pose and next-joints"
+                "action: {other:?} is not a kind; use next-pose or next-joints"
             )),
         }
     }
@@ -159,17 +156,17 @@ impl NameMap {
             Ok(ActionKind::NextJoints) => v1::PolicyAction::NextJoints,
             _ => v1::PolicyAction::NextPose,
         };
-        let camera = |picture: &PictureMap| v1::PolicyCamera {
-            name: picture.camera.clone(),
-            width: picture.width,
-            height: picture.height,
+        let camera = |image: &ImageMap| v1::PolicyCamera {
+            name: image.camera.clone(),
+            width: image.width,
+            height: image.height,
             depth: false,
         };
         let mut cameras: Vec<v1::PolicyCamera> = Vec::new();
-        for picture in &self.pictures {
-            // One picture may stand under several keys.
-            if !cameras.iter().any(|known| known.name == picture.camera) {
-                cameras.push(camera(picture));
+        for image in &self.images {
+            // One image may have several keys.
+            if !cameras.iter().any(|known| known.name == image.camera) {
+                cameras.push(camera(image));
             }
         }
         v1::PolicySpec {
@@ -188,30 +185,30 @@ impl NameMap {
         }
     }
 
-    /// Holds what the server says of itself against the map.
+    /// Checks the metadata of the server against the map.
     pub(super) fn suits(&self, metadata: &Value) -> Result<(), PolicyError> {
         if self.protocol != Protocol::Roboarena {
             return Ok(());
         }
-        // What a RoboArena server wants, as far as it is told.
+        // Image size that a RoboArena server needs, if its metadata has it.
         let wanted = at(metadata, "image_resolution").and_then(Value::as_array);
         let Some([height, width]) = wanted.map(Vec::as_slice) else {
             return Ok(());
         };
-        for picture in &self.pictures {
-            let [wide, high] = picture.pad.unwrap_or([picture.width, picture.height]);
-            let same = |told: &Value, own: u32| told.as_u64() == Some(u64::from(own));
+        for image in &self.images {
+            let [wide, high] = image.pad.unwrap_or([image.width, image.height]);
+            let same = |sent: &Value, own: u32| sent.as_u64() == Some(u64::from(own));
             if !(same(height, high) && same(width, wide)) {
                 return Err(PolicyError::Unfit(format!(
-                    "the server wants pictures of {width}x{height}, and the map says {wide}x{high} for {:?}; change `pad`",
-                    picture.key
+                    "the server needs images of {width}x{height}, and the map has {wide}x{high} for {:?}; change `pad`",
+                    image.key
                 )));
             }
         }
         Ok(())
     }
 
-    /// What an episode begins with.
+    /// The first message of an episode.
     pub(super) fn reset(&self, request: &v1::PolicyResetRequest) -> Value {
         let mut entries = self.head("reset", &request.episode_key);
         if let Some(key) = &self.prompt {
@@ -229,10 +226,10 @@ impl NameMap {
         let moment = observation.steps.last();
         let moment = moment.ok_or_else(|| lacks("moment".to_owned()))?;
         let mut entries = self.head("infer", &observation.episode_key);
-        for picture in &self.pictures {
-            let seen = moment.images.iter().find(|p| p.camera == picture.camera);
-            let seen = seen.ok_or_else(|| lacks(format!("picture of {:?}", picture.camera)))?;
-            entries.push((picture.key.as_str().into(), picture.array(seen)));
+        for image in &self.images {
+            let received = moment.images.iter().find(|p| p.camera == image.camera);
+            let received = received.ok_or_else(|| lacks(format!("image of {:?}", image.camera)))?;
+            entries.push((image.key.as_str().into(), image.array(received)));
         }
         for numbers in &self.numbers {
             let state = &moment.state_values;
@@ -303,19 +300,19 @@ impl NameMap {
     }
 }
 
-impl PictureMap {
-    /// The picture with black around, as openpi's clients do it.
-    fn array(&self, seen: &v1::PolicyImage) -> Value {
-        let (width, height) = (seen.width as usize, seen.height as usize);
+impl ImageMap {
+    /// The image on its black canvas, as openpi's clients pad it.
+    fn array(&self, received: &v1::PolicyImage) -> Value {
+        let (width, height) = (received.width as usize, received.height as usize);
         let Some([wide, high]) = self.pad.map(|sides| sides.map(|side| side as usize)) else {
-            return array::bytes(&[height, width, 3], seen.color.to_vec());
+            return array::bytes(&[height, width, 3], received.color.to_vec());
         };
         let (left, top) = (
             wide.saturating_sub(width) / 2,
             high.saturating_sub(height) / 2,
         );
         let mut pixels = vec![0; 3 * wide * high];
-        for (row, line) in seen.color.chunks_exact(3 * width.max(1)).enumerate() {
+        for (row, line) in received.color.chunks_exact(3 * width.max(1)).enumerate() {
             let to = 3 * ((top + row) * wide + left);
             if let Some(place) = pixels.get_mut(to..to + line.len()) {
                 place.copy_from_slice(line);

@@ -1,9 +1,9 @@
-//! Policies that speak openpi's protocol, or RoboArena's: a WebSocket on which the
-//! server first says what it is, and then answers each observation, a flat map in
-//! msgpack with numpy's arrays, by rows of action. A text frame is an error. There is
-//! no batch: each episode at work has a connection of its own.
+//! Policies with the protocol of openpi or RoboArena: a WebSocket on which the server first
+//! sends its metadata and then replies to each observation, a flat msgpack map with numpy
+//! arrays, with rows of actions. A text frame is an error. The protocol has no batches: each
+//! running episode has its own connection.
 //!
-//! What is named how is a [`NameMap`]; nothing of a robot or a network stands here.
+//! A [`NameMap`] defines the names; nothing here depends on a robot or a network.
 
 mod array;
 mod map;
@@ -22,39 +22,39 @@ use wheelarm_policy::STATE;
 use wheelarm_proto::v1;
 
 pub use array::{Rows, rows};
-pub use map::{NameMap, NumbersMap, PictureMap, Protocol};
+pub use map::{ImageMap, NameMap, NumbersMap, Protocol};
 
 use crate::policy::interface::{Policy, PolicyError, checked};
 
-/// Environment variable with a key that is sent as openpi's servers want it.
+/// Environment variable with the API key for openpi's servers.
 pub const KEY_VARIABLE: &str = "OPENPI_API_KEY";
-/// For a server to be there, wall time.
+/// Longest wait for a connection, wall time.
 const CONNECT: Duration = Duration::from_secs(10);
-/// Longest answer, bytes.
+/// Longest reply, bytes.
 const LONGEST: usize = 16 << 20;
-/// Longest words of a server that are passed on.
+/// Most characters of a server's error message.
 const WORDS: usize = 500;
 
-/// A policy behind a WebSocket.
+/// A policy at a WebSocket.
 pub struct OpenPi {
     address: String,
     map: NameMap,
     spec: v1::PolicySpec,
     patience: Duration,
-    /// Connections at which nobody waits.
+    /// Idle connections.
     idle: Mutex<Vec<Socket>>,
-    /// Held while it is asked, where only one is to be at a time.
+    /// Held during a request, if requests must not overlap.
     one_by_one: Option<Mutex<()>>,
 }
 
 type Socket = WebSocket<TcpStream>;
 
 impl OpenPi {
-    /// Connects to `ws://HOST:PORT`, and hears what it says of itself. With
-    /// `one_by_one` one observation is asked about at a time.
+    /// Connects to `ws://HOST:PORT` and receives its metadata. With `one_by_one`, requests do
+    /// not overlap.
     ///
     /// # Errors
-    /// [`PolicyError::Start`] when nobody answers there, [`PolicyError::Unfit`].
+    /// [`PolicyError::Start`] when no server replies, [`PolicyError::Unfit`].
     pub fn connect(
         address: &str,
         map: NameMap,
@@ -75,30 +75,30 @@ impl OpenPi {
         })
     }
 
-    /// Sends a message and hears the answer.
+    /// Sends a message and receives the reply.
     fn request(&self, query: &'static str, message: &Value) -> Result<Message, PolicyError> {
         let _one = self.one_by_one.as_ref().map(Mutex::lock);
         let mut bytes = Vec::new();
         rmpv::encode::write_value(&mut bytes, message)
-            .map_err(|e| PolicyError::Said(format!("the observation cannot be sent: {e}")))?;
+            .map_err(|e| PolicyError::Rejected(format!("the observation cannot be sent: {e}")))?;
         let known = self.idle.lock().pop();
         let had = known.is_some();
         let mut socket = match known {
             Some(socket) => socket,
             None => open(&self.address, self.patience)?.0,
         };
-        let mut told = exchange(&mut socket, &bytes, query, self.patience);
-        // It was closed while nobody asked.
-        if had && matches!(told, Err(PolicyError::Gone(_))) {
+        let mut reply = exchange(&mut socket, &bytes, query, self.patience);
+        // The idle connection was closed by the server.
+        if had && matches!(reply, Err(PolicyError::Gone(_))) {
             socket = open(&self.address, self.patience)?.0;
-            told = exchange(&mut socket, &bytes, query, self.patience);
+            reply = exchange(&mut socket, &bytes, query, self.patience);
         }
-        let told = told?;
+        let reply = reply?;
         // After an error the server closes the connection.
-        if matches!(told, Message::Binary(_)) || query == "reset" {
+        if matches!(reply, Message::Binary(_)) || query == "reset" {
             self.idle.lock().push(socket);
         }
-        Ok(told)
+        Ok(reply)
     }
 }
 
@@ -112,13 +112,10 @@ impl Policy for OpenPi {
             return Ok(());
         }
         match self.request("reset", &self.map.reset(&request))? {
-            // RoboArena's servers confirm in words; a traceback is none.
-            Message::Text(words) if words.contains("Traceback") => Err(said(&words)),
+            // RoboArena's servers confirm with text; a traceback is an error.
+            Message::Text(words) if words.contains("Traceback") => Err(rejected(&words)),
             Message::Text(_) | Message::Binary(_) => Ok(()),
-            other => Err(garbled(
-                "reset",
-                format!("a frame that is no answer: {other}"),
-            )),
+            other => Err(garbled("reset", format!("an unexpected frame: {other}"))),
         }
     }
 
@@ -126,12 +123,9 @@ impl Policy for OpenPi {
         let message = self.map.message(&observation)?;
         let answer = match self.request("infer", &message)? {
             Message::Binary(bytes) => bytes,
-            Message::Text(words) => return Err(said(&words)),
+            Message::Text(words) => return Err(rejected(&words)),
             other => {
-                return Err(garbled(
-                    "infer",
-                    format!("a frame that is no answer: {other}"),
-                ));
+                return Err(garbled("infer", format!("an unexpected frame: {other}")));
             }
         };
         let rows = rows(&answer, &self.map.answer).map_err(|e| garbled("infer", e))?;
@@ -150,31 +144,31 @@ fn garbled(query: &'static str, problem: String) -> PolicyError {
     PolicyError::Garbled { query, problem }
 }
 
-/// What a server says in words: of a traceback the last line.
-fn said(words: &str) -> PolicyError {
+/// Error text of a server: the last line of a traceback.
+fn rejected(words: &str) -> PolicyError {
     let last = words
         .trim()
         .lines()
         .last()
-        .unwrap_or("an error without words");
-    PolicyError::Said(last.chars().take(WORDS).collect())
+        .unwrap_or("an error without a message");
+    PolicyError::Rejected(last.chars().take(WORDS).collect())
 }
 
-/// Connects, and hears what the server says first.
+/// Connects and receives the metadata.
 fn open(address: &str, patience: Duration) -> Result<(Socket, Value), PolicyError> {
     let failed = |words: String| PolicyError::Start(format!("{address}: {words}"));
     let mut request = address
         .into_client_request()
-        .map_err(|e| failed(format!("{e}; say it as ws://HOST:PORT")))?;
+        .map_err(|e| failed(format!("{e}; write it as ws://HOST:PORT")))?;
     if let Ok(key) = std::env::var(KEY_VARIABLE) {
         let value = HeaderValue::from_str(&format!("Api-Key {key}"));
-        let value = value.map_err(|_| failed(format!("{KEY_VARIABLE} holds no key")))?;
+        let value = value.map_err(|_| failed(format!("{KEY_VARIABLE} is not a valid key")))?;
         request.headers_mut().insert("Authorization", value);
     }
     let uri = request.uri();
     if uri.scheme_str() != Some("ws") {
         return Err(failed(
-            "only ws:// is spoken; bring a server elsewhere here through `ssh -L`".to_owned(),
+            "only ws:// is supported; forward the port of a remote server with `ssh -L`".to_owned(),
         ));
     }
     let host = uri
@@ -204,10 +198,10 @@ fn open(address: &str, patience: Duration) -> Result<(Socket, Value), PolicyErro
         .max_frame_size(Some(LONGEST));
     let shaken = tungstenite::client::client_with_config(request, stream, Some(limits));
     let (mut socket, _) = shaken.map_err(|e| match e {
-        HandshakeError::Failure(e) => failed(format!("it speaks no WebSocket: {e}")),
-        HandshakeError::Interrupted(_) => failed("it does not answer".to_owned()),
+        HandshakeError::Failure(e) => failed(format!("it is not a WebSocket server: {e}")),
+        HandshakeError::Interrupted(_) => failed("it does not reply".to_owned()),
     })?;
-    let first = heard(&mut socket, "metadata", patience).map_err(|e| failed(e.to_string()))?;
+    let first = receive(&mut socket, "metadata", patience).map_err(|e| failed(e.to_string()))?;
     let Message::Binary(bytes) = first else {
         return Err(failed(format!(
             "it begins with {first:?}, expected its metadata"
@@ -225,11 +219,11 @@ fn exchange(
 ) -> Result<Message, PolicyError> {
     let sent = socket.send(Message::binary(bytes.to_vec()));
     sent.map_err(|e| ended(e, query, patience))?;
-    heard(socket, query, patience)
+    receive(socket, query, patience)
 }
 
-/// The next message that is for us.
-fn heard(
+/// The next message that is not a ping or pong.
+fn receive(
     socket: &mut Socket,
     query: &'static str,
     patience: Duration,
@@ -237,7 +231,7 @@ fn heard(
     let deadline = Instant::now() + patience;
     loop {
         match socket.read() {
-            // Answered by the library with the next write.
+            // The library replies to a ping with the next write.
             Ok(Message::Ping(_) | Message::Pong(_)) if Instant::now() < deadline => {
                 let _ = socket.flush();
             }

@@ -1,4 +1,4 @@
-//! Against a server of these tests, which does what is asked of it.
+//! Tests with a scripted server.
 
 use std::net::TcpListener;
 use std::sync::mpsc::{Receiver, channel};
@@ -35,12 +35,12 @@ fn packed(value: &Value) -> Vec<u8> {
     out
 }
 
-/// A server that answers by turns what stands in `answers`, a connection for each
-/// `None`; and what it was told.
+/// A server that sends the messages of `answers` in turn, with a new connection for each
+/// `None`; and the messages that it receives.
 fn server(answers: Vec<Option<Message>>) -> (String, Receiver<Value>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("ws://{}", listener.local_addr().unwrap());
-    let (tell, told) = channel();
+    let (sender, received) = channel();
     std::thread::spawn(move || {
         let mut answers = answers.into_iter();
         let mut over = false;
@@ -50,10 +50,10 @@ fn server(answers: Vec<Option<Message>>) -> (String, Receiver<Value>) {
             let metadata = Value::Map(vec![("name".into(), "test".into())]);
             socket.send(Message::binary(packed(&metadata))).unwrap();
             loop {
-                let Ok(Message::Binary(asked)) = socket.read() else {
+                let Ok(Message::Binary(request)) = socket.read() else {
                     break;
                 };
-                tell.send(read(&asked).unwrap()).unwrap();
+                sender.send(read(&request).unwrap()).unwrap();
                 match answers.next() {
                     Some(Some(answer)) => socket.send(answer).unwrap(),
                     Some(None) => break,
@@ -65,7 +65,7 @@ fn server(answers: Vec<Option<Message>>) -> (String, Receiver<Value>) {
             }
         }
     });
-    (address, told)
+    (address, received)
 }
 
 fn actions(rows: usize, size: usize) -> Message {
@@ -100,21 +100,24 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 #[test]
 fn an_observation_goes_out_under_its_names_and_rows_come_back() {
-    let (address, told) = server(vec![Some(actions(4, 9))]);
+    let (address, received) = server(vec![Some(actions(4, 9))]);
     let policy = OpenPi::connect(&address, map(), PATIENCE, false).unwrap();
     let chunk = policy.infer(observation()).unwrap();
     assert_eq!((chunk.rows, chunk.values.len(), chunk.tick), (4, 36, 24));
     assert_eq!(chunk.values[10], 1.0);
-    let asked = told.recv().unwrap();
-    assert_eq!(at(&asked, "prompt").unwrap().as_str(), Some("Take the mug"));
-    let joints = at(&asked, "observation/joint_position").unwrap();
+    let request = received.recv().unwrap();
+    assert_eq!(
+        at(&request, "prompt").unwrap().as_str(),
+        Some("Take the mug")
+    );
+    let joints = at(&request, "observation/joint_position").unwrap();
     let wanted = floats(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
     assert_eq!(joints, &wanted);
-    let picture = at(&asked, "observation/image").unwrap();
+    let image = at(&request, "observation/image").unwrap();
     let mut pixels = vec![0; 3 * 32 * 32];
     pixels[3 * 32 * 8..3 * 32 * 24].fill(7);
-    assert_eq!(picture, &bytes(&[32, 32, 3], pixels));
-    assert_eq!(at(&asked, "endpoint"), None);
+    assert_eq!(image, &bytes(&[32, 32, 3], pixels));
+    assert_eq!(at(&request, "endpoint"), None);
 }
 
 #[test]
@@ -123,7 +126,7 @@ fn columns_are_chosen_and_what_is_not_there_is_zero() {
         scale = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 1.0, 1.0]\nprompt =";
     let text = MAP.replacen("prompt =", text, 1);
     let map = NameMap::read(&text).unwrap();
-    let (address, _told) = server(vec![Some(actions(2, 8)), Some(actions(2, 3))]);
+    let (address, _received) = server(vec![Some(actions(2, 8)), Some(actions(2, 3))]);
     let policy = OpenPi::connect(&address, map, PATIENCE, true).unwrap();
     let chunk = policy.infer(observation()).unwrap();
     assert_eq!(
@@ -135,7 +138,7 @@ fn columns_are_chosen_and_what_is_not_there_is_zero() {
 }
 
 #[test]
-fn roboarena_is_told_the_endpoint_and_the_session() {
+fn roboarena_receives_endpoint_and_session() {
     let map = NameMap::read(&format!("protocol = \"roboarena\"\n{MAP}")).unwrap();
     let array = match actions(2, 9) {
         Message::Binary(bytes) => at(&read(&bytes).unwrap(), "actions").unwrap().clone(),
@@ -146,7 +149,7 @@ fn roboarena_is_told_the_endpoint_and_the_session() {
         Some(Message::text("reset successful")),
         Some(Message::binary(packed(&array))),
     ];
-    let (address, told) = server(answers);
+    let (address, received) = server(answers);
     let policy = OpenPi::connect(&address, map, PATIENCE, false).unwrap();
     let reset = v1::PolicyResetRequest {
         episode_key: "run-7".to_owned(),
@@ -155,14 +158,14 @@ fn roboarena_is_told_the_endpoint_and_the_session() {
     policy.reset(reset).unwrap();
     assert_eq!(policy.infer(observation()).unwrap().rows, 2);
     for endpoint in ["reset", "infer"] {
-        let asked = told.recv().unwrap();
-        assert_eq!(at(&asked, "endpoint").unwrap().as_str(), Some(endpoint));
-        assert_eq!(at(&asked, "session_id").unwrap().as_str(), Some("run-7"));
+        let request = received.recv().unwrap();
+        assert_eq!(at(&request, "endpoint").unwrap().as_str(), Some(endpoint));
+        assert_eq!(at(&request, "session_id").unwrap().as_str(), Some("run-7"));
     }
 }
 
 #[test]
-fn what_a_server_does_wrong_is_told_and_the_next_question_is_asked_anew() {
+fn server_errors_are_reported_and_the_next_request_reconnects() {
     let answers = vec![
         Some(Message::text(
             "Traceback\n  line 3\nValueError: it is dark here",
@@ -176,33 +179,38 @@ fn what_a_server_does_wrong_is_told_and_the_next_question_is_asked_anew() {
             1.into(),
         )])))),
     ];
-    let (address, _told) = server(answers);
+    let (address, _received) = server(answers);
     let policy = OpenPi::connect(&address, map(), PATIENCE, false).unwrap();
     let request = || policy.infer(observation()).map(|chunk| chunk.rows);
     assert_eq!(
         request(),
-        Err(PolicyError::Said("ValueError: it is dark here".to_owned()))
+        Err(PolicyError::Rejected(
+            "ValueError: it is dark here".to_owned()
+        ))
     );
     assert_eq!(request(), Ok(4));
-    // The connection breaks under the question, which is asked once more.
+    // The connection breaks during the request, which is repeated.
     assert_eq!(request(), Ok(4));
-    assert!(request().unwrap_err().to_string().contains("no msgpack"));
+    assert!(request().unwrap_err().to_string().contains("not msgpack"));
     let keys = request().unwrap_err().to_string();
-    assert!(keys.contains("no \"actions\", but \"state\""), "{keys}");
+    assert!(
+        keys.contains("no key \"actions\"; its keys are \"state\""),
+        "{keys}"
+    );
 }
 
 #[test]
-fn who_is_silent_or_not_there_is_told_with_the_cure() {
+fn silent_or_missing_server_is_an_error_with_its_fix() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let at = listener.local_addr().unwrap();
     let connect = |address: &str| {
         let policy = OpenPi::connect(address, map(), Duration::from_millis(300), false);
         policy.err().unwrap().to_string()
     };
-    // It takes connections and says nothing.
+    // It accepts connections and sends nothing.
     let silent = connect(&format!("ws://{at}"));
     assert!(
-        silent.contains("does not answer") || silent.contains("no WebSocket"),
+        silent.contains("does not reply") || silent.contains("not a WebSocket server"),
         "{silent}"
     );
     drop(listener);
@@ -213,30 +221,26 @@ fn who_is_silent_or_not_there_is_told_with_the_cure() {
 }
 
 #[test]
-fn a_map_with_a_mistake_is_refused_in_words() {
+fn invalid_map_is_rejected_with_its_problem() {
     for (from, to, words) in [
-        (
-            "next-joints",
-            "joint",
-            "there are next-pose and next-joints",
-        ),
+        ("next-joints", "joint", "use next-pose or next-joints"),
         ("[0, 1, 2, 3, 4, 5]", "[27]", "place 27"),
         ("pad = [32, 32]", "pad = [8, 8]", "does not fit"),
         ("prompt", "promt", "promt"),
         ("execute = 2", "execute = 2\ncolumns = [0]", "9 numbers"),
     ] {
-        let told = NameMap::read(&MAP.replacen(from, to, 1)).unwrap_err();
-        assert!(told.contains(words), "{told}");
+        let error = NameMap::read(&MAP.replacen(from, to, 1)).unwrap_err();
+        assert!(error.contains(words), "{error}");
     }
     let unfit = NameMap::read(&MAP.replace("rate_hz = 10.0", "rate_hz = 7.0")).unwrap();
-    let told = OpenPi::connect("ws://127.0.0.1:9", unfit, PATIENCE, false)
+    let error = OpenPi::connect("ws://127.0.0.1:9", unfit, PATIENCE, false)
         .err()
         .unwrap();
-    assert!(matches!(told, PolicyError::Unfit(_)), "{told}");
+    assert!(matches!(error, PolicyError::Unfit(_)), "{error}");
 }
 
 #[test]
-fn arrays_that_lie_about_their_size_are_refused() {
+fn arrays_with_a_wrong_size_are_rejected() {
     let lie = |dtype: &str, shape: &[u64], data: usize| {
         let mut array = floats(&vec![0.0; data]);
         if let Value::Map(entries) = &mut array {

@@ -1,5 +1,5 @@
-//! What a finished file says of an attempt: whether it is the recording of the
-//! episode that was asked for, and whether its task was done.
+//! Acceptance of a finished file: it must be the complete recording of the requested
+//! episode, and its task must have succeeded.
 
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -15,38 +15,38 @@ use super::episode::Episode;
 use super::folder::{Folder, sha256};
 use super::journal::{Done, Failed};
 
-/// What a file is worth.
-pub enum Judged {
-    /// It belongs into the dataset.
+/// Result of the check of a file.
+pub enum Verdict {
+    /// The file belongs to the dataset.
     Done(Box<Done>),
-    /// The task was not done.
+    /// The task failed.
     Failed(Failed),
 }
 
-/// Reads the finished file of an attempt at the scenario `asked` and decides.
-/// `wall_seconds` is what the attempt took.
+/// Reads the finished file of an attempt at the scenario `requested` and decides.
+/// `wall_seconds` is the duration of the attempt, s.
 ///
 /// # Errors
-/// When it is not the complete recording of the episode.
-pub fn judge(
+/// When the file is not the complete recording of the episode.
+pub fn check_file(
     episode: &Episode,
     number: u32,
     file: &Path,
-    asked: &v1::Scenario,
+    requested: &v1::Scenario,
     finished: &Finished,
     wall_seconds: f64,
-) -> anyhow::Result<Judged> {
+) -> anyhow::Result<Verdict> {
     let seed = episode.seed_of(number);
     let recording = Recording::open(file)?;
     let summary = recording.summary()?;
     check(&summary, episode, seed)?;
     let seconds = summary.span_nanos.1.saturating_sub(summary.span_nanos.0) as f64 * 1e-9;
     let scenario = recording.scenario()?;
-    check_settings(&scenario, asked)?;
+    check_settings(&scenario, requested)?;
     let scenario = scenario_json(&scenario);
     if recording.is_broken() || !(finished.succeeded() && summary.success) {
         let broken = recording.is_broken().then_some(FailureCause::Physics);
-        return Ok(Judged::Failed(Failed {
+        return Ok(Verdict::Failed(Failed {
             episode: episode.id.clone(),
             task: episode.task.clone(),
             attempt: number,
@@ -62,7 +62,7 @@ pub fn judge(
         }));
     }
     drop(recording);
-    Ok(Judged::Done(Box::new(Done {
+    Ok(Verdict::Done(Box::new(Done {
         episode: episode.id.clone(),
         task: episode.task.clone(),
         attempt: number,
@@ -95,7 +95,7 @@ pub fn judge(
 /// Whether a file is the complete recording of this episode.
 ///
 /// # Errors
-/// With what it is instead.
+/// When the recording is incomplete or of another episode.
 pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<()> {
     if !summary.complete {
         bail!(
@@ -123,14 +123,14 @@ pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<
     Ok(())
 }
 
-/// Whether a recording was made with the settings that were asked for.
+/// Checks that a recording was made with the requested settings.
 ///
 /// # Errors
-/// With the setting that is another.
-fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Result<()> {
+/// Names the first setting that differs.
+fn check_settings(recorded: &v1::Scenario, requested: &v1::Scenario) -> anyhow::Result<()> {
     let language = |scenario: &v1::Scenario| {
-        let said = scenario.language.as_ref();
-        said.map(|said| (said.seed, said.split))
+        let language = scenario.language.as_ref();
+        language.map(|language| (language.seed, language.split))
     };
     let appearance = |scenario: &v1::Scenario| {
         scenario
@@ -138,7 +138,7 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
             .as_ref()
             .map(|appearance| appearance.seed)
     };
-    let hindered = |scenario: &v1::Scenario| {
+    let disturbances = |scenario: &v1::Scenario| {
         let by = scenario
             .disturbances
             .filter(|d| d.noise + d.pushes + d.slips > 0);
@@ -146,77 +146,80 @@ fn check_settings(recorded: &v1::Scenario, asked: &v1::Scenario) -> anyhow::Resu
     };
     let sensors = |scenario: &v1::Scenario| scenario.sensors.len();
     for (name, same) in [
-        ("language", language(recorded) == language(asked)),
-        ("look", appearance(recorded) == appearance(asked)),
-        ("disturbances", hindered(recorded) == hindered(asked)),
-        ("sensors", sensors(recorded) == sensors(asked)),
+        ("language", language(recorded) == language(requested)),
+        ("appearance", appearance(recorded) == appearance(requested)),
+        (
+            "disturbances",
+            disturbances(recorded) == disturbances(requested),
+        ),
+        ("sensors", sensors(recorded) == sensors(requested)),
         (
             "person",
-            is_person(recorded.person.as_ref(), asked.person.as_ref()),
+            matches_person(recorded.person.as_ref(), requested.person.as_ref()),
         ),
         (
             "calibration_seed",
-            recorded.calibration_seed == asked.calibration_seed,
+            recorded.calibration_seed == requested.calibration_seed,
         ),
         (
             "start_in_view",
-            asked.start_in_view.is_none() || recorded.start_in_view == asked.start_in_view,
+            requested.start_in_view.is_none() || recorded.start_in_view == requested.start_in_view,
         ),
         (
             "look_around",
-            asked.look_around.is_none() || recorded.look_around == asked.look_around,
+            requested.look_around.is_none() || recorded.look_around == requested.look_around,
         ),
         (
             "style",
-            asked.style.is_none() || recorded.style == asked.style,
+            requested.style.is_none() || recorded.style == requested.style,
         ),
     ] {
         if !same {
             bail!(
-                "the recording was not made with the {name} that the plan asks for; programs of one version make a campaign"
+                "the recording was not made with the {name} of the plan; use programs of one version in a campaign"
             );
         }
     }
     Ok(())
 }
 
-/// Whether the one who was recorded is the one who was asked for. Only what was asked
-/// counts: a care task draws somebody where the plan names nobody, and adds what it
-/// needs of a person that the plan names.
-fn is_person(recorded: Option<&v1::Person>, asked: Option<&v1::Person>) -> bool {
-    let asked = asked.filter(|person| person.body != NO_PERSON);
-    let Some(asked) = asked else {
+/// Whether the recorded person matches the requested one. Only requested fields count: a
+/// care task samples a person where the plan names none, and adds fields to a named person.
+fn matches_person(recorded: Option<&v1::Person>, requested: Option<&v1::Person>) -> bool {
+    let requested = requested.filter(|person| person.body != NO_PERSON);
+    let Some(requested) = requested else {
         return true;
     };
     let recorded = recorded.filter(|person| person.body != NO_PERSON);
     recorded.is_some_and(|recorded| {
-        let is = |asked: &str, recorded: &str| asked.is_empty() || asked == recorded;
-        is(&asked.body, &recorded.body)
-            && is(&asked.posture, &recorded.posture)
-            && (!asked.guard || recorded.guard)
-            && (!asked.unguarded || !recorded.guard)
-            && (!asked.mouth_open || recorded.mouth_open)
-            && asked.motion.is_none_or(|m| recorded.motion == Some(m))
+        let matches =
+            |requested: &str, recorded: &str| requested.is_empty() || requested == recorded;
+        matches(&requested.body, &recorded.body)
+            && matches(&requested.posture, &recorded.posture)
+            && (!requested.guard || recorded.guard)
+            && (!requested.unguarded || !recorded.guard)
+            && (!requested.mouth_open || recorded.mouth_open)
+            && requested.motion.is_none_or(|m| recorded.motion == Some(m))
     })
 }
 
-/// Why the task was not done.
+/// Reason of the failure of the task.
 fn reason(summary: &Summary, finished: &Finished) -> String {
     let mut parts: Vec<String> = finished.why().into_iter().collect();
     if !summary.failure_reason.is_empty() {
         parts.push(summary.failure_reason.clone());
     }
-    let not: Vec<&str> = summary
+    let unmet: Vec<&str> = summary
         .conditions
         .iter()
         .filter(|(_, holds, _)| !holds)
         .map(|(name, ..)| name.as_str())
         .collect();
-    if !not.is_empty() {
-        parts.push(format!("not {}", not.join(", not ")));
+    if !unmet.is_empty() {
+        parts.push(format!("not {}", unmet.join(", not ")));
     }
     if parts.is_empty() {
-        parts.push("the operator was not content".to_owned());
+        parts.push("the operator reported a failure".to_owned());
     }
     parts.join("; ")
 }
@@ -226,11 +229,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_care_task_adds_to_a_person_is_no_other_person() {
+    fn fields_added_by_a_care_task_keep_the_person_matching() {
         let read = |text: &str| v1::Person::from_text(text).unwrap();
         let waits = read("any/hands_on_armrests,motion=0.3,mouth_open,guard");
         let by_age = read("man_85/hands_on_armrests,motion=0.3,guard");
-        for (asked, recorded, same) in [
+        for (requested, recorded, same) in [
             (None, None, true),
             (None, Some(&waits), true),
             (Some("none"), Some(&waits), true),
@@ -243,9 +246,9 @@ mod tests {
             (Some("man_60"), Some(&by_age), false),
             (Some("man_85/hands_in_lap"), Some(&by_age), false),
         ] {
-            let asked = asked.map(read);
-            let found = is_person(recorded, asked.as_ref());
-            assert_eq!(found, same, "{asked:?} of {recorded:?}");
+            let requested = requested.map(read);
+            let found = matches_person(recorded, requested.as_ref());
+            assert_eq!(found, same, "{requested:?} of {recorded:?}");
         }
     }
 }

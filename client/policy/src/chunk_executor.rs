@@ -1,5 +1,5 @@
-//! From a policy's answers to one command at every picture: which row is due,
-//! when to ask again, and what to do while an answer is on its way.
+//! Executes action chunks: one command per image, the time of the next request, and the
+//! command while a chunk is pending.
 
 use std::collections::VecDeque;
 
@@ -7,87 +7,86 @@ use wheelarm_proto::v1;
 
 use crate::player::{Player, RowError};
 
-/// How answers are carried out.
+/// Settings of the execution of chunks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PilotOptions {
-    /// Rows of an answer that are carried out before the next is asked for, 1 at
-    /// least.
+pub struct ExecutorOptions {
+    /// Rows of a chunk that are executed before the next request, at least 1.
     pub execute: usize,
-    /// Rows between a question and the use of its answer; meanwhile the answer
-    /// before goes on. 0: time waits while the policy thinks.
+    /// Rows between a request and the use of its chunk, during which the previous chunk
+    /// continues. With 0, time waits during inference.
     pub latency: usize,
-    /// Asks at every picture and takes the mean of all answers that speak of it,
-    /// the one of i questions ago weighted by exp(-k·age) with this k, the oldest
-    /// counting most (Zhao et al. 2023, "ACT", temporal ensemble).
+    /// Temporal ensemble (Zhao et al. 2023, "ACT"): requests a chunk at every image and
+    /// averages the rows of all chunks for it, with weights exp(-k·i), where i = 0 is the
+    /// oldest chunk.
     pub ensemble: Option<f64>,
 }
 
-/// An answer that cannot be carried out.
+/// A chunk that cannot be executed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ChunkError {
-    /// Another number of values than rows say.
-    #[error("the policy answered {values} values for {rows} rows of {size}")]
+    /// The number of values differs from rows times row size.
+    #[error("the chunk of the policy has {values} values for {rows} rows of {size}")]
     Shape {
-        /// Rows that it told.
+        /// Stated number of rows.
         rows: usize,
         /// Numbers of a row.
         size: usize,
-        /// Values that came.
+        /// Received number of values.
         values: usize,
     },
-    /// More rows than the policy said.
+    /// More rows than the policy's description allows.
     #[error(
-        "the policy answered {rows} rows, and its description says {most} at most; describe as many (`chunk`) as it answers"
+        "the chunk of the policy has {rows} rows, and its description allows {most}; set `chunk` of the description"
     )]
     Long {
-        /// Rows that came.
+        /// Received number of rows.
         rows: usize,
-        /// Most rows that were described.
+        /// Most rows of the description.
         most: usize,
     },
-    /// Fewer rows than are carried out.
-    #[error("the policy answered {rows} rows; {needed} are carried out before its next answer")]
+    /// Fewer rows than are executed.
+    #[error("the chunk of the policy has {rows} rows; {needed} are executed before its next chunk")]
     Short {
-        /// Rows that came.
+        /// Received number of rows.
         rows: usize,
         /// Rows that are needed.
         needed: usize,
     },
-    /// A row of which no command can be made.
-    #[error("row {row} of the policy's answer: {problem}")]
+    /// A row without a valid command.
+    #[error("row {row} of the policy's chunk: {problem}")]
     Row {
-        /// Which, from 0.
+        /// Index, from 0.
         row: usize,
-        /// What is wrong with it.
+        /// Problem of the row.
         problem: RowError,
     },
 }
 
-/// An answer and the picture that it was asked at.
+/// A chunk and the image of its request.
 #[derive(Clone, Debug, PartialEq)]
 struct Chunk {
     begin: usize,
     rows: Vec<Vec<f64>>,
 }
 
-/// Carries out the answers of a policy in one episode.
+/// Executes the chunks of a policy in one episode.
 #[derive(Clone, Debug)]
-pub struct Pilot {
+pub struct ChunkExecutor {
     player: Player,
-    options: PilotOptions,
-    /// Most rows of an answer.
+    options: ExecutorOptions,
+    /// Most rows of a chunk.
     most: usize,
-    /// Pictures that were answered by a command.
+    /// Number of images with a command.
     now: usize,
     /// The newest last; more than two only with an ensemble.
     chunks: VecDeque<Chunk>,
 }
 
-impl Pilot {
+impl ChunkExecutor {
     /// At the beginning of an episode.
     #[must_use]
-    pub fn new(player: Player, options: PilotOptions) -> Self {
-        let options = PilotOptions {
+    pub fn new(player: Player, options: ExecutorOptions) -> Self {
+        let options = ExecutorOptions {
             execute: options.execute.max(1),
             ..options
         };
@@ -100,16 +99,16 @@ impl Pilot {
         }
     }
 
-    /// Takes no answer of more than `most` rows: what a policy describes (its `chunk`).
+    /// Rejects chunks with more than `most` rows, the `chunk` of a policy's description.
     #[must_use]
     pub fn at_most(mut self, most: usize) -> Self {
         self.most = most;
         self
     }
 
-    /// Whether the policy is to be asked at this picture.
+    /// Whether a chunk must be requested at this image.
     #[must_use]
-    pub fn asks(&self) -> bool {
+    pub fn needs_chunk(&self) -> bool {
         match self.chunks.back() {
             None => true,
             Some(_) if self.options.ensemble.is_some() => true,
@@ -120,12 +119,11 @@ impl Pilot {
         }
     }
 
-    /// Takes the answer to the question asked at this picture: rows one after
-    /// the other.
+    /// Adds the chunk that was requested at this image, row-major.
     ///
     /// # Errors
-    /// [`ChunkError`]; nothing of it is carried out then.
-    pub fn take(&mut self, rows: usize, values: &[f32]) -> Result<(), ChunkError> {
+    /// [`ChunkError`]; the chunk is not executed then.
+    pub fn add(&mut self, rows: usize, values: &[f32]) -> Result<(), ChunkError> {
         let size = self.player.kind.size();
         if rows.checked_mul(size) != Some(values.len()) {
             let values = values.len();
@@ -153,16 +151,16 @@ impl Pilot {
         Ok(())
     }
 
-    /// The command until the next picture; nothing while the first answer is on
-    /// its way, and the robot holds what is in force.
+    /// The command until the next image; `None` while the first chunk is pending, during which
+    /// the robot holds its set points.
     ///
     /// # Errors
-    /// [`RowError`] where the mean of answers is no rotation.
+    /// [`RowError`] when the mean of chunks is not a rotation.
     pub fn command(&mut self) -> Result<Option<v1::Command>, RowError> {
         let now = self.now;
         self.now += 1;
         let late = self.options.latency;
-        // What speaks of no picture to come is let go.
+        // Drop chunks without rows for this or later images.
         self.chunks
             .retain(|chunk| now < chunk.begin + chunk.rows.len());
         let ready = |chunk: &&Chunk| now >= chunk.begin + late;
@@ -180,7 +178,7 @@ impl Pilot {
     }
 }
 
-/// Weighted mean of what the chunks, oldest first, say of a picture.
+/// Weighted mean of the rows of the chunks, oldest first, for an image.
 fn mean<'a>(chunks: impl Iterator<Item = &'a Chunk>, now: usize, k: f64) -> Option<Vec<f64>> {
     let mut sum: Option<(Vec<f64>, f64)> = None;
     for (age, chunk) in chunks.enumerate() {
@@ -200,18 +198,18 @@ mod tests {
     use super::*;
     use crate::ActionKind;
 
-    fn pilot(execute: usize, latency: usize, ensemble: Option<f64>) -> Pilot {
+    fn executor(execute: usize, latency: usize, ensemble: Option<f64>) -> ChunkExecutor {
         let robot = v1::RobotDescription::default();
         let player = Player::new(ActionKind::NextJoints, &robot, 10.0);
-        let options = PilotOptions {
+        let options = ExecutorOptions {
             execute,
             latency,
             ensemble,
         };
-        Pilot::new(player, options)
+        ChunkExecutor::new(player, options)
     }
 
-    /// Speeds are told in these, so that none is absurd.
+    /// Unit of the speeds in tests, small enough to pass the limits.
     const UNIT: f64 = 1.0 / 128.0;
 
     /// Rows whose forward speed is `at`, `at` + 1, … times [`UNIT`].
@@ -224,33 +222,37 @@ mod tests {
         (0..rows).flat_map(row).collect()
     }
 
-    /// Forward speeds of the commands of `pictures` pictures, and at which it asked.
-    fn flown(mut pilot: Pilot, pictures: usize, rows: usize) -> (Vec<Option<f64>>, Vec<usize>) {
-        let (mut speeds, mut asked) = (Vec::new(), Vec::new());
-        for picture in 0..pictures {
-            if pilot.asks() {
-                asked.push(picture);
-                pilot.take(rows, &chunk(100 * picture, rows)).unwrap();
+    /// Forward speeds of the commands of `images` images, and the images with a request.
+    fn simulate(
+        mut executor: ChunkExecutor,
+        images: usize,
+        rows: usize,
+    ) -> (Vec<Option<f64>>, Vec<usize>) {
+        let (mut speeds, mut requested) = (Vec::new(), Vec::new());
+        for image in 0..images {
+            if executor.needs_chunk() {
+                requested.push(image);
+                executor.add(rows, &chunk(100 * image, rows)).unwrap();
             }
-            let command = pilot.command().unwrap();
+            let command = executor.command().unwrap();
             speeds.push(command.map(|command| command.base.unwrap().linear / UNIT));
         }
-        (speeds, asked)
+        (speeds, requested)
     }
 
     #[test]
-    fn rows_are_carried_out_in_their_order_and_then_it_asks_again() {
-        let (speeds, asked) = flown(pilot(3, 0, None), 7, 5);
-        assert_eq!(asked, [0, 3, 6]);
+    fn rows_are_executed_in_order_before_the_next_request() {
+        let (speeds, requested) = simulate(executor(3, 0, None), 7, 5);
+        assert_eq!(requested, [0, 3, 6]);
         let wanted = [0.0, 1.0, 2.0, 300.0, 301.0, 302.0, 600.0];
         assert_eq!(speeds, wanted.map(Some));
     }
 
     #[test]
-    fn a_late_answer_begins_with_the_row_of_its_picture() {
-        let (speeds, asked) = flown(pilot(3, 2, None), 12, 7);
-        assert_eq!(asked, [0, 5, 10]);
-        // Nothing for two pictures; then the answer of picture 0 until that of 5 is there.
+    fn late_chunk_begins_with_the_row_of_its_image() {
+        let (speeds, requested) = simulate(executor(3, 2, None), 12, 7);
+        assert_eq!(requested, [0, 5, 10]);
+        // No command for two images; then the chunk of image 0 until that of 5 arrives.
         let wanted = [
             None,
             None,
@@ -269,36 +271,36 @@ mod tests {
     }
 
     #[test]
-    fn an_ensemble_is_the_mean_of_what_was_answered_for_a_picture() {
-        let (speeds, asked) = flown(pilot(1, 0, Some(0.0)), 3, 2);
-        assert_eq!(asked, [0, 1, 2]);
-        // Row 1 of the first answer and row 0 of the second, and so on.
+    fn ensemble_is_the_mean_of_the_chunks_for_an_image() {
+        let (speeds, requested) = simulate(executor(1, 0, Some(0.0)), 3, 2);
+        assert_eq!(requested, [0, 1, 2]);
+        // Row 1 of the first chunk and row 0 of the second, and so on.
         assert_eq!(speeds, [0.0, 50.5, 150.5].map(Some));
-        let (speeds, _) = flown(pilot(1, 0, Some(2.0)), 2, 2);
+        let (speeds, _) = simulate(executor(1, 0, Some(2.0)), 2, 2);
         let young = wheelarm_proto::exact::powf(std::f64::consts::E, -2.0);
         let wanted = (1.0 + 100.0 * young) / (1.0 + young);
         assert!((speeds[1].unwrap() - wanted).abs() < 1e-12, "{speeds:?}");
     }
 
     #[test]
-    fn an_answer_of_another_shape_or_with_no_number_is_an_error() {
-        let mut pilot = pilot(3, 0, None);
-        let shape = pilot.take(2, &chunk(0, 3)).unwrap_err();
+    fn chunk_of_another_shape_or_with_nan_is_an_error() {
+        let mut executor = executor(3, 0, None);
+        let shape = executor.add(2, &chunk(0, 3)).unwrap_err();
         assert!(matches!(shape, ChunkError::Shape { values: 27, .. }));
-        assert!(pilot.take(usize::MAX, &[]).is_err());
-        let short = pilot.take(2, &chunk(0, 2)).unwrap_err();
+        assert!(executor.add(usize::MAX, &[]).is_err());
+        let short = executor.add(2, &chunk(0, 2)).unwrap_err();
         assert_eq!(short, ChunkError::Short { rows: 2, needed: 3 });
-        let mut described = pilot.clone().at_most(3);
-        assert_eq!(described.take(3, &chunk(0, 3)), Ok(()));
-        let long = described.take(4, &chunk(0, 4)).unwrap_err();
+        let mut described = executor.clone().at_most(3);
+        assert_eq!(described.add(3, &chunk(0, 3)), Ok(()));
+        let long = described.add(4, &chunk(0, 4)).unwrap_err();
         assert_eq!(long, ChunkError::Long { rows: 4, most: 3 });
         let mut values = chunk(0, 3);
         values[12] = f32::NAN;
-        let problem = pilot.take(3, &values).unwrap_err();
+        let problem = executor.add(3, &values).unwrap_err();
         assert!(
             matches!(problem, ChunkError::Row { row: 1, .. }),
             "{problem}"
         );
-        assert_eq!(pilot.command(), Ok(None));
+        assert_eq!(executor.command(), Ok(None));
     }
 }

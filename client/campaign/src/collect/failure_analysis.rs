@@ -1,70 +1,70 @@
-//! From which tick a failed episode was lost, and why, by its recorded signals alone.
+//! Cause and tick of the loss of a failed episode, from its recorded signals alone.
 //!
-//! | cause | from which tick |
+//! | cause | tick of the loss |
 //! |---|---|
-//! | dropped, slipped | the last at which both pads pressed |
-//! | tipped, unreachable, lost | the last at which the thing lay still before its last motion |
-//! | hard collision, person force, wrong object, knocked over, tilted | that of the event |
-//! | all others | the last change of the operator's phase: from there it did not get on |
+//! | dropped, slipped | last tick with force on both pads |
+//! | tipped, unreachable, lost | last tick at which the object was at rest before its last motion |
+//! | hard collision, person force, wrong object, knocked over, tilted | tick of the event |
+//! | all others | last change of the operator's phase |
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use wheelarm_dataset::read::Episode as Recording;
 
-/// A pad presses beyond this, N.
-const PRESSES: f64 = 1.0;
-/// What moves slower lies still, m/s.
-const STILL: f64 = 0.02;
+/// Pad force above which a pad presses, N.
+const PRESS_FORCE: f64 = 1.0;
+/// Speed below which an object is at rest, m/s.
+const REST_SPEED: f64 = 0.02;
 
-/// Why an episode was lost.
+/// Cause of the loss of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
-    /// The thing fell.
+    /// The object fell.
     Dropped,
-    /// It lies where it stood.
+    /// The object tipped over in place.
     Tipped,
-    /// It rests where no arm gets it.
+    /// The object rests out of reach of the arm.
     Unreachable,
-    /// The simulation lost it.
+    /// The object left the simulated area.
     Lost,
-    /// The robot hit furniture much too hard.
+    /// The robot hit furniture above the force limit.
     HardCollision,
-    /// The robot, or an object, pressed the person too hard.
+    /// The robot or an object pressed the person above the force limit.
     PersonForce,
-    /// An object that was not asked for was lifted.
+    /// Another object than the requested one was lifted.
     WrongObject,
     /// Another object was knocked over.
     KnockedOver,
-    /// The target leaned too far.
+    /// The target tilted beyond its limit.
     Tilted,
-    /// The time was over.
+    /// The time limit passed.
     Timeout,
-    /// The chair found no way.
+    /// The chair found no path.
     NoWay,
-    /// The hand did not get there.
+    /// The hand did not reach its goal.
     NoReach,
     /// The fingers found no grip.
     NoGrip,
-    /// The thing slipped while it was lifted or carried.
+    /// The object slipped while it was lifted or carried.
     Slipped,
-    /// It could not be put where it belongs.
+    /// The object could not be placed at its goal.
     NotPut,
-    /// What slides was not moved.
+    /// The sliding part was not moved.
     NotMoved,
-    /// It was done, and the conditions did not hold.
+    /// The operator finished, and the conditions did not hold.
     NotHeld,
-    /// The operator gave up otherwise.
+    /// The operator gave up for another reason.
     GaveUp,
 }
 
-/// When and why an episode was lost.
+/// Tick and cause of the loss of an episode.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Loss {
-    /// Why.
+    /// Cause.
     pub cause: Cause,
-    /// From which physics tick on.
+    /// Physics tick of the loss.
     pub tick: u64,
     /// The kept recording, relative to the dataset's folder.
     pub file: String,
@@ -73,7 +73,7 @@ pub struct Loss {
 }
 
 impl Cause {
-    /// The word of manifests.
+    /// The word in manifests.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -99,8 +99,8 @@ impl Cause {
     }
 }
 
-/// How many recordings of failed attempts are kept, by cause, as one sentence; `None`
-/// where none is.
+/// Count of kept recordings of failed attempts by cause, as one sentence; `None` without
+/// recordings.
 #[must_use]
 pub fn sentence<'a>(losses: impl Iterator<Item = &'a Loss>) -> Option<String> {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
@@ -117,24 +117,24 @@ pub fn sentence<'a>(losses: impl Iterator<Item = &'a Loss>) -> Option<String> {
     })
 }
 
-/// Cause and tick of the loss of a recorded episode; the end and what is known where
-/// streams are absent.
+/// Cause and tick of the loss of a recorded episode. Without the needed streams, the tick is
+/// that of the end.
 #[must_use]
-pub fn of(recording: &Recording) -> (Cause, u64) {
+pub fn find_loss(recording: &Recording) -> (Cause, u64) {
     let ticks = |stream: &str| recording.u64s(stream, "tick").unwrap_or_default();
     let codes = recording.texts("evaluation", "failure_code");
     let failed = codes.unwrap_or_default();
     let failed = failed.iter().position(|c| !c.is_empty() && c != "none");
-    let judged = ticks("evaluation");
-    let told = failed.and_then(|i| {
+    let evaluated = ticks("evaluation");
+    let event = failed.and_then(|i| {
         let codes = recording.texts("evaluation", "failure_code").ok()?;
-        Some((judge(codes.get(i)?)?, *judged.get(i)?))
+        Some((cause_of_code(codes.get(i)?)?, *evaluated.get(i)?))
     });
-    let last = judged.last().copied().unwrap_or_default();
+    let last = evaluated.last().copied().unwrap_or_default();
     let names = recording.texts("phase", "name").unwrap_or_default();
     let phases: Vec<(u64, String)> = ticks("phase").into_iter().zip(names).collect();
-    let (cause, end) = match told {
-        Some(told) => told,
+    let (cause, end) = match event {
+        Some(event) => event,
         None => (by_phase(&phases), last),
     };
     let tick = match cause {
@@ -150,8 +150,8 @@ pub fn of(recording: &Recording) -> (Cause, u64) {
     (cause, tick.unwrap_or(end))
 }
 
-/// The cause of the judge's word.
-fn judge(code: &str) -> Option<Cause> {
+/// The cause of a failure code of the evaluation.
+fn cause_of_code(code: &str) -> Option<Cause> {
     Some(match code {
         "dropped" => Cause::Dropped,
         "tipped" => Cause::Tipped,
@@ -167,10 +167,10 @@ fn judge(code: &str) -> Option<Cause> {
     })
 }
 
-/// The cause by the last phase in which the operator was at the task.
+/// The cause from the last phase in which the operator worked on the task.
 fn by_phase(phases: &[(u64, String)]) -> Cause {
     let mut names = phases.iter().rev().map(|(_, name)| name.as_str());
-    let aside = [
+    let idle = [
         "",
         "over",
         "thinking",
@@ -178,7 +178,7 @@ fn by_phase(phases: &[(u64, String)]) -> Cause {
         "retreating",
         "retracting",
     ];
-    match names.find(|name| !aside.contains(name)).unwrap_or("") {
+    match names.find(|name| !idle.contains(name)).unwrap_or("") {
         "stowing" | "planning" | "driving" | "driving and preparing" | "stopping" => Cause::NoWay,
         "reaching" | "correcting" | "reaching in" | "approaching" => Cause::NoReach,
         "closing" => Cause::NoGrip,
@@ -200,7 +200,7 @@ fn last_grip(recording: &Recording, end: u64) -> Option<u64> {
     let ticks = recording.u64s("contact", "tick").ok()?;
     let forces = recording.f64s("contact", "pad_force").ok()?;
     let mut rows = ticks.iter().zip(forces.outer_iter()).rev();
-    let pressed = rows.find(|(tick, pads)| **tick <= end && pads.iter().all(|f| *f > PRESSES));
+    let pressed = rows.find(|(tick, pads)| **tick <= end && pads.iter().all(|f| *f > PRESS_FORCE));
     pressed.map(|(tick, _)| *tick)
 }
 
@@ -215,8 +215,8 @@ fn last_rest(recording: &Recording, end: u64) -> Option<u64> {
         linear.map(|v| v * v).sum::<f64>().sqrt()
     };
     let before = (0..ticks.len()).rev().filter(|&i| ticks[i] <= end);
-    let mut moving = before.skip_while(|&i| speed(i) < STILL);
-    moving.find(|&i| speed(i) < STILL).map(|i| ticks[i])
+    let mut moving = before.skip_while(|&i| speed(i) < REST_SPEED);
+    moving.find(|&i| speed(i) < REST_SPEED).map(|i| ticks[i])
 }
 
 #[cfg(test)]
@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_phase_in_which_it_stuck_is_the_cause_and_the_tick() {
+    fn last_working_phase_gives_cause_and_tick() {
         let phases = |names: &[&str]| -> Vec<(u64, String)> {
             let each = names.iter().enumerate();
             each.map(|(i, name)| (4 * i as u64, (*name).to_owned()))
@@ -237,12 +237,12 @@ mod tests {
         let carried = phases(&["closing", "carrying", "over"]);
         assert_eq!(by_phase(&carried), Cause::Slipped);
         assert_eq!(by_phase(&[]), Cause::GaveUp);
-        assert_eq!(judge("tipped"), Some(Cause::Tipped));
-        assert_eq!(judge("none"), None);
+        assert_eq!(cause_of_code("tipped"), Some(Cause::Tipped));
+        assert_eq!(cause_of_code("none"), None);
     }
 
     #[test]
-    fn kept_failures_are_counted_by_the_words_of_the_manifest() {
+    fn kept_failures_are_counted_by_cause() {
         let loss = |cause| Loss {
             cause,
             tick: 8,
@@ -250,9 +250,9 @@ mod tests {
             sha256: String::new(),
         };
         let losses = [Cause::Tipped, Cause::NoGrip, Cause::Tipped].map(loss);
-        let said = sentence(losses.iter()).unwrap();
-        assert!(said.starts_with("3 recordings"), "{said}");
-        assert!(said.ends_with("no_grip 1, tipped 2"), "{said}");
+        let text = sentence(losses.iter()).unwrap();
+        assert!(text.starts_with("3 recordings"), "{text}");
+        assert!(text.ends_with("no_grip 1, tipped 2"), "{text}");
         assert_eq!(sentence([].into_iter()), None);
         let json = serde_json::to_value(&losses[1]).unwrap();
         assert_eq!(json["cause"], Cause::NoGrip.word());
