@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::signals::Signals;
-use wheelarm_recorder::{self as record, Output, RecordOptions, Told};
+use wheelarm_recorder::{self as record, Output, RecordOptions, ServerEvent};
 use wheelarm_sdk::{Client, Connect, Silence};
 
 use wheelarm_options::choice::{self, named};
@@ -73,7 +73,13 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         let session = wheelarm_sdk::open_session(connect, Silence::Still)?;
         let endpoint = &connect.endpoint;
         waits("every server");
-        let all = record::run_many(&session, endpoint, &options, interrupted, print_told);
+        let all = record::run_many(
+            &session,
+            endpoint,
+            &options,
+            interrupted,
+            print_server_event,
+        );
         runtime.block_on(all)?
     } else {
         let link = Client::open_as(connect, Silence::Still)?;
@@ -83,11 +89,13 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(summary.exit_code()))
 }
 
-fn print_told(told: &Told<'_>) {
-    match told {
-        Told::Recording(sim) => println!("recording the server {sim:?}"),
-        Told::Output(_, output) => print(output),
-        Told::Left(sim, problem) => eprintln!("the server {sim:?} is not recorded: {problem:#}"),
+fn print_server_event(event: &ServerEvent<'_>) {
+    match event {
+        ServerEvent::Recording(sim) => println!("recording the server {sim:?}"),
+        ServerEvent::Output(_, output) => print(output),
+        ServerEvent::NotRecorded(sim, problem) => {
+            eprintln!("the server {sim:?} is not recorded: {problem:#}")
+        }
     }
 }
 
@@ -113,10 +121,10 @@ fn print(output: &Output) {
         }
         Output::Failed(words) => eprintln!("recording failed: {words}"),
         Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot
-        | Output::AskState
-        | Output::AskSamples { .. }
-        | Output::Hear { .. }
+        Output::RequestSnapshot
+        | Output::RequestState
+        | Output::RequestSamples { .. }
+        | Output::SubscribeCameras { .. }
         | Output::Status(_)
         | Output::Finish(_) => {}
     }

@@ -1,5 +1,5 @@
-//! The way from the transport's callbacks to the recorder's thread: bounded in
-//! bytes, never waiting. What does not fit is dropped and shows as a gap.
+//! The queue from the transport's callbacks to the recorder's thread. It is bounded in
+//! bytes and never blocks: a sample that does not fit is dropped and becomes a gap.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,39 +8,38 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
-/// Bytes of pictures that may wait: about 20 pairs at 1280x720.
-const PICTURE_BYTES: usize = 256 << 20;
-/// Bytes that state samples may use beyond that, so that pictures cannot
-/// push them out.
+/// Limit of queued images, bytes: about 20 pairs at 1280x720.
+const IMAGE_BYTES: usize = 256 << 20;
+/// Additional limit of state samples, bytes, so that images cannot displace them.
 const STATE_BYTES: usize = 64 << 20;
-/// A state sample waits so long for others: to wake a thread costs more than to take
-/// what it is woken for. Pictures, which a lock-step server waits for, never wait.
+/// Time that a state sample waits for others: waking the thread costs more than handling
+/// the sample. Images never wait, because a lock-step server waits for them.
 const LINGER: Duration = Duration::from_millis(5);
-/// Samples that wait no longer.
+/// Number of queued samples that wakes the thread at once.
 const MANY: usize = 1024;
 
 struct Shared<T> {
     linger: Duration,
     waiting: Mutex<Waiting<T>>,
     changed: Condvar,
-    /// Bytes of all that were not taken out yet.
+    /// Bytes of all queued items.
     bytes: AtomicUsize,
     dropped: AtomicU64,
 }
 
 struct Waiting<T> {
     items: VecDeque<(T, usize)>,
-    /// When the first of them came.
+    /// Arrival of the first item.
     since: Option<Instant>,
-    /// One of them does not wait for others.
+    /// One item must not wait for others.
     is_urgent: bool,
-    /// Ends for callbacks.
+    /// Number of [`Entrance`]s.
     entrances: usize,
-    /// Nobody takes anything out any more.
+    /// The [`Exit`] is dropped.
     is_closed: bool,
 }
 
-/// The end for callbacks.
+/// Sender half, for callbacks.
 pub(super) struct Entrance<T>(Arc<Shared<T>>);
 
 impl<T> Clone for Entrance<T> {
@@ -57,10 +56,10 @@ impl<T> Drop for Entrance<T> {
     }
 }
 
-/// The end for the recorder's thread.
+/// Receiver half, for the recorder's thread.
 pub(super) struct Exit<T> {
     shared: Arc<Shared<T>>,
-    /// What was taken out together.
+    /// Items that were taken out together.
     batch: VecDeque<(T, usize)>,
 }
 
@@ -72,7 +71,7 @@ impl<T> Drop for Exit<T> {
     }
 }
 
-/// A queue.
+/// Creates a queue.
 pub(super) fn queue<T>() -> (Entrance<T>, Exit<T>) {
     lingering(LINGER)
 }
@@ -99,12 +98,12 @@ fn lingering<T>(linger: Duration) -> (Entrance<T>, Exit<T>) {
 }
 
 impl<T> Entrance<T> {
-    /// Adds a sample of `bytes`, or drops it when there is no room.
-    pub fn sample(&self, item: T, bytes: usize, picture: bool) {
-        let limit = if picture {
-            PICTURE_BYTES
+    /// Adds a sample of `bytes`, or drops it when the queue is full.
+    pub fn sample(&self, item: T, bytes: usize, image: bool) {
+        let limit = if image {
+            IMAGE_BYTES
         } else {
-            PICTURE_BYTES + STATE_BYTES
+            IMAGE_BYTES + STATE_BYTES
         };
         let shared = &self.0;
         if shared.bytes.fetch_add(bytes, Ordering::AcqRel) + bytes > limit {
@@ -112,7 +111,7 @@ impl<T> Entrance<T> {
             shared.dropped.fetch_add(1, Ordering::Relaxed);
             return;
         }
-        self.add(item, bytes, picture);
+        self.add(item, bytes, image);
     }
 
     /// Adds a message of the protocol; it always fits.
@@ -144,7 +143,7 @@ impl<T> Exit<T> {
     /// long enough for others.
     ///
     /// # Errors
-    /// When all were taken and nobody can add any.
+    /// When the queue is empty and every [`Entrance`] is dropped.
     pub fn wait(&mut self, patience: Duration) -> Result<(), Closed> {
         if !self.batch.is_empty() {
             return Ok(());
@@ -182,7 +181,7 @@ impl<T> Exit<T> {
     }
 }
 
-/// Nobody can add anything any more.
+/// Every [`Entrance`] is dropped and the queue is empty.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Closed;
 
@@ -197,10 +196,10 @@ mod tests {
     }
 
     #[test]
-    fn pictures_cannot_push_state_samples_out() {
+    fn images_cannot_displace_state_samples() {
         let (entrance, mut exit) = queue();
         for i in 0..5 {
-            entrance.sample(i, PICTURE_BYTES / 4, true);
+            entrance.sample(i, IMAGE_BYTES / 4, true);
         }
         entrance.sample(100, 1000, false);
         entrance.control(101);
@@ -209,12 +208,12 @@ mod tests {
         entrance.sample(6, 1, true);
         assert_eq!(exit.dropped(), 2);
         assert_eq!(all(&mut exit), [0, 1, 2, 3, 100, 101]);
-        entrance.sample(7, PICTURE_BYTES, true);
+        entrance.sample(7, IMAGE_BYTES, true);
         assert_eq!(all(&mut exit), [7]);
     }
 
     #[test]
-    fn state_samples_wait_for_others_and_nothing_waits_for_ever() {
+    fn state_samples_wait_for_others_but_not_forever() {
         let (entrance, mut exit) = queue();
         assert!(all(&mut exit).is_empty());
         entrance.sample(1, 10, false);
@@ -241,18 +240,18 @@ mod tests {
     fn taken(of: impl FnOnce(&Entrance<i32>)) -> Vec<i32> {
         const HOUR: Duration = Duration::from_secs(3600);
         let (entrance, mut exit) = lingering(HOUR);
-        let (told, tells) = std::sync::mpsc::channel();
+        let (sent, batches) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
             exit.wait(HOUR).unwrap();
-            told.send(std::iter::from_fn(|| exit.take()).collect())
+            sent.send(std::iter::from_fn(|| exit.take()).collect())
         });
         of(&entrance);
         drop(entrance);
-        tells.recv_timeout(Duration::from_secs(60)).unwrap()
+        batches.recv_timeout(Duration::from_secs(60)).unwrap()
     }
 
     #[test]
-    fn what_is_urgent_or_much_ends_the_wait_and_a_state_sample_does_not() {
+    fn an_urgent_item_or_many_items_end_the_wait_and_one_state_sample_does_not() {
         let pause = || std::thread::sleep(Duration::from_millis(50));
         let mut kept = None;
         let mut with = |last: &dyn Fn(&Entrance<i32>)| {
@@ -276,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_added_after_the_end_is_let_go() {
+    fn items_added_after_the_end_are_dropped() {
         let (entrance, exit) = queue();
         drop(exit);
         let item = Arc::new(());
