@@ -1,12 +1,12 @@
 //! How fast an episode with two RGB-D cameras at 1280x720 is written: frames
-//! per second (a frame is a pair of pictures with depth and ids) until every
+//! per second (a frame is a pair of images with depth and segmentation) until every
 //! byte is in the log, and until the HDF5 file is finished; bytes and processor
 //! time per frame.
 //!
-//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR] [PICTURES]`
+//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR] [IMAGES]`
 //!
-//! PICTURES is a `frames.bin` of the server's example `dump_frames`; without it
-//! the pictures are of a made-up room.
+//! IMAGES is a `frames.bin` of the server's example `dump_frames`; without it
+//! the images show a synthetic room.
 
 mod synthetic;
 
@@ -36,7 +36,7 @@ fn main() -> anyhow::Result<()> {
     let dir = args.get(2).map_or_else(std::env::temp_dir, PathBuf::from);
     let label = format!("record_bench_{}", std::process::id());
 
-    // Pictures are drawn before the clock starts.
+    // Images are rendered before the clock starts.
     let pairs: Vec<[v1::CameraFrame; 2]> = match args.get(3) {
         Some(path) => dumped(Path::new(path))?,
         None => (0..DISTINCT).map(pair).collect(),
@@ -140,7 +140,7 @@ fn pair(i: u64) -> [v1::CameraFrame; 2] {
     ]
 }
 
-/// Pictures of the home: colour, depth and ids of both cameras, one after the other.
+/// Images of the home: colour, depth and ids of both cameras, one after the other.
 fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
     let bytes = Bytes::from(std::fs::read(path)?);
     let frame = 9 * PIXELS;

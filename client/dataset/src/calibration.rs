@@ -1,4 +1,4 @@
-//! Where pixels lie, told the same way in every file that holds pictures.
+//! The pixel convention, stated identically in every file with images.
 
 /// Place of the centre of the pixel in column 0 and row 0, pixels.
 pub const PIXEL_CENTRE: f64 = 0.5;

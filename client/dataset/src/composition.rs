@@ -20,7 +20,7 @@ use crate::sheet::style::{self, BLUE, GREY, INK, ORANGE, strokes};
 pub struct Figures {
     /// Activity, area and task.
     pub key: [String; 3],
-    /// Pictures of the reference camera: the paper's samples.
+    /// Images of the reference camera: the paper's samples.
     pub samples: usize,
     /// Simulated seconds.
     pub seconds: f64,
@@ -232,7 +232,7 @@ pub fn csv(rows: &BTreeMap<[String; 3], Row>, to: impl std::io::Write) -> anyhow
 /// Draws trajectories (successes filled) per task as bars.
 ///
 /// # Errors
-/// When the picture cannot be written.
+/// When the image cannot be written.
 pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()> {
     anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
     let n = rows.len().max(1);
@@ -278,7 +278,7 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
     })
 }
 
-/// What stands beside a bar.
+/// The text beside a bar.
 fn told(r: &Row) -> String {
     let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
     format!(

@@ -67,7 +67,7 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
         "\n{:<22} {:>9} {:>9} {:>7} {:>10}",
         "stream", "expected", "received", "missed", "recovered"
     );
-    // What only the server could have told is unknown without its word.
+    // Counts of the server are unknown without its manifest.
     let told = |counted, count: u64| match counted {
         true => count.to_string(),
         false => "?".to_owned(),

@@ -71,7 +71,7 @@ pub fn turned([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| v[k] + w * t[k] + u[k])
 }
 
-/// Pixel of a point of the frame in which the camera's pose is told, by intrinsics
+/// Pixel of a point of the frame in which the camera's pose is given, by intrinsics
 /// width, height, fx, fy, cx, cy; `None` behind the camera.
 #[must_use]
 pub fn project(lens: &[f64; 6], camera: &Pose, point: [f64; 3]) -> Option<[f64; 2]> {
@@ -82,7 +82,7 @@ pub fn project(lens: &[f64; 6], camera: &Pose, point: [f64; 3]) -> Option<[f64; 
     (ahead > 0.01).then(|| [cx + fx * right / ahead, cy + fy * down / ahead])
 }
 
-/// A point of a frame, seen from where the frame's pose is told.
+/// A point of a frame, in the frame in which its pose is given.
 #[must_use]
 pub fn point(frame: &Pose, at: [f64; 3]) -> [f64; 3] {
     let turned = turned(orientation(frame), at);

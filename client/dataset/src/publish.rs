@@ -75,7 +75,7 @@ fn rename(temporary: &Path, target: &Path) -> Result<(), Errno> {
 
 fn link(temporary: &Path, target: &Path) -> Result<(), Errno> {
     rustix::fs::link(temporary, target)?;
-    // The file is in its place; a second name harms nobody.
+    // The file has its final name; a second name does no harm.
     let _ = std::fs::remove_file(temporary);
     Ok(())
 }
@@ -140,7 +140,7 @@ pub fn sync_data(file: &File) -> io::Result<()> {
     tolerated(file.sync_data(), "a file")
 }
 
-/// Turns the answer of a file system that has no such call into success, which is told
+/// Turns the answer of a file system without such a call into success, which is logged
 /// once.
 fn tolerated(synced: io::Result<()>, what: &str) -> io::Result<()> {
     static TOLD: Once = Once::new();

@@ -1,6 +1,6 @@
 //! The scenario as readable JSON, for people and for tools without protobuf: in
 //! the words of the message, which are those of the TOML that
-//! `wheelarm-server --scenario` takes. Units stand in `scenario.proto`.
+//! `wheelarm-server --scenario` accepts. `scenario.proto` gives the units.
 
 use serde_json::Value;
 use wheelarm_proto::settings::{Named, Pacing, Quality};
@@ -26,7 +26,7 @@ fn leave_out_absent(value: &mut Value) {
     }
 }
 
-/// Name of a pacing; real time where none is told.
+/// Name of a pacing; real time where none is set.
 #[must_use]
 pub fn pacing(value: i32) -> &'static str {
     let code = v1::Pacing::try_from(value);
@@ -35,7 +35,7 @@ pub fn pacing(value: i32) -> &'static str {
     })
 }
 
-/// Name of a quality; standard where none is told.
+/// Name of a quality; standard where none is set.
 #[must_use]
 pub fn quality(value: i32) -> &'static str {
     let code = v1::RenderQuality::try_from(value);
@@ -93,7 +93,7 @@ mod tests {
         assert_eq!(shown["objects"][0].get("friction"), None);
         let pasted = toml::to_string(&shown).unwrap();
         assert_eq!(toml::from_str(&pasted), Ok(scenario));
-        // Also where nothing is told.
+        // Also where nothing is set.
         let nothing = toml::to_string(&scenario_json(&v1::Scenario::default())).unwrap();
         assert_eq!(toml::from_str(&nothing), Ok(v1::Scenario::default()));
     }

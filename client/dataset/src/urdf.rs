@@ -1,4 +1,4 @@
-//! The robot description that stands in a recording: where the links are for
+//! The robot description of a recording: poses of the links for
 //! given joint positions, joint by joint, and a drawing of it without meshes.
 //!
 //! Forward only, for viewers and for frames that a recording does not hold;
@@ -155,7 +155,7 @@ impl Chain<'_> {
 /// collision solids in the colour of its first mesh.
 ///
 /// # Errors
-/// When the text is no URDF.
+/// When the text is not a URDF.
 pub fn without_meshes(urdf: &str) -> Result<String, String> {
     let mut robot = urdf_rs::read_from_string(urdf).map_err(|e| e.to_string())?;
     for link in &mut robot.links {

@@ -1,5 +1,5 @@
 //! Whether a recording is fit for use: counts, order, gaps, numbers that are
-//! none, quaternions, pictures, calibration, hashes. Reads every byte.
+//! none, quaternions, images, calibration, hashes. Reads every byte.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -21,7 +21,7 @@ use crate::read::{ElementKind, Episode, ReadError, Values};
 const GAP: f64 = 1.75;
 /// Norms of quaternions may be off by this.
 const NORM: f64 = 1e-6;
-/// A picture with less contrast than this shows nothing, levels of 255.
+/// Least contrast of an image that shows anything, levels of 255.
 const FLAT: f64 = 1.0;
 /// Hashes are this many ticks apart: one simulated second.
 const HASH_TICKS: u64 = 240;
@@ -50,7 +50,7 @@ impl fmt::Display for Findings {
 /// Looks at everything in a file.
 ///
 /// # Errors
-/// When it is no episode or cannot be read to the end.
+/// When it is not an episode or cannot be read to the end.
 pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     let episode = Episode::open(path)?;
     let mut found = Findings::default();
@@ -124,7 +124,7 @@ fn stream(
     found: &mut Findings,
 ) -> anyhow::Result<()> {
     let stamps = episode.stamps(name)?;
-    // Where they have another size that is told, and nothing is missing by them.
+    // Where they have another size that is reported, and nothing is missing by them.
     let sequence = sized(episode.u64s(name, "sequence"), found)?;
     let sequence = sequence.unwrap_or_else(|| (0..stamps.len() as u64).collect());
     let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
@@ -152,7 +152,7 @@ fn stream(
         .windows(2)
         .filter(|w| w[1].saturating_sub(w[0]) as f64 > GAP * usual as f64);
     let widest = gaps.clone().map(|w| w[1] - w[0]).max();
-    // A sensor's pictures arrive now sooner, now later; none is missing by its
+    // The latency of a sensor's images varies; none is missing by its
     // sequence numbers.
     let even = periodic && StreamId::parse(name).sensor_name().is_none();
     if let Some(widest) = widest.filter(|_| even) {
@@ -191,7 +191,7 @@ fn stream(
         let rule = Rule::of(&meta);
         let bad = all.iter().filter(|v| !v.is_finite()).count();
         // A command that was not given is NaN; so are a contact that is not there and a
-        // push that nobody gives.
+        // push that does not exist.
         let optional = matches!(name, "command" | "contact" | "evaluation" | "disturbance")
             || (name, meta.name.as_str()) == ("person", "contact_force")
             || (name == "applied" && (rule == Rule::Nearest || rule == Rule::Pose));
@@ -273,13 +273,13 @@ fn contents(
     Ok(())
 }
 
-/// Figures of one picture.
+/// Figures of one image.
 struct Figures {
     mean: f64,
     contrast: f64,
     hit: f64,
     bad_depth: usize,
-    /// The first id that is no instance's.
+    /// The first id without an instance.
     stranger: Option<u16>,
 }
 
@@ -383,7 +383,7 @@ fn pictures(
     Ok(())
 }
 
-/// What a sensor model made of a camera's pictures: something is to be seen, the
+/// What a sensor model made of a camera's images: they show something, the
 /// calibration stays, and nothing arrives before it was exposed.
 fn sensed(
     episode: &Episode,

@@ -157,8 +157,8 @@ fn a_file_cut_or_changed_anywhere_is_read_or_refused() {
         let mut changed = good.clone();
         changed[at] ^= 0x10;
         std::fs::write(&bad, &changed).unwrap();
-        // A changed picture or number cannot be told from another one, unless
-        // it was compressed; that it is read without harm is all that is asked.
+        // A changed image or number cannot be distinguished from another one, unless
+        // it was compressed; the test only requires that it is read without harm.
         let read = Command::new(std::env::current_exe().unwrap())
             .args(["--ignored", "--exact", "read_the_damaged_file"])
             .env(DAMAGED_FILE, &bad)

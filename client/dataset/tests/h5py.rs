@@ -1,4 +1,4 @@
-//! Somebody else's reader: plain h5py reads an episode file and finds the
+//! An independent reader: plain h5py reads an episode file and finds the
 //! numbers that were put in. Skipped, and it says so, without h5py; the
 //! variable `WHEELARM_PYTHON` names the interpreter.
 
@@ -121,7 +121,7 @@ fn the_sheet_shows_the_pictures_of_the_episode() {
     let size = reader.next_frame(&mut pixels).unwrap();
     assert!(size.width > 1000 && size.height > 1000, "{size:?}");
 
-    // The mean colour of the first picture stands where its tile should be.
+    // The mean colour of the first image is found at its tile.
     let frame = episode.camera("gen3").unwrap().frame(&episode, 0).unwrap();
     let mean = |rgb: &mut dyn Iterator<Item = &u8>| {
         let (sum, n) = rgb.fold((0_u64, 0_u64), |(s, n), &v| (s + u64::from(v), n + 1));

@@ -62,12 +62,12 @@ fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
     }
     let record = |folder| synthetic::smooth::record(folder, "same", 2, (32, 18)).unwrap();
     let (first, second) = (record(&one), record(&other));
-    // A log that somebody holds.
+    // A log that another process holds.
     let held = wheelarm_dataset::log::hold(&first).unwrap();
     let told = finish(&first, Some(&out)).unwrap_err().to_string();
     assert!(told.contains("is being written by a recorder"), "{told}");
     drop(held);
-    // The name that somebody makes a file under.
+    // The name under which another process makes a file.
     let making = std::fs::File::create(out.join("same.h5.tmp")).unwrap();
     making.try_lock().unwrap();
     let told = finish(&second, Some(&out)).unwrap_err().to_string();

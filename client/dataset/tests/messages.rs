@@ -1,4 +1,4 @@
-//! What the program says of a path that is no episode, and what it leaves.
+//! Messages about paths that are not episodes, and leftovers of failed commands.
 
 #[path = "../examples/synthetic/mod.rs"]
 mod synthetic;
@@ -529,7 +529,7 @@ fn a_file_that_crashes_or_holds_up_its_library_is_named_and_the_rest_goes_on() {
     for number in 0..10 {
         episode(folder, &format!("a{number}"));
     }
-    // A thing in a heap that is larger than memory, and one that takes no room, so that the
+    // A heap object larger than memory, and one that takes no room, so that the
     // next is the same again.
     for (name, value) in [("a3.h5", (1_i64 << 32) + 16), ("a7.h5", -16)] {
         let path = folder.join(name);
@@ -596,7 +596,7 @@ fn an_interrupted_export_goes_on_and_a_label_is_not_taken_twice() {
     assert!(words.contains("1 of 2 exist already"), "{words}");
     assert_eq!(table("out/a"), first);
     table("out/b");
-    // One file alone is asked for as it is: what is there may be of other options.
+    // A single file is not skipped: the existing output may be of other options.
     let alone = refused(
         folder,
         &["export", "--format", "csv", "--out", "out", "a.h5"],
@@ -606,7 +606,7 @@ fn an_interrupted_export_goes_on_and_a_label_is_not_taken_twice() {
     std::fs::create_dir(folder.join("more")).unwrap();
     std::fs::copy(folder.join("a.h5"), folder.join("more/a.h5")).unwrap();
     let twice = ["export", "--format", "csv", "--out", "new", "a.h5", "more"];
-    // Asked for again it is no less wrong.
+    // A second run fails in the same way.
     for _ in 0..2 {
         let output = run(folder, &twice);
         let words = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -746,7 +746,7 @@ fn a_process_of_an_export_ends_with_it() {
     BufReader::new(said).read_line(&mut part).unwrap();
     asks.wait().unwrap();
     let stat = format!("/proc/{}/stat", part.trim());
-    // What ended may wait for somebody to hear of it.
+    // An ended process may wait until its parent collects it.
     let is_there = || std::fs::read_to_string(&stat).is_ok_and(|told| !told.contains(") Z"));
     for _ in 0..3000 {
         if !is_there() {

@@ -434,7 +434,7 @@ pub fn header(sequence: u64, tick: u64) -> v1::Header {
     }
 }
 
-/// A camera frame of any size; `picture` fills in colour, depth and id by pixel.
+/// A camera frame of any size; `image` fills in colour, depth and id by pixel.
 pub fn frame(
     camera: &str,
     header: v1::Header,

@@ -75,7 +75,7 @@ fn room(eye: [f64; 3], direction: [f64; 3], forward: f64) -> ([u8; 3], f32, u8) 
     (rgb, (t * forward) as f32, id)
 }
 
-/// A picture from `eye`, looking along `yaw` and down by `pitch`.
+/// An image from `eye`, looking along `yaw` and down by `pitch`.
 pub fn picture(
     camera: &str,
     header: v1::Header,
@@ -274,7 +274,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
     ]
 }
 
-/// Records `seconds` of it at 60 Hz with pictures of `size` at 5 Hz and
+/// Records `seconds` of it at 60 Hz with images of `size` at 5 Hz and
 /// returns the log.
 ///
 /// # Errors

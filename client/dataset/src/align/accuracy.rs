@@ -1,12 +1,12 @@
 //! How far interpolated values are from the truth: samples are left out, found
 //! again by interpolation, and compared.
 //!
-//! The chair's orientation comes at 240 Hz from the IMU and is thinned to
+//! The chair's orientation is sampled at 240 Hz from the IMU and is thinned to
 //! 60 Hz: that error is the real one. Other streams come at 60 Hz and are
 //! thinned to 30 Hz; the error of a straight line falls with the square of the
 //! distance, so that a quarter of it is what rows between 60 Hz samples have.
 //! That of a cubic falls faster where motion is smooth, and not where something
-//! knocks: a quarter is said there, too. A row that falls on a sample has none.
+//! knocks; a quarter is reported there, too. A row at a sample has no error.
 
 use std::fmt;
 

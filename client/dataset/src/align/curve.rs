@@ -1,5 +1,5 @@
 //! What a column is between two of its samples: by what it says of itself, and
-//! by its recorded velocities where they are asked for.
+//! by its recorded velocities on request.
 
 use clap::ValueEnum;
 
@@ -49,7 +49,7 @@ impl Rule {
     /// The rule of a column by what it says of itself.
     #[must_use]
     pub fn of(meta: &ColumnMeta) -> Self {
-        // Commands and lists of contacts jump; between two of them lies nothing.
+        // Commands and lists of contacts jump; there is nothing between two of them.
         let jumps = match meta.stream.as_str() {
             "command" | "evaluation" => true,
             "applied" => matches!(meta.name.as_str(), "arm" | "base" | "gripper"),
@@ -150,7 +150,7 @@ impl Curve<'_> {
         out: &mut Vec<f64>,
     ) {
         let row = |i: usize| &all[i * self.width..(i + 1) * self.width];
-        // Numbers of one thing, where its quaternion begins, and its velocity's.
+        // Numbers of one pose, index of its quaternion, and numbers of its velocity.
         let (step, straight, turning) = match self.rule {
             Rule::Pose => (7, 3, true),
             Rule::Quaternion => (4, 0, true),

@@ -1,4 +1,4 @@
-//! The aligned file: rows instead of streams, the pictures' chunks as they are.
+//! The aligned file: rows instead of streams, with the images' chunks copied.
 
 use hdf5::{Extent, Group, H5Type, SimpleExtents};
 
@@ -9,9 +9,9 @@ use crate::read::{Camera, Episode, Summary, Values};
 
 const ROWS: usize = 256;
 
-/// Writes an aligned episode into a new file at `path`; pictures are copied
-/// without being unpacked when `pictures` says so. `tick` is told of every
-/// picture.
+/// Writes an aligned episode into a new file at `path`; images are copied
+/// without being unpacked when `images` is set. `tick` is called for every
+/// image.
 ///
 /// # Errors
 /// Those of HDF5 and of reading the recording.
@@ -91,7 +91,7 @@ pub fn write(
     Ok(())
 }
 
-/// When the pictures of the rows were exposed.
+/// Exposure times of the rows' images.
 fn exposures(group: &Group, sensor: &Camera, frames: &[Option<usize>]) -> anyhow::Result<()> {
     let all = sensor.exposures();
     let of = |frame: &Option<usize>| frame.and_then(|i| all.get(i).copied()).unwrap_or(0);
@@ -242,7 +242,7 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
     Ok(())
 }
 
-/// Copies compressed pictures; rows without one read as zeros.
+/// Copies compressed images; rows without one read as zeros.
 fn copy_pictures(
     group: &Group,
     camera: &Camera,

@@ -1,5 +1,5 @@
 //! Every stream at the stamps of one camera: cubics with the recorded velocities
-//! for the robot's poses and joints, otherwise (or when asked, everywhere)
+//! for the robot's poses and joints, otherwise (or everywhere on request)
 //! linear for vectors, slerp for orientations, unwrapped for angles; nearest for
 //! everything that does not move continuously. A row that is not enclosed by
 //! samples near enough is marked, never made up. One column is in memory at a
@@ -100,9 +100,9 @@ pub struct Aligned {
     pub signals: Vec<Signal>,
     /// By stream: which rows are valid, and why not.
     pub coverage: BTreeMap<String, Coverage>,
-    /// By camera: the picture of every row.
+    /// By camera: the image of every row.
     pub frames: BTreeMap<String, Vec<Option<usize>>>,
-    /// By picture sensor: the newest picture that had arrived by then.
+    /// By image sensor: the newest image that had arrived by then.
     pub sensors: BTreeMap<String, Vec<Option<usize>>>,
 }
 
@@ -129,7 +129,7 @@ impl Aligned {
 }
 
 /// Whether the samples of a stream come at a rate of their own, each later than
-/// the one before. Commands come when somebody sends them: several at one stamp,
+/// the one before. Commands arrive irregularly: several at one stamp,
 /// of which the last counts, or none for a while.
 #[must_use]
 pub fn is_periodic(stream: &str) -> bool {
@@ -170,7 +170,7 @@ pub enum AlignError {
     NoReference {
         /// The file.
         file: String,
-        /// Camera asked for.
+        /// Requested reference camera.
         camera: String,
         /// Cameras in the file.
         there: Vec<String>,
@@ -194,7 +194,7 @@ pub enum AlignError {
         file: String,
         /// The stream.
         stream: String,
-        /// First sample that comes too early after the one before.
+        /// First sample that follows the previous one too early.
         sample: usize,
     },
     /// A file that was changed or damaged.
@@ -219,7 +219,7 @@ pub enum AlignError {
 /// offered) and every camera.
 ///
 /// # Errors
-/// When the reference camera has no pictures, a column cannot be read, stamps do not
+/// When the reference camera has no images, a column cannot be read, stamps do not
 /// rise, or there is a limit for a stream of no known kind.
 pub fn align(
     episode: &Episode,

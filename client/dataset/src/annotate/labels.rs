@@ -19,6 +19,6 @@ pub struct Annotations {
     pub contacts: Vec<Interval>,
     /// Grasps that closed on something.
     pub grasps: Vec<ChosenGrasp>,
-    /// The way of the hand in the pictures of each camera.
+    /// The path of the hand in the images of each camera.
     pub traces: Vec<Trace>,
 }

@@ -1,5 +1,5 @@
 //! Labels in words and numbers that a recording's exact state gives: what is done
-//! with what, questions with their answers, boxes in the pictures, the chosen
+//! with what, questions with their answers, boxes in the images, the chosen
 //! grasp, contacts, the way of the hand.
 //!
 //! Everything is made from what the file holds and nothing is guessed by a model;

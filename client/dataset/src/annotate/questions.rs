@@ -15,7 +15,7 @@ use crate::read::{Episode, ReadError};
 /// Types of questions by their code, from 0.
 pub const KINDS: [&str; 6] = ["where", "count", "side", "reach", "held", "open"];
 
-/// Nanoseconds between two samples that are asked about.
+/// Nanoseconds between two samples with questions.
 const EVERY: u64 = 1_000_000_000;
 
 /// A question with its answer.
@@ -33,7 +33,7 @@ pub struct Question {
     pub question: String,
     /// In words.
     pub answer: String,
-    /// What is asked about, JSON.
+    /// The subject of the questions, JSON.
     pub arguments: Value,
     /// The answer, JSON.
     pub value: Value,
@@ -50,7 +50,7 @@ impl Question {
     }
 }
 
-/// Picks things in turn, another one each time.
+/// Picks indices in turn, another one each time.
 struct Turns(usize);
 
 impl Turns {
@@ -292,7 +292,7 @@ fn side(
     })
 }
 
-/// Whether an object's origin lies within the outer radius of the arm's reach.
+/// Whether an object's origin is within the outer radius of the arm's reach.
 fn reach(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<Draft> {
     let object = *turns.next(all)?;
     let base = &state.base[row];

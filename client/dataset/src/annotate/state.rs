@@ -7,7 +7,7 @@ use wheelarm_proto::v1::{self, JointRole};
 use crate::pose::{self, Pose};
 use crate::read::{Episode, ReadError};
 
-/// A thing is held when each finger tip presses it with this force at least, N.
+/// An object is held when each finger tip presses it with this force at least, N.
 pub const HELD: f64 = 0.5;
 /// Furniture is open from this position on, metres.
 pub const OPEN: f64 = 0.02;
@@ -144,7 +144,7 @@ impl State {
         })
     }
 
-    /// The scene of a sample: things by name, what is held included.
+    /// The scene of a sample: objects by name, including a held one.
     #[must_use]
     pub fn scene(&self, row: usize) -> Scene {
         let is_there = |name: &str| name == self.goal;
@@ -161,7 +161,7 @@ impl State {
         scene
     }
 
-    /// What a thing is called: its kind, with its number from the left or from the
+    /// The name of an object in text: its kind, with its number from the left or from the
     /// top where there are several at the first sample.
     #[must_use]
     pub fn called(&self, name: &str) -> String {

@@ -66,7 +66,7 @@ pub(super) fn plan(subtasks: &[Subtask]) -> Vec<String> {
 }
 
 /// What the hand is after in a phase: what the attempt that it belongs to takes, which
-/// may be another thing than the target; `None` where it takes nothing.
+/// may differ from the target; `None` where it takes nothing.
 fn taken<'a>(phases: &[Segment], at: usize, grasps: &'a [ChosenGrasp]) -> Option<&'a str> {
     // An attempt begins with driving or reaching after anything else.
     let begins = |i: usize| i == 0 || phases[i].label < phases[i - 1].label;
@@ -79,7 +79,7 @@ fn taken<'a>(phases: &[Segment], at: usize, grasps: &'a [ChosenGrasp]) -> Option
     grasp.map(|grasp| grasp.object.as_str())
 }
 
-/// A phase with another thing than the target, in words.
+/// Text of a phase with an object other than the target.
 fn amiss(state: &State, label: u8, object: &str) -> String {
     let object = state.called(object);
     match label {

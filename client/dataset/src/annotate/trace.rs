@@ -1,24 +1,24 @@
-//! Where the hand goes in a picture: the end effector at the next steps, in the
+//! The path of the hand in an image: the end effector at the next steps, in the
 //! pixels of the camera as it is now.
 
 use super::state::State;
 use crate::pose::project;
 use crate::read::{Episode, ReadError};
 
-/// Steps ahead, the picture's own time first.
+/// Steps ahead, the image's own time first.
 pub const STEPS: usize = 16;
 
-/// The way of the hand in the pictures of a camera.
+/// The path of the hand in the images of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
     /// The camera.
     pub camera: String,
-    /// Column and row, pixels from the left and top edge: picture by step. NaN
+    /// Column and row, pixels from the left and top edge: image by step. NaN
     /// behind the camera and after the end.
     pub pixels: Vec<[[f64; 2]; STEPS]>,
 }
 
-/// Traces in all cameras; a step is the time from a picture to the next.
+/// Traces in all cameras; a step is the time from an image to the next.
 pub(super) fn traces(episode: &Episode, state: &State) -> Result<Vec<Trace>, ReadError> {
     let mut out = Vec::new();
     for camera in episode.cameras()? {

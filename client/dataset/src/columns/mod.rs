@@ -371,10 +371,10 @@ impl<M: Topic + 'static> Stream for Table<M> {
     }
 }
 
-/// Header of any message of the package: it stands first in every one.
+/// Header of any message of the package: it is field 1 of every one.
 ///
 /// # Errors
-/// When the bytes are no message.
+/// When the bytes are not a message.
 pub fn header_of(payload: &[u8]) -> Result<v1::Header, prost::DecodeError> {
     #[derive(Clone, PartialEq, Message)]
     struct HeaderOnly {

@@ -179,12 +179,12 @@ pub(super) fn phase(value: i32) -> String {
     .to_owned()
 }
 
-/// Device of a command in words; empty when it is not told.
+/// Device of a command in words; empty when it is not set.
 pub(super) fn device(command: Option<&v1::Command>) -> String {
     command.map_or_else(String::new, |c| c.device().word())
 }
 
-/// Input mode of a command in words; empty when it is not told.
+/// Input mode of a command in words; empty when it is not set.
 pub(super) fn mode(command: Option<&v1::Command>) -> String {
     command.map_or_else(String::new, |c| c.mode().word())
 }

@@ -53,7 +53,7 @@ pub struct Input {
 pub enum FormatName {
     /// The HDF5 of WheelArm-Sim's recorder: 60 datasets per sample.
     WheelarmSim,
-    /// WheelArm-Sim's final table of 117 columns, and folders of PNG pictures.
+    /// WheelArm-Sim's final table of 117 columns, and folders of PNG images.
     Csv,
     /// LeRobot data set, version 3.0.
     Lerobot,

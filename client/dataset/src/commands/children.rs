@@ -32,7 +32,7 @@ pub fn end_with(parent: usize) -> anyhow::Result<()> {
         use rustix::process::{Signal, set_parent_process_death_signal};
         set_parent_process_death_signal(Some(Signal::KILL))?;
     }
-    // It may have gone before the kernel was asked.
+    // It may have ended before the kernel call.
     if usize::try_from(std::os::unix::process::parent_id()).ok() != Some(parent) {
         bail!("the command that this process is a part of is gone: run it again");
     }

@@ -15,7 +15,7 @@ use super::arguments::{Files, Input};
 const LABELLED: &str = ".labels.h5";
 
 /// Recordings named directly or found in folders, in the order of their names;
-/// aligned files are no recordings, and a labelled copy counts only where its
+/// aligned files are not recordings, and a labelled copy counts only where its
 /// recording is not beside it.
 pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
     let mut out = Vec::new();
@@ -44,7 +44,7 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
     Ok(out)
 }
 
-/// Refuses a place for a picture that is named as something else: a picture replaces what
+/// Rejects an image path without a `.png` extension: an image replaces the existing
 /// is there, and a recording would be lost by a slip.
 pub fn is_picture(out: &Path) -> anyhow::Result<()> {
     let is_png = out

@@ -49,7 +49,7 @@ enum Command {
     Sheet {
         /// The episode file.
         file: PathBuf,
-        /// The picture; FILE with the ending .png without it.
+        /// The image; FILE with the ending .png without it.
         #[arg(long, value_name = "PNG")]
         out: Option<PathBuf>,
     },
@@ -60,7 +60,7 @@ enum Command {
         /// Folder for the files LABEL.aligned.h5; beside each recording without it.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Leaves the pictures in the recording.
+        /// Leaves the images in the recording.
         #[arg(long)]
         no_pictures: bool,
     },
@@ -91,12 +91,12 @@ enum Command {
         /// Folder; for lerobot the data set's folder, for robomimic its file.
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
-        /// Size of pictures in lerobot, robomimic and tensors, for example 320x180;
+        /// Size of images in lerobot, robomimic and tensors, for example 320x180;
         /// as recorded without it.
         #[arg(long, value_name = "WxH")]
         size: Option<Size>,
         /// What an action is, in lerobot, robomimic, tensors and csv: next-pose and
-        /// next-joints are in force at the next picture, applied at this one.
+        /// next-joints are the joints at the next image, applied those at this one.
         #[arg(long, value_name = "KIND", default_value = ActionKind::default().name(),
             value_parser = str::parse::<ActionKind>)]
         action: ActionKind,
@@ -104,13 +104,13 @@ enum Command {
         /// seconds; in lerobot, robomimic, tensors and csv.
         #[arg(long, value_name = "SECONDS", value_parser = idle)]
         trim_idle: Option<f64>,
-        /// How lerobot keeps pictures: as video by ffmpeg (WHEELARM_FFMPEG, else on
+        /// How lerobot keeps images: as video by ffmpeg (WHEELARM_FFMPEG, else on
         /// PATH), or as PNG.
         #[arg(long, value_enum, default_value_t, value_name = "HOW")]
         pictures: PictureFormat,
         /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
         /// LeRobot reads depth videos from 0.6 on. Adds to tensors the same, and exact
-        /// depth where there was no sensor.
+        /// depth without a sensor.
         #[arg(long)]
         depth: bool,
         /// Adds the columns language_persistent and language_events to lerobot, which
@@ -138,11 +138,11 @@ enum Command {
     Plot {
         #[command(flatten)]
         input: Input,
-        /// Folder for the pictures; beside each recording without it.
+        /// Folder for the images; beside each recording without it.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Makes an HTML page of each episode: playable pictures, depth, plots.
+    /// Makes an HTML page of each episode: playable images, depth, plots.
     View {
         #[command(flatten)]
         input: Input,
@@ -150,7 +150,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Makes a moving picture, MP4 or GIF, by ffmpeg: cameras side by side with
+    /// Makes a video, MP4 or GIF, by ffmpeg: cameras side by side with
     /// instruction, phase and time.
     Video(video::Video),
 }

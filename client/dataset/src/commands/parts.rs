@@ -33,7 +33,7 @@ pub fn is_one() -> bool {
 /// Which of all files this process exports, where it is one of several.
 ///
 /// # Errors
-/// When what it was told is no part.
+/// When the variable does not name a part.
 pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
     let Some(told) = std::env::var_os(VARIABLE) else {
         return Ok(None);

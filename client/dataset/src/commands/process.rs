@@ -150,7 +150,7 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
             }
         }
     }
-    // Of nothing there is no table, and no file that would stop the next run.
+    // Without a row, write neither a table nor a file that would stop the next run.
     if table.is_empty() {
         return Ok(code(&results));
     }
@@ -283,13 +283,13 @@ pub fn export(
     Ok(code_of(&results, several))
 }
 
-/// Files without those whose label another one has, which are told: processes that work
+/// Files without those whose label another one has, which are reported: processes that work
 /// side by side would not know of each other's.
 fn once_each(files: Vec<PathBuf>) -> (Vec<PathBuf>, bool) {
     let mut seen: BTreeMap<String, PathBuf> = BTreeMap::new();
     let (mut once, mut twice) = (Vec::new(), false);
     for file in files {
-        // What cannot be read is told by who exports it.
+        // The export reports files that cannot be read.
         let label = Episode::open(&file).and_then(|episode| episode.label());
         match label
             .ok()

@@ -31,10 +31,10 @@ const VARIABLE: &str = "WHEELARM_DATASET_WORK";
 /// drive can be silent for longer, this variable gives it more.
 const PATIENCE_VARIABLE: &str = "WHEELARM_DATASET_PATIENCE";
 const PATIENCE: u32 = 60;
-/// Ends a process that waits for HDF5 without end; nobody else sends it.
+/// Ends a process that waits for HDF5 without end; no other process sends it.
 const STUCK: Signal = Signal::ALARM;
 
-/// What a process is asked for that does the work.
+/// Work order of a worker process.
 pub struct Asked {
     /// Files that it leaves out.
     pub left_out: Vec<PathBuf>,
@@ -42,10 +42,10 @@ pub struct Asked {
     pub alone: bool,
 }
 
-/// What this process is asked for, and `None` where it is the one that supervises.
+/// The work order of this process; `None` for the supervisor.
 ///
 /// # Errors
-/// When what it was told cannot be read.
+/// When the variable is malformed.
 pub fn told() -> anyhow::Result<Option<Asked>> {
     let Some(told) = std::env::var_os(VARIABLE) else {
         return Ok(None);
@@ -188,7 +188,7 @@ pub fn supervised(mut files: impl FnMut() -> anyhow::Result<Vec<PathBuf>>) -> an
     }
 }
 
-/// What is asked of the process that does the work.
+/// Parameters of the worker process.
 struct Asks {
     began: SystemTime,
     damaged: BTreeSet<PathBuf>,

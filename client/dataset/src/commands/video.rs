@@ -1,4 +1,4 @@
-//! The command that makes a moving picture of an episode.
+//! The command that makes a video of an episode.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub struct Video {
     /// The video, ending in .mp4 or .gif; FILE with the ending .mp4 without it.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// Camera or picture sensor; several stand side by side. Every camera of the
+    /// Camera or image sensor; several are shown side by side. Every camera of the
     /// recording without it.
     #[arg(long = "camera", value_name = "NAME")]
     cameras: Vec<String>,
@@ -28,7 +28,7 @@ pub struct Video {
     /// GIF 10.
     #[arg(long, value_name = "N")]
     fps: Option<f64>,
-    /// Width of the whole, pixels; without it that of the pictures side by side, at
+    /// Width of the whole, pixels; without it that of the images side by side, at
     /// most 1920, in a GIF 800.
     #[arg(long, value_name = "PIXELS")]
     width: Option<usize>,
@@ -38,7 +38,7 @@ pub struct Video {
     /// Last moment, seconds from the beginning of the episode.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
-    /// Pictures alone: no instruction, phase, time and names.
+    /// Images alone: no instruction, phase, time and names.
     #[arg(long)]
     plain: bool,
 }

@@ -1,5 +1,5 @@
 //! Where what a task is about is: for a network that learns to find it beside what it
-//! learns to do. No robot knows this; it stands beside rows of training and in none
+//! learns to do. No robot knows this; it is stored beside training rows and in none
 //! of a policy.
 
 use wheelarm_proto::exact;
@@ -8,13 +8,13 @@ use super::Recording;
 use crate::annotate::{self, State};
 use crate::pose;
 
-/// Points of a row: the thing of the task, and where it is to be put.
+/// Points of a row: the task's object and its goal.
 pub const POINTS: [&str; 2] = ["thing", "goal"];
-/// Numbers of a point that no camera tells: its place in the frame of the arm's base.
+/// Numbers of a point that no camera gives: its position in the frame of the arm's base.
 const SPACE: [&str; 3] = ["x", "y", "z"];
 
 /// Names of the numbers in a row: for each point x, y, z in the frame of the arm's
-/// base, metres, then for each camera u and v, shares of the picture's width and
+/// base, metres, then for each camera u and v, shares of the image's width and
 /// height from its left and top edge.
 #[must_use]
 pub fn names<'a>(cameras: impl Iterator<Item = &'a str> + Clone) -> Vec<String> {
@@ -28,25 +28,25 @@ pub fn names<'a>(cameras: impl Iterator<Item = &'a str> + Clone) -> Vec<String> 
     POINTS.into_iter().flat_map(of_point).collect()
 }
 
-/// Where things are in the rows of an alignment.
+/// Positions of objects in the rows of an alignment.
 pub struct Aims {
     /// Rows by the numbers of [`names`].
     pub rows: Vec<Vec<f64>>,
-    /// What the task is about: one of `things`.
+    /// The target of the task: one of `things`.
     pub thing: String,
-    /// All that can be asked for, objects and what slides, in the order of their names.
+    /// All possible targets, objects and slides, in the order of their names.
     pub things: Vec<String>,
-    /// Rows by thing, each x, y, z, then u and v of each camera as in [`names`].
+    /// Rows by target, each x, y, z, then u and v of each camera as in [`names`].
     pub of_things: Vec<Vec<f64>>,
 }
 
 /// The places in each row of the alignment that is given. NaN for a point that the
 /// task does not have, and for pixels of a point behind the camera; what is out of
-/// the picture or hidden in it has pixels like any other. Places are those of the
-/// row, pixels those of the exposure that the row's picture shows.
+/// the image or hidden in it has pixels like any other. Places are those of the
+/// row, pixels those of the exposure that the row's image shows.
 ///
 /// # Errors
-/// When the recording tells no state of objects, or a row has no picture.
+/// When the recording has no state of objects, or a row has no image.
 pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::Result<Aims> {
     let state = State::read(&recording.episode)?;
     let slides = state.home.slides.iter().map(|slide| slide.name.as_str());
@@ -113,7 +113,7 @@ fn thing<'a>(state: &'a State, name: &str) -> Point<'a> {
     })
 }
 
-/// The middle of the area where the thing is to be put.
+/// The middle of the goal area.
 fn goal(state: &State) -> Point<'_> {
     let goal = state.home.goals.iter().find(|goal| goal.0 == state.goal);
     let goal = goal.map(|(_, _, area, _)| {

@@ -46,7 +46,7 @@ pub fn begin(command: SystemTime) {
 
 /// Who wrote what is there.
 fn written_by(target: &Path, there: &Metadata) -> AlreadyThere {
-    /// What this process was asked for already.
+    /// Files that this process has written already.
     static ASKED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let target = target.to_owned();
     let is_asked_twice = !ASKED.lock().insert(target.clone());
@@ -71,8 +71,8 @@ fn beside(target: &Path) -> anyhow::Result<PathBuf> {
     Ok(hidden(target))
 }
 
-/// A name in the target's folder that nobody else takes, and by which it is found what
-/// processes that are no more left behind.
+/// A name in the target's folder that is unique, and that identifies leftovers of
+/// ended processes.
 fn hidden(target: &Path) -> PathBuf {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     let (process, count) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
@@ -80,13 +80,13 @@ fn hidden(target: &Path) -> PathBuf {
 }
 
 /// Changes a file that has its final name already: `edit` gets a copy of it, which
-/// takes its place, durably and in one step. Whoever is killed meanwhile leaves the file
+/// takes its place, durably and in one step. A process killed meanwhile leaves the file
 /// as it was. For recordings that is a copy of gigabytes.
 ///
 /// # Errors
-/// Those of `edit`, and what the disk says: the file is as it was then.
+/// Those of `edit`, and those of the disk: the file is as it was then.
 pub fn change(file: &Path, edit: impl FnOnce(&Path) -> anyhow::Result<()>) -> anyhow::Result<()> {
-    // Behind a link lies the file itself.
+    // A link leads to the file itself.
     let file = &file.canonicalize()?;
     let copy = hidden(file);
     let changed = || {
@@ -130,7 +130,7 @@ static HOST: LazyLock<String> = LazyLock::new(|| {
     format!("{:08x}", crc32fast::hash(told.as_bytes()))
 });
 
-/// Removes what processes of this machine began in a folder that are no more.
+/// Removes partial files of ended processes of this machine from a folder.
 fn remove_left_behind(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     if !SEEN.lock().insert(folder.to_owned()) {

@@ -17,7 +17,7 @@ use super::{AlreadyThere, Format, ReadOptions, Recording, Written};
 /// The result for every file, in the order of the files.
 pub type Results<T> = Vec<(PathBuf, anyhow::Result<T>)>;
 
-/// Where it is told which files are read.
+/// Journal of the files that are being read.
 static JOURNAL: OnceLock<Mutex<File>> = OnceLock::new();
 
 /// Has it written into `file` when the reading of a recording begins and ends: `+` or `-`,
@@ -96,7 +96,7 @@ pub fn parallel<T: Send>(
     done.into_iter().map(|d| d.1).collect()
 }
 
-/// What `work` comes to; a panic in it is an error like others. What it shares with
+/// The result of `work`; a panic in it is an error like others. What it shares with
 /// other files is locked for single steps alone.
 fn whole<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
     let panicked = |cause: Box<dyn Any + Send>| {

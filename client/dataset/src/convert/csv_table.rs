@@ -1,10 +1,10 @@
 //! WheelArm-Sim's final table, 117 columns in its order, and the folders of
-//! numbered pictures beside it.
+//! numbered images beside it.
 //!
 //! Differences that help: velocities are the simulated ones instead of
 //! differences of positions, orientations are interpolated by slerp, and metric
-//! 16-bit depth (millimetres) lies beside the grey pictures. What a policy learns
-//! from stands in a table of its own, `rows.csv`.
+//! 16-bit depth (millimetres) is stored beside the grey images. What a policy learns
+//! from is stored in a table of its own, `rows.csv`.
 
 use std::path::{Path, PathBuf};
 
@@ -25,13 +25,13 @@ pub struct CsvTable {
     pub out: PathBuf,
     /// What the rows of `rows.csv` are.
     pub rows: RowOptions,
-    /// Threads that compress pictures.
+    /// Threads that compress images.
     pub threads: usize,
 }
 
 /// Streams whose values a row must have.
 const STREAMS: [&str; 3] = ["joint_state", "pose", "imu"];
-/// Rows whose pictures are compressed together.
+/// Rows whose images are compressed together.
 const BLOCK: usize = 8;
 
 /// A body of the table: prefix of its columns and its place in `PoseSet`.
@@ -42,7 +42,7 @@ fn bodies(robot: &v1::RobotDescription) -> Vec<(String, usize)> {
         .enumerate()
         .map(|(i, frame)| (frame.role() == v1::FrameRole::Chair, frame, i))
         .collect();
-    // Alphabetical, as WheelArm-Sim's; the chair comes last.
+    // Alphabetical, as WheelArm-Sim's; the chair is last.
     all.sort_unstable_by_key(|(chair, frame, _)| (*chair, frame.name.clone()));
     all.into_iter()
         .map(|(chair, frame, i)| match chair {
@@ -221,7 +221,7 @@ fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<(
     Ok(())
 }
 
-/// Writes state and action of the same pictures, and returns words about those
+/// Writes state and action of the same images, and returns a note about those
 /// that are left out.
 fn policy_rows(
     path: &Path,

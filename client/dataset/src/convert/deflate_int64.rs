@@ -1,5 +1,5 @@
 //! Bytes as 64-bit little-endian integers, compressed for zlib: the layout in
-//! which WheelArm-Sim keeps pictures is seven eighths zeros.
+//! which WheelArm-Sim keeps images is seven eighths zeros.
 //!
 //! A compressor that knows this looks at the bytes only, an eighth of the data.
 //! A byte is a literal and one match for its zeros; the match goes on over bytes
@@ -78,7 +78,7 @@ struct Run {
     far: bool,
 }
 
-/// Compresses pieces of pictures; one per thread.
+/// Compresses pieces of images; one per thread.
 #[derive(Debug, Default)]
 pub struct DeflateInt64 {
     bytes: Vec<u8>,
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn codes_stay_within_their_longest_when_counts_grow_like_fibonaccis() {
-        // Byte k comes as often as the k-th Fibonacci number.
+        // Byte k occurs as often as the k-th Fibonacci number.
         let mut bytes = Vec::new();
         let (mut a, mut b) = (1_usize, 1_usize);
         for k in 0..22_u8 {

@@ -164,14 +164,14 @@ impl Stream {
     /// Appends a frame of as many bytes as its pixels need.
     ///
     /// # Errors
-    /// When the program has ended, with what it said.
+    /// When the program has ended, with its output.
     pub fn put(&mut self, frame: &[u8]) -> anyhow::Result<()> {
         let written = self.input.as_mut().map(|input| input.write_all(frame));
         if let Some(Ok(())) = written {
             self.frames += 1;
             return Ok(());
         }
-        // It closed its input: what it said is the reason.
+        // It closed its input: its output is the reason.
         self.input = None;
         let status = self.child.wait()?;
         bail!(self.words(status))
@@ -180,7 +180,7 @@ impl Stream {
     /// Waits until all frames are written, and returns how many bytes they take.
     ///
     /// # Errors
-    /// When the program fails, with what it said.
+    /// When the program fails, with its output.
     pub fn finish(mut self) -> anyhow::Result<u64> {
         self.input = None;
         let status = self.child.wait()?;

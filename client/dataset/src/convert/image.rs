@@ -1,10 +1,10 @@
-//! Pictures as other programs take them: scaled, PNG, depth in millimetres.
+//! Images for other programs: scaled, PNG, depth in millimetres.
 
 use std::str::FromStr;
 
 use png::{BitDepth, ColorType, Compression};
 
-/// Size of pictures, pixels.
+/// Size of images, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
     /// Pixels from left to right.
@@ -112,7 +112,7 @@ pub fn png_depth(metres: &[f32], size: Size) -> anyhow::Result<Vec<u8>> {
 }
 
 /// Depth as grey 8-bit PNG stretched between the least and greatest finite depth
-/// of the picture, as WheelArm-Sim's script saves it; white where nothing was
+/// of the image, as WheelArm-Sim's script saves it; white where nothing was
 /// hit.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{Recording, Size};
 use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 
-/// Intrinsics of a recording's cameras for pictures of `size`, or as recorded:
+/// Intrinsics of a recording's cameras for images of `size`, or as recorded:
 /// pixels, pinhole without distortion.
 #[must_use]
 pub(super) fn cameras(recording: &Recording, size: Option<Size>) -> Value {
@@ -16,7 +16,7 @@ pub(super) fn cameras(recording: &Recording, size: Option<Size>) -> Value {
         let size = size.filter(|_| camera.made_from().is_none());
         let [width, height, fx, fy, cx, cy] = camera.intrinsics(0);
         let to = size.map_or([width, height], |s| [s.width as f64, s.height as f64]);
-        // Edges stay edges when a picture is scaled, so that nothing is added.
+        // Edges stay edges when an image is scaled, so that nothing is added.
         let [sx, sy] = [to[0] / width, to[1] / height];
         let entry = json!({
             "width": to[0] as u64, "height": to[1] as u64,

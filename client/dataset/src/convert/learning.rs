@@ -1,6 +1,6 @@
 //! What a policy learns from, the same for every format that trains one: rows of
 //! observed state and of action, success, on an exact time grid. The rows
-//! themselves are made in `wheelarm-policy`; here stands where their numbers lie
+//! themselves are made in `wheelarm-policy`; this module locates their numbers
 //! in a recording.
 
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use crate::urdf::Robot;
 
 /// Streams that a row must have.
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
-/// Streams of sensor models that stand in a row in the place of what is exact.
+/// Streams of sensor models that a row contains in the place of what is exact.
 const SENSED: [&str; 2] = ["sensed_joint", "sensed_odometry"];
 /// Deviation that the statistics tell at least of a value of state or action, and
 /// half the range that scaling to [-1, 1] takes at least; in the value's own unit
@@ -59,7 +59,7 @@ pub struct Learning<'a> {
     /// The error on purpose that is under way in a row and not yet put right, a code of
     /// `v1::Incident` (1 to 3); 0 for none.
     pub incidents: Vec<usize>,
-    /// Whether a policy commanded in a row: what it did is no example.
+    /// Whether a policy commanded in a row: its actions are not demonstrations.
     pub by_policy: Vec<bool>,
     /// Words about rows that are left out.
     pub notes: Vec<String>,
@@ -160,10 +160,10 @@ impl<'a> Learning<'a> {
         Ok(all)
     }
 
-    /// The longest run of whole rows that lie on an exact grid, and its rate.
+    /// The longest run of whole rows on an exact grid, and its rate.
     ///
     /// # Errors
-    /// As [`Learning::of`]; when no two rows lie on a grid.
+    /// As [`Learning::of`]; when no two rows are on a grid.
     pub fn on_grid(
         recording: &'a Recording,
         options: &RowOptions,
@@ -390,7 +390,7 @@ fn limits((name, lower, upper): &(String, Option<f64>, Option<f64>)) -> String {
 
 /// What went wrong or right again, with its time, nanoseconds.
 fn incidents(recording: &Recording) -> Vec<(u64, v1::Incident)> {
-    // Without commands, or in a file of before, nothing was told.
+    // Without commands, or in an older file, there are no incidents.
     let commands = recording.episode.commands().unwrap_or_default();
     let told = commands.into_iter().filter_map(|log| {
         let stamp = log.header?.stamp_nanos;
@@ -400,8 +400,8 @@ fn incidents(recording: &Recording) -> Vec<(u64, v1::Incident)> {
         .collect()
 }
 
-/// The error on purpose that is under way at a time: from when it is told until the
-/// thing is in the hand again.
+/// The error on purpose that is under way at a time: from its report until the
+/// object is in the hand again.
 fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
     use v1::Incident::{ForcedDrop, ForcedWrongGrasp, ForcedWrongObject, Recovered};
     let before = told.iter().take_while(|(at, _)| *at <= stamp);
@@ -423,7 +423,7 @@ fn devices(recording: &Recording) -> Vec<(u64, v1::Device)> {
         .collect()
 }
 
-/// With what the row of a picture was commanded: the answer to the picture comes
+/// Device that commanded the row of an image: the answer to the image arrives
 /// within a control tick.
 fn device(told: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
     let until = stamp + 1_000_000_000 / wheelarm_proto::CONTROL_HZ;
@@ -431,7 +431,7 @@ fn device(told: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
     Some(told.get(behind.checked_sub(1)?)?.1)
 }
 
-/// The cameras that have pictures, with the size that these get: `size` where it
+/// The cameras that have images, with the size that these get: `size` where it
 /// is given, else their own.
 pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Size> {
     let cameras = recording.cameras.iter();
@@ -443,11 +443,11 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
         .collect()
 }
 
-/// Pictures per second and the longest run of whole rows that lie on the exact
+/// Images per second and the longest run of whole rows that lie on the exact
 /// grid of that rate, with words about the rest.
 ///
 /// # Errors
-/// When no two rows lie on a grid.
+/// When no two rows are on a grid.
 fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
     let (rows, mut notes) = recording.rows(&STREAMS, sees)?;
     if rows.len() < 2 {

@@ -19,7 +19,7 @@ pub(super) fn moving<'a>(robot: &'a Robot, recorded: &[String]) -> Vec<(usize, &
         .collect()
 }
 
-/// Frames whose recorded poses stand in the tree, as parent, link and place among
+/// Frames whose recorded poses are in the tree, as parent, link and place among
 /// the frames: the chair, or all of them where the recording tells no links.
 pub(super) fn posed<'a>(
     recording: &'a Recording,

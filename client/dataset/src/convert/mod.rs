@@ -1,6 +1,6 @@
 //! From recordings to files that other programs read: one [`Recording`] (the
 //! native file, aligned and labelled), one [`Format`] per target. Everything
-//! streams picture by picture; nothing half-made stands under a final name.
+//! streams image by image; no partial file has a final name.
 
 pub mod aims;
 mod atomic;
@@ -56,13 +56,13 @@ pub struct Recording {
     pub aligned: Aligned,
     /// Its robot.
     pub robot: v1::RobotDescription,
-    /// Where the robot's joints and frames stand in the streams.
+    /// Indices of the robot's joints and frames in the streams.
     pub roles: Roles,
     /// Label 0 to 3 of every row.
     pub labels: Vec<u8>,
-    /// Its cameras that have pictures.
+    /// Its cameras that have images.
     pub cameras: BTreeMap<String, Camera>,
-    /// Its picture sensors that have pictures.
+    /// Its image sensors that have images.
     pub sensors: BTreeMap<String, Camera>,
     /// Its place among the files, from 1: WheelArm-Sim's trial number.
     pub number: usize,
@@ -72,7 +72,7 @@ impl Recording {
     /// Opens a file and aligns the streams that `wanted` accepts.
     ///
     /// # Errors
-    /// When it is no episode or cannot be aligned.
+    /// When it is not an episode or cannot be aligned.
     pub fn open(
         path: &Path,
         options: &ReadOptions,
@@ -136,7 +136,7 @@ impl Recording {
         self.cameras.keys().cloned().collect()
     }
 
-    /// A picture of a row.
+    /// An image of a row.
     ///
     /// # Errors
     /// When the row has none or it cannot be read.
@@ -154,7 +154,7 @@ impl Recording {
         Ok(camera.depth(&self.episode, index)?)
     }
 
-    /// The camera and the number of its picture in a row.
+    /// The camera and the number of its image in a row.
     ///
     /// # Errors
     /// When there is none.
@@ -172,8 +172,8 @@ impl Recording {
         }
     }
 
-    /// What the robot saw of a camera in a row: the newest picture of its colour
-    /// sensor where there is one, else the exact picture.
+    /// The robot's observation of a camera in a row: the newest image of its colour
+    /// sensor where there is one, else the exact image.
     ///
     /// # Errors
     /// When there is none.
@@ -184,12 +184,12 @@ impl Recording {
         }
     }
 
-    /// The exact picture that shows what the robot saw of a camera in a row: that of
-    /// the exposure where a colour sensor gave the row's picture. `None` where the
+    /// The exact image behind the robot's observation of a camera in a row: that of
+    /// the exposure where a colour sensor gave the row's image. `None` where the
     /// recording does not have it.
     ///
     /// # Errors
-    /// When the row has no picture.
+    /// When the row has no image.
     pub fn shown(&self, camera: &str, row: usize) -> anyhow::Result<Option<(&Camera, usize)>> {
         let (seen, index) = self.seen(camera, row)?;
         let exact = self.cameras.get(camera);
@@ -200,7 +200,7 @@ impl Recording {
         Ok(at.ok().map(|index| (exact, index)))
     }
 
-    /// The newest picture of a camera's depth sensor in a row.
+    /// The newest image of a camera's depth sensor in a row.
     ///
     /// # Errors
     /// When there is none.
@@ -209,7 +209,7 @@ impl Recording {
         self.sensed(name.unwrap_or_default(), row)
     }
 
-    /// Cameras that have a depth sensor, with the size of its pictures.
+    /// Cameras that have a depth sensor, with the size of its images.
     #[must_use]
     pub fn depth_sensors(&self) -> BTreeMap<String, Size> {
         let sensors = self.sensors.values().filter(|sensor| sensor.has_depth());
@@ -263,7 +263,7 @@ impl Recording {
         Ok([x, y, z, qx, qy, qz, qw])
     }
 
-    /// Rows that have all of `streams`, every camera, and a picture of every sensor
+    /// Rows that have all of `streams`, every camera, and an image of every sensor
     /// that the format uses, and words about those that do not.
     ///
     /// # Errors
@@ -311,7 +311,7 @@ impl Recording {
     }
 }
 
-/// Which pictures a format uses where there are sensors.
+/// Which images a format uses where there are sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sees {
     /// The exact ones.
@@ -345,7 +345,7 @@ pub trait Format: Sync {
     fn collects(&self) -> bool {
         false
     }
-    /// Takes a recording; `tick` is told of every row.
+    /// Adds a recording; `tick` is called for every row.
     ///
     /// # Errors
     /// When it cannot be read or written; nothing of it is left then.

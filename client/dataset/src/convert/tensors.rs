@@ -1,5 +1,5 @@
 //! What a trainer reads fastest: a safetensors file per episode, with the rows of
-//! a policy and the pictures as they lie in memory, neither compressed nor scaled
+//! a policy and the images as they are in memory, neither compressed nor scaled
 //! to a range. Episodes are independent, so all processors write, and a trainer
 //! maps the files and copies them to the GPU.
 
@@ -28,27 +28,27 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `actions` | N × 9 or 12, f32 | rows of action |
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
-/// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
-/// | `aims` | N × 2 (3 + 2 cameras), f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
-/// | `things` | N × things (3 + 2 cameras), f32 | where every object and slide of the home is, in the order of `thing_names`; with `aims` |
-/// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
-/// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
+/// | `expert` | N, u8 | 0 where a policy commanded, whose actions are not demonstrations|
+/// | `aims` | N × 2 (3 + 2 cameras), f32 | positions of the task's object and goal ([`super::aims`]); only where objects are recorded |
+/// | `things` | N × things (3 + 2 cameras), f32 | positions of every object and slide of the home, in the order of `thing_names`; with `aims` |
+/// | `table` | N × 112, f32 | WheelArm-Sim's columns, NaN without a sample; only with an IMU in the recording |
+/// | `images.CAMERA` | N × height × width × 3, u8 | the robot's observation, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
-/// instruction, task, seed, success, rate, names and units, cameras; `thing` is that of
+/// instruction, task, seed, success, rate, names and units, cameras; `thing` is the target of
 /// `thing_names` that the task is about.
 #[derive(Clone, Debug)]
 pub struct Tensors {
     /// Folder of the files.
     pub out: PathBuf,
-    /// Pictures are scaled to this size; as recorded without it.
+    /// Images are scaled to this size; as recorded without it.
     pub size: Option<Size>,
     /// With depth: what a depth sensor gave, else the exact one.
     pub depth: bool,
     /// What the rows are.
     pub rows: RowOptions,
-    /// Threads that read the pictures of one episode.
+    /// Threads that read the images of one episode.
     pub threads: usize,
 }
 
@@ -148,7 +148,7 @@ impl Format for Tensors {
 }
 
 impl Tensors {
-    /// Depth of one camera in every row, from the nearest pixel of the picture.
+    /// Depth of one camera in every row, from the nearest pixel of the image.
     fn depths(
         &self,
         recording: &Recording,

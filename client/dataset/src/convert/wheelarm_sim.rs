@@ -3,7 +3,7 @@
 //!
 //! Every topic's value is its last sample up to the row's stamp, with its own
 //! stamp, which is what WheelArm-Sim's recorder kept. Values are not resampled:
-//! WheelArm-Sim's scripts do that. Pictures are 64-bit integers, one per byte,
+//! WheelArm-Sim's scripts do that. Images are 64-bit integers, one per byte,
 //! gzip with the level 4 in the file's filter; they are compressed here by
 //! `super::deflate_int64` and written as whole chunks.
 
@@ -26,7 +26,7 @@ const LEVEL: u8 = 4;
 pub struct WheelarmSim {
     /// Folder of the files.
     pub out: PathBuf,
-    /// Threads that compress pictures.
+    /// Threads that compress images.
     pub threads: usize,
 }
 
@@ -148,7 +148,7 @@ impl Format for WheelarmSim {
     }
 }
 
-/// Refuses a robot without the joints and frames that stand in the names of
+/// Rejects a robot without the joints and frames in the names of
 /// WheelArm-Sim's datasets.
 fn check_robot(robot: &v1::RobotDescription) -> anyhow::Result<()> {
     let needed = first_robot()?;
@@ -197,7 +197,7 @@ fn write(
     (rows.len()..stamps.len()).for_each(|_| tick());
     let mut number = 0;
     for block in rows.chunks(threads.max(2)) {
-        // A picture is read, widened and compressed by one thread.
+        // An image is read, widened and compressed by one thread.
         let mut pictures = parallel(PICTURES.len() * block.len(), threads, |i| {
             let (camera, kind) = PICTURES[i % PICTURES.len()];
             Picture::read(recording, block[i / PICTURES.len()], camera, kind)
@@ -221,7 +221,7 @@ fn write(
     Ok(number)
 }
 
-/// The pictures of a sample: camera and kind.
+/// The images of a sample: camera and kind.
 const PICTURES: [(&str, &str); 4] = [
     ("gen3", "rgb"),
     ("gen3", "depth"),
@@ -229,7 +229,7 @@ const PICTURES: [(&str, &str); 4] = [
     ("wheelchair", "depth"),
 ];
 
-/// A compressed picture.
+/// A compressed image.
 struct Picture {
     /// Seconds.
     stamp: f64,

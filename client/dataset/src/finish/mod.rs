@@ -33,7 +33,7 @@ use visibility::Visibility;
 /// little to do.
 const SYNC_PERIOD: Duration = Duration::from_millis(40);
 
-/// How often a name is claimed that somebody else gives up meanwhile.
+/// Attempts to claim a name that another process gives up meanwhile.
 const CLAIMS: usize = 8;
 
 /// A finished file.
@@ -149,7 +149,7 @@ fn published(
             log.display()
         )),
     }
-    // The system takes a long log apart when the last who holds it lets go.
+    // The system takes a long log apart when its last handle is closed.
     std::thread::spawn(move || drop(scan));
     Finished {
         bytes: std::fs::metadata(&path).map_or(0, |metadata| metadata.len()),
@@ -195,7 +195,7 @@ fn claim(temporary: &Path) -> std::io::Result<Locked> {
         let Ok(file) = Locked::lock(file) else {
             break;
         };
-        // Whoever had it may have given it another name just now.
+        // Its owner may have renamed it just now.
         if is_at(&file, temporary) {
             return Ok(file);
         }
@@ -226,7 +226,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let syncing = File::open(path).map_err(io)?;
     let (done, ended) = crossbeam_channel::bounded(0);
     std::thread::scope(|scope| {
-        // What the disk refuses is told to one sync alone, so that this one's
+        // The kernel reports a disk error to one sync only, so that this one's
         // answer counts as much as that of the last.
         let synced = scope.spawn(move || sync(&syncing, &ended));
         let filled = fill(file, path, scan, account);
@@ -344,7 +344,7 @@ fn begun(started: &v1::EpisodeStarted) -> Vec<Row> {
     ]
 }
 
-/// How it ended, where the server told it.
+/// How it ended, if the server reported it.
 fn ended(scan: &Scan) -> Option<Row> {
     let stopped = scan.closing.as_ref()?.stopped.as_ref()?;
     let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
@@ -363,7 +363,7 @@ fn verify(path: &Path, counts: &BTreeMap<String, usize>) -> Result<(), FinishErr
     for (name, &expected) in counts {
         for data in file.group(name)?.datasets()? {
             let samples = data.shape().first().copied().unwrap_or(0);
-            // Pictures have one chunk per sample; one that was not written
+            // Images have one chunk per sample; one that was not written
             // would read as zeros.
             let chunks = match data.chunk() {
                 Some(chunk) if chunk.len() > 2 && chunk[0] == 1 => data.num_chunks(),

@@ -88,7 +88,7 @@ pub(super) fn attributes(
         .texts("anomalies", anomalies)?
         .texts("anomaly_kinds", &kinds)?;
 
-    // Without an evaluation nobody knows whether the task succeeded, and of a
+    // Without an evaluation the success of the task is unknown, and of a
     // simulation that broke nothing can be believed.
     let sound = cause != v1::EndCause::Physics;
     at.set("success", sound && evaluation.is_some_and(|e| e.success))?
@@ -134,7 +134,7 @@ pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()>
 }
 
 /// Counts that are the server's word; without it they are -1, for unknown, and
-/// what is known at least stands in `NAME_at_least`.
+/// the lower bound is stored in `NAME_at_least`.
 fn counts(
     at: &Attributes<'_>,
     names: [&str; 2],
@@ -180,7 +180,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Writes `/robot`: the description as it was told, and what people look for in
+/// Writes `/robot`: the received description, and what users look for in
 /// it as attributes.
 pub(super) fn robot(file: &File, robot: &v1::RobotDescription) -> hdf5::Result<()> {
     let group = file.create_group("robot")?;

@@ -1,4 +1,4 @@
-//! From the log's samples to `/streams`: columns of numbers, pictures.
+//! Converts the log's samples into `/streams`: columns of numbers, images.
 
 use std::collections::BTreeMap;
 
@@ -116,7 +116,7 @@ fn create<'a>(
     made.collect()
 }
 
-/// Writes a camera's pictures chunk by chunk as they stand in the log; `payloads`
+/// Writes a camera's images chunk by chunk unchanged from the log; `payloads`
 /// are those of `entries`.
 pub(super) fn camera(
     group: &Group,
@@ -175,7 +175,7 @@ pub(super) fn camera(
     Ok(())
 }
 
-/// Columns of a sensor's pictures beside those of a camera.
+/// Columns of a sensor's images beside those of a camera.
 const EXPOSURE: [ColumnInfo; 2] = [
     number(
         "exposure_nanos",
@@ -184,7 +184,7 @@ const EXPOSURE: [ColumnInfo; 2] = [
     number("exposure_tick", "ticks of 1/240 s"),
 ];
 
-/// Writes the pictures of a sensor model, colour or depth, chunk by chunk.
+/// Writes the images of a sensor model, colour or depth, chunk by chunk.
 pub(super) fn sensor(
     group: &Group,
     name: &str,

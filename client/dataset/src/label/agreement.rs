@@ -25,7 +25,7 @@ impl Agreement {
     }
 }
 
-/// Compares segments with the published phases; `None` when nobody published
+/// Compares segments with the published phases; `None` without published
 /// any.
 ///
 /// # Errors

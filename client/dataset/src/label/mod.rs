@@ -80,7 +80,7 @@ pub struct Motion {
     pub knuckle: Vec<f64>,
     /// Whether the pads are closer than any object is thick.
     pub shut: Vec<bool>,
-    /// Whether a finger tip touches; true throughout where nobody recorded it.
+    /// Whether a finger tip touches; true throughout where it was not recorded.
     pub touch: Vec<bool>,
     /// How far all drawers are open together, metres.
     pub drawn: Vec<f64>,

@@ -8,14 +8,14 @@ use super::{Entry, LogError, RECORD_HEADER, Scan};
 /// Payloads that may wait.
 const WAITING: usize = 3;
 
-/// Payloads in the order that was asked for.
+/// Payloads in the requested order.
 pub struct Ahead {
     ready: Receiver<Result<Record, LogError>>,
     used: Sender<Vec<u8>>,
     now: Record,
 }
 
-/// A record as it stands in the log, in memory that may be longer.
+/// A record of the log, in a buffer that may be longer.
 #[derive(Default)]
 struct Record {
     memory: Vec<u8>,
@@ -28,7 +28,7 @@ impl Ahead {
     /// # Errors
     /// Those of [`Scan::payload`].
     pub fn read(&mut self) -> Option<Result<&[u8], LogError>> {
-        // Whoever reads has ended when nobody takes it.
+        // The reader has ended when the receiver is dropped.
         let _ = self.used.send(std::mem::take(&mut self.now.memory));
         match self.ready.recv().ok()? {
             Ok(record) => {

@@ -58,7 +58,7 @@ pub(crate) fn create_file(path: &Path) -> Result<Locked, LogError> {
         .create_new(true)
         .open(path)
         .map_err(io)?;
-    // Nobody else has it: `create_new` lets only one in.
+    // The file is exclusively ours: `create_new` succeeds only once.
     Locked::lock(file).map_err(|_| LogError::InUse(path.display().to_string()))
 }
 

@@ -20,7 +20,7 @@ pub const MAX_SNAPSHOT: usize = 256 << 20;
 /// Greatest message that describes an episode (start, end, scenario, robot), bytes.
 pub const MAX_MESSAGE: usize = 16 << 20;
 
-/// What stands first in a log: everything but the samples.
+/// The preamble of a log: everything but the samples.
 #[derive(Clone, PartialEq, Message)]
 pub struct Preamble {
     /// The episode.
@@ -216,8 +216,8 @@ pub(super) fn parse_header(bytes: &[u8; RECORD_HEADER]) -> Option<RawHeader> {
     })
 }
 
-/// A camera payload: the message without its pictures, then the compressed
-/// pictures, each after its u32 length.
+/// A camera payload: the message without its images, then the compressed
+/// images, each after its u32 length.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraParts<'a> {
     /// `CameraFrame` whose `rgb`, `depth` and `ids` are empty, or `SensorFrame`

@@ -5,7 +5,7 @@ use std::io;
 use std::ops::{Deref, DerefMut};
 
 /// A locked file. It is unlocked by a call and not by being closed alone: a program that
-/// is being started has a copy of it for a moment, and whoever locks it then, this
+/// is being started has a copy of it for a moment, and a process that locks it then, this
 /// program itself, would be refused.
 #[derive(Debug)]
 pub struct Locked(File);

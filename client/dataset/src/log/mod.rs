@@ -38,7 +38,7 @@ pub enum LogError {
         /// The reason.
         source: std::io::Error,
     },
-    /// There is no file that could be read.
+    /// The file does not exist or cannot be read.
     #[error("{path}: {reason}")]
     Absent {
         /// The path.
@@ -46,7 +46,7 @@ pub enum LogError {
         /// What is wrong.
         reason: String,
     },
-    /// The file is no log, or its beginning is damaged.
+    /// The file is not a log, or its beginning is damaged.
     #[error("{path} is no WheelArm log: {reason}")]
     NoLog {
         /// The file.

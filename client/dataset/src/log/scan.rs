@@ -1,5 +1,5 @@
 //! Reading a log that may end anywhere: the valid prefix is kept, the rest is
-//! told. Nothing in here panics, whatever the bytes.
+//! reported. No input bytes cause a panic.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -20,7 +20,7 @@ pub struct Entry {
     pub offset: u64,
     /// Length of its payload, bytes.
     pub length: usize,
-    /// Checksum of the record, as it stands in its header.
+    /// Checksum of the record, from its header.
     crc: u32,
 }
 
@@ -29,7 +29,7 @@ pub struct Entry {
 pub struct Scan {
     file: File,
     path: PathBuf,
-    /// What stands first.
+    /// The preamble.
     pub preamble: Preamble,
     /// Samples in the order in which they were written.
     pub entries: Vec<Entry>,
@@ -81,7 +81,7 @@ impl Scan {
 }
 
 /// Locks a log for as long as the file that it gives lives, so that no recorder writes
-/// it and nobody else makes a file of it. `None` where there is nothing that could be
+/// it and no other process makes a file of it. `None` without anything that could be
 /// locked; reading it tells why.
 ///
 /// # Errors
@@ -111,7 +111,7 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
 ///
 /// # Errors
 /// [`LogError::NoLog`] when the beginning is not readable; damage behind it is
-/// no error but told in [`Scan::damage`].
+/// not an error but reported in [`Scan::damage`].
 pub fn scan(path: &Path) -> Result<Scan, LogError> {
     read(path, Payloads::Checked)
 }
@@ -148,7 +148,7 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
         path: path.display().to_string(),
         reason: reason.to_owned(),
     };
-    // To open a pipe is to wait for whoever writes it.
+    // Opening a pipe would block until it has a writer.
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
         return Err(absent(
             "it is a pipe, a socket or a device; name a regular file, LABEL.h5.wal",

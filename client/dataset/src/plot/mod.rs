@@ -1,5 +1,5 @@
 //! Plots of an episode: everything that moved, and how the rows of the
-//! reference camera lie among the recorded samples.
+//! reference camera are located among the recorded samples.
 
 mod synchronisation;
 
@@ -39,7 +39,7 @@ enum Panel<'a> {
 /// effector, gripper, IMU, drawers that moved, over time with the phases behind.
 ///
 /// # Errors
-/// When the episode cannot be read or the picture cannot be written.
+/// When the episode cannot be read or the image cannot be written.
 pub fn movement(episode: &Episode, out: &Path) -> anyhow::Result<()> {
     anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
     let start = episode.summary()?.span_nanos.0;

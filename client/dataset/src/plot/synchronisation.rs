@@ -1,4 +1,4 @@
-//! When each stream was sampled, where the rows of the reference camera lie
+//! When each stream was sampled, where the rows of the reference camera are
 //! among the samples, and what rows at that rate cannot show.
 
 use std::path::Path;
@@ -42,7 +42,7 @@ struct Curve {
 /// second in which they move, as in the paper's figures.
 ///
 /// # Errors
-/// When the episode cannot be read or aligned or the picture cannot be written.
+/// When the episode cannot be read or aligned or the image cannot be written.
 pub fn synchronisation(
     episode: &Episode,
     options: &AlignOptions,
@@ -55,7 +55,7 @@ pub fn synchronisation(
     let rows: Vec<f64> = aligned.stamps.iter().map(seconds).collect();
     let mut beats = Vec::new();
     for stream in episode.streams()? {
-        // A hash stands for its own tick: nothing lies between two.
+        // A hash describes its own tick: there is nothing between two.
         if stream == "state_hash" {
             continue;
         }
@@ -83,7 +83,7 @@ pub fn synchronisation(
     })
 }
 
-/// How the samples of a stream lie around the rows; nothing is said of streams
+/// Distances of a stream's samples from the rows; `None` for streams
 /// that are not aligned.
 fn said(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
     let rate = 1e9 / usual_distance(stamps)?.max(1) as f64;
@@ -186,7 +186,7 @@ fn raster(
         [first, .., last] => (last - first) / (rows.len() - 1) as f64,
         _ => 0.1,
     };
-    // The first row at or after the lively second; rows stand inside.
+    // The first row at or after the lively second; rows are inside.
     let at = rows
         .partition_point(|r| *r < middle)
         .min(rows.len().saturating_sub(1));

@@ -40,7 +40,7 @@ pub enum ElementKind {
     Flag,
     /// UTF-8.
     Text,
-    /// Pictures, message bytes and whatever else is not a state.
+    /// Images, message bytes and everything else that is not a state.
     Other,
 }
 
@@ -70,7 +70,7 @@ impl Episode {
     /// sequence numbers and ticks.
     ///
     /// # Errors
-    /// When there is no such stream.
+    /// When no such stream exists.
     pub fn columns(&self, stream: &str) -> Result<Vec<ColumnMeta>, ReadError> {
         let group = self.group(stream)?;
         let mut members = group.member_names().map_err(|e| self.hdf5(stream, e))?;
@@ -137,7 +137,7 @@ impl Episode {
     /// Stamps of a stream, nanoseconds of simulation time.
     ///
     /// # Errors
-    /// When there is no such stream.
+    /// When no such stream exists.
     pub fn stamps(&self, stream: &str) -> Result<Vec<u64>, ReadError> {
         self.raw(&place(stream, "stamp_nanos"))
     }

@@ -1,5 +1,5 @@
 //! Reading an episode file: what it says of itself, the streams as arrays, the
-//! messages that replay needs, the pictures.
+//! messages that replay needs, the images.
 
 mod camera;
 mod chunks;
@@ -38,7 +38,7 @@ use crate::hdf::{Blob, List, read_lists};
 pub struct Episode {
     file: hdf5::File,
     path: PathBuf,
-    /// Names of the robot's joints and frames, once they were asked for.
+    /// Names of the robot's joints and frames, cached after the first request.
     context: OnceLock<Context>,
 }
 
@@ -93,7 +93,7 @@ impl Episode {
         &self.path
     }
 
-    /// Names of all streams; cameras as `camera/NAME`, picture sensors as
+    /// Names of all streams; cameras as `camera/NAME`, image sensors as
     /// `sensor/NAME`, events as `event`.
     ///
     /// # Errors
@@ -116,7 +116,7 @@ impl Episode {
         Ok(out)
     }
 
-    /// Names of the picture sensors: what sensor models made of the cameras.
+    /// Names of the image sensors: sensor models of the cameras.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -221,7 +221,7 @@ impl Episode {
         })
     }
 
-    /// What the robot was told, by control tick: exactly the messages that the
+    /// Commands to the robot by control tick: exactly the messages that the
     /// server published.
     ///
     /// # Errors
@@ -397,7 +397,7 @@ impl Episode {
     }
 }
 
-/// A recorded scenario with every field told: the first files left out what was
+/// A recorded scenario with every field set: the first files omitted what was
 /// zero, false or empty.
 fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
     scenario.task.get_or_insert_default();

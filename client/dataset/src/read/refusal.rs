@@ -1,4 +1,4 @@
-//! Why a path is no episode file, in words that name the cure. HDF5 itself
+//! Reasons why a path is not an episode file, with the fix. HDF5 itself
 //! tells numbers of errors and addresses.
 
 use std::io::{ErrorKind, Read};
@@ -9,7 +9,7 @@ use super::error::ReadError;
 /// Bytes of the superblock that hold the file's length.
 const HEAD: u64 = 48;
 
-/// What HDF5 says of a file that somebody else writes.
+/// HDF5's message for a file that another process writes.
 const LOCKED: [&str; 2] = ["unable to lock file", "Resource temporarily unavailable"];
 
 /// What to say of a file that HDF5 has refused with `source`.

@@ -28,7 +28,7 @@ impl Episode {
 }
 
 impl Episode {
-    /// The robot, and where its joints and frames stand in the streams.
+    /// The robot, and indices of its joints and frames in the streams.
     ///
     /// # Errors
     /// When the description cannot be read, or lacks a role.
@@ -44,7 +44,7 @@ impl Episode {
 
 impl Episode {
     /// The camera whose stamps are the rows of an alignment, unless another one is
-    /// asked for: a recorded camera that rides on the arm, as in WheelArm-Sim, or
+    /// requested: a recorded camera that rides on the arm, as in WheelArm-Sim, or
     /// else the first one; `None` without cameras.
     ///
     /// # Errors

@@ -117,7 +117,7 @@ impl Samples {
     /// sequence number and tick in its header where the file holds columns instead.
     ///
     /// # Errors
-    /// When there is no such sample, or its values make no message.
+    /// When no such sample exists, or its values make no message.
     pub fn encoded(&self, i: usize) -> Result<Vec<u8>, ReadError> {
         let content = |reason: String| ReadError::Content {
             path: self.path.clone(),

@@ -1,4 +1,4 @@
-//! Whether a dataset has the rows and the width that it must have. Whoever reads a
+//! Whether a dataset has the rows and the width that it must have. A reader of a
 //! column may count on both: nothing behind this looks for itself.
 
 use hdf5::Dataset;
@@ -8,9 +8,9 @@ use super::error::ReadError;
 use super::{Episode, place};
 use crate::columns::{self, Axis, Context};
 
-/// Numbers of a picture's calibration: width, height, fx, fy, cx, cy.
+/// Numbers of an image's calibration: width, height, fx, fy, cx, cy.
 const INTRINSICS: usize = 6;
-/// Numbers of a picture's pose: x y z, qx qy qz qw.
+/// Numbers of an image's pose: x y z, qx qy qz qw.
 const POSE: usize = 7;
 
 impl Episode {
@@ -86,7 +86,7 @@ impl Episode {
                     Some(axis.len(self.robot_context()?))
                 }
                 Axis::Components(_) | Axis::Contacts => Some(axis.len(&Context::default())),
-                // What only the episode knows stands beside the numbers, and lists of
+                // Metadata of the episode is stored beside the numbers, and lists of
                 // names may grow from version to version.
                 Axis::Objects | Axis::FurnitureJoints | Axis::Conditions | Axis::Names(_) => names,
                 Axis::Vertices => None,

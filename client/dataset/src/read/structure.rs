@@ -134,7 +134,7 @@ impl Size {
     }
 }
 
-/// Most bytes of a dataset that is no column, and which of its sizes counts.
+/// Most bytes of a dataset that is not a column, and which of its sizes counts.
 fn ceiling(path: &str) -> Option<(Size, u64)> {
     let is_image = |name| matches!(name, "rgb" | "depth" | "ids");
     let parts: Vec<&str> = path.split('/').collect();

@@ -23,7 +23,7 @@ pub struct Summary {
     /// Why it failed; empty when it did not.
     pub failure_reason: String,
     /// Why the episode ended: `asked`, `physics`, `recorders` or `shutdown`;
-    /// empty when that was not told.
+    /// empty when that is unknown.
     pub end_cause: String,
     /// What was odd in the simulation, in words.
     pub anomalies: Vec<String>,
@@ -48,14 +48,14 @@ pub struct Summary {
     pub wall_seconds: Option<f64>,
     /// Server version, adapter, recorder, recorder version, quality, pacing.
     pub origin: [String; 6],
-    /// Unit of the depth pictures.
+    /// Unit of the depth images.
     pub depth_unit: String,
     /// Version of the layout.
     pub schema_version: String,
 }
 
 impl Episode {
-    /// Label of the episode, as it stands there.
+    /// Label of the episode, as stored there.
     ///
     /// # Errors
     /// When the attribute is absent.
@@ -71,7 +71,7 @@ impl Episode {
         let at: &Location = &self.file;
         let told = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
         let label = told("label")?;
-        // It names files and folders of whoever exports this.
+        // It names files and folders of the export.
         wheelarm_proto::check::label(&label).map_err(|problem| ReadError::Content {
             path: self.path.clone(),
             what: "the attribute `label`".to_owned(),
@@ -151,7 +151,7 @@ impl Episode {
         })
     }
 
-    /// Whether the simulation broke in it: it is no success and not fit for training.
+    /// Whether the simulation broke in it: it is neither a success nor fit for training.
     #[must_use]
     pub fn is_broken(&self) -> bool {
         text(&self.file, "end_cause").is_ok_and(|cause| cause == PHYSICS)

@@ -53,7 +53,7 @@ fn scale(place: usize, count: usize) -> RGBColor {
     RGBColor(mix(222, 18), mix(222, 120), mix(214, 74))
 }
 
-/// Squares of one name: what each stands for, and the place of its kind.
+/// Squares of one name: the meaning of each, and the index of its kind.
 pub type Squares = (String, Vec<(u64, usize)>);
 
 /// Draws a line of squares for each name, in the order of their seeds, coloured by
@@ -189,7 +189,7 @@ pub fn shares_over_time(title: &str, lines: &[Steps], out: &Path) -> Result<(), 
     })
 }
 
-/// Draws how often each difference came, and where 95 % of the mean's bootstraps lie.
+/// Draws the count of each difference, and the 95 % interval of the mean's bootstraps.
 ///
 /// # Errors
 /// [`SheetError`].

@@ -1,5 +1,5 @@
-//! Names beside dots that stand close together: where each name goes, so that
-//! none lies on another one or on a dot.
+//! Names beside dots that are close together: the position of each name, so that
+//! none overlaps another one or a dot.
 
 /// A rectangle in pixels: left, top, width, height.
 pub type Box4 = (i32, i32, i32, i32);
@@ -8,7 +8,7 @@ pub type Box4 = (i32, i32, i32, i32);
 const DOT: i32 = 8;
 /// Room between two names, pixels.
 const APART: i32 = 8;
-/// Distances from a dot at which its name may stand, pixels.
+/// Distances from a dot at which its name may be placed, pixels.
 const DISTANCES: [i32; 8] = [12, 24, 40, 60, 84, 112, 144, 180];
 /// Directions in which it may, in this order.
 const DIRECTIONS: [(i32, i32); 8] = [

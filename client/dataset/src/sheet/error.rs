@@ -1,4 +1,4 @@
-//! Why there is no sheet.
+//! Errors of the contact sheet.
 
 use plotters::prelude::*;
 
@@ -8,7 +8,7 @@ use crate::read::ReadError;
 pub(crate) type DrawError =
     DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 
-/// Why there is no sheet.
+/// Why no contact sheet was written.
 #[derive(Debug, thiserror::Error)]
 pub enum SheetError {
     /// The episode cannot be read.

@@ -1,4 +1,4 @@
-//! A grid of pictures with words below them, as one PNG.
+//! A grid of images with words below them, as one PNG.
 
 use std::path::Path;
 
@@ -9,12 +9,12 @@ use super::picture::Canvas;
 use super::style::{GREEN, GREY, INK, PAPER, RED};
 use super::{label, style};
 
-/// One picture of a grid.
+/// One image of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Picture width, pixels.
+    /// Image width, pixels.
     pub width: usize,
-    /// Picture height, pixels.
+    /// Image height, pixels.
     pub height: usize,
     /// RGB8, row-major from the top left; empty for none.
     pub rgb: Vec<u8>,
@@ -26,12 +26,12 @@ pub struct Cell {
     pub is_good: bool,
 }
 
-/// Room around pictures, pixels.
+/// Room around images, pixels.
 const GAP: usize = 12;
 /// Room for the words, pixels.
 const WORDS: usize = 40;
 
-/// Draws `cells` in rows of `columns` into `out`. All pictures have one size.
+/// Draws `cells` in rows of `columns` into `out`. All images have one size.
 ///
 /// # Errors
 /// [`SheetError`].

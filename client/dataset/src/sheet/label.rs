@@ -113,7 +113,7 @@ fn put(
     area.draw(&Text::new(legible(words).into_owned(), at, style))
 }
 
-/// How a legend shows what a name stands for.
+/// How a legend shows the meaning of a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     Line,

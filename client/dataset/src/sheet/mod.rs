@@ -1,4 +1,4 @@
-//! The contact sheet: one PNG that shows what an episode is like. Pictures of
+//! The contact sheet: one PNG that summarizes an episode. Images of
 //! every camera with depth over time, then plots of the movement.
 
 pub(crate) mod axis;
@@ -25,7 +25,7 @@ use style::{
     WIDTH,
 };
 
-/// One camera's pictures at the times of the columns.
+/// One camera's images at the times of the columns.
 struct Strip {
     camera: String,
     frames: Vec<Frame>,
@@ -33,7 +33,7 @@ struct Strip {
 }
 
 impl Strip {
-    /// Rows of pictures: colour, and depth where it was recorded.
+    /// Rows of images: colour, and depth where it was recorded.
     fn rows(&self) -> i32 {
         let colour_alone = |frame: &Frame| frame.depth.is_empty();
         match !self.frames.is_empty() && self.frames.iter().all(colour_alone) {
@@ -226,7 +226,7 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     Ok(())
 }
 
-/// A coloured label; returns where the next one may stand.
+/// A coloured label; returns the position of the next one.
 fn badge(root: &Area<'_>, x: i32, words: &str, colour: RGBColor) -> Result<i32, SheetError> {
     let w = label::width(words, 22) + 32;
     let corners = [(x, 100), (x + w, 138)];

@@ -1,4 +1,4 @@
-//! Where the arm stands on the chair, seen from above.
+//! The arm's mount on the chair, seen from above.
 
 use wheelarm_proto::{check, v1};
 

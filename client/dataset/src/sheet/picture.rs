@@ -1,4 +1,4 @@
-//! Pictures made small, depth made visible.
+//! Images made small, depth made visible.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ impl Canvas {
         }
     }
 
-    /// Copies a picture with its upper left corner at (x, y), cut at the edges.
+    /// Copies an image with its upper left corner at (x, y), cut at the edges.
     pub fn put(&mut self, picture: &Self, x: usize, y: usize) {
         let columns = picture.width.min(self.width.saturating_sub(x));
         for row in 0..picture.height.min(self.height.saturating_sub(y)) {
@@ -63,7 +63,7 @@ fn span(target: usize, targets: usize, sources: usize) -> std::ops::Range<usize>
     start..end.clamp(start + 1, sources.max(start + 1))
 }
 
-/// The colour picture, averaged down to `width` x `height`.
+/// The colour image, averaged down to `width` x `height`.
 pub fn colour(frame: &Frame, width: usize, height: usize) -> Canvas {
     let mut out = Canvas::new(width, height, (0, 0, 0));
     for y in 0..height {
@@ -87,7 +87,7 @@ pub fn colour(frame: &Frame, width: usize, height: usize) -> Canvas {
     out
 }
 
-/// The depth picture: near is warm, far is cold, nothing is dark grey.
+/// The depth image: near is warm, far is cold, nothing is dark grey.
 pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> Canvas {
     let mut out = Canvas::new(width, height, (58, 60, 64));
     if frame.depth.is_empty() {
@@ -95,7 +95,7 @@ pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> C
     }
     for y in 0..height {
         for x in 0..width {
-            // The nearest surface of the block keeps thin things visible.
+            // The nearest surface of the block keeps thin objects visible.
             let mut nearest = f32::INFINITY;
             for sy in span(y, height, frame.height) {
                 for sx in span(x, width, frame.width) {

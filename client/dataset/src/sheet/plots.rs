@@ -249,7 +249,7 @@ fn curves(
             chart.draw_series(LineSeries::new(l.points.iter().copied(), colour))?;
             continue;
         }
-        // Piece by piece: the corner of a wide line would stand out far beyond a peak,
+        // Piece by piece: the corner of a wide line would extend far beyond a peak,
         // and beyond the plot.
         let pieces = l.points.windows(2);
         let wide = colour.stroke_width(3);
@@ -413,7 +413,7 @@ pub fn draw_top(area: &Area<'_>, top: &Top) -> Result<(), DrawError> {
 /// Size of an object's name.
 const NAME: u32 = 18;
 
-/// Dots with names that do not lie on each other.
+/// Dots with names that do not overlap.
 fn names(
     area: &Area<'_>,
     names: &[&str],
@@ -427,7 +427,7 @@ fn names(
         let Some((left, top, wide, high)) = place else {
             continue;
         };
-        // The nearest point of the name: a name that stands apart gets a line.
+        // The nearest point of the name: a name at a distance gets a line.
         let near = (x.clamp(left, left + wide), y.clamp(top, top + high));
         if (near.0 - x).abs().max((near.1 - y).abs()) > 20 {
             area.draw(&PathElement::new([(x, y), near], GREY.stroke_width(1)))?;

@@ -12,7 +12,7 @@ pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 pub const WIDTH: u32 = 2240;
 pub const MARGIN: i32 = 48;
-/// Left of the pictures: what the row shows.
+/// Left of the images: what the row shows.
 pub const GUTTER: i32 = 128;
 pub const GAP: i32 = 8;
 pub const HEADER: i32 = 196;
@@ -71,7 +71,7 @@ pub fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
 }
 
 /// Grid, axes and words of a chart as all have them; what the axes are called is
-/// still to be said.
+/// still to be written.
 pub fn strokes<'a, 'b, X, Y, DB>(
     chart: &'b mut ChartContext<'a, DB, Cartesian2d<X, Y>>,
 ) -> MeshStyle<'a, 'b, X, Y, DB>

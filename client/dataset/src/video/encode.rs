@@ -1,4 +1,4 @@
-//! Which encoder is asked for what. A GIF takes two passes: its 256 colours are
+//! Encoders and their arguments. A GIF takes two passes: its 256 colours are
 //! chosen from all frames, then the frames are drawn in them.
 
 use std::ffi::OsString;
@@ -45,7 +45,7 @@ impl Kind {
         }
     }
 
-    /// Frames per second: those that are asked for, or `there` and no more than one
+    /// Frames per second: the requested ones, or `there` and no more than one
     /// likes to see, for a GIF to carry.
     ///
     /// # Errors
@@ -67,11 +67,11 @@ impl Kind {
         Ok(asked)
     }
 
-    /// Width of the frame: what is asked for, or that of the pictures side by side
+    /// Width of the frame: the requested one, or that of the images side by side
     /// and no more than a page shows.
     ///
     /// # Errors
-    /// When there are no pictures.
+    /// When no images exist.
     pub fn width(self, asked: Option<usize>, sizes: &[Size]) -> anyhow::Result<usize> {
         let tallest = sizes.iter().map(|size| size.height).max();
         let Some(tallest) = tallest else {
@@ -82,7 +82,7 @@ impl Kind {
             Self::Mp4 => 1920,
             Self::Gif => 800,
         };
-        // Words need some room, however small the pictures are.
+        // Text needs some room, however small the images are.
         Ok(asked.unwrap_or_else(|| most.min(side_by_side).max(480)))
     }
 }
@@ -125,7 +125,7 @@ impl Encoder {
     }
 
     /// Makes `path` of the frames of `size` that `draw` draws; returns its bytes.
-    /// What lies beside it is thrown away with its folder.
+    /// Files beside it are deleted with its folder.
     ///
     /// # Errors
     /// When the program or a frame fails.
@@ -177,7 +177,7 @@ fn arguments(
 }
 
 fn mp4(size: Size, rate: f64, path: &Path) -> std::io::Result<Vec<OsString>> {
-    // Colour at every second pixel is what browsers decode; a moving picture may
+    // Colour at every second pixel is what browsers decode; a video may
     // begin to play before all of it is there.
     let rest = [
         "-an",
@@ -210,7 +210,7 @@ fn palette(size: Size, rate: f64, path: &Path) -> std::io::Result<Vec<OsString>>
 }
 
 fn gif(size: Size, rate: f64, colours: &Path, path: &Path) -> std::io::Result<Vec<OsString>> {
-    // An ordered pattern stands still where the picture does, and so packs well.
+    // An ordered pattern is constant where the image is, and so compresses well.
     let dither = "paletteuse=dither=bayer:bayer_scale=5:diff_mode=rectangle";
     let rest = ["-lavfi", dither, "-loop", "0", "-f", "gif"];
     arguments(size, rate, Some(colours), &rest, path)

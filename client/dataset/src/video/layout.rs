@@ -1,4 +1,4 @@
-//! Where everything stands in a frame, pixels from the top left.
+//! Positions in a frame, pixels from the top left.
 
 use anyhow::ensure;
 
@@ -17,7 +17,7 @@ pub(super) struct Place {
 pub(super) struct Layout {
     /// The frame; both sides are even, as encoders want them.
     pub size: Size,
-    /// Pictures from left to right, all of one height.
+    /// Images from left to right, all of one height.
     pub pictures: Vec<Place>,
     /// The strip that shows how far the episode is.
     pub strip: Option<Place>,
@@ -33,7 +33,7 @@ const LEAST: usize = 64;
 const MOST: usize = 3840;
 
 impl Layout {
-    /// Pictures of `sizes` side by side in `width`, each as wide as its shape wants.
+    /// Images of `sizes` side by side in `width`, each as wide as its shape requires.
     ///
     /// # Errors
     /// When the frame would be too small or too large.

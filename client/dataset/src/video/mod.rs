@@ -1,4 +1,4 @@
-//! A moving picture of an episode for people: cameras side by side, below them the
+//! A video of an episode for people: cameras side by side, below them the
 //! instruction, what is being done, and the time. MP4 or GIF, both by ffmpeg.
 
 mod encode;
@@ -29,21 +29,21 @@ const BLOCK: usize = 16;
 /// What a video shows, and how.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VideoOptions {
-    /// Cameras or picture sensors from left to right; every camera when empty.
+    /// Cameras or image sensors from left to right; every camera when empty.
     pub cameras: Vec<String>,
     /// Simulated seconds per second of the video; 1 when absent.
     pub speed: Option<f64>,
     /// Frames per second of the video; when absent those that were recorded, but no
     /// more than a player shows well.
     pub frames_per_second: Option<f64>,
-    /// Width of the video, pixels; when absent that of the pictures, but no more
+    /// Width of the video, pixels; when absent that of the images, but no more
     /// than a page shows well.
     pub width: Option<usize>,
     /// First moment, seconds from the beginning of the episode.
     pub from: Option<f64>,
     /// Last moment, seconds from the beginning of the episode.
     pub to: Option<f64>,
-    /// Pictures alone, without words.
+    /// Images alone, without text.
     pub is_plain: bool,
 }
 
@@ -60,11 +60,11 @@ pub struct Made {
     pub bytes: u64,
 }
 
-/// Makes the video `out`, MP4 or GIF by its ending. `begun` is told how many frames
+/// Makes the video `out`, MP4 or GIF by its ending. `begun` receives how many frames
 /// will be drawn, `tick` of each.
 ///
 /// # Errors
-/// When there is no such camera or moment, ffmpeg is missing, or the file cannot be
+/// When no such camera or moment exists, ffmpeg is missing, or the file cannot be
 /// written; nothing of it is left then.
 pub fn video(
     episode: &Episode,
@@ -170,7 +170,7 @@ fn cameras(episode: &Episode, names: &[String]) -> anyhow::Result<Vec<Camera>> {
     Ok(found)
 }
 
-/// What the pictures are called: the camera's name, or the sensor's.
+/// Titles of the images: the camera's name, or the sensor's.
 fn names(cameras: &[Camera]) -> Vec<String> {
     let name = |camera: &Camera| camera.stream().rsplit('/').next().map(str::to_owned);
     cameras.iter().filter_map(name).collect()

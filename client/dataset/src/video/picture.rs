@@ -1,4 +1,4 @@
-//! One frame: the pictures, their names, and the words below them.
+//! One frame: the images, their names, and the words below them.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -10,7 +10,7 @@ use crate::sheet::label;
 use crate::sheet::picture::Canvas;
 use crate::sheet::style::Area;
 
-/// Behind words and between pictures.
+/// Behind words and between images.
 const DARK: RGBColor = RGBColor(18, 21, 26);
 const BRIGHT: RGBColor = RGBColor(240, 242, 244);
 const DIM: RGBColor = RGBColor(150, 157, 166);
@@ -30,14 +30,14 @@ fn phase_colour(phase: u64) -> RGBColor {
 pub(super) struct Painter<'a> {
     pub layout: &'a Layout,
     pub story: &'a Story,
-    /// Names of the pictures.
+    /// Names of the images.
     pub names: Vec<String>,
     /// Simulated seconds per second.
     pub speed: f64,
 }
 
 impl Painter<'_> {
-    /// A frame, RGB8: `pictures` are as they were recorded, `moment` is simulation
+    /// A frame, RGB8: `images` are as they were recorded, `moment` is simulation
     /// time, nanoseconds.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl Painter<'_> {
         Ok(canvas.pixels)
     }
 
-    /// The name of a picture in its upper left corner.
+    /// The name of an image in its upper left corner.
     fn name(&self, root: &Area<'_>, name: &str, place: &Place) -> anyhow::Result<()> {
         let letters = (self.layout.letters * 3 / 4).max(11) as u32;
         let (x, y) = (place.x as i32, place.y as i32);
@@ -138,7 +138,7 @@ impl Painter<'_> {
             return Ok(());
         }
         let radius = small as i32 * 3 / 10;
-        // Letters stand a little above the middle of their line.
+        // Letters are a little above the middle of their line.
         let dot = (margin + radius, second - small as i32 / 6);
         root.draw(&Circle::new(dot, radius, phase_colour(part.phase).filled()))?;
         let x = margin + 3 * radius + 4;

@@ -1,4 +1,4 @@
-//! What is told below the pictures: the instruction, and what is being done when.
+//! The text below the images: the instruction and the current phase.
 
 use wheelarm_proto::TopicId;
 
@@ -13,7 +13,7 @@ pub(super) struct Part {
     pub from: u64,
     /// The phase: 0 for none, 1 navigating, 2 reaching, 3 grasping, 4 retracting.
     pub phase: u64,
-    /// The phase in a word, and more closely where the operator told it.
+    /// The phase in a word, with details where the operator published them.
     pub words: String,
 }
 

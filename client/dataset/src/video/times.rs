@@ -1,4 +1,4 @@
-//! Which moments a video shows, and which pictures were the newest then.
+//! The moments of a video, and the newest images at each.
 
 use anyhow::ensure;
 
@@ -17,7 +17,7 @@ impl Span {
     /// The stretch between two moments, seconds from the beginning of the episode.
     ///
     /// # Errors
-    /// When nothing lies between them.
+    /// When there is nothing between them.
     pub fn new(
         (start, end): (u64, u64),
         from: Option<f64>,
@@ -52,7 +52,7 @@ impl Span {
     }
 }
 
-/// Pictures per simulated second of the fastest camera; 1 where none tells.
+/// Images per simulated second of the fastest camera; 1 where unknown.
 pub(super) fn rate<'a>(all: impl Iterator<Item = &'a [u64]>) -> f64 {
     let rates = all.filter_map(|stamps| {
         let mut steps: Vec<u64> = stamps.windows(2).map(|two| two[1] - two[0]).collect();

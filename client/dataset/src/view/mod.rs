@@ -1,6 +1,6 @@
-//! An episode as one HTML page that needs nothing else: pictures and depth that
+//! An episode as one HTML page that needs nothing else: images and depth that
 //! play, plots with the phases behind them, the instruction, what happened.
-//! Pictures are written one after the other, so that memory stays small.
+//! Images are written one after the other, so that memory stays small.
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -23,12 +23,12 @@ use crate::sheet::picture;
 const PAGE: &str = include_str!("page.html");
 const DATA: &str = "/*DATA*/null";
 const PICTURES: &str = "<!--PICTURES-->";
-/// Greatest width of a picture on the page, pixels.
+/// Greatest width of an image on the page, pixels.
 const WIDTH: usize = 480;
 const QUALITY: u8 = 75;
-/// Pictures that are encoded together.
+/// Images that are encoded together.
 const BLOCK: usize = 16;
-/// Pictures from which the range of depth is taken.
+/// Images from which the range of depth is taken.
 const PROBES: usize = 8;
 
 /// Streams that the page shows.
@@ -40,10 +40,10 @@ pub fn wants(stream: &str) -> bool {
     )
 }
 
-/// Writes the page; `tick` is told of every row.
+/// Writes the page; `tick` is called for every row.
 ///
 /// # Errors
-/// When pictures cannot be read or the file cannot be written.
+/// When images cannot be read or the file cannot be written.
 pub fn page(
     recording: &Recording,
     out: &Path,

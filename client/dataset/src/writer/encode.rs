@@ -15,7 +15,7 @@ pub(super) struct Encoder {
     deflate: Deflate,
     millimetres: Vec<u8>,
     depth: Depth,
-    /// Length of the last picture record, the best guess for the next one.
+    /// Length of the last image record, the best guess for the next one.
     last: usize,
     /// Memory of records that are in the log: fresh memory of that size costs
     /// more than what is written into it.
@@ -33,7 +33,7 @@ impl Encoder {
         }
     }
 
-    /// Record of a camera frame: three compressed pictures.
+    /// Record of a camera frame: three compressed images.
     pub fn camera(&mut self, header: &RecordHeader, frame: &v1::CameraFrame) -> Vec<u8> {
         let meta = v1::CameraFrame {
             header: frame.header.clone(),
@@ -94,7 +94,7 @@ impl Encoder {
             intrinsics: frame.intrinsics,
             pose: frame.pose,
             color_format: frame.color_format,
-            // Of the exact picture.
+            // Of the exact image.
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
             segmentation_format: frame.segmentation_format,
             ..Default::default()
@@ -123,7 +123,7 @@ impl Encoder {
         Ok(out)
     }
 
-    /// Record of a sensor's picture, as [`Encoder::camera`]: what the sensor does
+    /// Record of a sensor's image, as [`Encoder::camera`]: what the sensor does
     /// not give is empty.
     pub fn sensor(&mut self, header: &RecordHeader, mut frame: v1::SensorFrame) -> Vec<u8> {
         let (rgb, depth) = (
@@ -166,7 +166,7 @@ fn part(out: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     let at = out.len();
     out.extend([0; 4]);
     fill(out);
-    // Pictures are bounded far below 4 GiB by the check of their size.
+    // Images are bounded far below 4 GiB by the check of their size.
     let length = u32::try_from(out.len() - at - 4).unwrap_or(u32::MAX);
     out[at..at + 4].copy_from_slice(&length.to_le_bytes());
 }

@@ -1,7 +1,7 @@
-//! What the allocator does with the memory of pictures.
+//! Allocator settings for the memory of images.
 
-/// Has the allocator keep what pictures leave behind, up to 128 MiB of each
-/// of its arenas, for the pictures to come. As it is, glibc hands blocks of their
+/// Makes the allocator keep freed memory of images, up to 128 MiB of each
+/// of its arenas, for later images. By default, glibc hands blocks of their
 /// size back to the system, whose fresh pages then cost several times what is
 /// written into them. It holds for the whole process, from the first episode on.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]

@@ -97,7 +97,7 @@ pub enum WriteError {
     Failed(String),
 }
 
-/// What a sample said of itself when it was taken.
+/// Header of an accepted sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
     /// Sequence number.
@@ -128,7 +128,7 @@ pub struct EpisodeWriter {
 struct Slot {
     number: u16,
     id: StreamId,
-    /// Picture size of the first frame; all others must have it.
+    /// Image size of the first frame; all others must have it.
     size: Option<(u32, u32)>,
 }
 
@@ -370,7 +370,7 @@ impl EpisodeWriter {
         Ok(taken(&header))
     }
 
-    /// Takes one picture of the camera's stream `stream` whose planes are compressed
+    /// Takes one image of the camera's stream `stream` whose planes are compressed
     /// already. Waits as [`EpisodeWriter::offer`] does.
     ///
     /// # Errors

@@ -92,7 +92,7 @@ fn of_the_commands_of_one_tick_the_last_is_aligned() {
         let Values::F64(all) = episode.values(&signal.meta).unwrap() else {
             continue;
         };
-        // The last of those that came at the picture's tick.
+        // The last of those that arrived at the image's tick.
         for (row, sample) in [0, 11, 14].into_iter().enumerate() {
             let there = &all[sample * width..(sample + 1) * width];
             assert_eq!(bits(signal.row(row)), bits(there), "{}", signal.meta.name);

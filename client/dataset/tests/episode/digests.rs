@@ -51,7 +51,7 @@ fn a_log_whose_file_was_published_before_is_recovered_without_a_second_file() {
     let log = record(dir.path());
     let bytes = std::fs::read(&log).unwrap();
     let first = finish(&log, None).unwrap();
-    // Whoever published the file did not come to remove its log.
+    // The publisher of the file did not remove its log.
     std::fs::write(&log, &bytes).unwrap();
     let again = finish(&log, None).unwrap();
     assert_eq!((&again.path, again.bytes), (&first.path, first.bytes));
@@ -77,7 +77,7 @@ fn what_was_changed_after_recording_is_found_by_the_digest() {
         let said = |f: &String| f.starts_with(&format!("{stream}: ")) && f.contains("digest");
         assert!(facts.iter().any(said), "{stream}: {facts:?}");
     }
-    // One stamp of one picture, one nanosecond.
+    // One stamp of one image, one nanosecond.
     let file = hdf5::File::open_rw(&finished.path).unwrap();
     let data = file.dataset("streams/camera/gen3/stamp_nanos").unwrap();
     let mut stamps: Vec<u64> = data.read_raw().unwrap();

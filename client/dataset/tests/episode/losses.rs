@@ -77,7 +77,7 @@ fn missing_samples_make_the_file_partial_and_are_counted() {
     )
     .unwrap();
     let mut r = Random(2);
-    // 5 is missing, 7 comes late, 8 comes twice.
+    // 5 is missing, 7 arrives late, 8 arrives twice.
     for sequence in [3, 4, 6, 8, 8, 7] {
         let payload = r.message("imu", synthetic::header(sequence, sequence), 0);
         writer.offer("imu", payload.into()).unwrap();

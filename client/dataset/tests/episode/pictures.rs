@@ -1,4 +1,4 @@
-//! Pictures in the formats that a file may have: depth in millimetres or none, ids of
+//! Images in the formats of a file: depth in millimetres or none, ids of
 //! 8 and 16 bits.
 
 use wheelarm_dataset::depth::Depth;

@@ -1,4 +1,4 @@
-//! What was asked of the robot, and what came of it behind the gate.
+//! Commands to the robot, and their results after the command gate.
 
 use wheelarm_proto::v1;
 

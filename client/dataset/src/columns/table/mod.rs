@@ -1,6 +1,6 @@
 //! The table itself: every stream, every dataset, unit and frame, and both ways
 //! between a dataset and its message. A file for each kind of stream; which stream is
-//! which table is said here.
+//! this module names the table.
 
 mod command;
 mod progress;

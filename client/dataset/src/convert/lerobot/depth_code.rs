@@ -31,7 +31,7 @@ pub fn told(metres: f32) -> f32 {
     metres.clamp(LEAST as f32, MOST as f32)
 }
 
-/// Codes of a depth picture (m; 0 or infinite for no return), little-endian.
+/// Codes of a depth image (m; 0 or infinite for no return), little-endian.
 #[must_use]
 pub fn frame(depth: &[f32]) -> Vec<u8> {
     let codes = depth.iter().map(|&metres| {

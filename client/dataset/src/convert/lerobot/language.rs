@@ -1,5 +1,5 @@
 //! LeRobot 0.6's language columns of an episode: what holds from a time on
-//! (subtasks, the plan) stands in every row of it, what happens at a time
+//! (subtasks, the plan) is stored in every row of it, what happens at a time
 //! (questions with answers, the way of the hand) in the row of that time.
 
 use std::collections::BTreeMap;
@@ -13,14 +13,14 @@ use crate::convert::learning::Learning;
 use crate::convert::{Recording, Size};
 use crate::label;
 
-/// What is said in an episode.
+/// Language annotations of an episode.
 pub(super) struct Spoken {
     persistent: Vec<Said>,
     events: Vec<Vec<Said>>,
 }
 
 impl Spoken {
-    /// What is said of the rows of `learning`, pictures being of these sizes.
+    /// Annotations of the rows of `learning`, for images of these sizes.
     ///
     /// # Errors
     /// When the recording lacks the state that it is made of.

@@ -1,4 +1,4 @@
-//! The features of a set, each said once: its name, its type and shape, and how
+//! The features of a set, each defined once: its name, its type and shape, and how
 //! its values are taken from an episode.
 
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ pub(super) struct Layout {
     pub rate: u32,
     /// Cameras and depth sensors.
     pub streams: Streams,
-    /// What colour is coded by; pictures stand in Parquet without it.
+    /// Codec of colour; without it images are stored in Parquet.
     pub colour: Option<Codec>,
     /// The robot.
     pub body: Body,
@@ -35,22 +35,22 @@ pub(super) struct Layout {
     pub language: bool,
 }
 
-/// What pictures the set has.
+/// Images of the set.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Streams {
-    /// Cameras with the size of their pictures.
+    /// Cameras with the size of their images.
     pub cameras: BTreeMap<String, Size>,
-    /// Cameras with a depth sensor, and the size of its pictures.
+    /// Cameras with a depth sensor, and the size of its images.
     pub depths: BTreeMap<String, Size>,
 }
 
 impl Streams {
-    /// The one place that decides which pictures of a recording are observed: of
+    /// The one place that decides which images of a recording are observed: of
     /// every camera the colour that the robot saw (`Recording::seen`), and with
     /// `depth` what depth sensors gave, never exact depth.
     ///
     /// # Errors
-    /// When there is no picture, or no depth sensor where depth is wanted.
+    /// When no image exists, or no depth sensor where depth is requested.
     pub fn of(recording: &Recording, size: Option<Size>, depth: bool) -> anyhow::Result<Self> {
         let cameras = learning::cameras(recording, size);
         anyhow::ensure!(!cameras.is_empty(), "the episode has no pictures");
@@ -67,13 +67,13 @@ impl Streams {
     }
 }
 
-/// A feature of pictures.
+/// A feature of images.
 pub(super) struct Pictures<'a> {
     /// Its name.
     pub key: String,
     /// The camera that it is of.
     pub camera: &'a str,
-    /// Size of its pictures.
+    /// Size of its images.
     pub size: Size,
     /// Depth by the camera's depth sensor, millimetres; else colour.
     pub is_depth: bool,
@@ -211,7 +211,7 @@ pub(super) const VECTORS: [Vector; 3] = [
 /// Columns of language: what holds from a time on, and what happens at a time.
 pub(super) const LANGUAGE: [&str; 2] = ["language_persistent", "language_events"];
 
-/// Feature of a camera's pictures.
+/// Feature of a camera's images.
 pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
@@ -223,7 +223,7 @@ fn depth_key(camera: &str) -> String {
 }
 
 /// The numeric columns of a block, in the order of [`Layout::features`], behind
-/// the pictures.
+/// the images.
 pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
     let vectors = VECTORS.iter().map(|(name, of)| {
         let rows: Vec<f32> = (0..block.part.1)
@@ -244,7 +244,7 @@ pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
 }
 
 impl Layout {
-    /// The layout of a recording, with pictures of `streams`.
+    /// The layout of a recording, with images of `streams`.
     pub fn of(recording: &Recording, rate: u32, streams: Streams, action: ActionKind) -> Self {
         let robot = &recording.robot;
         let pose = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(String::from);
@@ -258,7 +258,7 @@ impl Layout {
         }
     }
 
-    /// The features of pictures, in their order.
+    /// The features of images, in their order.
     pub fn pictures(&self) -> impl Iterator<Item = Pictures<'_>> {
         let colour = self.streams.cameras.iter().map(|(camera, &size)| Pictures {
             key: image_key(camera),

@@ -1,4 +1,4 @@
-//! What stands below `meta/`: tasks, phases, episodes, statistics, features.
+//! Content of `meta/`: tasks, phases, episodes, statistics, features.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::table::{Cells, Column, Table};
 use crate::convert::learning::LEAST_DEVIATION;
 use crate::label;
 
-/// Where videos lie, as LeRobot fills it in.
+/// Path template of videos, as LeRobot fills it in.
 const VIDEO_PATH: &str = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
 
 fn column(name: &str, cells: Cells) -> Column {
@@ -107,7 +107,7 @@ fn cameras(calibrations: &[(Value, Vec<usize>)]) -> Value {
     told
 }
 
-/// One row per episode: where it stands in the data files and videos, and its
+/// One row per episode: its place in the data files and videos, and its
 /// statistics.
 fn episodes_table(path: &Path, set: &Set, rate: u32) -> anyhow::Result<()> {
     type Number = fn(usize, &EpisodeRow) -> usize;

@@ -1,8 +1,8 @@
-//! A LeRobot data set, version 3.0: pictures as video or in Parquet, tasks,
+//! A LeRobot data set, version 3.0: images as video or in Parquet, tasks,
 //! episodes, statistics. The whole set is made under another name and renamed at
 //! the end.
 //!
-//! An episode's pictures are encoded into scratch files first, so that a
+//! An episode's images are encoded into scratch files first, so that a
 //! recording that turns out unreadable leaves nothing behind in the set.
 
 mod depth_code;
@@ -39,23 +39,23 @@ use super::{Format, PendingFolder, Recording, Sees, Size, Written, png_depth, pn
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
-/// About this many pixels of a picture are counted in the statistics.
+/// About this many pixels of an image are counted in the statistics.
 const COUNTED_PIXELS: usize = 20_000;
 
-/// And this many of a depth picture: its values are kept.
+/// And this many of a depth image: its values are kept.
 const COUNTED_DEPTHS: usize = 300;
 
 /// What goes into a data set, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LeRobotOptions {
-    /// Size of colour pictures; as recorded without it.
+    /// Size of colour images; as recorded without it.
     pub size: Option<Size>,
     /// Rows of state and action.
     pub rows: RowOptions,
     /// With the columns `language_persistent` and `language_events`, which LeRobot
     /// reads from 0.6 on and older ones refuse.
     pub language: bool,
-    /// How pictures are kept.
+    /// How images are kept.
     pub pictures: PictureFormat,
     /// With what the depth sensors gave; exact depth is never exported.
     pub depth: bool,
@@ -73,7 +73,7 @@ impl LeRobot {
     /// A data set at `out`.
     ///
     /// # Errors
-    /// When `out` exists already, or there is no ffmpeg that makes such videos.
+    /// When `out` exists already, or no ffmpeg makes such videos.
     pub fn new(out: &Path, options: LeRobotOptions, threads: usize) -> anyhow::Result<Self> {
         Ok(Self {
             options,
@@ -87,7 +87,7 @@ impl LeRobot {
 /// Statistics of features, by name.
 type Statistics = BTreeMap<String, Gathered>;
 
-/// PNG pictures of one episode in a file that has no name for long.
+/// PNG images of one episode in a file whose name is removed at once.
 struct Scratch {
     file: File,
     lengths: Vec<usize>,
@@ -149,7 +149,7 @@ impl Format for LeRobot {
             );
         }
 
-        // Everything that can fail because of the recording comes first.
+        // Everything that can fail because of the recording is done first.
         let spoken = match options.language {
             true => Some(Spoken::of(
                 recording,
@@ -281,7 +281,7 @@ impl LeRobot {
         Ok(())
     }
 
-    /// Encodes an episode's pictures, block by block and camera by camera, and
+    /// Encodes an episode's images, block by block and camera by camera, and
     /// returns their statistics.
     fn encode(
         &self,
@@ -321,14 +321,14 @@ impl LeRobot {
     }
 }
 
-/// A feature's pictures of one episode on their way into a video.
+/// A feature's images of one episode on their way into a video.
 struct Film {
     key: String,
     name: String,
     stream: Stream,
 }
 
-/// A picture as a video takes it, raw, or as PNG; and its part of the statistics.
+/// An image as a video needs it, raw, or as PNG; and its part of the statistics.
 fn frame(
     recording: &Recording,
     pictures: &Pictures<'_>,

@@ -7,7 +7,7 @@ use super::layout::{FOLDER_FILES, VIDEO_BYTES};
 use super::video::Ffmpeg;
 use crate::publish;
 
-/// Where an episode stands in the videos of a feature.
+/// Place of an episode in the videos of a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// Number of the video.

@@ -13,7 +13,7 @@ use crate::convert::PendingFolder;
 pub(super) struct Set {
     /// Where it grows.
     pub folder: PendingFolder,
-    /// Pictures per second and cameras with their sizes; the first episode
+    /// Images per second and cameras with their sizes; the first episode
     /// decides, the others must have the same.
     pub layout: Option<Layout>,
     /// The data file that is open.
@@ -32,7 +32,7 @@ pub(super) struct Set {
     pub rows: usize,
     /// By feature, over all episodes.
     pub statistics: BTreeMap<String, Gathered>,
-    /// Intrinsics of cameras for pictures of the set's size, with the episodes that
+    /// Intrinsics of cameras for images of the set's size, with the episodes that
     /// have them: specimens of the robot differ.
     pub calibrations: Vec<(serde_json::Value, Vec<usize>)>,
 }
@@ -51,7 +51,7 @@ pub(super) struct EpisodeRow {
     pub label: String,
     /// Whether the task succeeded.
     pub success: bool,
-    /// Where it stands in the videos, by feature.
+    /// Its place in the videos, by feature.
     pub videos: BTreeMap<String, Place>,
     /// By feature.
     pub statistics: BTreeMap<String, Gathered>,
@@ -75,7 +75,7 @@ impl Set {
         }
     }
 
-    /// Where videos lie until they are put into the set.
+    /// Folder of videos until they are moved into the set.
     pub fn scratch(&self) -> PathBuf {
         self.folder.path().join(".films")
     }

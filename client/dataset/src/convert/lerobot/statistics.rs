@@ -15,9 +15,9 @@ const QUANTILES: [f64; 5] = [0.01, 0.10, 0.50, 0.90, 0.99];
 pub enum Gathered {
     /// Numbers in rows of a width.
     Numbers(usize, Vec<f32>),
-    /// Counts of the 256 values of three colour channels, and pictures.
+    /// Counts of the 256 values of three colour channels, and images.
     Colours(Box<[[u64; 256]; 3]>, usize),
-    /// Depths in millimetres, and pictures.
+    /// Depths in millimetres, and images.
     Depths(Vec<f32>, usize),
 }
 
@@ -26,9 +26,9 @@ pub enum Gathered {
 pub struct Summary {
     /// One list per name of [`NAMES`].
     pub lists: [Vec<f64>; 9],
-    /// Rows or pictures.
+    /// Rows or images.
     pub count: usize,
-    /// Shape of one list: `[width]`, or `[3, 1, 1]` for pictures.
+    /// Shape of one list: `[width]`, or `[3, 1, 1]` for images.
     pub shape: Vec<usize>,
 }
 
@@ -39,19 +39,19 @@ impl Gathered {
         Self::Numbers(width, Vec::new())
     }
 
-    /// No pictures yet.
+    /// No images yet.
     #[must_use]
     pub fn colours() -> Self {
         Self::Colours(Box::new([[0; 256]; 3]), 0)
     }
 
-    /// No depth pictures yet.
+    /// No depth images yet.
     #[must_use]
     pub fn depths() -> Self {
         Self::Depths(Vec::new(), 0)
     }
 
-    /// Counts a depth picture's pixels (m, as millimetres; 0 for no return),
+    /// Counts a depth image's pixels (m, as millimetres; 0 for no return),
     /// every `step`-th.
     pub fn depth(&mut self, depth: &[f32], step: usize) {
         if let Self::Depths(all, n) = self {
@@ -79,7 +79,7 @@ impl Gathered {
         }
     }
 
-    /// Counts a picture's pixels, every `step`-th.
+    /// Counts an image's pixels, every `step`-th.
     pub fn picture(&mut self, rgb: &[u8], step: usize) {
         if let Self::Colours(all, n) = self {
             for pixel in rgb.chunks_exact(3).step_by(step.max(1)) {

@@ -43,9 +43,9 @@ pub enum Cells {
     Bool(Vec<bool>),
     /// UTF-8.
     Text(Vec<usize>, Vec<String>),
-    /// Encoded pictures with a name: `{bytes, path}`.
+    /// Encoded images with a name: `{bytes, path}`.
     Image(Vec<(Vec<u8>, String)>),
-    /// Lists of what is said, with a time of their own or without.
+    /// Lists of annotations, with a time of their own or without.
     Said(Vec<Vec<Said>>, bool),
 }
 
@@ -54,7 +54,7 @@ pub enum Cells {
 pub struct Said {
     /// `user` or `assistant`.
     pub role: &'static str,
-    /// What is said.
+    /// One annotation.
     pub content: String,
     /// What kind of saying it is: `subtask`, `plan`, `vqa`, `trace`.
     pub style: &'static str,
@@ -154,7 +154,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Creates a file of `first` rows; `metadata` stands in its footer, where
+    /// Creates a file of `first` rows; `metadata` is stored in its footer, where
     /// readers find it.
     ///
     /// # Errors

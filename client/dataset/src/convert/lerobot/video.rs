@@ -1,4 +1,4 @@
-//! Pictures as LeRobot's videos: which encoder is asked for what.
+//! Images as LeRobot's videos: encoders and their arguments.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -15,7 +15,7 @@ const KEY_FRAMES: u32 = 2;
 /// How to do without the program.
 const WITHOUT: &str = "take --pictures png";
 
-/// How pictures are kept in a LeRobot set.
+/// How images are kept in a LeRobot set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum PictureFormat {
     /// H.264 where ffmpeg has libx264, else AV1.
@@ -25,7 +25,7 @@ pub enum PictureFormat {
     H264,
     /// AV1 with colour at every second pixel, LeRobot's own default.
     Av1,
-    /// PNG pictures inside Parquet, exact; needs no ffmpeg.
+    /// PNG images inside Parquet, exact; needs no ffmpeg.
     Png,
 }
 
@@ -102,7 +102,7 @@ impl Codec {
         }
     }
 
-    /// What ffmpeg is asked: frames of `size` from its input, `rate` of them a
+    /// Arguments of ffmpeg: frames of `size` from its input, `rate` of them a
     /// second, become `path`.
     fn arguments(self, size: Size, rate: u32, path: &Path) -> std::io::Result<Vec<OsString>> {
         let Size { width, height } = size;
@@ -146,7 +146,7 @@ impl Codec {
     }
 }
 
-/// The program, asked what it can do.
+/// The program, after a query of its capabilities.
 #[derive(Clone, Debug)]
 pub(super) struct Ffmpeg {
     program: Program,
@@ -205,7 +205,7 @@ impl Ffmpeg {
             .begin(&codec.arguments(size, rate, path)?, path)
     }
 
-    /// Puts videos of one codec one behind the other, as they are. All lie in
+    /// Puts videos of one codec one behind the other, unchanged. All are in
     /// `folder`; each has a name of plain letters and its length in frames.
     ///
     /// ffmpeg adds up the durations of the parts in microseconds, and a frame lasts no

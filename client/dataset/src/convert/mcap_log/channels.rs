@@ -1,5 +1,5 @@
 //! Which channels a recording becomes. What a message holds is read by the one
-//! table of columns; here stands only where a viewer looks for it.
+//! table of columns; this module holds only the viewer's names.
 
 use std::sync::Arc;
 
@@ -174,7 +174,7 @@ fn of_topic<'a>(
         TopicId::Applied => out.push(Channel::own("/applied", topic, samples()?)),
         TopicId::Command => out.push(Channel::own("/command", topic, samples()?)),
         // `clock` and `state_hash` tell a viewer nothing; a skin has no message
-        // that viewers know. Pictures are taken by camera; the rest is not
+        // that viewers know. Images are converted by camera; the rest is not
         // recorded.
         TopicId::Clock
         | TopicId::StateHash

@@ -28,7 +28,7 @@ fn size(camera: &Camera) -> anyhow::Result<(usize, usize)> {
     size.ok_or_else(|| anyhow::anyhow!("{} has no pictures", camera.stream()))
 }
 
-/// The colours of a picture, JPEG.
+/// The colours of an image, JPEG.
 pub(super) fn colour(
     episode: &Episode,
     camera: &Camera,
@@ -51,7 +51,7 @@ pub(super) fn colour(
     })
 }
 
-/// Depth of a picture, millimetres.
+/// Depth of an image, millimetres.
 pub(super) fn depth(
     episode: &Episode,
     camera: &Camera,
@@ -72,7 +72,7 @@ pub(super) fn depth(
     })
 }
 
-/// Instance ids of a picture.
+/// Instance ids of an image.
 pub(super) fn instances(
     episode: &Episode,
     camera: &Camera,
@@ -94,8 +94,8 @@ pub(super) fn instances(
     })
 }
 
-/// Intrinsics of a picture: readers of this message count from the centre of the
-/// first pixel, recordings from the picture's edge.
+/// Intrinsics of an image: readers of this message count from the centre of the
+/// first pixel, recordings from the image's edge.
 pub(super) fn calibration(camera: &Camera, i: usize, stamp: u64) -> CameraCalibration {
     let [width, height, fx, fy, cx, cy] = camera.intrinsics(i);
     let (cx, cy) = (cx - PIXEL_CENTRE, cy - PIXEL_CENTRE);

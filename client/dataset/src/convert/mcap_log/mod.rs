@@ -27,7 +27,7 @@ centre of the first pixel; the recording counts from the picture's edge, there t
 pub struct McapLog {
     /// Folder of the files.
     pub out: PathBuf,
-    /// Threads that compress pictures.
+    /// Threads that compress images.
     pub threads: usize,
 }
 
@@ -106,8 +106,8 @@ fn write(
     Ok(count)
 }
 
-/// What stands once in the file: the episode, the convention of its
-/// calibrations, and what the numbers in the pictures of ids mean.
+/// Content stored once in the file: the episode, the convention of its
+/// calibrations, and what the numbers in the images of ids mean.
 fn metadata(
     recording: &Recording,
     legend: &[v1::Instance],

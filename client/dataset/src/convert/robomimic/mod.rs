@@ -1,7 +1,7 @@
 //! A robomimic data set with MimicGen's additions: one HDF5 file of all
 //! episodes, actions normalised to [-1, 1] with the raw ones beside them.
 //!
-//! Pictures are compressed once and written as `obs` of their row and as
+//! Images are compressed once and written as `obs` of their row and as
 //! `next_obs` of the row before. The file has its final name only when whole.
 
 mod arrays;
@@ -26,7 +26,7 @@ use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
 use crate::hdf::{Attributes, Chunked, Filters};
 
-/// Pictures that are compressed together.
+/// Images that are compressed together.
 const BLOCK: usize = 16;
 /// One of so many groups of episodes goes to the validation mask.
 const VALIDATION: usize = 10;
@@ -44,13 +44,13 @@ struct Set {
     file: hdf5::File,
     demos: usize,
     rows: usize,
-    /// Where each demo comes from.
+    /// Source of each demo.
     origins: Vec<Origin>,
     /// What the first episode decides; none yet without it.
     common: Option<Common>,
 }
 
-/// Where an episode comes from, as far as the split asks.
+/// Source of an episode, as far as the split needs it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Origin {
     seed: u64,
@@ -136,12 +136,12 @@ struct Common {
     names: Vec<String>,
     /// Cameras with their sizes; every episode has the same.
     cameras: Vec<(String, Size)>,
-    /// Their intrinsics in the first episode, for pictures of these sizes.
+    /// Their intrinsics in the first episode, for images of these sizes.
     calibration: serde_json::Value,
 }
 
 impl Robomimic {
-    /// A data set at `out`; pictures are scaled to `size` when it is given.
+    /// A data set at `out`; images are scaled to `size` when it is given.
     ///
     /// # Errors
     /// When `out` exists already or cannot be made.
@@ -373,7 +373,7 @@ impl Robomimic {
         Ok(range)
     }
 
-    /// Writes a camera's pictures of the rows `all`: as `obs` of their row and as
+    /// Writes a camera's images of the rows `all`: as `obs` of their row and as
     /// `next_obs` of the row before.
     fn pictures(
         &self,
@@ -422,7 +422,7 @@ impl Robomimic {
 
 impl Robomimic {
     /// Writes actions, states, rewards and labels of the rows, of which the last
-    /// one is only somebody's next, and returns the range of the raw actions.
+    /// one is only the next one of another row, and returns the range of the raw actions.
     fn numbers(
         &self,
         group: &Group,
@@ -498,7 +498,7 @@ fn observations(
 ) -> anyhow::Result<()> {
     let base = recording.robot.arm_base_link.as_str();
     let chair = recording.robot.root_link.as_str();
-    // Joints of the arm, which stand before the knuckle.
+    // Joints of the arm, which precede the knuckle.
     let arm = ARM_JOINTS;
     let place = |i: usize| learning.rows[i];
     let observed: [Observation<'_>; 7] = [

@@ -1,4 +1,4 @@
-//! Plain CDR, little-endian, as every ROS 2 middleware reads it: each value stands
+//! Plain CDR, little-endian, as every ROS 2 middleware reads it: each value is located
 //! at a multiple of its own size, counted from after the four bytes of the head.
 
 /// Head of the encoding: plain CDR, little-endian, no options.
@@ -48,7 +48,7 @@ impl Cdr {
         self.put(value.to_le_bytes());
     }
 
-    /// An array of fixed length, which is not told.
+    /// An array of fixed length, which is not written.
     pub fn f64s(&mut self, values: &[f64]) {
         values.iter().for_each(|&value| self.f64(value));
     }
@@ -73,7 +73,7 @@ impl Cdr {
         self.0.extend_from_slice(bytes);
     }
 
-    /// A text: its length with the NUL that ends it, then both. What stands behind
+    /// A text: its length with the NUL that ends it, then both. The value behind
     /// a NUL inside would be lost to readers; there it is cut.
     pub fn text(&mut self, text: &str) {
         let text = text.split('\0').next().unwrap_or_default();
@@ -93,7 +93,7 @@ impl Cdr {
 mod tests {
     use super::*;
 
-    /// What stands behind the head.
+    /// The bytes after the head.
     fn encoded(write: impl Fn(&mut Cdr)) -> Vec<u8> {
         let mut out = Cdr::new();
         write(&mut out);

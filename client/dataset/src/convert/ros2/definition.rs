@@ -1,5 +1,5 @@
 //! Which fields a message has, in the language of `.msg` files: the text that
-//! stands in a bag, and the hash by which ROS 2 tells types apart.
+//! is stored in a bag, and the hash by which ROS 2 tells types apart.
 //!
 //! The hash is that of REP 2011, version 1: SHA-256 over the type's description as
 //! JSON, fields in their order, without default values, and every type that is
@@ -125,7 +125,7 @@ fn known(name: &str) -> Option<&'static str> {
     found.map(|(_, text)| *text)
 }
 
-/// What stands in a bag about a message: its definition, then each that it uses.
+/// Definition of a message in a bag: its own, then each that it uses.
 ///
 /// # Panics
 /// For a message that is not in the table; a test goes through all that are written.
@@ -208,7 +208,7 @@ struct Field {
     id: u8,
     /// Elements of an array.
     capacity: u64,
-    /// Full name of a type that is no basic one.
+    /// Full name of a type that is not a basic one.
     nested: String,
 }
 
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn hashes_are_those_that_a_running_ros_2_tells() {
-        // Asked of rclpy on Jazzy and on Kilted, which agree in all of them.
+        // Returned by rclpy on Jazzy and on Kilted, which agree in all of them.
         let told = "
             sensor_msgs/msg/Image            d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47
             sensor_msgs/msg/CompressedImage  15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a

@@ -26,7 +26,7 @@ use crate::urdf::Robot;
 pub struct Rosbag2 {
     /// Folder of the bags.
     pub out: PathBuf,
-    /// Threads that read pictures.
+    /// Threads that read images.
     pub threads: usize,
 }
 

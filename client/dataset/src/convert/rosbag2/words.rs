@@ -24,7 +24,7 @@ impl Words {
     }
 
     /// A sample: every column with its name; along a named axis an object, along
-    /// another one a list; what is no number is `null`.
+    /// another one a list; a non-number is `null`.
     pub fn sample(&self, i: usize) -> String {
         let mut all = Map::new();
         for (meta, values) in &self.0 {
