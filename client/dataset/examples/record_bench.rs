@@ -131,12 +131,11 @@ fn processor_seconds() -> f64 {
 
 fn pair(i: u64) -> [v1::CameraFrame; 2] {
     let s = i as f64 / DISTINCT as f64;
-    let picture = |camera: &str, view| {
-        synthetic::smooth::picture(camera, synthetic::header(0, 0), SIZE, view)
-    };
+    let image =
+        |camera: &str, view| synthetic::smooth::image(camera, synthetic::header(0, 0), SIZE, view);
     [
-        picture("gen3", ([1.2 + s, 0.4, 1.2], 0.1, 0.25)),
-        picture("wheelchair", ([-2.0 + s, 1.0 - s, 1.5], -0.3 * s, 0.3)),
+        image("gen3", ([1.2 + s, 0.4, 1.2], 0.1, 0.25)),
+        image("wheelchair", ([-2.0 + s, 1.0 - s, 1.5], -0.3 * s, 0.3)),
     ]
 }
 
@@ -151,11 +150,11 @@ fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
         bytes.len(),
         2 * frame
     );
-    let picture = |camera: &str, from: usize| v1::CameraFrame {
+    let image = |camera: &str, from: usize| v1::CameraFrame {
         color: bytes.slice(from..from + 3 * PIXELS),
         depth: bytes.slice(from + 3 * PIXELS..from + 7 * PIXELS),
         segmentation: bytes.slice(from + 7 * PIXELS..from + frame),
-        ..synthetic::smooth::picture(
+        ..synthetic::smooth::image(
             camera,
             synthetic::header(0, 0),
             SIZE,
@@ -164,7 +163,7 @@ fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
     };
     Ok((0..bytes.len())
         .step_by(2 * frame)
-        .map(|from| [picture("gen3", from), picture("wheelchair", from + frame)])
+        .map(|from| [image("gen3", from), image("wheelchair", from + frame)])
         .collect())
 }
 

@@ -61,9 +61,9 @@ impl Account {
     /// The account of a log.
     #[must_use]
     pub fn of(scan: &Scan) -> Self {
-        let mut seen = vec![Coverage::default(); scan.preamble.streams.len()];
+        let mut coverage = vec![Coverage::default(); scan.preamble.streams.len()];
         for entry in &scan.entries {
-            seen[usize::from(entry.header.stream)].insert(entry.header.sequence);
+            coverage[usize::from(entry.header.stream)].insert(entry.header.sequence);
         }
         let default = Closing::default();
         let closing = scan.closing.as_ref().unwrap_or(&default);
@@ -73,11 +73,11 @@ impl Account {
             .map(|s| s.manifest.iter().map(|c| (c.stream.as_str(), c)).collect());
         let mut problems = of_log(scan, closing);
         let mut streams = Vec::new();
-        for (name, seen) in scan.preamble.streams.iter().zip(&seen) {
+        for (name, coverage) in scan.preamble.streams.iter().zip(&coverage) {
             let listed = manifest
                 .as_ref()
                 .map(|manifest| manifest.get(name.as_str()).copied());
-            let (account, found) = of_stream(name, seen, listed, closing);
+            let (account, found) = of_stream(name, coverage, listed, closing);
             problems.extend(found);
             streams.push(account);
         }
@@ -124,7 +124,7 @@ fn of_log(scan: &Scan, closing: &Closing) -> Vec<String> {
 /// server's manifest, where that came.
 fn of_stream(
     name: &str,
-    seen: &Coverage,
+    coverage: &Coverage,
     listed: Option<Option<&v1::StreamCount>>,
     closing: &Closing,
 ) -> (StreamAccount, Vec<String>) {
@@ -134,12 +134,12 @@ fn of_stream(
         Some(Some(count)) => count.count,
         // A stream that the manifest leaves out published nothing.
         Some(None) => 0,
-        None => seen.received() + seen.gaps(),
+        None => coverage.received() + coverage.gaps(),
     };
     let there = match listed {
-        Some(Some(count)) if count.count > 0 => seen.within(count.first, count.last),
+        Some(Some(count)) if count.count > 0 => coverage.within(count.first, count.last),
         Some(_) => 0,
-        None => seen.received(),
+        None => coverage.received(),
     };
     let received = closing.received.iter().find(|r| r.stream == name);
     let published = match listed {
@@ -152,7 +152,7 @@ fn of_stream(
         digest: received.map_or_else(String::new, |r| hex(&r.digest)),
         published,
         expected,
-        received: seen.received(),
+        received: coverage.received(),
         missed: expected.saturating_sub(there),
         recovered: sent_again.map_or(0, |r| r.count),
     };
@@ -169,21 +169,23 @@ fn of_stream(
         ));
     }
     let doubtful = received.map_or(0, |r| r.doubtful);
-    let told = [&account.digest, &account.published]
+    let is_known = [&account.digest, &account.published]
         .iter()
         .all(|d| !d.is_empty());
     let whole = account.missed == 0 && account.received == there;
     let compressed = received.map_or(&[][..], |r| &r.compressed);
-    let told_compressed = listed.flatten().map_or(&[][..], |c| &c.compressed_digest);
-    let other_compressed = ![compressed, told_compressed].iter().any(|d| d.is_empty())
-        && compressed != told_compressed;
+    let published_compressed = listed.flatten().map_or(&[][..], |c| &c.compressed_digest);
+    let other_compressed = ![compressed, published_compressed]
+        .iter()
+        .any(|d| d.is_empty())
+        && compressed != published_compressed;
     if doubtful > 0 {
         problems.push(format!(
-            "{name}: {doubtful} samples came with two contents: somebody else writes into this stream"
+            "{name}: {doubtful} samples arrived with two contents: another publisher writes into this stream"
         ));
-    } else if told && whole && (account.digest != account.published || other_compressed) {
+    } else if is_known && whole && (account.digest != account.published || other_compressed) {
         problems.push(format!(
-            "{name}: it is not what the server published (their digests differ): somebody else wrote into this stream"
+            "{name}: it differs from what the server published (digests differ): another publisher wrote into this stream"
         ));
     }
     (account, problems)

@@ -272,18 +272,18 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
             let name = format!("{task} ({activity})");
             words::left(&below, &name, (x - x0 - 320, y - y0), 20, INK)?;
             let (x, y) = plot.map_coordinate(&(r.trajectories as f64, i as f64 + 0.5));
-            words::left(&below, &told(r), (x - x0 + 10, y - y0), 18, GREY)?;
+            words::left(&below, &caption(r), (x - x0 + 10, y - y0), 18, GREY)?;
         }
         Ok(())
     })
 }
 
 /// The text beside a bar.
-fn told(r: &Row) -> String {
+fn caption(r: &Row) -> String {
     let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
     format!(
         "{} of {}",
-        plural(r.samples, "picture"),
+        plural(r.samples, "image"),
         plural(r.trajectories, "episode")
     )
 }
@@ -293,12 +293,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bars_words_cannot_be_read_as_one_number() {
+    fn the_text_of_a_bar_has_separate_numbers() {
         let row = Row {
             trajectories: 3,
             samples: 601,
             ..Row::default()
         };
-        assert_eq!(told(&row), "601 pictures of 3 episodes");
+        assert_eq!(caption(&row), "601 images of 3 episodes");
     }
 }

@@ -68,12 +68,12 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
         "stream", "expected", "received", "missed", "recovered"
     );
     // Counts of the server are unknown without its manifest.
-    let told = |counted, count: u64| match counted {
+    let known = |counted, count: u64| match counted {
         true => count.to_string(),
         false => "?".to_owned(),
     };
     for a in &s.streams {
-        let (expected, missed) = (told(a.counted, a.expected), told(a.counted, a.missed));
+        let (expected, missed) = (known(a.counted, a.expected), known(a.counted, a.missed));
         let _ = writeln!(
             out,
             "{:<22} {expected:>9} {:>9} {missed:>7} {:>10}",

@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_ahead_is_seen_where_the_lens_says_and_none_behind() {
+    fn a_point_ahead_is_projected_by_the_lens_and_none_behind() {
         let lens = [640.0, 360.0, 500.0, 400.0, 320.0, 180.0];
         let camera = from_rpy([0.0, 0.0, 1.0], [0.0, 0.0, FRAC_PI_2]);
         // The camera looks along z, its x is along the frame's y.

@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_that_publish_at_once_one_wins_and_nobody_loses_what_he_made() {
+    fn of_several_publishers_one_wins_and_the_others_keep_their_files() {
         let ways = FILES.map(|way| (way, false)).into_iter();
         for (way, is_folder) in ways.chain(FOLDERS.map(|way| (way, true))) {
             for _ in 0..50 {
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taken_name_is_never_replaced_by_any_of_the_ways() {
+    fn an_existing_name_is_never_replaced() {
         let ways = FILES.map(|way| (way, false)).into_iter();
         for (way, is_folder) in ways.chain(FOLDERS.map(|way| (way, true))) {
             let place = tempfile::tempdir().unwrap();
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_renamed_leaves_nothing_empty_under_the_final_name() {
+    fn a_failed_rename_leaves_no_empty_file_under_the_final_name() {
         let place = tempfile::tempdir().unwrap();
         let (temporary, target) = (place.path().join("t"), place.path().join("f"));
         for way in [take_name, take_folder] {

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_file_shows_is_a_scenario_as_a_server_takes_it() {
+    fn the_shown_scenario_is_valid_input_of_a_server() {
         let pose = v1::Pose {
             position: Some(v1::Vector3 {
                 x: -3.79,

@@ -87,7 +87,7 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
         }
     }
     for camera in episode.cameras()? {
-        pictures(&episode, &camera, threads, &mut found).with_context(|| camera.clone())?;
+        images(&episode, &camera, threads, &mut found).with_context(|| camera.clone())?;
     }
     for sensor in episode.sensors()? {
         sensed(&episode, &sensor, threads, &mut found).with_context(|| sensor.clone())?;
@@ -231,16 +231,16 @@ fn contents(
     if account.digest.is_empty() || id == StreamId::EVENTS {
         return Ok(());
     }
-    let pictures = match &id {
+    let images = match &id {
         StreamId::Camera(camera) => sized(episode.camera(camera), found)?,
         StreamId::Sensor(sensor) => sized(episode.sensor(sensor), found)?,
         _ => None,
     };
-    let has_pictures = id.camera_name().or(id.sensor_name()).is_some();
-    if has_pictures && pictures.is_none() {
+    let has_images = id.camera_name().or(id.sensor_name()).is_some();
+    if has_images && images.is_none() {
         return Ok(());
     }
-    let digests = match pictures {
+    let digests = match images {
         Some(camera) => {
             let all = parallel(camera.len(), threads, |i| {
                 let message = camera.encoded(episode, i)?;
@@ -283,7 +283,7 @@ struct Figures {
     stranger: Option<u16>,
 }
 
-fn pictures(
+fn images(
     episode: &Episode,
     name: &str,
     threads: usize,
@@ -294,17 +294,15 @@ fn pictures(
     };
     let stream = camera.stream();
     if camera.is_empty() {
-        found
-            .problems
-            .push(format!("{stream}: there are no pictures"));
+        found.problems.push(format!("{stream}: it has no images"));
         return Ok(());
     }
     let instances = episode.snapshot()?.instances;
     let known: BTreeSet<u32> = instances.iter().map(|instance| instance.id).collect();
     let stranger = |ids: Vec<u16>| {
-        let mut seen = ids;
-        seen.dedup();
-        let mut strangers = seen.into_iter().filter(|&id| id != 0);
+        let mut distinct = ids;
+        distinct.dedup();
+        let mut strangers = distinct.into_iter().filter(|&id| id != 0);
         strangers.find(|&id| !known.contains(&u32::from(id)))
     };
     let all = parallel(camera.len(), threads, |i| {
@@ -336,7 +334,7 @@ fn pictures(
     let mut wrong = |words: String| found.problems.push(format!("{stream}: {words}"));
     let flat = all.iter().filter(|f| f.contrast < FLAT).count();
     if flat > 0 {
-        wrong(format!("{flat} pictures of one colour"));
+        wrong(format!("{flat} images of one colour"));
     }
     let bad: usize = all.iter().map(|f| f.bad_depth).sum();
     if bad > 0 {
@@ -348,7 +346,7 @@ fn pictures(
     }
     let empty = all.iter().filter(|f| f.hit == 0.0).count();
     if empty > 0 && camera.has_depth() {
-        wrong(format!("{empty} pictures without any depth"));
+        wrong(format!("{empty} images without any depth"));
     }
     let size = camera.size().unwrap_or((0, 0));
     let first = camera.intrinsics(0);
@@ -360,7 +358,7 @@ fn pictures(
         && (0.0..=first[1]).contains(&first[5]);
     if !sane {
         wrong(format!(
-            "calibration {first:?} does not fit pictures of {size:?}"
+            "calibration {first:?} does not fit images of {size:?}"
         ));
     }
     if (1..camera.len()).any(|i| camera.intrinsics(i) != first) {
@@ -372,7 +370,7 @@ fn pictures(
         false => "no depth".to_owned(),
     };
     found.facts.push(format!(
-        "{stream}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, {}",
+        "{stream}: {} images of {}x{}, mean level {:.0}, contrast {:.0}, {}",
         all.len(),
         size.0,
         size.1,
@@ -411,7 +409,7 @@ fn sensed(
     }
     let ages = sensor.stamps().iter().zip(sensor.exposures());
     if ages.clone().any(|(arrival, exposure)| arrival < exposure) {
-        wrong("pictures arrive before they are exposed".into());
+        wrong("images arrive before they are exposed".into());
     }
     let age: u64 = ages
         .map(|(arrival, exposure)| arrival.saturating_sub(*exposure))
@@ -419,7 +417,7 @@ fn sensed(
     let n = all.len().max(1) as f64;
     let (w, h) = sensor.size().unwrap_or((0, 0));
     found.facts.push(format!(
-        "{stream}: {} pictures of {w}x{h}, {:.0} ms old when they arrive, {} {:.0}{}",
+        "{stream}: {} images of {w}x{h}, {:.0} ms old when they arrive, {} {:.0}{}",
         all.len(),
         age as f64 * 1e-6 / n,
         ["mean level", "returns at"][usize::from(sensor.has_depth())],
@@ -433,7 +431,7 @@ fn hashes(episode: &Episode, found: &mut Findings) -> anyhow::Result<()> {
     if !episode.has("state_hash") {
         found
             .problems
-            .push("there are no state hashes: a replay cannot be checked".into());
+            .push("the recording has no state hashes: a replay cannot be checked".into());
         return Ok(());
     }
     let Some(all) = sized(episode.state_hashes(), found)? else {
@@ -474,14 +472,14 @@ fn checksum(path: &Path, found: &mut Findings) -> anyhow::Result<()> {
     let beside = path.with_added_extension("sha256");
     match std::fs::read_to_string(&beside) {
         Ok(text) => {
-            let told = text.split_whitespace().next().unwrap_or_default();
-            if told.eq_ignore_ascii_case(&sum) {
+            let listed = text.split_whitespace().next().unwrap_or_default();
+            if listed.eq_ignore_ascii_case(&sum) {
                 found
                     .facts
                     .push(format!("SHA-256 as in {}", beside.display()));
             } else {
                 found.problems.push(format!(
-                    "SHA-256 is {sum}, {} says {told}",
+                    "SHA-256 is {sum}, {} says {listed}",
                     beside.display()
                 ));
             }

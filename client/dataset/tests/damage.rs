@@ -64,8 +64,8 @@ fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
                 let expected = all.iter().filter(intact).count();
                 assert_eq!(got.entries.len(), expected, "{what}");
                 assert!(got.entries == all[..expected], "{what}");
-                let told = got.damage.is_some() || got.closing.is_none();
-                assert!(told, "{what}: nothing is said to be lost");
+                let is_reported = got.damage.is_some() || got.closing.is_none();
+                assert!(is_reported, "{what}: the loss is not reported");
             }
             // Without its beginning a log says nothing at all.
             Err(problem) => {
@@ -164,9 +164,9 @@ fn a_file_cut_or_changed_anywhere_is_read_or_refused() {
             .env(DAMAGED_FILE, &bad)
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&read.stderr).into_owned();
-        let ours = read.status.code() == Some(101) || said.contains("memory allocation");
-        assert!(!ours, "changed at {at}: {said}");
+        let errors = String::from_utf8_lossy(&read.stderr).into_owned();
+        let ours = read.status.code() == Some(101) || errors.contains("memory allocation");
+        assert!(!ours, "changed at {at}: {errors}");
         if !read.status.success() {
             crashed.push((at, read.status));
         }

@@ -58,7 +58,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
             for camera in ["gen3", "wheelchair"] {
                 let header = synthetic::header(i, 24 * i);
                 let view = ([i as f64 * 0.1, 0.0, 1.4], 0.2, 0.3);
-                let frame = synthetic::smooth::picture(camera, header, (96, 54), view);
+                let frame = synthetic::smooth::image(camera, header, (96, 54), view);
                 if camera == "gen3" {
                     sums[0] += frame.color.iter().map(|&b| u64::from(b)).sum::<u64>();
                     let ids = wheelarm_dataset::ids::read(&frame.segmentation, 2);
@@ -109,7 +109,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
 }
 
 #[test]
-fn the_sheet_shows_the_pictures_of_the_episode() {
+fn the_sheet_shows_the_images_of_the_episode() {
     let dir = tempfile::tempdir().unwrap();
     let log = synthetic::smooth::record(dir.path(), "sheet", 3, (64, 36)).unwrap();
     let episode = Episode::open(&finish(&log, None).unwrap().path).unwrap();

@@ -43,7 +43,7 @@ fn child() {
 }
 
 #[test]
-fn a_killed_recorder_loses_nothing_that_it_acknowledged() {
+fn a_killed_recorder_loses_no_acknowledged_sample() {
     for round in 0..6 {
         let dir = tempfile::tempdir().unwrap();
         let mut child = Command::new(std::env::current_exe().unwrap())
@@ -52,8 +52,8 @@ fn a_killed_recorder_loses_nothing_that_it_acknowledged() {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let told = BufReader::new(child.stdout.take().unwrap());
-        let counts = told.lines().map_while(Result::ok).filter_map(|line| {
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let counts = output.lines().map_while(Result::ok).filter_map(|line| {
             let (_, count) = line.split_once("acknowledged ")?;
             count.parse::<u64>().ok()
         });

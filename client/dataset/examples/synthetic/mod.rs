@@ -439,7 +439,7 @@ pub fn frame(
     camera: &str,
     header: v1::Header,
     (width, height): (u32, u32),
-    mut picture: impl FnMut(u32, u32) -> ([u8; 3], f32, u8),
+    mut image: impl FnMut(u32, u32) -> ([u8; 3], f32, u8),
 ) -> v1::CameraFrame {
     let pixels = (width * height) as usize;
     let (mut rgb, mut depth, mut ids) = (
@@ -449,7 +449,7 @@ pub fn frame(
     );
     for y in 0..height {
         for x in 0..width {
-            let (colour, metres, id) = picture(x, y);
+            let (colour, metres, id) = image(x, y);
             rgb.extend(colour);
             depth.extend(metres.to_le_bytes());
             ids.extend(u16::from(id).to_le_bytes());

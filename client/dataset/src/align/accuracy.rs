@@ -187,16 +187,16 @@ fn thinned(
             let four = |s: &[f64], at: usize| std::array::from_fn(|k| s[at + k]);
             match rule {
                 Rule::Pose => {
-                    let things = found.chunks_exact(7).zip(truth.chunks_exact(7));
-                    for (i, (f, t)) in things.enumerate() {
+                    let poses = found.chunks_exact(7).zip(truth.chunks_exact(7));
+                    for (i, (f, t)) in poses.enumerate() {
                         let off: f64 = (0..3).map(|k| (f[k] - t[k]).powi(2)).sum();
                         errors[0].add(off.sqrt(), i, at);
                         errors[1].add(angle_between(four(f, 3), four(t, 3)), i, at);
                     }
                 }
                 Rule::Quaternion => {
-                    let things = found.chunks_exact(4).zip(truth.chunks_exact(4));
-                    for (i, (f, t)) in things.enumerate() {
+                    let poses = found.chunks_exact(4).zip(truth.chunks_exact(4));
+                    for (i, (f, t)) in poses.enumerate() {
                         errors[0].add(angle_between(four(f, 0), four(t, 0)), i, at);
                     }
                 }

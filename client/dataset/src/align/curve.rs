@@ -83,7 +83,7 @@ impl Slopes {
     pub(crate) fn of(episode: &Episode, meta: &ColumnMeta) -> Result<Option<Self>, ReadError> {
         let (column, axes) = match (meta.stream.as_str(), meta.name.as_str()) {
             // Not objects: knocks between two samples and the shaking of what
-            // lies still make their velocities worse than none.
+            // at rest make their velocities worse than none.
             ("pose", "pose") => ("twist", Axes::Parent),
             ("joint_state", "position") => ("velocity", Axes::Parent),
             ("imu", "orientation") => ("angular_velocity", Axes::Body),
@@ -158,12 +158,12 @@ impl Curve<'_> {
         };
         let speeds = straight + if turning { 3 } else { 0 };
         let span = (times[j] - times[i]) as f64 * 1e-9;
-        let things = row(i).chunks_exact(step).zip(row(j).chunks_exact(step));
-        for (thing, (a, b)) in things.enumerate() {
+        let quaternions = row(i).chunks_exact(step).zip(row(j).chunks_exact(step));
+        for (index, (a, b)) in quaternions.enumerate() {
             let slopes = self.slopes.and_then(|slopes| {
                 let width = self.width / step * speeds;
                 let of = |i: usize| {
-                    let from = i * width + thing * speeds;
+                    let from = i * width + index * speeds;
                     slopes.values.get(from..from + speeds)
                 };
                 let (va, vb) = (of(i)?, of(j)?);

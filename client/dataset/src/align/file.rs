@@ -20,7 +20,7 @@ pub fn write(
     episode: &Episode,
     aligned: &Aligned,
     labels: &[u8],
-    pictures: bool,
+    images: bool,
     tick: &dyn Fn(),
 ) -> anyhow::Result<()> {
     let file = crate::hdf::unlocked().create_excl(path)?;
@@ -71,8 +71,8 @@ pub fn write(
         let camera = episode.camera(name)?;
         let group = cameras.create_group(name)?;
         camera_columns(&group, &camera, frames)?;
-        if pictures {
-            copy_pictures(&group, &camera, frames, tick)?;
+        if images {
+            copy_images(&group, &camera, frames, tick)?;
         }
     }
     if !aligned.sensors.is_empty() {
@@ -82,8 +82,8 @@ pub fn write(
             let group = sensors.create_group(name)?;
             camera_columns(&group, &sensor, frames)?;
             exposures(&group, &sensor, frames)?;
-            if pictures {
-                copy_pictures(&group, &sensor, frames, &|| {})?;
+            if images {
+                copy_images(&group, &sensor, frames, &|| {})?;
             }
         }
     }
@@ -100,7 +100,7 @@ fn exposures(group: &Group, sensor: &Camera, frames: &[Option<usize>]) -> anyhow
     described(
         group,
         "exposure_nanos",
-        "ns of simulation time (0: no picture)",
+        "ns of simulation time (0: no image)",
         "",
     )?;
     Ok(())
@@ -215,11 +215,11 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
     described(
         group,
         "stamp_nanos",
-        "ns of simulation time of the picture",
+        "ns of simulation time of the image",
         "",
     )?;
     numbers(group, "valid", &valid, rows, &[])?;
-    described(group, "valid", "1 (0: no picture near enough)", "")?;
+    described(group, "valid", "1 (0: no image near enough)", "")?;
     numbers(group, "pose", &pose, rows, &[7])?;
     let frame = "optical frame (z forward, x right, y down) in house";
     described(
@@ -233,7 +233,7 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
         group,
         "intrinsics",
         "pixels (width, height, fx, fy, cx, cy)",
-        "picture, from its left and top edge",
+        "image, from its left and top edge",
     )?;
     let data = group.dataset("intrinsics")?;
     Attributes::of(&data)
@@ -243,13 +243,13 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
 }
 
 /// Copies compressed images; rows without one read as zeros.
-fn copy_pictures(
+fn copy_images(
     group: &Group,
     camera: &Camera,
     frames: &[Option<usize>],
     tick: &dyn Fn(),
 ) -> anyhow::Result<()> {
-    for (name, data, chunks) in camera.picture_chunks() {
+    for (name, data, chunks) in camera.image_chunks() {
         let shape = data.shape();
         let trailing = shape.get(1..).unwrap_or_default();
         let shuffled = data.filters().contains(&hdf5::filters::Filter::Shuffle);

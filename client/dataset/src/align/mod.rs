@@ -157,15 +157,15 @@ pub enum AlignError {
     Read(#[from] ReadError),
     /// Nothing to make rows of.
     #[error(
-        "{file} has no pictures, and rows are those of a camera: it was recorded without cameras. `wheelarm replay {file} --out DIR --camera 'NAME=640x360@10'` records it again with one; `export --format mcap` and `label` need none"
+        "{file} has no images, and rows are those of a camera: it was recorded without cameras. `wheelarm replay {file} --out DIR --camera 'NAME=640x360@10'` records it again with one; `export --format mcap` and `label` need none"
     )]
-    NoPictures {
+    NoImages {
         /// The file.
         file: String,
     },
     /// The rows.
     #[error(
-        "{file} has no pictures of the camera {camera:?} to align to; it has {there:?}: choose one with --reference"
+        "{file} has no images of the camera {camera:?} to align to; it has {there:?}: choose one with --reference"
     )]
     NoReference {
         /// The file.
@@ -228,7 +228,7 @@ pub fn align(
 ) -> Result<Aligned, AlignError> {
     let cameras = episode.cameras()?;
     let camera = match &options.reference {
-        Some(asked) => asked.clone(),
+        Some(name) => name.clone(),
         None => episode.reference()?.unwrap_or_default(),
     };
     let stamps = if cameras.contains(&camera) {
@@ -237,7 +237,7 @@ pub fn align(
         Vec::new()
     };
     if stamps.is_empty() && cameras.is_empty() {
-        return Err(AlignError::NoPictures {
+        return Err(AlignError::NoImages {
             file: episode.path().display().to_string(),
         });
     }

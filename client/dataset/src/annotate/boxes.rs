@@ -58,8 +58,8 @@ pub fn boxes(episode: &Episode, state: &State) -> Result<Vec<CameraBoxes>, ReadE
             let (lens, at) = (camera.intrinsics(i), camera.pose(i));
             for (object, (visible, pixels)) in counted.into_iter().enumerate() {
                 let own = state.poses.get(row).and_then(|row| row.get(object));
-                let seen = own.and_then(|own| silhouette(&lens, &at, own, &parts[object]));
-                let (projected, area) = seen.unwrap_or(([f64::NAN; 4], f64::NAN));
+                let silhouette = own.and_then(|own| silhouette(&lens, &at, own, &parts[object]));
+                let (projected, area) = silhouette.unwrap_or(([f64::NAN; 4], f64::NAN));
                 found.visible.push(visible);
                 found.projected.push(projected);
                 let share = pixels as f64 / area;

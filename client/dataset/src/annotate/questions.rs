@@ -105,23 +105,23 @@ pub(super) fn questions(state: &State, sight: &Sight) -> Vec<Question> {
         let stamp = state.stamps[row];
         let scene = state.scene(row);
         let objects = 0..state.objects.len();
-        let is_seen = |name: &str| !sight.cameras(stamp, &[name]).is_empty();
-        let seen: Vec<usize> = objects
+        let is_visible = |name: &str| !sight.cameras(stamp, &[name]).is_empty();
+        let visible: Vec<usize> = objects
             .clone()
-            .filter(|&i| is_seen(&state.objects[i]))
+            .filter(|&i| is_visible(&state.objects[i]))
             .collect();
-        let all = if seen.is_empty() {
+        let all = if visible.is_empty() {
             objects.collect()
         } else {
-            seen
+            visible
         };
         let slides = 0..state.home.slides.len();
-        let slide_seen = |i: &usize| is_seen(&state.home.slides[*i].name);
-        let seen: Vec<usize> = slides.clone().filter(slide_seen).collect();
-        let slides = if seen.is_empty() {
+        let is_slide_visible = |i: &usize| is_visible(&state.home.slides[*i].name);
+        let visible: Vec<usize> = slides.clone().filter(is_slide_visible).collect();
+        let slides = if visible.is_empty() {
             slides.collect()
         } else {
-            seen
+            visible
         };
         let drafts = [
             place(state, row, &all, &mut turns),
@@ -258,12 +258,12 @@ fn side(
     };
     let object = *turns.next(&able)?;
     let (word, side, words) = *turns.next(&SIDES)?;
-    let thing = &scene.entities[scene.named(&state.objects[object])?];
+    let entity = &scene.entities[scene.named(&state.objects[object])?];
     let beside = stands.iter().filter(|&&other| other != object);
     let mut names: Vec<&str> = beside
         .filter(|&&other| {
             let other = scene.named(&state.objects[other]);
-            other.is_some_and(|i| space::is_on_side(&scene.entities[i], thing, side))
+            other.is_some_and(|i| space::is_on_side(&scene.entities[i], entity, side))
         })
         .map(|&other| state.objects[other].as_str())
         .collect();

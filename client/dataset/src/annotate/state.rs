@@ -177,8 +177,8 @@ impl State {
                 .zip(first)
                 .filter(|(o, _)| kind_of(o) == kind)
             {
-                let thing = scene.named(other).map(|i| &scene.entities[i]);
-                like.push((other, thing.map_or(0.0, |t| -t.at[1])));
+                let entity = scene.named(other).map(|i| &scene.entities[i]);
+                like.push((other, entity.map_or(0.0, |t| -t.at[1])));
             }
         }
         if like.is_empty() {

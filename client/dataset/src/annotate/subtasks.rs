@@ -90,7 +90,7 @@ fn amiss(state: &State, label: u8, object: &str) -> String {
 }
 
 fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
-    let said = |name: &str| name.replace('_', " ");
+    let spoken = |name: &str| name.replace('_', " ");
     if state.target.is_empty() {
         return NAMES[usize::from(label).min(3)].to_owned();
     }
@@ -98,13 +98,13 @@ fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
     let at = match area {
         "" => String::new(),
         "workstation" => " under the kitchen counter".to_owned(),
-        area => format!(" on the {}", said(area)),
+        area => format!(" on the {}", spoken(area)),
     };
     match (label, state.verb.as_str()) {
         (0, _) if holds_target => format!("drive with {target} in the hand"),
         (0, _) if area.is_empty() => format!("drive to {target}"),
         (0, _) if area == "workstation" => "drive to the kitchen counter".to_owned(),
-        (0, _) => format!("drive to the {}", said(area)),
+        (0, _) => format!("drive to the {}", spoken(area)),
         (1, "open" | "close") => format!("reach for the handle of {target}{at}"),
         (1, _) => format!("reach for {target}{at}"),
         (2, "open" | "close") => format!("close the hand on the handle of {target}"),
@@ -113,9 +113,9 @@ fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
         (_, "close") => format!("push {target} shut"),
         // A bin holds what is in it, other goals what is on them.
         (_, "put") if state.goal.ends_with("bin") => {
-            format!("put {target} in the {}", said(&state.goal))
+            format!("put {target} in the {}", spoken(&state.goal))
         }
-        (_, "put") => format!("put {target} on the {}", said(&state.goal)),
+        (_, "put") => format!("put {target} on the {}", spoken(&state.goal)),
         (_, "bring") => format!("bring {target} to the mouth"),
         (_, "give") => format!("lay {target} in the lap"),
         _ => format!("lift {target}{}", at.replacen(" on ", " from ", 1)),
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_attempt_at_the_wrong_thing_is_told_as_one() {
+    fn an_attempt_at_the_wrong_object_is_named() {
         let phase = |(from, label)| Segment { from, label };
         // Drives, takes the can, lets it go, reaches again and takes the bottle.
         let phases = [(0, 0), (10, 1), (20, 2), (30, 3), (50, 1), (60, 2), (70, 3)].map(phase);

@@ -22,21 +22,21 @@ pub struct Trace {
 pub(super) fn traces(episode: &Episode, state: &State) -> Result<Vec<Trace>, ReadError> {
     let mut out = Vec::new();
     for camera in episode.cameras()? {
-        let pictures = episode.camera(&camera)?;
-        let stamps = pictures.stamps();
+        let images = episode.camera(&camera)?;
+        let stamps = images.stamps();
         let hand = |stamp: u64| {
             let row = state.stamps.partition_point(|&t| t < stamp);
             state.hand.get(row).map(|hand| [hand[0], hand[1], hand[2]])
         };
-        let of_picture = |i: usize| {
-            let (lens, at) = (pictures.intrinsics(i), pictures.pose(i));
+        let of_image = |i: usize| {
+            let (lens, at) = (images.intrinsics(i), images.pose(i));
             std::array::from_fn(|step| {
                 let then = stamps.get(i + step).and_then(|&stamp| hand(stamp));
                 then.and_then(|point| project(&lens, &at, point))
                     .unwrap_or([f64::NAN; 2])
             })
         };
-        let pixels = (0..pictures.len()).map(of_picture).collect();
+        let pixels = (0..images.len()).map(of_image).collect();
         out.push(Trace { camera, pixels });
     }
     Ok(out)

@@ -208,28 +208,28 @@ fn objects(group: &Group, state: &State) -> hdf5::Result<()> {
 }
 
 fn camera_boxes(group: &Group, found: &CameraBoxes, objects: usize) -> hdf5::Result<()> {
-    let pictures = found.share.len() / objects.max(1);
+    let images = found.share.len() / objects.max(1);
     let corners = "pixels (left, top, right, bottom)";
     let flat = |all: &[[f64; 4]]| all.iter().flatten().copied().collect::<Vec<_>>();
     array(
         group,
         "visible",
         &flat(&found.visible),
-        &[pictures, objects, 4],
+        &[images, objects, 4],
         corners,
     )?;
     array(
         group,
         "projected",
         &flat(&found.projected),
-        &[pictures, objects, 4],
+        &[images, objects, 4],
         corners,
     )?;
     array(
         group,
         "visible_share",
         &found.share,
-        &[pictures, objects],
+        &[images, objects],
         "1",
     )
 }

@@ -70,7 +70,9 @@ pub enum FormatName {
 /// Parses how many at once.
 fn jobs(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| *count > 0);
-    count.ok_or_else(|| format!("{text:?} is no number of files at once; write it as 4, 1 or more"))
+    count.ok_or_else(|| {
+        format!("invalid number of files at once {text:?}: write it as 4, 1 or more")
+    })
 }
 
 /// Parses `STREAM=SECONDS`.
@@ -78,11 +80,11 @@ fn limit(text: &str) -> Result<(String, f64), String> {
     text.split_once('=')
         .and_then(|(stream, seconds)| Some((stream.to_owned(), seconds.parse().ok()?)))
         .filter(|(stream, seconds)| !stream.is_empty() && (0.0..1e6).contains(seconds))
-        .ok_or_else(|| format!("{text:?} is no limit; write it as imu=0.02"))
+        .ok_or_else(|| format!("invalid limit {text:?}: write it as imu=0.02"))
 }
 
 /// Parses seconds of idleness.
 pub fn idle(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|s| (0.0..1e6).contains(s));
-    seconds.ok_or_else(|| format!("{text:?} are no seconds; write it as 0.5, 0 or more"))
+    seconds.ok_or_else(|| format!("invalid seconds {text:?}: write them as 0.5, 0 or more"))
 }

@@ -46,13 +46,13 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Rejects an image path without a `.png` extension: an image replaces the existing
 /// is there, and a recording would be lost by a slip.
-pub fn is_picture(out: &Path) -> anyhow::Result<()> {
+pub fn check_image_path(out: &Path) -> anyhow::Result<()> {
     let is_png = out
         .extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
     if !is_png {
         bail!(
-            "{}: a picture is written as PNG: name it *.png",
+            "{}: an image is written as PNG: name it *.png",
             out.display()
         );
     }
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_labelled_copy_beside_its_recording_is_no_second_episode() {
+    fn a_labelled_copy_beside_its_recording_is_not_a_second_episode() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.h5", "a.labels.h5", "a.aligned.h5", "b.labels.h5"] {
             std::fs::write(folder.path().join(name), "").unwrap();
@@ -170,11 +170,11 @@ mod tests {
     #[test]
     fn the_folder_of_a_campaign_names_that_of_its_episodes() {
         let folder = tempfile::tempdir().unwrap();
-        let told = || found(folder.path()).unwrap_err().to_string();
-        assert!(told().contains("holds no episode file"), "{}", told());
+        let error = || found(folder.path()).unwrap_err().to_string();
+        assert!(error().contains("holds no episode file"), "{}", error());
         let episodes = folder.path().join("episodes");
         std::fs::create_dir(&episodes).unwrap();
         let cure = format!("lie in {}: name that folder", episodes.display());
-        assert!(told().ends_with(&cure), "{}", told());
+        assert!(error().ends_with(&cure), "{}", error());
     }
 }

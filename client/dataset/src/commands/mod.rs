@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use clap::{Parser, Subcommand};
 use wheelarm_dataset::convert::Size;
 use wheelarm_dataset::convert::learning::RowOptions;
-use wheelarm_dataset::convert::lerobot::{LeRobotOptions, PictureFormat};
+use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobotOptions};
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{info, sheet};
@@ -61,8 +61,8 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Leaves the images in the recording.
-        #[arg(long)]
-        no_pictures: bool,
+        #[arg(long = "no-pictures")]
+        no_images: bool,
     },
     /// Labels the phases 0 to 3 from motion and compares with the operator's.
     Label {
@@ -106,8 +106,8 @@ enum Command {
         trim_idle: Option<f64>,
         /// How lerobot keeps images: as video by ffmpeg (WHEELARM_FFMPEG, else on
         /// PATH), or as PNG.
-        #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-        pictures: PictureFormat,
+        #[arg(long = "pictures", value_enum, default_value_t, value_name = "HOW")]
+        image_format: ImageFormat,
         /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
         /// LeRobot reads depth videos from 0.6 on. Adds to tensors the same, and exact
         /// depth without a sensor.
@@ -163,12 +163,12 @@ pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
     // It reads no HDF5, and may write for long.
     let reads = !matches!(cli.command, Command::Recover { .. });
     if reads && !parts::is_one() {
-        let Some(asked) = supervise::told()? else {
+        let Some(order) = supervise::work_order()? else {
             return supervise::supervised(|| cli.recordings());
         };
         if let Some(files) = cli.files() {
-            files.left_out = asked.left_out;
-            files.jobs = if asked.alone { Some(1) } else { files.jobs };
+            files.left_out = order.left_out;
+            files.jobs = if order.alone { Some(1) } else { files.jobs };
         }
     }
     if parts::is_one() {
@@ -203,7 +203,7 @@ impl Cli {
         }
         Ok(match &self.command {
             Command::Info { file } | Command::Sheet { file, .. } => vec![file.clone()],
-            Command::Video(asked) => vec![asked.file.clone()],
+            Command::Video(options) => vec![options.file.clone()],
             _ => Vec::new(),
         })
     }
@@ -219,7 +219,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Recover { log, out } => recover(&log, out.as_deref()),
         Command::Sheet { file, out } => {
             let out = out.unwrap_or_else(|| file.with_extension("png"));
-            files::is_picture(&out)?;
+            files::check_image_path(&out)?;
             sheet::sheet(&Episode::open(&file)?, &out)?;
             println!("{}", out.display());
             Ok(FINE)
@@ -227,8 +227,8 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Align {
             input,
             out,
-            no_pictures,
-        } => process::align(&input, out.as_deref(), !no_pictures),
+            no_images,
+        } => process::align(&input, out.as_deref(), !no_images),
         Command::Label { input, out } => process::label(&input, out.as_deref()),
         Command::Annotate { input, out } => annotate::annotate(&input, &out),
         Command::Export {
@@ -238,7 +238,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
             size,
             action,
             trim_idle,
-            pictures,
+            image_format,
             depth,
             language,
         } => {
@@ -246,7 +246,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
                 size,
                 rows: RowOptions { action, trim_idle },
                 language,
-                pictures,
+                image_format,
                 depth,
             };
             process::export(&input, format, &out, set)
@@ -257,7 +257,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         }
         Command::Plot { input, out } => process::plot(&input, out.as_deref()),
         Command::View { input, out } => process::view(&input, out.as_deref()),
-        Command::Video(asked) => video::video(asked),
+        Command::Video(options) => video::video(options),
     }
 }
 

@@ -7,7 +7,7 @@ use wheelarm_dataset::align::{self, accuracy};
 use wheelarm_dataset::convert::batch::{self, Numbers, each, failures, threads};
 use wheelarm_dataset::convert::csv_table::CsvTable;
 use wheelarm_dataset::convert::learning::RowOptions;
-use wheelarm_dataset::convert::lerobot::{LeRobot, LeRobotOptions, PictureFormat};
+use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobot, LeRobotOptions};
 use wheelarm_dataset::convert::mcap_log::McapLog;
 use wheelarm_dataset::convert::robomimic::Robomimic;
 use wheelarm_dataset::convert::rosbag2::Rosbag2;
@@ -19,7 +19,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
 
 use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
-use super::files::{beside, is_picture, jobs, options, recordings};
+use super::files::{beside, check_image_path, jobs, options, recordings};
 use super::parts;
 
 /// Boundaries agree when they are this near, seconds.
@@ -37,15 +37,15 @@ fn code_of<T>(results: &batch::Results<T>, several: bool) -> u8 {
     }
 }
 
-pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Result<u8> {
+pub fn align(input: &Input, out: Option<&Path>, images: bool) -> anyhow::Result<u8> {
     let files = recordings(&input.files)?;
     let options = options(input, &files)?;
-    let bar = batch::bar("pictures");
+    let bar = batch::bar("images");
     let results = each(&files, jobs(&input.files), |_, file| {
         let recording = Recording::open(file, &options, &|_| true)?;
         let pending = PendingFile::new(&beside(file, out, "aligned.h5"))?;
         let rows = recording.aligned.stamps.len();
-        if pictures {
+        if images {
             bar.inc_length((rows * recording.cameras.len()) as u64);
         }
         let tick = || bar.inc(1);
@@ -54,7 +54,7 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
             &recording.episode,
             &recording.aligned,
             &recording.labels,
-            pictures,
+            images,
             &tick,
         )?;
         let path = pending.commit()?;
@@ -243,8 +243,8 @@ pub fn export(
             "--depth is for lerobot and tensors; mcap and rosbag2 hold what the depth sensors gave as it is"
         );
     }
-    if set.pictures != PictureFormat::default() && !is_lerobot {
-        anyhow::bail!("--pictures is for lerobot; the other formats have one way to keep pictures");
+    if set.image_format != ImageFormat::default() && !is_lerobot {
+        anyhow::bail!("--pictures is for lerobot; the other formats have one way to store images");
     }
     let format: Box<dyn Format> = match name {
         FormatName::WheelarmSim => Box::new(WheelarmSim {
@@ -286,14 +286,14 @@ pub fn export(
 /// Files without those whose label another one has, which are reported: processes that work
 /// side by side would not know of each other's.
 fn once_each(files: Vec<PathBuf>) -> (Vec<PathBuf>, bool) {
-    let mut seen: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let mut labels: BTreeMap<String, PathBuf> = BTreeMap::new();
     let (mut once, mut twice) = (Vec::new(), false);
     for file in files {
         // The export reports files that cannot be read.
         let label = Episode::open(&file).and_then(|episode| episode.label());
         match label
             .ok()
-            .and_then(|label| seen.insert(label, file.clone()))
+            .and_then(|label| labels.insert(label, file.clone()))
         {
             None => once.push(file),
             Some(other) => {
@@ -349,7 +349,7 @@ pub fn validate(input: &Files) -> anyhow::Result<u8> {
 }
 
 pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::Result<u8> {
-    plot.map_or(Ok(()), is_picture)?;
+    plot.map_or(Ok(()), check_image_path)?;
     let files = recordings(input)?;
     let results = each(&files, jobs(input), |_, file| composition::figures(file));
     let figures: Vec<_> = results
@@ -411,7 +411,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stream_that_is_too_short_is_told_as_that_and_not_as_a_limit_of_zero() {
+    fn a_stream_that_is_too_short_is_reported_as_that_and_not_as_a_limit_of_zero() {
         let of = |samples, limit| {
             let coverage = align::Coverage {
                 span: (0, 0),

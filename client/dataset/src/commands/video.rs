@@ -46,22 +46,22 @@ pub struct Video {
 /// Parses a moment.
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|s| (0.0..1e6).contains(s));
-    seconds.ok_or_else(|| format!("{text:?} are no seconds; write them as 2.5, 0 or more"))
+    seconds.ok_or_else(|| format!("invalid seconds {text:?}: write them as 2.5, 0 or more"))
 }
 
-pub fn video(asked: Video) -> anyhow::Result<u8> {
-    let out = asked.out.as_deref();
-    let out = out.map_or_else(|| asked.file.with_extension("mp4"), Path::to_owned);
+pub fn video(options: Video) -> anyhow::Result<u8> {
+    let out = options.out.as_deref();
+    let out = out.map_or_else(|| options.file.with_extension("mp4"), Path::to_owned);
     let options = VideoOptions {
-        cameras: asked.cameras,
-        speed: Some(asked.speed),
-        frames_per_second: asked.fps,
-        width: asked.width,
-        from: asked.from,
-        to: asked.to,
-        is_plain: asked.plain,
+        cameras: options.cameras,
+        speed: Some(options.speed),
+        frames_per_second: options.fps,
+        width: options.width,
+        from: options.from,
+        to: options.to,
+        is_plain: options.plain,
     };
-    let episode = Episode::open(&asked.file)?;
+    let episode = Episode::open(&options.file)?;
     let bar = batch::bar("frames");
     let made = videos::video(
         &episode,

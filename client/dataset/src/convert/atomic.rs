@@ -47,12 +47,12 @@ pub fn begin(command: SystemTime) {
 /// Who wrote what is there.
 fn written_by(target: &Path, there: &Metadata) -> AlreadyThere {
     /// Files that this process has written already.
-    static ASKED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    static WRITTEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let target = target.to_owned();
-    let is_asked_twice = !ASKED.lock().insert(target.clone());
+    let is_repeated = !WRITTEN.lock().insert(target.clone());
     let written = there.modified().unwrap_or(SystemTime::UNIX_EPOCH);
     match BEGAN.get() {
-        _ if is_asked_twice => AlreadyThere::Meanwhile(target),
+        _ if is_repeated => AlreadyThere::Meanwhile(target),
         Some([_, work]) if written > *work => AlreadyThere::Meanwhile(target),
         Some([command, _]) if written > *command => AlreadyThere::Again(target),
         _ => AlreadyThere::Before(target),
@@ -122,18 +122,18 @@ static HOST: LazyLock<String> = LazyLock::new(|| {
     let own = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
     let name = rustix::system::uname();
     let machine = std::fs::read_to_string("/etc/machine-id").unwrap_or_default();
-    let told = format!(
+    let identity = format!(
         "{machine} {} {}",
         name.nodename().to_string_lossy(),
         own.display()
     );
-    format!("{:08x}", crc32fast::hash(told.as_bytes()))
+    format!("{:08x}", crc32fast::hash(identity.as_bytes()))
 });
 
 /// Removes partial files of ended processes of this machine from a folder.
 fn remove_left_behind(folder: &Path) {
-    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    if !SEEN.lock().insert(folder.to_owned()) {
+    static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    if !CLEANED.lock().insert(folder.to_owned()) {
         return;
     }
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -147,11 +147,11 @@ fn remove_left_behind(folder: &Path) {
 
 /// Process of this machine that began what has this name.
 fn process_of(name: &str) -> Option<i32> {
-    let (_, told) = name
+    let (_, suffix) = name
         .strip_prefix('.')?
         .strip_suffix(".part")?
         .rsplit_once('.')?;
-    let (process, _count) = told
+    let (process, _count) = suffix
         .strip_prefix(&*HOST)?
         .strip_prefix('-')?
         .split_once('-')?;
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_process_left_behind_that_is_no_more_is_removed_and_nothing_else() {
+    fn only_leftovers_of_ended_processes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let mut child = std::process::Command::new("true").spawn().unwrap();
         let gone = child.id();
@@ -350,16 +350,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "").unwrap();
-        let told = PendingFile::new(&file.join("inner/a.csv")).unwrap_err();
-        let told = format!("{told:#}");
+        let error = PendingFile::new(&file.join("inner/a.csv")).unwrap_err();
+        let error = format!("{error:#}");
         assert!(
-            told.contains(&format!("{} is a file", file.display())),
-            "{told}"
+            error.contains(&format!("{} is a file", file.display())),
+            "{error}"
         );
     }
 
     #[test]
-    fn what_was_there_before_is_told_from_what_came_meanwhile() {
+    fn older_files_are_distinguished_from_concurrent_ones() {
         let folder = tempfile::tempdir().unwrap();
         let (first, second) = (folder.path().join("first"), folder.path().join("second"));
         let kind = |path: &Path| {

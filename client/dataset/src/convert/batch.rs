@@ -158,7 +158,7 @@ pub fn export(
     };
     let jobs = if format.collects() { 1 } else { jobs };
     let mut results = each(files, jobs, |index, file| {
-        let needs = format.needs_pictures();
+        let needs = format.needs_images();
         let mut recording = Recording::open_for(file, options, &|s| format.wants(s), needs)?;
         recording.number = numbers.first + index * numbers.step;
         bar.inc_length(recording.aligned.stamps.len() as u64);
@@ -241,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_brings_out_a_panic_is_reported_and_the_rest_goes_on() {
+    fn a_file_that_causes_a_panic_is_reported_and_the_others_are_processed() {
         let files = ["a.h5", "b.h5", "c.h5"].map(PathBuf::from);
         let results = each(&files, 2, |index, _| {
             let row = [0, 1].get(index).copied().expect("a row");
@@ -249,10 +249,10 @@ mod tests {
         });
         let fine: Vec<bool> = results.iter().map(|r| r.1.is_ok()).collect();
         assert_eq!(fine, [true, true, false]);
-        let told = results[2].1.as_ref().unwrap_err().to_string();
+        let error = results[2].1.as_ref().unwrap_err().to_string();
         assert!(
-            told.contains("a row") && told.contains("report it"),
-            "{told}"
+            error.contains("a row") && error.contains("report it"),
+            "{error}"
         );
         let inner = parallel(3, 2, |i| Ok([7, 8].get(i).copied().expect("two")));
         assert!(inner.unwrap_err().to_string().contains("two"));

@@ -251,8 +251,8 @@ fn policy_rows(
     let stamps = &recording.aligned.stamps;
     let start = rows.first().map_or(0, |&r| stamps[r]);
     let incidents = all.incidents.iter();
-    let told = all.rows.iter().zip(&all.states).zip(&all.actions);
-    for (((&row, state), action), incident) in told.zip(incidents) {
+    let rows = all.rows.iter().zip(&all.states).zip(&all.actions);
+    for (((&row, state), action), incident) in rows.zip(incidents) {
         let frame = rows.iter().position(|&r| r == row).map_or(0, |at| at + 1);
         let time = (stamps[row] - start) as f64 * 1e-9;
         let mut line = vec![frame.to_string(), time.to_string()];
@@ -263,7 +263,7 @@ fn policy_rows(
     table.flush()?;
     let lost = rows.len() - all.rows.len();
     let note = format!(
-        "rows.csv has no row for {lost} of the {} pictures",
+        "rows.csv has no row for {lost} of the {} images",
         rows.len()
     );
     Ok((lost > 0).then_some(note).into_iter().collect())
@@ -274,7 +274,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_columns_stand_where_wheelarm_sim_has_them() {
+    fn the_columns_have_the_order_of_wheelarm_sim() {
         let robot = crate::read::first_robot().unwrap();
         let all = columns(&robot);
         assert_eq!(all.len(), 117);

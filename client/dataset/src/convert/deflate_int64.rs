@@ -394,7 +394,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_compressed_comes_back_as_integers(
+        fn compressed_bytes_are_read_back_as_integers(
             bytes in pieces(), zeros in 0_usize..300, pixel in 3_usize..5,
         ) {
             let count = bytes.len() + zeros;

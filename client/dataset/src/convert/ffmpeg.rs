@@ -78,7 +78,7 @@ impl Program {
                 output.status
             ),
             Err(problem) if problem.kind() == ErrorKind::NotFound => {
-                bail!("{name} is not found, and pictures become video by it: {cure}")
+                bail!("cannot find {name}, which encodes images as video: {cure}")
             }
             Err(problem) => bail!("{name}: {problem}: {cure}"),
         }
@@ -109,12 +109,12 @@ impl Program {
     /// # Errors
     /// When it does not start.
     pub fn begin(&self, arguments: &[OsString], path: &Path) -> anyhow::Result<Stream> {
-        let said = path.with_extension("log");
+        let errors = path.with_extension("log");
         let mut child = Command::new(&self.path)
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
-            .stderr(File::create(&said)?)
+            .stderr(File::create(&errors)?)
             .spawn()
             .with_context(|| self.no_start())?;
         let input = child.stdin.take();
@@ -123,7 +123,7 @@ impl Program {
             child,
             input,
             path: path.to_owned(),
-            said,
+            errors,
             frames: 0,
         })
     }
@@ -156,7 +156,7 @@ pub(crate) struct Stream {
     child: Child,
     input: Option<ChildStdin>,
     path: PathBuf,
-    said: PathBuf,
+    errors: PathBuf,
     frames: usize,
 }
 
@@ -185,18 +185,18 @@ impl Stream {
         self.input = None;
         let status = self.child.wait()?;
         ensure!(status.success(), self.words(status));
-        std::fs::remove_file(&self.said)?;
+        std::fs::remove_file(&self.errors)?;
         Ok(std::fs::metadata(&self.path)?.len())
     }
 
     fn words(&self, status: std::process::ExitStatus) -> String {
-        let said = std::fs::read_to_string(&self.said).unwrap_or_default();
+        let errors = std::fs::read_to_string(&self.errors).unwrap_or_default();
         format!(
             "{} ended ({status}) after {} frames of {}: {}",
             self.program.display(),
             self.frames,
             self.path.display(),
-            said.trim()
+            errors.trim()
         )
     }
 }
@@ -215,10 +215,10 @@ mod tests {
 
     #[test]
     fn an_encoder_is_known_by_its_whole_name() {
-        let told =
+        let encoders =
             Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
-        assert!(told.has("libsvtav1") && told.has("libx264rgb"));
-        assert!(!told.has("libx264"));
+        assert!(encoders.has("libsvtav1") && encoders.has("libx264rgb"));
+        assert!(!encoders.has("libx264"));
     }
 
     #[test]
@@ -231,16 +231,16 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_not_there_is_answered_with_the_cure() {
+    fn a_missing_program_is_an_error_with_the_fix() {
         let nowhere = Program::at("/nowhere/ffmpeg".into(), "take --pictures png");
-        let told = nowhere.request(&["-encoders"]).unwrap_err().to_string();
+        let error = nowhere.request(&["-encoders"]).unwrap_err().to_string();
         for words in [
             "/nowhere/ffmpeg",
             "apt-get install",
             PROGRAM,
             "or take --pictures png",
         ] {
-            assert!(told.contains(words), "{told}");
+            assert!(error.contains(words), "{error}");
         }
     }
 
@@ -250,8 +250,8 @@ mod tests {
         let ends = Program::at("false".into(), "do without");
         let mut stream = ends.begin(&[], &folder.path().join("0.mp4")).unwrap();
         let frame = vec![0; 3 * 96 * 64];
-        let told = (0..100).find_map(|_| stream.put(&frame).err());
-        let told = told.expect("it took all frames").to_string();
-        assert!(told.contains("false ended (exit status: 1)"), "{told}");
+        let error = (0..100).find_map(|_| stream.put(&frame).err());
+        let error = error.expect("it took all frames").to_string();
+        assert!(error.contains("false ended (exit status: 1)"), "{error}");
     }
 }

@@ -25,7 +25,7 @@ impl FromStr for Size {
                     height: parse(h)?,
                 })
             })
-            .ok_or_else(|| format!("{text:?} is no size; write it as 320x180, at most 8192x8192"))
+            .ok_or_else(|| format!("invalid size {text:?}: write it as 320x180, at most 8192x8192"))
     }
 }
 

@@ -138,9 +138,9 @@ impl<'a> Learning<'a> {
                 all.rows = all.rows[kept].to_vec();
             }
         }
-        let told = incidents(recording);
+        let reported = incidents(recording);
         let stamped = all.rows.iter().map(|&row| stamps[row]);
-        all.incidents = stamped.map(|stamp| under_way(&told, stamp)).collect();
+        all.incidents = stamped.map(|stamp| under_way(&reported, stamp)).collect();
         let devices = devices(recording);
         let stamped = all.rows.iter().map(|&row| stamps[row]);
         let is_policy = |stamp| device(&devices, stamp) == Some(v1::Device::Policy);
@@ -148,10 +148,10 @@ impl<'a> Learning<'a> {
         let Some(&start) = all.rows.first() else {
             return Ok(all);
         };
-        let start = all.told_pose(start);
+        let start = all.sensed_pose(start);
         for (i, &row) in all.rows.iter().enumerate() {
-            let seen = all.observed(row, start);
-            all.states.push(state(&seen).to_vec());
+            let observed = all.observed(row, start);
+            all.states.push(state(&observed).to_vec());
             let next = all.rows.get(i + 1).map(|&next| seconds(stamps[next]));
             let action = applied.action(options.action, seconds(stamps[row]), next);
             all.actions
@@ -179,22 +179,22 @@ impl<'a> Learning<'a> {
     fn observed(&self, row: usize, start: Pose) -> Observed {
         let (joints, speeds) = (self.joints(row), self.speeds(row));
         let arm = |all: &[f64]| std::array::from_fn(|k| all[k]);
-        let [told, told_speeds] = match self.sensed_arm {
+        let [sensed, sensed_speeds] = match self.sensed_arm {
             Some(sensed) => sensed.map(|signal| arm(signal.row(row))),
             None => [arm(&joints), arm(&speeds)],
         };
         Observed {
-            joints: told,
-            velocities: told_speeds,
+            joints: sensed,
+            velocities: sensed_speeds,
             knuckle: [joints[ARM_JOINTS], speeds[ARM_JOINTS]],
             hand: crate::pose::of(self.effector(row)),
-            odometry: self.told_pose(row),
+            odometry: self.sensed_pose(row),
             start,
         }
     }
 
     /// Pose by odometry: that of the sensor model where one was on.
-    fn told_pose(&self, row: usize) -> Pose {
+    fn sensed_pose(&self, row: usize) -> Pose {
         crate::pose::of(self.sensed_odometry.unwrap_or(self.odometry).row(row))
     }
 
@@ -390,21 +390,22 @@ fn limits((name, lower, upper): &(String, Option<f64>, Option<f64>)) -> String {
 
 /// What went wrong or right again, with its time, nanoseconds.
 fn incidents(recording: &Recording) -> Vec<(u64, v1::Incident)> {
-    // Without commands, or in an older file, there are no incidents.
+    // Without commands, or in an older file, the list is empty.
     let commands = recording.episode.commands().unwrap_or_default();
-    let told = commands.into_iter().filter_map(|log| {
+    let reported = commands.into_iter().filter_map(|log| {
         let stamp = log.header?.stamp_nanos;
         Some((stamp, log.command?.incident()))
     });
-    told.filter(|(_, incident)| *incident != v1::Incident::Unspecified)
+    reported
+        .filter(|(_, incident)| *incident != v1::Incident::Unspecified)
         .collect()
 }
 
 /// The error on purpose that is under way at a time: from its report until the
 /// object is in the hand again.
-fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
+fn under_way(reported: &[(u64, v1::Incident)], stamp: u64) -> usize {
     use v1::Incident::{ForcedDrop, ForcedWrongGrasp, ForcedWrongObject, Recovered};
-    let before = told.iter().take_while(|(at, _)| *at <= stamp);
+    let before = reported.iter().take_while(|(at, _)| *at <= stamp);
     before.fold(0, |code, (_, incident)| match incident {
         ForcedWrongGrasp | ForcedWrongObject | ForcedDrop => *incident as usize,
         Recovered => 0,
@@ -415,20 +416,21 @@ fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
 /// With what was commanded, with its time, nanoseconds.
 fn devices(recording: &Recording) -> Vec<(u64, v1::Device)> {
     let commands = recording.episode.commands().unwrap_or_default();
-    let told = commands.into_iter().filter_map(|log| {
+    let reported = commands.into_iter().filter_map(|log| {
         let stamp = log.header?.stamp_nanos;
         Some((stamp, log.command?.device()))
     });
-    told.filter(|(_, device)| *device != v1::Device::Unspecified)
+    reported
+        .filter(|(_, device)| *device != v1::Device::Unspecified)
         .collect()
 }
 
 /// Device that commanded the row of an image: the answer to the image arrives
 /// within a control tick.
-fn device(told: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
+fn device(devices: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
     let until = stamp + 1_000_000_000 / wheelarm_proto::CONTROL_HZ;
-    let behind = told.partition_point(|(at, _)| *at <= until);
-    Some(told.get(behind.checked_sub(1)?)?.1)
+    let behind = devices.partition_point(|(at, _)| *at <= until);
+    Some(devices.get(behind.checked_sub(1)?)?.1)
 }
 
 /// The cameras that have images, with the size that these get: `size` where it
@@ -443,7 +445,7 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
         .collect()
 }
 
-/// Images per second and the longest run of whole rows that lie on the exact
+/// Images per second and the longest run of whole rows on the exact
 /// grid of that rate, with words about the rest.
 ///
 /// # Errors
@@ -452,7 +454,7 @@ fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, V
     let (rows, mut notes) = recording.rows(&STREAMS, sees)?;
     if rows.len() < 2 {
         anyhow::bail!(
-            "{}: a policy learns from two pictures and more, and this episode has {}: it ended at once; leave it out",
+            "{}: a policy learns from two images or more, and this episode has {}: it ended at once; leave it out",
             recording.summary.label,
             rows.len()
         );
@@ -494,20 +496,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_on_purpose_lasts_until_it_is_put_right() {
+    fn a_deliberate_error_lasts_until_it_is_corrected() {
         use v1::Incident::{ForcedWrongObject, Missed, Recovered};
-        let told = [
+        let reported = [
             (10, ForcedWrongObject),
             (20, Missed),
             (30, Recovered),
             (40, Missed),
         ];
-        let codes = [5, 10, 25, 29, 30, 50].map(|stamp| under_way(&told, stamp));
+        let codes = [5, 10, 25, 29, 30, 50].map(|stamp| under_way(&reported, stamp));
         assert_eq!(codes, [0, 2, 2, 2, 0, 0]);
     }
 
     #[test]
-    fn idle_ends_are_cut_and_what_is_asked_of_them_stays() {
+    fn idle_ends_are_cut_to_the_requested_rest() {
         let count = 61;
         let mut applied = Applied {
             stamps: (0..count).map(|k| f64::from(k) / 60.0).collect(),

@@ -2,7 +2,6 @@
 //! native file, aligned and labelled), one [`Format`] per target. Everything
 //! streams image by image; no partial file has a final name.
 
-pub mod aims;
 mod atomic;
 pub mod batch;
 pub mod csv_table;
@@ -10,6 +9,7 @@ mod deflate_int64;
 pub(crate) mod ffmpeg;
 mod image;
 mod intrinsics;
+pub mod keypoint_targets;
 pub mod learning;
 pub mod lerobot;
 mod links;
@@ -82,7 +82,7 @@ impl Recording {
     }
 
     /// As [`Recording::open`]; one that was recorded without cameras has no rows
-    /// unless that `needs_pictures`.
+    /// unless that `needs_images`.
     ///
     /// # Errors
     /// As [`Recording::open`].
@@ -90,12 +90,12 @@ impl Recording {
         path: &Path,
         options: &ReadOptions,
         wanted: &dyn Fn(&str) -> bool,
-        needs_pictures: bool,
+        needs_images: bool,
     ) -> anyhow::Result<Self> {
         let episode = Episode::open(path)?;
         let summary = episode.summary()?;
         let aligned = match align(&episode, &options.align, wanted) {
-            Err(AlignError::NoPictures { .. }) if !needs_pictures => Aligned::empty(),
+            Err(AlignError::NoImages { .. }) if !needs_images => Aligned::empty(),
             aligned => aligned?,
         };
         let (robot, roles) = episode.roles()?;
@@ -141,7 +141,7 @@ impl Recording {
     /// # Errors
     /// When the row has none or it cannot be read.
     pub fn rgb(&self, camera: &str, row: usize) -> anyhow::Result<Vec<u8>> {
-        let (camera, index) = self.picture(camera, row)?;
+        let (camera, index) = self.image(camera, row)?;
         Ok(camera.rgb(&self.episode, index)?)
     }
 
@@ -150,7 +150,7 @@ impl Recording {
     /// # Errors
     /// When the row has none or it cannot be read.
     pub fn depth(&self, camera: &str, row: usize) -> anyhow::Result<Vec<f32>> {
-        let (camera, index) = self.picture(camera, row)?;
+        let (camera, index) = self.image(camera, row)?;
         Ok(camera.depth(&self.episode, index)?)
     }
 
@@ -158,17 +158,14 @@ impl Recording {
     ///
     /// # Errors
     /// When there is none.
-    pub fn picture(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+    pub fn image(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         let frames = self.aligned.frames.get(camera);
         match (
             self.cameras.get(camera),
             frames.and_then(|f| f.get(row).copied().flatten()),
         ) {
             (Some(camera), Some(index)) => Ok((camera, index)),
-            _ => anyhow::bail!(
-                "{}: row {row} has no picture of {camera}",
-                self.summary.label
-            ),
+            _ => anyhow::bail!("{}: row {row} has no image of {camera}", self.summary.label),
         }
     }
 
@@ -177,10 +174,10 @@ impl Recording {
     ///
     /// # Errors
     /// When there is none.
-    pub fn seen(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+    pub fn observed(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         match self.sensor_of(camera, Camera::has_rgb) {
             Some(name) => self.sensed(name, row),
-            None => self.picture(camera, row),
+            None => self.image(camera, row),
         }
     }
 
@@ -191,10 +188,10 @@ impl Recording {
     /// # Errors
     /// When the row has no image.
     pub fn shown(&self, camera: &str, row: usize) -> anyhow::Result<Option<(&Camera, usize)>> {
-        let (seen, index) = self.seen(camera, row)?;
+        let (observed, index) = self.observed(camera, row)?;
         let exact = self.cameras.get(camera);
-        let Some((exact, exposed)) = exact.zip(seen.exposures().get(index)) else {
-            return Ok(Some((seen, index)));
+        let Some((exact, exposed)) = exact.zip(observed.exposures().get(index)) else {
+            return Ok(Some((observed, index)));
         };
         let at = exact.stamps().binary_search(exposed);
         Ok(at.ok().map(|index| (exact, index)))
@@ -234,7 +231,7 @@ impl Recording {
         ) {
             (Some(camera), Some(index)) => Ok((camera, index)),
             _ => anyhow::bail!(
-                "{}: row {row} has no picture of the sensor {sensor:?}",
+                "{}: row {row} has no image of the sensor {sensor:?}",
                 self.summary.label
             ),
         }
@@ -287,7 +284,7 @@ impl Recording {
         if rows.len() < all {
             notes.push(format!("{} of {all} rows are left out", all - rows.len()));
             if early > 0 {
-                notes.push(format!("{early} before every sensor had given a picture"));
+                notes.push(format!("{early} before every sensor had an image"));
             }
             for stream in streams {
                 let lost = self
@@ -338,7 +335,7 @@ pub trait Format: Sync {
     /// Streams that it reads, as [`Recording::open`] aligns them.
     fn wants(&self, stream: &str) -> bool;
     /// Whether it makes rows, which are those of a camera.
-    fn needs_pictures(&self) -> bool {
+    fn needs_images(&self) -> bool {
         true
     }
     /// Whether all recordings become one data set, in their order.

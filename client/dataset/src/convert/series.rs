@@ -93,19 +93,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_come_in_the_order_of_time_and_of_their_series() {
+    fn messages_are_ordered_by_time_and_then_by_series() {
         let series = |name: &'static str, stamps: &[u64]| {
             let make = move |i: usize, stamp: u64| Ok(format!("{name}{i}@{stamp}").into_bytes());
             Series::new(name, (), stamps.to_vec(), make)
         };
         let all = [series("a", &[1, 3, 3]), series("b", &[0, 3])];
-        let mut seen = Vec::new();
+        let mut counted = Vec::new();
         let count = in_order(&all, 2, |m| {
             assert_eq!(m.sample, usize::from(m.bytes[1] - b'0'));
-            seen.push(String::from_utf8(m.bytes.to_vec())?);
+            counted.push(String::from_utf8(m.bytes.to_vec())?);
             Ok(())
         });
         assert_eq!(count.unwrap(), 5);
-        assert_eq!(seen, ["b0@0", "a0@1", "a1@3", "a2@3", "b1@3"]);
+        assert_eq!(counted, ["b0@0", "a0@1", "a1@3", "a2@3", "b1@3"]);
     }
 }

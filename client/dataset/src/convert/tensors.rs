@@ -13,7 +13,7 @@ use super::batch::parallel;
 use super::csv_table::{State, state_columns};
 use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFile, Recording, Sees, Size, Written, scaled};
-use super::{aims, intrinsics};
+use super::{intrinsics, keypoint_targets};
 
 /// Version of the layout.
 pub const LAYOUT: &str = "wheelarm-tensors/1";
@@ -29,7 +29,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose actions are not demonstrations|
-/// | `aims` | N × 2 (3 + 2 cameras), f32 | positions of the task's object and goal ([`super::aims`]); only where objects are recorded |
+/// | `aims` | N × 2 (3 + 2 cameras), f32 | positions of the task's object and goal ([`super::keypoint_targets`]); only where objects are recorded |
 /// | `things` | N × things (3 + 2 cameras), f32 | positions of every object and slide of the home, in the order of `thing_names`; with `aims` |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, NaN without a sample; only with an IMU in the recording |
 /// | `images.CAMERA` | N × height × width × 3, u8 | the robot's observation, sRGB |
@@ -97,8 +97,8 @@ impl Format for Tensors {
         }
         let cameras = learning::cameras(recording, self.size);
         for (number, (camera, to)) in cameras.iter().enumerate() {
-            let pictures = parallel(count, self.threads, |i| {
-                let (source, index) = recording.seen(camera, rows[i])?;
+            let images = parallel(count, self.threads, |i| {
+                let (source, index) = recording.observed(camera, rows[i])?;
                 let (width, height) = source.size().unwrap_or_default();
                 let rgb = source.rgb(&recording.episode, index)?;
                 if number == 0 {
@@ -110,7 +110,7 @@ impl Format for Tensors {
                 name: format!("pictures.{camera}"),
                 dtype: Dtype::U8,
                 shape: vec![count, to.height, to.width, 3],
-                bytes: pictures.concat(),
+                bytes: images.concat(),
             });
             if self.depth {
                 tensors.push(self.depths(recording, camera, rows, *to)?);
@@ -118,18 +118,18 @@ impl Format for Tensors {
         }
         let names: Vec<&str> = cameras.keys().map(String::as_str).collect();
         let mut notes = learning.notes;
-        let aims = aims::read(recording, rows, &names)
-            .inspect_err(|problem| notes.push(format!("no places of things (aims): {problem}")))
+        let keypoints = keypoint_targets::read(recording, rows, &names)
+            .inspect_err(|problem| notes.push(format!("no keypoint targets (aims): {problem}")))
             .ok();
-        if let Some(aims) = &aims {
-            let width = aims::names(names.iter().copied()).len();
-            tensors.push(of_f32("aims", &aims.rows, width));
-            let width = width / aims::POINTS.len() * aims.things.len();
-            tensors.push(of_f32("things", &aims.of_things, width));
+        if let Some(keypoints) = &keypoints {
+            let width = keypoint_targets::names(names.iter().copied()).len();
+            tensors.push(of_f32("aims", &keypoints.rows, width));
+            let width = width / keypoint_targets::POINTS.len() * keypoints.objects.len();
+            tensors.push(of_f32("things", &keypoints.of_objects, width));
         }
         let has = Has {
             table: has_table,
-            aims,
+            keypoints,
         };
         let about = self.about(recording, rate, &has).to_string();
         let views = tensors.iter().map(|t| {
@@ -157,10 +157,10 @@ impl Tensors {
         to: Size,
     ) -> anyhow::Result<Tensor> {
         let is_sensed = recording.depth_sensors().contains_key(camera);
-        let pictures = parallel(rows.len(), self.threads, |i| {
+        let images = parallel(rows.len(), self.threads, |i| {
             let (source, index) = match is_sensed {
                 true => recording.sensed_depth(camera, rows[i])?,
-                false => recording.picture(camera, rows[i])?,
+                false => recording.image(camera, rows[i])?,
             };
             let (width, height) = source.size().unwrap_or_default();
             let metres = source.depth(&recording.episode, index)?;
@@ -168,11 +168,11 @@ impl Tensors {
             for y in 0..to.height {
                 let row = (2 * y + 1) * height / (2 * to.height) * width;
                 for x in 0..to.width {
-                    let told = metres[row + (2 * x + 1) * width / (2 * to.width)];
+                    let metres_here = metres[row + (2 * x + 1) * width / (2 * to.width)];
                     // Beyond what 16 bits hold, and where nothing is: 0.
-                    let millimetres = (told * 1e3).round();
-                    let is_told = (0.0..=f32::from(u16::MAX)).contains(&millimetres);
-                    let stored = if is_told { millimetres as u16 } else { 0 };
+                    let millimetres = (metres_here * 1e3).round();
+                    let is_valid = (0.0..=f32::from(u16::MAX)).contains(&millimetres);
+                    let stored = if is_valid { millimetres as u16 } else { 0 };
                     out.extend(stored.to_le_bytes());
                 }
             }
@@ -182,7 +182,7 @@ impl Tensors {
             name: format!("depth.{camera}"),
             dtype: Dtype::U16,
             shape: vec![rows.len(), to.height, to.width],
-            bytes: pictures.concat(),
+            bytes: images.concat(),
         })
     }
 
@@ -192,7 +192,10 @@ impl Tensors {
         let table = has.table.then(|| state_columns(&recording.robot));
         let cameras = learning::cameras(recording, self.size);
         let cameras = cameras.keys().map(String::as_str);
-        let names = has.aims.as_ref().map(|_| aims::names(cameras));
+        let names = has
+            .keypoints
+            .as_ref()
+            .map(|_| keypoint_targets::names(cameras));
         json!({
             "layout": LAYOUT,
             "label": summary.label,
@@ -209,8 +212,8 @@ impl Tensors {
             "action_units": kind.units().collect::<Vec<_>>(),
             "table_names": table,
             "aim_names": names,
-            "thing": has.aims.as_ref().map(|aims| &aims.thing),
-            "thing_names": has.aims.as_ref().map(|aims| &aims.things),
+            "thing": has.keypoints.as_ref().map(|keypoints| &keypoints.object),
+            "thing_names": has.keypoints.as_ref().map(|keypoints| &keypoints.objects),
             "calibration": intrinsics::cameras(recording, self.size),
         })
     }
@@ -219,7 +222,7 @@ impl Tensors {
 /// Tensors that not every episode has.
 struct Has {
     table: bool,
-    aims: Option<aims::Aims>,
+    keypoints: Option<keypoint_targets::KeypointTargets>,
 }
 
 struct Tensor {

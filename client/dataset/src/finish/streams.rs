@@ -37,7 +37,7 @@ pub(super) const HEADER_COLUMNS: [ColumnInfo; 3] = [
 const INTRINSICS: ColumnInfo = ColumnInfo {
     name: "intrinsics",
     unit: "pixels",
-    frame: "picture, from its left and top edge",
+    frame: "image, from its left and top edge",
     axes: &[Axis::Components(&[
         "width", "height", "fx", "fy", "cx", "cy",
     ])],
@@ -133,7 +133,7 @@ pub(super) fn camera(
     Attributes::of(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
-    let mut pictures = None;
+    let mut images = None;
     for (index, entry) in entries.iter().enumerate() {
         let bad = |reason: &str| FinishError::Content {
             stream: StreamId::camera(name).to_string(),
@@ -145,18 +145,24 @@ pub(super) fn camera(
         let meta = v1::CameraFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
         let each = ids::bytes(&meta);
-        let pictures = match &pictures {
+        let images = match &images {
             Some(p) => p,
-            None => pictures.insert(Pictures::create(group, depth, entries.len(), &i, each)?),
+            None => images.insert(ImageDatasets::create(
+                group,
+                depth,
+                entries.len(),
+                &i,
+                each,
+            )?),
         };
-        if pictures.id_bytes != each {
+        if images.id_bytes != each {
             return Err(bad("its ids have another width than those before"));
         }
-        pictures.rgb.write(index, parts.rgb)?;
-        if let Some(depth) = &pictures.depth {
+        images.rgb.write(index, parts.rgb)?;
+        if let Some(depth) = &images.depth {
             depth.write(index, parts.depth)?;
         }
-        pictures.ids.write(index, parts.ids)?;
+        images.ids.write(index, parts.ids)?;
 
         let h = &entry.header;
         let cells = header_cells(h.stamp_nanos, h.sequence, h.tick)
@@ -200,7 +206,7 @@ pub(super) fn sensor(
     Attributes::of(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
-    let mut picture = None;
+    let mut image = None;
     for (index, entry) in entries.iter().enumerate() {
         let bad = |reason: &str| FinishError::Content {
             stream: StreamId::sensor(name).to_string(),
@@ -212,7 +218,7 @@ pub(super) fn sensor(
         let meta = v1::SensorFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
         let colour = parts.depth.is_empty();
-        let (of_colour, chunks) = match &picture {
+        let (of_colour, chunks) = match &image {
             Some(made) => made,
             None => {
                 Attributes::of(group).text("camera", &meta.camera)?;
@@ -221,7 +227,7 @@ pub(super) fn sensor(
                     true => rgb_dataset(group, entries.len(), size)?,
                     false => millimetres_dataset(group, entries.len(), size, "0 for no return")?,
                 };
-                picture.insert((colour, made))
+                image.insert((colour, made))
             }
         };
         if *of_colour != colour {
@@ -280,7 +286,7 @@ fn millimetres_dataset(
     Ok(d)
 }
 
-struct Pictures {
+struct ImageDatasets {
     rgb: Chunked,
     depth: Option<Chunked>,
     ids: Chunked,
@@ -288,7 +294,7 @@ struct Pictures {
     id_bytes: usize,
 }
 
-impl Pictures {
+impl ImageDatasets {
     fn create(
         group: &Group,
         format: Depth,

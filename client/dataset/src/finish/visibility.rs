@@ -55,8 +55,8 @@ impl Visibility {
     /// has instance IDs or the scenario no target.
     pub(super) fn finish(&self, file: &File) -> hdf5::Result<()> {
         if !self.first.is_empty() {
-            let seen = self.first.iter().any(|pixels| *pixels >= VISIBLE_PIXELS);
-            Attributes::of(file).set("target_in_first_images", seen)?;
+            let visible = self.first.iter().any(|pixels| *pixels >= VISIBLE_PIXELS);
+            Attributes::of(file).set("target_in_first_images", visible)?;
         }
         Ok(())
     }

@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_locked_is_free_although_a_started_program_still_has_it() {
+    fn a_lock_is_released_although_a_child_process_inherited_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log");
         let locked = Locked::lock(File::create(&path).unwrap()).unwrap();

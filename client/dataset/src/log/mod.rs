@@ -47,7 +47,7 @@ pub enum LogError {
         reason: String,
     },
     /// The file is not a log, or its beginning is damaged.
-    #[error("{path} is no WheelArm log: {reason}")]
+    #[error("{path} is not a WheelArm log: {reason}")]
     NoLog {
         /// The file.
         path: String,

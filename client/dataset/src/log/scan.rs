@@ -156,7 +156,7 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
     }
     let file = match File::open(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            return Err(absent("there is no such file"));
+            return Err(absent("the file does not exist"));
         }
         other => other.map_err(io)?,
     };
@@ -281,7 +281,7 @@ fn records(
         }
         if raw.header.kind == Kind::Closing {
             let message = Closing::decode(closing.as_slice())
-                .map_err(|e| format!("the closing record at byte {at} is no message: {e}"))?;
+                .map_err(|e| format!("the closing record at byte {at} cannot be decoded: {e}"))?;
             out.closing = Some(message);
         } else if usize::from(raw.header.stream) >= out.preamble.streams.len() {
             return Err(format!(

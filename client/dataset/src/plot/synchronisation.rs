@@ -60,7 +60,7 @@ pub fn synchronisation(
             continue;
         }
         let stamps = episode.stamps(&stream)?;
-        if let Some(words) = said(&aligned, &stream, &stamps) {
+        if let Some(words) = summary_of(&aligned, &stream, &stamps) {
             let times = stamps.iter().map(seconds).collect();
             beats.push(Beat {
                 name: stream,
@@ -85,15 +85,15 @@ pub fn synchronisation(
 
 /// Distances of a stream's samples from the rows; `None` for streams
 /// that are not aligned.
-fn said(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
+fn summary_of(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
     let rate = 1e9 / usual_distance(stamps)?.max(1) as f64;
     let place = match StreamId::parse(stream).camera_name() {
         Some(camera) => {
             let frames = aligned.frames.get(camera)?;
             let without = frames.iter().filter(|f| f.is_none()).count();
             match without {
-                0 => "a picture for every row".to_owned(),
-                n => format!("{} without a picture", count(n)),
+                0 => "an image for every row".to_owned(),
+                n => format!("{} without an image", count(n)),
             }
         }
         None => around(aligned.coverage.get(stream)?),
@@ -319,7 +319,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_rows_miss_is_the_bow_above_the_chord() {
+    fn the_interpolation_error_is_the_arc_above_the_chord() {
         let recorded: Vec<(f64, f64)> = (0..=60)
             .map(|i| f64::from(i) / 60.0)
             .map(|t| (t, t * t))

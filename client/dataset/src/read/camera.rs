@@ -113,7 +113,7 @@ fn same_size(
             None => "rows and columns".to_owned(),
         };
         if size.len() != 2 || first.as_ref().is_some_and(|first| *first != size) {
-            let found = format!("pictures of {:?}", shape.get(1..).unwrap_or_default());
+            let found = format!("images of {:?}", shape.get(1..).unwrap_or_default());
             return Err(episode.shape(&place(stream, name), found, expected));
         }
         first.get_or_insert(size);
@@ -125,7 +125,7 @@ impl Camera {
     fn open(episode: &Episode, stream: String) -> Result<Self, ReadError> {
         let column = |c: &str| episode.u64s(&stream, c);
         // A camera without a single frame has no images: their size is unknown.
-        let picture = |c: &str| -> Result<Option<Dataset>, ReadError> {
+        let image = |c: &str| -> Result<Option<Dataset>, ReadError> {
             let Ok(data) = episode.column(&stream, c) else {
                 return Ok(None);
             };
@@ -133,12 +133,12 @@ impl Camera {
             episode.check_shape(&stream, c, &data)?;
             Ok(Some(data))
         };
-        let depth = picture("depth")?;
+        let depth = image("depth")?;
         let millimetres = depth
             .as_ref()
             .and_then(|d| d.dtype().and_then(|t| t.to_descriptor()).ok())
             == Some(TypeDescriptor::Unsigned(IntSize::U2));
-        let (rgb, ids) = (picture("rgb")?, picture("ids")?);
+        let (rgb, ids) = (image("rgb")?, image("ids")?);
         let planes = [("rgb", &rgb), ("depth", &depth), ("ids", &ids)];
         same_size(episode, &stream, &planes)?;
         let kind = ids.as_ref().and_then(|d| d.dtype().ok());
@@ -248,7 +248,7 @@ impl Camera {
     /// The datasets `rgb`, `depth`, `ids` with their chunks, where they are
     /// stored one image to a chunk.
     #[must_use]
-    pub fn picture_chunks(&self) -> Vec<(&'static str, &Dataset, &ChunkMap)> {
+    pub fn image_chunks(&self) -> Vec<(&'static str, &Dataset, &ChunkMap)> {
         ["rgb", "depth", "ids"]
             .into_iter()
             .zip([&self.rgb, &self.depth, &self.ids])
@@ -258,7 +258,7 @@ impl Camera {
     }
 
     fn absent(&self, episode: &Episode, index: usize) -> ReadError {
-        let why = hdf5::Error::Internal("there is no such picture".into());
+        let why = hdf5::Error::Internal("no such image".into());
         episode.hdf5(&format!("{} frame {index}", self.name), why)
     }
 
@@ -419,7 +419,7 @@ impl Camera {
         let depth = frame.depth.iter().flat_map(|d| d.to_le_bytes());
         let [x, y, z, qx, qy, qz, qw] = frame.pose;
         // Who sent 8 bits did not tell formats.
-        let told = |format: v1::PixelFormat| match self.id_bytes {
+        let stored = |format: v1::PixelFormat| match self.id_bytes {
             2 => format.into(),
             _ => v1::PixelFormat::Unspecified.into(),
         };
@@ -448,9 +448,9 @@ impl Camera {
             depth: depth.collect::<Vec<u8>>().into(),
             color: frame.rgb.into(),
             segmentation: ids::write(&frame.ids, self.id_bytes).into(),
-            color_format: told(v1::PixelFormat::Rgb8),
-            depth_format: told(v1::PixelFormat::DepthMetresF32),
-            segmentation_format: told(v1::PixelFormat::IdU16),
+            color_format: stored(v1::PixelFormat::Rgb8),
+            depth_format: stored(v1::PixelFormat::DepthMetresF32),
+            segmentation_format: stored(v1::PixelFormat::IdU16),
         };
         Ok(Some(message.encode_to_vec()))
     }

@@ -14,7 +14,7 @@ pub enum ReadError {
         reason: String,
     },
     /// The file is not an episode.
-    #[error("{path} is no WheelArm episode: {reason}")]
+    #[error("{path} is not a WheelArm episode: {reason}")]
     NoEpisode {
         /// The file.
         path: PathBuf,

@@ -103,8 +103,8 @@ impl Episode {
         let names = group
             .and_then(|g| g.member_names())
             .map_err(|e| self.hdf5("streams", e))?;
-        let pictures = |name: &String| name == "camera" || name == "sensor";
-        let mut out: Vec<String> = names.into_iter().filter(|n| !pictures(n)).collect();
+        let images = |name: &String| name == "camera" || name == "sensor";
+        let mut out: Vec<String> = names.into_iter().filter(|n| !images(n)).collect();
         out.push(StreamId::EVENTS.to_string());
         out.extend(
             self.cameras()?
@@ -190,11 +190,11 @@ impl Episode {
         let list = |path: &str| self.texts_at(&format!("initial_state/{path}"));
         let ids = self.raw::<u32>("initial_state/instances/id")?;
         // The first recordings did not tell what an instance is.
-        let told = |column: &str| -> Vec<u32> {
+        let values = |column: &str| -> Vec<u32> {
             let all = self.raw(&format!("initial_state/instances/{column}"));
             all.unwrap_or_default()
         };
-        let (kinds, parts) = (told("kind"), told("part"));
+        let (kinds, parts) = (values("kind"), values("part"));
         let at = |all: &[u32], i: usize| -> i32 {
             let value = all.get(i).and_then(|&value| i32::try_from(value).ok());
             value.unwrap_or_default()

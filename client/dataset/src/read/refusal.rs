@@ -136,7 +136,7 @@ fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
         ));
     }
     if !head.starts_with(crate::hdf::SIGNATURE) {
-        return no_episode("it is no HDF5 file".to_owned());
+        return no_episode("it is not an HDF5 file".to_owned());
     }
     match stored_length(&head) {
         Some(stored) if stored > metadata.len() => unreadable(format!(
@@ -150,17 +150,14 @@ fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
 
 fn absent(path: &Path) -> String {
     if let Ok(target) = std::fs::read_link(path) {
-        return format!(
-            "it is a link to {}, and there is no such file",
-            target.display()
-        );
+        return format!("it is a link to {}, which does not exist", target.display());
     }
     match log_beside(path) {
         Some(log) => format!(
-            "there is no such file, but its log: `wheelarm dataset recover {}` makes the file of it",
+            "the file does not exist, but its log: `wheelarm dataset recover {}` makes the file of it",
             log.display()
         ),
-        None => "there is no such file".to_owned(),
+        None => "the file does not exist".to_owned(),
     }
 }
 

@@ -44,7 +44,7 @@ impl Episode {
         let wanted = self.width(stream, column, data)?;
         let fits = |wanted: &[Option<usize>]| {
             let mut pairs = width.iter().zip(wanted);
-            width.len() == wanted.len() && pairs.all(|(&is, told)| told.is_none_or(|t| t == is))
+            width.len() == wanted.len() && pairs.all(|(&is, wanted)| wanted.is_none_or(|t| t == is))
         };
         if let Some(wanted) = wanted.filter(|wanted| !fits(wanted)) {
             let word = |n: &Option<usize>| n.map_or("any".to_owned(), |n| n.to_string());

@@ -69,15 +69,15 @@ impl Episode {
     /// When an attribute is absent, or the label could not name a file.
     pub fn summary(&self) -> Result<Summary, ReadError> {
         let at: &Location = &self.file;
-        let told = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
-        let label = told("label")?;
+        let string = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
+        let label = string("label")?;
         // It names files and folders of the export.
         wheelarm_proto::check::label(&label).map_err(|problem| ReadError::Content {
             path: self.path.clone(),
             what: "the attribute `label`".to_owned(),
             reason: format!("{problem}; leave the file out, or give it such a label"),
         })?;
-        let instruction = told("instruction")?;
+        let instruction = string("instruction")?;
         wheelarm_proto::check::instruction(&instruction).map_err(|problem| ReadError::Content {
             path: self.path.clone(),
             what: "the attribute `instruction`".to_owned(),
@@ -104,8 +104,8 @@ impl Episode {
             let least = |what: &str| number::<u64>(&group, &format!("{what}_at_least")).ok();
             let digest = |what: &str| text(&group, what).unwrap_or_default();
             let unknown = least("expected").zip(least("missed"));
-            let told = || (count("expected"), count("missed"));
-            let (expected, missed) = unknown.unwrap_or_else(told);
+            let counts = || (count("expected"), count("missed"));
+            let (expected, missed) = unknown.unwrap_or_else(counts);
             streams.push(StreamAccount {
                 expected,
                 received: count("received"),
@@ -123,10 +123,10 @@ impl Episode {
         Ok(Summary {
             label,
             instruction,
-            task: [told("task")?, told("activity")?, told("area")?],
+            task: [string("task")?, string("activity")?, string("area")?],
             seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,
             success: number(at, "success").map_err(|e| self.hdf5("success", e))?,
-            failure_reason: told("failure_reason")?,
+            failure_reason: string("failure_reason")?,
             end_cause: text(at, "end_cause").unwrap_or_default(),
             anomalies: texts(at, "anomalies").unwrap_or_default(),
             anomaly_kinds: texts(at, "anomaly_kinds").unwrap_or_default(),
@@ -139,15 +139,15 @@ impl Episode {
             span_nanos: span,
             wall_seconds: number(at, "wall_seconds").ok(),
             origin: [
-                told("server_version")?,
-                told("adapter")?,
-                told("recorder")?,
-                told("recorder_version")?,
-                told("quality")?,
-                told("pacing")?,
+                string("server_version")?,
+                string("adapter")?,
+                string("recorder")?,
+                string("recorder_version")?,
+                string("quality")?,
+                string("pacing")?,
             ],
-            depth_unit: told("depth_unit")?,
-            schema_version: told("schema_version")?,
+            depth_unit: string("depth_unit")?,
+            schema_version: string("schema_version")?,
         })
     }
 

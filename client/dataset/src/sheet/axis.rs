@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_round_and_told_apart() {
+    fn ticks_are_round_and_distinct() {
         let axis = Axis::new(-0.038, 0.626, 5);
         assert_eq!(labels(&axis), ["0.0", "0.2", "0.4", "0.6"]);
         let axis = Axis::new(0.0, 15.8, 6);

@@ -256,7 +256,7 @@ fn save(
         .collect();
     let rows = legend_rows(&keys);
     let size = (WIDTH, height(rows * LEGEND).max(120) as u32);
-    let mut canvas = super::picture::Canvas::new(size.0 as usize, size.1 as usize, PAPER.rgb());
+    let mut canvas = super::raster::Canvas::new(size.0 as usize, size.1 as usize, PAPER.rgb());
     {
         let root = BitMapBackend::with_buffer(&mut canvas.pixels, size).into_drawing_area();
         label::heading(&root, title, &keys)?;
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn stairs_and_histograms_of_nothing_and_of_much_are_drawn() {
+    fn stairs_and_histograms_of_empty_and_large_data_are_drawn() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("chart.png");
         shares_over_time("Success", &[], &out).unwrap();

@@ -77,7 +77,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_name_lies_on_another_or_on_a_dot(
+        fn no_name_overlaps_another_or_a_dot(
             dots in prop::collection::vec((40..500_i32, 40..360_i32), 1..16),
             width in 20..90_i32,
         ) {

@@ -5,7 +5,7 @@ use std::path::Path;
 use plotters::prelude::*;
 
 use super::error::SheetError;
-use super::picture::Canvas;
+use super::raster::Canvas;
 use super::style::{GREEN, GREY, INK, PAPER, RED};
 use super::{label, style};
 
@@ -56,12 +56,12 @@ pub fn grid(cells: &[Cell], columns: usize, out: &Path) -> Result<(), SheetError
             continue;
         }
         let (x, y) = corner(index);
-        let picture = Canvas {
+        let image = Canvas {
             width: cell.width,
             height: cell.height,
             pixels: cell.rgb.clone(),
         };
-        canvas.put(&picture, x, y);
+        canvas.put(&image, x, y);
     }
     {
         let size = (canvas.width as u32, canvas.height as u32);

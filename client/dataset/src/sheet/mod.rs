@@ -8,8 +8,8 @@ pub(crate) mod error;
 pub mod grid;
 pub(crate) mod label;
 mod mount;
-pub(crate) mod picture;
 pub(crate) mod plots;
+pub(crate) mod raster;
 pub(crate) mod style;
 
 use std::path::Path;
@@ -19,7 +19,7 @@ use plotters::prelude::*;
 pub use error::SheetError;
 
 use crate::read::{Episode, Frame, ReadError, Summary};
-use picture::Canvas;
+use raster::Canvas;
 use style::{
     AMBER, Area, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES,
     WIDTH,
@@ -70,8 +70,8 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
         })
         .collect();
     let sizes = strips.iter().zip(&heights);
-    let pictures: i32 = sizes.map(|(strip, h)| strip.rows() * (h + GAP) + GAP).sum();
-    let height = HEADER + TIMES + pictures + PLOTS + MARGIN;
+    let images: i32 = sizes.map(|(strip, h)| strip.rows() * (h + GAP) + GAP).sum();
+    let height = HEADER + TIMES + images + PLOTS + MARGIN;
     let mut canvas = Canvas::new(WIDTH as usize, height as usize, PAPER.rgb());
 
     let mut rows = Vec::new();
@@ -80,10 +80,10 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
         for (i, frame) in strip.frames.iter().enumerate() {
             let x = (MARGIN + GUTTER + i as i32 * (tile + GAP)) as usize;
             let (w, h) = (tile as usize, h as usize);
-            canvas.put(&picture::colour(frame, w, h), x, y as usize);
+            canvas.put(&raster::colour(frame, w, h), x, y as usize);
             let below = y as usize + h + GAP as usize;
             if strip.rows() > 1 {
-                canvas.put(&picture::depth(frame, strip.range, w, h), x, below);
+                canvas.put(&raster::depth(frame, strip.range, w, h), x, below);
             }
         }
         if strip.rows() > 1 && !strip.frames.is_empty() {
@@ -160,7 +160,7 @@ fn strip(episode: &Episode, name: &str, times: &[u64]) -> Result<Strip, ReadErro
             frames.push(camera.frame(episode, nearest)?);
         }
     }
-    let range = picture::depth_range(&frames);
+    let range = raster::depth_range(&frames);
     Ok(Strip {
         camera: name.to_owned(),
         frames,
@@ -239,7 +239,7 @@ fn labels(root: &Area<'_>, strip: &Strip, y: i32, h: i32) -> Result<(), SheetErr
     label::left(root, &strip.camera, (MARGIN, y + 16), 27, INK)?;
     if strip.frames.is_empty() {
         let at = (MARGIN + GUTTER, y + 16);
-        label::left(root, "no pictures", at, 24, GREY)?;
+        label::left(root, "no images", at, 24, GREY)?;
         return Ok(());
     }
     label::left(root, "colour", (MARGIN, y + 48), 20, GREY)?;
@@ -260,7 +260,7 @@ fn bar(canvas: &mut Canvas, x: i32, y: i32, h: i32) {
     let mut column = Canvas::new(18, h.max(1) as usize, (0, 0, 0));
     for row in 0..column.height {
         let share = row as f32 / column.height as f32;
-        let colour = picture::shade(share.exp(), (1.0, 1_f32.exp()));
+        let colour = raster::shade(share.exp(), (1.0, 1_f32.exp()));
         for k in 0..column.width {
             let at = 3 * (row * column.width + k);
             column.pixels[at..at + 3].copy_from_slice(&colour);

@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_point_before_the_arm_lies_behind_a_turned_mount() {
+    fn a_point_before_the_arm_is_behind_a_turned_mount() {
         let robot = v1::RobotDescription {
             arm_mount: Some(v1::Pose {
                 position: Some(v1::Vector3 {

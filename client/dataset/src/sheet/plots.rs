@@ -146,10 +146,10 @@ fn keys<'a>(lines: &'a [Line], phases: &'a [Stretch]) -> Vec<Key<'a>> {
     let mut out: Vec<Key<'_>> = lines
         .map(|(l, c)| Key::new(&l.name, c, Mark::Line))
         .collect();
-    let mut seen = Vec::new();
+    let mut labels_shown = Vec::new();
     for (label, name, ..) in phases {
-        if *label > 0 && !seen.contains(label) {
-            seen.push(*label);
+        if *label > 0 && !labels_shown.contains(label) {
+            labels_shown.push(*label);
             out.push(Key::new(name, phase_colour(*label), Mark::Block));
         }
     }

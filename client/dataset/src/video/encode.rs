@@ -50,21 +50,21 @@ impl Kind {
     ///
     /// # Errors
     /// When a player cannot show as many.
-    pub fn rate(self, asked: Option<f64>, there: f64) -> anyhow::Result<f64> {
+    pub fn rate(self, requested: Option<f64>, there: f64) -> anyhow::Result<f64> {
         // A GIF counts hundredths of a second, and viewers take less than two for ten.
         let (most, usual) = match self {
             Self::Mp4 => (120.0, 30.0),
             Self::Gif => (50.0, 10.0),
         };
-        let Some(asked) = asked else {
+        let Some(requested) = requested else {
             return Ok(there.clamp(1.0, usual));
         };
         ensure!(
-            (0.1..=most).contains(&asked),
-            "--fps {asked} is outside of 0.1 to {most} for {}",
+            (0.1..=most).contains(&requested),
+            "--fps {requested} is outside of 0.1 to {most} for {}",
             self.ending()
         );
-        Ok(asked)
+        Ok(requested)
     }
 
     /// Width of the frame: the requested one, or that of the images side by side
@@ -72,10 +72,10 @@ impl Kind {
     ///
     /// # Errors
     /// When no images exist.
-    pub fn width(self, asked: Option<usize>, sizes: &[Size]) -> anyhow::Result<usize> {
+    pub fn width(self, requested: Option<usize>, sizes: &[Size]) -> anyhow::Result<usize> {
         let tallest = sizes.iter().map(|size| size.height).max();
         let Some(tallest) = tallest else {
-            bail!("there are no pictures");
+            bail!("no images exist");
         };
         let side_by_side = sizes.iter().map(|s| s.width * tallest / s.height).sum();
         let most = match self {
@@ -83,7 +83,7 @@ impl Kind {
             Self::Gif => 800,
         };
         // Text needs some room, however small the images are.
-        Ok(asked.unwrap_or_else(|| most.min(side_by_side).max(480)))
+        Ok(requested.unwrap_or_else(|| most.min(side_by_side).max(480)))
     }
 }
 
@@ -226,24 +226,27 @@ mod tests {
     };
 
     #[test]
-    fn the_ending_says_what_is_made() {
+    fn the_extension_selects_the_format() {
         for (name, kind) in [("a/b.mp4", Kind::Mp4), ("b.x.GIF", Kind::Gif)] {
             assert_eq!(Kind::of(Path::new(name)).unwrap(), kind);
         }
         for name in ["a.avi", "gif", "b."] {
-            let told = Kind::of(Path::new(name)).unwrap_err().to_string();
-            assert!(told.contains(".mp4 or .gif"), "{told}");
+            let error = Kind::of(Path::new(name)).unwrap_err().to_string();
+            assert!(error.contains(".mp4 or .gif"), "{error}");
         }
     }
 
     #[test]
-    fn rate_and_width_are_those_of_the_pictures_within_reason() {
+    fn rate_and_width_are_those_of_the_images_within_limits() {
         assert_eq!(Kind::Mp4.rate(None, 10.0).unwrap(), 10.0);
         assert_eq!(Kind::Mp4.rate(None, 240.0).unwrap(), 30.0);
         assert_eq!(Kind::Gif.rate(None, 20.0).unwrap(), 10.0);
         assert_eq!(Kind::Gif.rate(Some(25.0), 1.0).unwrap(), 25.0);
-        let told = Kind::Gif.rate(Some(60.0), 10.0).unwrap_err().to_string();
-        assert!(told.contains("--fps 60") && told.contains("50"), "{told}");
+        let error = Kind::Gif.rate(Some(60.0), 10.0).unwrap_err().to_string();
+        assert!(
+            error.contains("--fps 60") && error.contains("50"),
+            "{error}"
+        );
         assert_eq!(Kind::Mp4.width(None, &[SIZE, SIZE]).unwrap(), 1280);
         assert_eq!(Kind::Gif.width(None, &[SIZE, SIZE]).unwrap(), 800);
         assert_eq!(Kind::Gif.width(Some(300), &[SIZE]).unwrap(), 300);

@@ -2,8 +2,8 @@
 //! instruction, what is being done, and the time. MP4 or GIF, both by ffmpeg.
 
 mod encode;
+mod frame;
 mod layout;
-mod picture;
 mod story;
 mod times;
 
@@ -18,8 +18,8 @@ use crate::read::{Camera, Episode};
 use crate::sheet::style;
 
 use self::encode::Kind;
+use self::frame::Painter;
 use self::layout::Layout;
-use self::picture::Painter;
 use self::story::Story;
 use self::times::Span;
 
@@ -107,13 +107,13 @@ pub fn video(
     let draw = |put: &mut dyn FnMut(&[u8]) -> anyhow::Result<()>| {
         for block in moments.chunks(BLOCK) {
             let frames = parallel(block.len(), threads, |k| {
-                let pictures = cameras.iter().map(|camera| {
+                let images = cameras.iter().map(|camera| {
                     let index = times::newest(camera.exposures(), block[k]);
-                    let size = size(camera).context("a camera with pictures")?;
+                    let size = size(camera).context("a camera with images")?;
                     Ok((camera.rgb(episode, index)?, size))
                 });
-                let pictures = pictures.collect::<anyhow::Result<Vec<_>>>()?;
-                painter.frame(pictures, block[k])
+                let images = images.collect::<anyhow::Result<Vec<_>>>()?;
+                painter.frame(images, block[k])
             })?;
             for frame in &frames {
                 put(frame)?;
@@ -159,12 +159,12 @@ fn cameras(episode: &Episode, names: &[String]) -> anyhow::Result<Vec<Camera>> {
         if shows {
             found.push(camera);
         } else if !names.is_empty() {
-            bail!("{} has no pictures in colour", camera.stream());
+            bail!("{} has no images in colour", camera.stream());
         }
     }
     ensure!(
         !found.is_empty(),
-        "{} has no pictures; `wheelarm replay FILE --out DIR --camera wheelchair=640x360@10` draws the episode anew with some",
+        "{} has no images; `wheelarm replay FILE --out DIR --camera wheelchair=640x360@10` renders the episode again with some",
         episode.path().display()
     );
     Ok(found)

@@ -96,13 +96,13 @@ mod tests {
         assert_eq!((span.from, span.to), (6 * SECOND, 7_500_000_000));
         assert_eq!(Span::new(whole, None, Some(99.0)).unwrap().to, 9 * SECOND);
         for (from, to) in [(Some(4.0), None), (Some(2.0), Some(1.0))] {
-            let told = Span::new(whole, from, to).unwrap_err().to_string();
-            assert!(told.contains("4.00 s long"), "{told}");
+            let error = Span::new(whole, from, to).unwrap_err().to_string();
+            assert!(error.contains("4.00 s long"), "{error}");
         }
     }
 
     #[test]
-    fn the_newest_picture_is_shown_and_the_first_one_before_it_came() {
+    fn the_newest_image_is_shown_and_the_first_one_before_it_arrived() {
         let stamps = [100_000, 200_000, 300_000];
         let at = [0, 100_000, 199_000, 250_000, 900_000].map(|t| newest(&stamps, t));
         assert_eq!(at, [0, 0, 1, 1, 2]);

@@ -18,7 +18,7 @@ use crate::convert::{PendingFile, Recording, Size, scaled};
 use crate::label;
 use crate::publish;
 use crate::read::{Camera, Frame};
-use crate::sheet::picture;
+use crate::sheet::raster;
 
 const PAGE: &str = include_str!("page.html");
 const DATA: &str = "/*DATA*/null";
@@ -57,7 +57,7 @@ pub fn page(
         .context("the page has a place for data")?;
     let (middle, tail) = rest
         .split_once(PICTURES)
-        .context("the page has a place for pictures")?;
+        .context("the page has a place for images")?;
     // A "</" inside the data would end the script.
     let data = data(recording).to_string().replace("</", "<\\/");
     write!(file, "{head}{data}{middle}")?;
@@ -77,14 +77,14 @@ pub fn page(
         let rows: Vec<usize> = (0..recording.aligned.stamps.len()).collect();
         for block in rows.chunks(BLOCK) {
             let encoded = parallel(block.len(), threads, |i| {
-                let Ok((_, index)) = recording.picture(name, block[i]) else {
+                let Ok((_, index)) = recording.image(name, block[i]) else {
                     return Ok(None);
                 };
                 let frame = camera.frame(&recording.episode, index)?;
                 let depth = match camera.has_depth() {
                     true => {
-                        let picture = picture::depth(&frame, range, small.width, small.height);
-                        Some(jpeg(&picture.pixels, small)?)
+                        let image = raster::depth(&frame, range, small.width, small.height);
+                        Some(jpeg(&image.pixels, small)?)
                     }
                     false => None,
                 };
@@ -92,8 +92,8 @@ pub fn page(
                 Ok(Some((jpeg(&rgb, small)?, depth)))
             })?;
             writeln!(file, "<script>")?;
-            for (row, pictures) in block.iter().zip(encoded) {
-                if let Some((rgb, depth)) = pictures {
+            for (row, images) in block.iter().zip(encoded) {
+                if let Some((rgb, depth)) = images {
                     let key = serde_json::to_string(name)?.replace("</", "<\\/");
                     writeln!(file, "picture({key}+\"/rgb\",{row},\"{rgb}\");")?;
                     if let Some(depth) = depth {
@@ -133,7 +133,7 @@ fn depth_range(recording: &Recording, camera: &Camera) -> anyhow::Result<(f32, f
     for index in (0..camera.len()).step_by(step) {
         frames.push(camera.frame(&recording.episode, index)?);
     }
-    Ok(picture::depth_range(&frames))
+    Ok(raster::depth_range(&frames))
 }
 
 fn data(recording: &Recording) -> Value {
@@ -145,7 +145,7 @@ fn data(recording: &Recording) -> Value {
         .map(|&s| (s - start) as f64 * 1e-9)
         .collect();
     let s = &recording.summary;
-    let pictures: Vec<Value> = recording
+    let images: Vec<Value> = recording
         .cameras
         .iter()
         .flat_map(|(c, camera)| {
@@ -177,7 +177,7 @@ fn data(recording: &Recording) -> Value {
     json!({
         "label": s.label, "instruction": s.instruction, "success": s.success, "complete": s.complete,
         "task": s.task[0], "seed": s.seed, "time": time, "labels": recording.labels,
-        "phases": label::NAMES, "pictures": pictures, "plots": plots(recording), "facts": facts,
+        "phases": label::NAMES, "pictures": images, "plots": plots(recording), "facts": facts,
     })
 }
 

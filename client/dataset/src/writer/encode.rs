@@ -134,10 +134,10 @@ impl Encoder {
         part(&mut out, |out| {
             out.extend(frame.encode_to_vec());
         });
-        for (picture, element) in [(rgb, 1), (depth, 2)] {
+        for (image, element) in [(rgb, 1), (depth, 2)] {
             part(&mut out, |out| {
-                if !picture.is_empty() {
-                    self.deflate.append(&picture, element, out);
+                if !image.is_empty() {
+                    self.deflate.append(&image, element, out);
                 }
             });
         }

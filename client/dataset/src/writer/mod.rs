@@ -8,8 +8,8 @@
 mod budget;
 mod encode;
 mod group;
+mod images;
 mod memory;
-mod pictures;
 mod threads;
 
 use std::collections::BTreeMap;
@@ -31,7 +31,7 @@ use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHea
 use budget::Budget;
 use encode::Encoder;
 use group::Group;
-pub use pictures::MAX_SIDE;
+pub use images::MAX_SIDE;
 use threads::{Job, Progress, Record, Work};
 
 /// How an episode is written.
@@ -289,20 +289,20 @@ impl EpisodeWriter {
         for _ in 0..options.workers.max(1) {
             let (jobs, to_log) = (jobs.clone(), to_log.clone());
             let encoder = Encoder::new(options.depth, spare.clone());
-            let told = progress.clone();
+            let compressed = progress.clone();
             handles.push(std::thread::spawn(move || {
-                threads::compress(&jobs, &to_log, encoder, &told);
+                threads::compress(&jobs, &to_log, encoder, &compressed);
             }));
         }
-        let (shared, told) = (budget.clone(), progress.clone());
+        let (shared, written) = (budget.clone(), progress.clone());
         handles.push(std::thread::spawn(move || {
-            threads::append(&records, &used, appender, &shared, &told);
+            threads::append(&records, &used, appender, &shared, &written);
         }));
         let sync = syncing.map(|syncing| {
             let (sync, done) = crossbeam_channel::bounded(0);
-            let (told, log) = (progress.clone(), log.clone());
+            let (synced, log) = (progress.clone(), log.clone());
             handles.push(std::thread::spawn(move || {
-                threads::sync(&syncing, &log, &done, &told)
+                threads::sync(&syncing, &log, &done, &synced)
             }));
             sync
         });
@@ -345,14 +345,14 @@ impl EpisodeWriter {
         let bytes = payload.len();
         let (header, work) = if slot.id.sensor_name().is_some() {
             let frame = v1::SensorFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
-            let size = pictures::sensor(&frame, slot.size).map_err(malformed)?;
+            let size = images::sensor(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
             let header = frame.header.clone().unwrap_or_default();
             let record = record_header(Kind::Camera, slot.number, &header);
             (header, Work::Sensor(record, Box::new(frame)))
         } else if slot.id.is_camera() {
             let frame = v1::CameraFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
-            let size = pictures::exact(&frame, slot.size).map_err(malformed)?;
+            let size = images::exact(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
             let header = frame.header.clone().unwrap_or_default();
             let record = record_header(Kind::Camera, slot.number, &header);
@@ -391,7 +391,7 @@ impl EpisodeWriter {
         let slot = slot
             .filter(|slot| slot.id.is_camera())
             .ok_or_else(|| malformed("the episode does not announce this camera".into()))?;
-        let size = pictures::compressed(&frame, slot.size, self.depth).map_err(malformed)?;
+        let size = images::compressed(&frame, slot.size, self.depth).map_err(malformed)?;
         slot.size = Some(size);
         let header = frame.header.clone().unwrap_or_default();
         let record = record_header(Kind::Camera, slot.number, &header);

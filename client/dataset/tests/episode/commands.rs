@@ -11,7 +11,7 @@ use crate::recording::{bits, camera_frame};
 use crate::synthetic::{self, Random};
 
 #[test]
-fn commands_of_one_tick_and_pauses_between_them_are_no_faults() {
+fn commands_of_one_tick_and_pauses_between_them_are_valid() {
     let dir = tempfile::tempdir().unwrap();
     let started = synthetic::started("byhand");
     let options = WriterOptions::default();

@@ -126,7 +126,7 @@ impl LogFile for FullDisk {
 }
 
 #[test]
-fn a_full_disk_keeps_what_was_acknowledged_and_says_so() {
+fn a_full_disk_keeps_acknowledged_samples_and_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let started = synthetic::started("full");
     let log = log_path(dir.path(), "full");

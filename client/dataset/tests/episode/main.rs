@@ -8,7 +8,7 @@ mod synthetic;
 mod commands;
 mod digests;
 mod exact;
+mod images;
 mod losses;
-mod pictures;
 mod recording;
 mod refusals;

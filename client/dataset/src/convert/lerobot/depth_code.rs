@@ -25,7 +25,7 @@ fn code(millimetres: u16) -> u16 {
 
 /// A depth (m; 0 or infinite for no return) within what codes can tell.
 #[must_use]
-pub fn told(metres: f32) -> f32 {
+pub fn quantized(metres: f32) -> f32 {
     let some = crate::depth::millimetres(metres) > 0;
     let metres = if some { metres } else { 0.0 };
     metres.clamp(LEAST as f32, MOST as f32)
@@ -69,6 +69,6 @@ mod tests {
     fn no_return_is_code_zero() {
         let depth = [0.0, f32::INFINITY, 20.0];
         assert_eq!(frame(&depth), [0, 0, 0, 0, 255, 15]);
-        assert_eq!(depth.map(told), [0.01, 0.01, 10.0]);
+        assert_eq!(depth.map(quantized), [0.01, 0.01, 10.0]);
     }
 }

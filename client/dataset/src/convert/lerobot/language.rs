@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 
 use super::layout::{LANGUAGE, image_key};
-use super::table::{Cells, Column, Said};
+use super::table::{Annotation, Cells, Column};
 use crate::annotate::{self, State};
 use crate::convert::learning::Learning;
 use crate::convert::{Recording, Size};
@@ -15,8 +15,8 @@ use crate::label;
 
 /// Language annotations of an episode.
 pub(super) struct Spoken {
-    persistent: Vec<Said>,
-    events: Vec<Vec<Said>>,
+    persistent: Vec<Annotation>,
+    events: Vec<Vec<Annotation>>,
 }
 
 impl Spoken {
@@ -40,7 +40,7 @@ impl Spoken {
             .collect();
         let frame = |stamp: u64| stamps.partition_point(|&t| t < stamp);
         let seconds = |frame: usize| (frame as f64 / f64::from(rate)) as f32;
-        let row = |role, style, content: String, timestamp, camera: Option<&String>| Said {
+        let row = |role, style, content: String, timestamp, camera: Option<&String>| Annotation {
             role,
             content,
             style,
@@ -124,11 +124,11 @@ impl Spoken {
         vec![
             Column {
                 name: always,
-                cells: Cells::Said(persistent, true),
+                cells: Cells::Annotation(persistent, true),
             },
             Column {
                 name: at,
-                cells: Cells::Said(events, false),
+                cells: Cells::Annotation(events, false),
             },
         ]
     }

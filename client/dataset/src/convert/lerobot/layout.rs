@@ -53,7 +53,7 @@ impl Streams {
     /// When no image exists, or no depth sensor where depth is requested.
     pub fn of(recording: &Recording, size: Option<Size>, depth: bool) -> anyhow::Result<Self> {
         let cameras = learning::cameras(recording, size);
-        anyhow::ensure!(!cameras.is_empty(), "the episode has no pictures");
+        anyhow::ensure!(!cameras.is_empty(), "the episode has no images");
         let mut depths = BTreeMap::new();
         if depth {
             depths = recording.depth_sensors();
@@ -68,7 +68,7 @@ impl Streams {
 }
 
 /// A feature of images.
-pub(super) struct Pictures<'a> {
+pub(super) struct ImageFeature<'a> {
     /// Its name.
     pub key: String,
     /// The camera that it is of.
@@ -81,7 +81,7 @@ pub(super) struct Pictures<'a> {
     pub codec: Option<Codec>,
 }
 
-impl Pictures<'_> {
+impl ImageFeature<'_> {
     /// Colours or grey levels of a pixel.
     fn channels(&self) -> usize {
         if self.is_depth { 1 } else { 3 }
@@ -259,43 +259,49 @@ impl Layout {
     }
 
     /// The features of images, in their order.
-    pub fn pictures(&self) -> impl Iterator<Item = Pictures<'_>> {
-        let colour = self.streams.cameras.iter().map(|(camera, &size)| Pictures {
-            key: image_key(camera),
-            camera,
-            size,
-            is_depth: false,
-            codec: self.colour,
-        });
-        let depth = self.streams.depths.iter().map(|(camera, &size)| Pictures {
-            key: depth_key(camera),
-            camera,
-            size,
-            is_depth: true,
-            codec: self.colour.map(|_| Codec::Depth),
-        });
+    pub fn image_features(&self) -> impl Iterator<Item = ImageFeature<'_>> {
+        let colour = self
+            .streams
+            .cameras
+            .iter()
+            .map(|(camera, &size)| ImageFeature {
+                key: image_key(camera),
+                camera,
+                size,
+                is_depth: false,
+                codec: self.colour,
+            });
+        let depth = self
+            .streams
+            .depths
+            .iter()
+            .map(|(camera, &size)| ImageFeature {
+                key: depth_key(camera),
+                camera,
+                size,
+                is_depth: true,
+                codec: self.colour.map(|_| Codec::Depth),
+            });
         colour.chain(depth)
     }
 
     /// The features as `meta/info.json` lists them.
     pub fn features(&self) -> Value {
         let mut out = serde_json::Map::new();
-        for pictures in self.pictures() {
-            let Size { width, height } = pictures.size;
-            let info = match pictures.codec {
-                Some(codec) => Some(codec.info(pictures.size, self.rate)),
-                None if pictures.is_depth => {
-                    Some(json!({"is_depth_map": true, "depth_unit": "mm"}))
-                }
+        for images in self.image_features() {
+            let Size { width, height } = images.size;
+            let info = match images.codec {
+                Some(codec) => Some(codec.info(images.size, self.rate)),
+                None if images.is_depth => Some(json!({"is_depth_map": true, "depth_unit": "mm"})),
                 None => None,
             };
-            let dtype = pictures.codec.map_or("image", |_| "video");
-            let mut feature = json!({"dtype": dtype, "shape": [height, width, pictures.channels()],
+            let dtype = images.codec.map_or("image", |_| "video");
+            let mut feature = json!({"dtype": dtype, "shape": [height, width, images.channels()],
                 "names": ["height", "width", "channels"]});
             if let Some(info) = info {
                 feature["info"] = info;
             }
-            out.insert(pictures.key, feature);
+            out.insert(images.key, feature);
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
@@ -321,8 +327,8 @@ impl Layout {
     pub fn footer(&self) -> String {
         let mut out = serde_json::Map::new();
         // A video has no column.
-        for pictures in self.pictures().filter(|p| p.codec.is_none()) {
-            out.insert(pictures.key, json!({"_type": "Image"}));
+        for images in self.image_features().filter(|p| p.codec.is_none()) {
+            out.insert(images.key, json!({"_type": "Image"}));
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"feature": {"dtype": "float32", "_type": "Value"},

@@ -94,17 +94,17 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
 
 /// Intrinsics: those of the first episode, and all with their episodes.
 fn cameras(calibrations: &[(Value, Vec<usize>)]) -> Value {
-    let mut told = calibrations
+    let mut features = calibrations
         .first()
         .map_or(Value::Null, |(first, _)| first.clone());
     let all: Vec<Value> = calibrations
         .iter()
         .map(|(of, episodes)| json!({"episodes": episodes, "cameras": of["cameras"]}))
         .collect();
-    if let Some(told) = told.as_object_mut() {
-        told.insert("by_episode".to_owned(), all.into());
+    if let Some(features) = features.as_object_mut() {
+        features.insert("by_episode".to_owned(), all.into());
     }
-    told
+    features
 }
 
 /// One row per episode: its place in the data files and videos, and its
@@ -177,11 +177,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cameras_are_told_for_every_specimen() {
+    fn cameras_are_listed_for_every_specimen() {
         let of = |fx: f64| json!({"units": "pixels", "cameras": {"gen3": {"fx": fx}}});
-        let told = cameras(&[(of(600.0), vec![0, 2]), (of(610.0), vec![1])]);
-        assert_eq!(told["cameras"]["gen3"]["fx"], 600.0);
-        assert_eq!(told["by_episode"][1]["episodes"], json!([1]));
-        assert_eq!(told["by_episode"][1]["cameras"]["gen3"]["fx"], 610.0);
+        let features = cameras(&[(of(600.0), vec![0, 2]), (of(610.0), vec![1])]);
+        assert_eq!(features["cameras"]["gen3"]["fx"], 600.0);
+        assert_eq!(features["by_episode"][1]["episodes"], json!([1]));
+        assert_eq!(features["by_episode"][1]["cameras"]["gen3"]["fx"], 610.0);
     }
 }

@@ -24,13 +24,13 @@ use anyhow::Context;
 use parking_lot::Mutex;
 
 use self::language::Spoken;
-use self::layout::{Block, Layout, Pictures, Streams, numbers};
+use self::layout::{Block, ImageFeature, Layout, Streams, numbers};
 use self::metadata::metadata;
 use self::set::{EpisodeRow, Set};
 use self::statistics::Gathered;
 use self::table::{Cells, Column};
 use self::video::Ffmpeg;
-pub use self::video::PictureFormat;
+pub use self::video::ImageFormat;
 use super::batch::parallel;
 use super::ffmpeg::Stream;
 use super::intrinsics;
@@ -56,7 +56,7 @@ pub struct LeRobotOptions {
     /// reads from 0.6 on and older ones refuse.
     pub language: bool,
     /// How images are kept.
-    pub pictures: PictureFormat,
+    pub image_format: ImageFormat,
     /// With what the depth sensors gave; exact depth is never exported.
     pub depth: bool,
 }
@@ -77,7 +77,7 @@ impl LeRobot {
     pub fn new(out: &Path, options: LeRobotOptions, threads: usize) -> anyhow::Result<Self> {
         Ok(Self {
             options,
-            ffmpeg: Ffmpeg::find(options.pictures, options.depth)?,
+            ffmpeg: Ffmpeg::find(options.image_format, options.depth)?,
             threads,
             set: Mutex::new(Set::new(PendingFolder::new(out)?)),
         })
@@ -141,7 +141,7 @@ impl Format for LeRobot {
             first.body.ensure_same(&layout.body)?;
             anyhow::ensure!(
                 (first.rate, &first.streams) == (layout.rate, &layout.streams),
-                "rate or pictures differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
+                "rate or images differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
                 first.rate,
                 first.streams,
                 layout.rate,
@@ -225,7 +225,7 @@ impl Format for LeRobot {
             table.close()?;
         }
         let Some(layout) = set.layout.clone() else {
-            anyhow::bail!("no episode could be taken: there is no data set");
+            anyhow::bail!("no episode could be exported: no data set was written");
         };
         self.close_reels(&mut set, &layout, true)?;
         metadata(set.folder.path(), &set, &layout)?;
@@ -248,15 +248,15 @@ impl LeRobot {
         };
         let folder = set.scratch();
         std::fs::create_dir_all(&folder)?;
-        for pictures in layout.pictures() {
-            let Some(codec) = pictures.codec else {
+        for images in layout.image_features() {
+            let Some(codec) = images.codec else {
                 continue;
             };
             let name = format!("{}.mp4", set.films);
             set.films += 1;
-            let stream = ffmpeg.begin(codec, pictures.size, layout.rate, &folder.join(&name))?;
+            let stream = ffmpeg.begin(codec, images.size, layout.rate, &folder.join(&name))?;
             films.push(Film {
-                key: pictures.key,
+                key: images.key,
                 name,
                 stream,
             });
@@ -293,24 +293,24 @@ impl LeRobot {
         tick: &(dyn Fn() + Sync),
     ) -> anyhow::Result<Statistics> {
         let mut gathered: Statistics = layout
-            .pictures()
+            .image_features()
             .map(|p| match p.is_depth {
                 true => (p.key, Gathered::depths()),
                 false => (p.key, Gathered::colours()),
             })
             .collect();
         for block in rows.chunks(BLOCK) {
-            for pictures in layout.pictures() {
+            for images in layout.image_features() {
                 let encoded = parallel(block.len(), self.threads, |i| {
-                    frame(recording, &pictures, block[i])
+                    frame(recording, &images, block[i])
                 })?;
-                let mut film = films.iter_mut().find(|film| film.key == pictures.key);
+                let mut film = films.iter_mut().find(|film| film.key == images.key);
                 for (bytes, counts) in &encoded {
                     match &mut film {
                         Some(film) => film.stream.put(bytes)?,
                         None => scratch.put(bytes)?,
                     }
-                    if let Some(all) = gathered.get_mut(&pictures.key) {
+                    if let Some(all) = gathered.get_mut(&images.key) {
                         all.merge(counts);
                     }
                 }
@@ -331,20 +331,20 @@ struct Film {
 /// An image as a video needs it, raw, or as PNG; and its part of the statistics.
 fn frame(
     recording: &Recording,
-    pictures: &Pictures<'_>,
+    images: &ImageFeature<'_>,
     row: usize,
 ) -> anyhow::Result<(Vec<u8>, Gathered)> {
-    let size = pictures.size;
+    let size = images.size;
     let pixels = size.width * size.height;
-    if pictures.is_depth {
-        let (source, index) = recording.sensed_depth(pictures.camera, row)?;
+    if images.is_depth {
+        let (source, index) = recording.sensed_depth(images.camera, row)?;
         let depth = source.depth(&recording.episode, index)?;
         let mut counts = Gathered::depths();
         let step = pixels / COUNTED_DEPTHS;
-        let bytes = if pictures.codec.is_some() {
+        let bytes = if images.codec.is_some() {
             // The statistics are of what a reader gets.
-            let told: Vec<f32> = depth.iter().map(|&d| depth_code::told(d)).collect();
-            counts.depth(&told, step);
+            let quantized: Vec<f32> = depth.iter().map(|&d| depth_code::quantized(d)).collect();
+            counts.depth(&quantized, step);
             depth_code::frame(&depth)
         } else {
             counts.depth(&depth, step);
@@ -352,13 +352,13 @@ fn frame(
         };
         return Ok((bytes, counts));
     }
-    let (source, index) = recording.seen(pictures.camera, row)?;
+    let (source, index) = recording.observed(images.camera, row)?;
     let (width, height) = source.size().context("a size")?;
     let rgb = source.rgb(&recording.episode, index)?;
     let rgb = scaled(rgb, Size { width, height }, size);
     let mut counts = Gathered::colours();
-    counts.picture(&rgb, pixels / COUNTED_PIXELS);
-    let bytes = match pictures.codec {
+    counts.image(&rgb, pixels / COUNTED_PIXELS);
+    let bytes = match images.codec {
         Some(_) => rgb,
         None => png_rgb(&rgb, size)?,
     };
@@ -381,18 +381,18 @@ fn write_rows(
     for first in (0..all).step_by(BLOCK) {
         let count = BLOCK.min(all - first);
         let mut columns = Vec::new();
-        for pictures in layout.pictures().filter(|p| p.codec.is_none()) {
+        for images in layout.image_features().filter(|p| p.codec.is_none()) {
             let mut images = Vec::with_capacity(count);
             for frame in first..first + count {
-                let mut bytes = vec![0; *lengths.next().context("a picture")?];
+                let mut bytes = vec![0; *lengths.next().context("an image")?];
                 reader.read_exact(&mut bytes)?;
-                let what = ["", "-depth"][usize::from(pictures.is_depth)];
-                let camera = pictures.camera;
+                let what = ["", "-depth"][usize::from(images.is_depth)];
+                let camera = images.camera;
                 let name = format!("{camera}{what}-{:06}-{frame:06}.png", whole.episode);
                 images.push((bytes, name));
             }
             columns.push(Column {
-                name: pictures.key,
+                name: images.key,
                 cells: Cells::Image(images),
             });
         }
@@ -417,7 +417,7 @@ fn gather(gathered: &mut Statistics, column: &Column) {
         Cells::F64(_, v) => (1, v.iter().map(|&v| v as f32).collect()),
         Cells::I64(_, v) => (1, v.iter().map(|&v| v as f32).collect()),
         Cells::Bool(v) => (1, v.iter().map(|&v| f32::from(u8::from(v))).collect()),
-        Cells::Text(..) | Cells::Image(_) | Cells::Said(..) => return,
+        Cells::Text(..) | Cells::Image(_) | Cells::Annotation(..) => return,
     };
     gathered
         .entry(column.name.clone())

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn episodes_stand_one_behind_the_other_until_a_video_is_full() {
+    fn episodes_are_concatenated_until_a_video_is_full() {
         let mut reel = Reel::default();
         assert_eq!(reel.add("a".into(), 7, 10), Place { file: 0, from: 0 });
         assert!(!reel.is_full());

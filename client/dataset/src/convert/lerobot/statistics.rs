@@ -80,7 +80,7 @@ impl Gathered {
     }
 
     /// Counts an image's pixels, every `step`-th.
-    pub fn picture(&mut self, rgb: &[u8], step: usize) {
+    pub fn image(&mut self, rgb: &[u8], step: usize) {
         if let Self::Colours(all, n) = self {
             for pixel in rgb.chunks_exact(3).step_by(step.max(1)) {
                 for (channel, &value) in all.iter_mut().zip(pixel) {
@@ -105,14 +105,14 @@ impl Gathered {
                 });
                 collect(each.collect(), rows, vec![*width])
             }
-            Self::Depths(all, pictures) => {
+            Self::Depths(all, images) => {
                 let mut values = all.clone();
                 values.sort_by(f32::total_cmp);
-                collect(vec![component(&values)], *pictures, vec![1, 1, 1])
+                collect(vec![component(&values)], *images, vec![1, 1, 1])
             }
-            Self::Colours(all, pictures) => {
+            Self::Colours(all, images) => {
                 let each = all.iter().map(colour).collect();
-                collect(each, *pictures, vec![3, 1, 1])
+                collect(each, *images, vec![3, 1, 1])
             }
         }
     }
@@ -172,10 +172,10 @@ fn colour(counts: &[u64; 256]) -> [f64; 9] {
         / n;
     let at = |q: f64| {
         let target = q * n;
-        let mut seen = 0.0;
+        let mut counted = 0.0;
         for (i, &c) in counts.iter().enumerate() {
-            seen += c as f64;
-            if c > 0 && seen >= target {
+            counted += c as f64;
+            if c > 0 && counted >= target {
                 return value(i);
             }
         }
@@ -250,9 +250,9 @@ mod tests {
         let mut wide = s.clone();
         wide.widen(0.01);
         assert_eq!(wide.lists[STD], [s.lists[STD][0], 0.01]);
-        let mut picture = Gathered::colours();
-        picture.picture(&[255, 0, 51].repeat(8), 1);
-        let s = picture.summary();
+        let mut image = Gathered::colours();
+        image.image(&[255, 0, 51].repeat(8), 1);
+        let s = image.summary();
         assert_eq!((s.lists[2][0], s.lists[1][1], s.count), (1.0, 0.0, 1));
         assert!((s.lists[6][2] - 0.2).abs() < 1e-12);
     }

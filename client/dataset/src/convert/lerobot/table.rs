@@ -46,12 +46,12 @@ pub enum Cells {
     /// Encoded images with a name: `{bytes, path}`.
     Image(Vec<(Vec<u8>, String)>),
     /// Lists of annotations, with a time of their own or without.
-    Said(Vec<Vec<Said>>, bool),
+    Annotation(Vec<Vec<Annotation>>, bool),
 }
 
 /// A row of LeRobot's language columns.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Said {
+pub struct Annotation {
     /// `user` or `assistant`.
     pub role: &'static str,
     /// One annotation.
@@ -72,9 +72,9 @@ impl Cells {
             Self::I64(shape, values) => nested(Arc::new(Int64Array::from(values)), &shape),
             Self::Bool(values) => Arc::new(BooleanArray::from(values)),
             Self::Text(shape, values) => nested(Arc::new(StringArray::from(values)), &shape),
-            Self::Image(pictures) => {
-                let bytes = pictures.iter().map(|(bytes, _)| bytes.as_slice());
-                let paths = pictures.iter().map(|(_, path)| path.as_str());
+            Self::Image(images) => {
+                let bytes = images.iter().map(|(bytes, _)| bytes.as_slice());
+                let paths = images.iter().map(|(_, path)| path.as_str());
                 let parts: Vec<ArrayRef> = vec![
                     Arc::new(BinaryArray::from_iter_values(bytes)),
                     Arc::new(StringArray::from_iter_values(paths)),
@@ -85,17 +85,17 @@ impl Cells {
                 ]);
                 Arc::new(StructArray::new(fields, parts, None))
             }
-            Self::Said(rows, timed) => said(rows, timed),
+            Self::Annotation(rows, timed) => annotations(rows, timed),
         }
     }
 }
 
 /// Lists of `{role, content, style, [timestamp], camera, tool_calls}`, as LeRobot
 /// 0.6 names them; nothing here calls a tool.
-fn said(rows: Vec<Vec<Said>>, timed: bool) -> ArrayRef {
+fn annotations(rows: Vec<Vec<Annotation>>, timed: bool) -> ArrayRef {
     let offsets = OffsetBuffer::from_lengths(rows.iter().map(Vec::len));
-    let all: Vec<Said> = rows.into_iter().flatten().collect();
-    let text = |of: fn(&Said) -> Option<&str>| -> ArrayRef {
+    let all: Vec<Annotation> = rows.into_iter().flatten().collect();
+    let text = |of: fn(&Annotation) -> Option<&str>| -> ArrayRef {
         Arc::new(StringArray::from_iter(all.iter().map(of)))
     };
     let calls = Field::new("element", DataType::Utf8, true);

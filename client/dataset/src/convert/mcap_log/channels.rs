@@ -20,11 +20,11 @@ pub(super) fn channels<'a>(
 ) -> anyhow::Result<Vec<Channel<'a>>> {
     let mut out = once(recording, robot, assets)?;
     for (name, camera) in &recording.cameras {
-        let all = pictures(recording, &format!("/camera/{name}"), name, camera).into_iter();
+        let all = images(recording, &format!("/camera/{name}"), name, camera).into_iter();
         out.extend(all.filter(|channel| camera.has_depth() || !channel.topic.ends_with("/depth")));
     }
     for (name, sensor) in &recording.sensors {
-        let all = pictures(recording, &format!("/sensor/{name}"), name, sensor);
+        let all = images(recording, &format!("/sensor/{name}"), name, sensor);
         let has = |what: &str| match what {
             "rgb" => sensor.has_rgb(),
             "depth" => sensor.has_depth(),
@@ -74,7 +74,7 @@ fn once<'a>(
     Ok(out)
 }
 
-fn pictures<'a>(
+fn images<'a>(
     recording: &'a Recording,
     place: &str,
     name: &str,

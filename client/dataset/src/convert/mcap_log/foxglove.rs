@@ -25,7 +25,7 @@ fn timestamp(nanos: u64) -> Option<Timestamp> {
 
 fn size(camera: &Camera) -> anyhow::Result<(usize, usize)> {
     let size = camera.size();
-    size.ok_or_else(|| anyhow::anyhow!("{} has no pictures", camera.stream()))
+    size.ok_or_else(|| anyhow::anyhow!("{} has no images", camera.stream()))
 }
 
 /// The colours of an image, JPEG.

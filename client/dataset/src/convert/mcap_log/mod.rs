@@ -20,7 +20,7 @@ use crate::urdf::Robot;
 
 /// What cx and cy of a calibration count from.
 const CONVENTION: &str = "pixel centre, as OpenCV and ROS count: u, v, cx and cy are 0 at the \
-centre of the first pixel; the recording counts from the picture's edge, there they are greater by 0.5";
+centre of the first pixel; the recording counts from the image's edge, there they are greater by 0.5";
 
 /// Writes `LABEL.mcap` per episode.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ impl Format for McapLog {
         false
     }
 
-    fn needs_pictures(&self) -> bool {
+    fn needs_images(&self) -> bool {
         false
     }
 

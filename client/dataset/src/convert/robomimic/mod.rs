@@ -194,7 +194,7 @@ impl Format for Robomimic {
             common.body.ensure_same(&Body::of(&recording.robot))?;
             anyhow::ensure!(
                 common.cameras == cameras,
-                "pictures differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
+                "images differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
                 common.cameras
             );
         }
@@ -250,7 +250,7 @@ impl Format for Robomimic {
     fn finish(self: Box<Self>) -> anyhow::Result<Option<Written>> {
         let set = self.set.into_inner();
         let Some(common) = set.common else {
-            anyhow::bail!("no episode could be taken: there is no data set");
+            anyhow::bail!("no episode could be exported: no data set was written");
         };
         let (low, high) = &widened(&common.range);
         let data = set.file.group("data")?;
@@ -367,7 +367,7 @@ impl Robomimic {
                     tick();
                 }
             };
-            self.pictures([&obs, &next_obs], recording, camera, all, &tick)?;
+            self.images([&obs, &next_obs], recording, camera, all, &tick)?;
         }
         datagen::write(group, recording, learning, here)?;
         Ok(range)
@@ -375,7 +375,7 @@ impl Robomimic {
 
     /// Writes a camera's images of the rows `all`: as `obs` of their row and as
     /// `next_obs` of the row before.
-    fn pictures(
+    fn images(
         &self,
         groups: [&Group; 2],
         recording: &Recording,
@@ -388,16 +388,16 @@ impl Robomimic {
         let shape = [size.height, size.width, 3];
         let create = |g: &Group| Chunked::create::<u8>(g, &name, n, &shape, 1, Filters::Deflate);
         let (to, to_next) = (create(groups[0])?, create(groups[1])?);
-        for pictures in [&to, &to_next] {
+        for images in [&to, &to_next] {
             let what = ("1 (0 to 255, sRGB)", "row-major from the top left");
-            describe(pictures.dataset(), what)?;
-            Attributes::of(pictures.dataset())
+            describe(images.dataset(), what)?;
+            Attributes::of(images.dataset())
                 .set("pixel_centre", PIXEL_CENTRE)?
                 .text("convention", CONVENTION)?;
         }
         for (block, part) in all.chunks(BLOCK).enumerate() {
             let compressed = parallel(part.len(), self.threads, |i| {
-                let (source, index) = recording.picture(camera, part[i])?;
+                let (source, index) = recording.image(camera, part[i])?;
                 let (width, height) = source.size().context("a size")?;
                 let rgb = source.rgb(&recording.episode, index)?;
                 let rgb = scaled(rgb, Size { width, height }, *size);
@@ -612,7 +612,7 @@ mod tests {
     }
 
     #[test]
-    fn what_hardly_changes_is_not_blown_up() {
+    fn nearly_constant_values_are_not_scaled_up() {
         let (low, high) = widened(&(vec![0.4, -1.0, 0.0], vec![0.4001, 1.0, 0.0]));
         assert!((high[0] - low[0] - 0.02).abs() < 1e-12 && low[0] < 0.4 && high[0] > 0.4001);
         assert_eq!((low[1], high[1]), (-1.0, 1.0));

@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn values_stand_at_multiples_of_their_size_counted_from_after_the_head() {
+    fn values_are_aligned_to_their_size_after_the_header() {
         let bytes = encoded(|out| {
             out.u8(7);
             out.u32(0x0102_0304);

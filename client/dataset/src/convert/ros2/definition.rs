@@ -299,9 +299,9 @@ mod tests {
     }
 
     #[test]
-    fn hashes_are_those_that_a_running_ros_2_tells() {
+    fn type_hashes_equal_those_of_a_running_ros_2() {
         // Returned by rclpy on Jazzy and on Kilted, which agree in all of them.
-        let told = "
+        let hashes = "
             sensor_msgs/msg/Image            d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47
             sensor_msgs/msg/CompressedImage  15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a
             sensor_msgs/msg/CameraInfo       b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275
@@ -323,7 +323,7 @@ mod tests {
             std_msgs/msg/Header              f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01
             tf2_msgs/msg/TFMessage           e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
         let mut count = 0;
-        for line in told.lines().filter(|line| !line.trim().is_empty()) {
+        for line in hashes.lines().filter(|line| !line.trim().is_empty()) {
             let mut words = line.split_whitespace();
             let (name, wanted) = (words.next().unwrap(), words.next().unwrap());
             assert_eq!(hash(name, more), format!("RIHS01_{wanted}"), "{name}");
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_are_taken_apart() {
+    fn fields_are_parsed() {
         let of = |of: &str| {
             let field = field(of, "a", "geometry_msgs");
             (field.id, field.capacity, field.nested)

@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_file_tells_topics_with_counts_times_and_quoted_words() {
+    fn the_metadata_lists_topics_with_counts_times_and_quoted_text() {
         let topic = |name: &str, latched, messages| Topic {
             name: name.to_owned(),
             kind: "std_msgs/msg/String",

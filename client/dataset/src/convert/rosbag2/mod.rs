@@ -35,7 +35,7 @@ impl Format for Rosbag2 {
         false
     }
 
-    fn needs_pictures(&self) -> bool {
+    fn needs_images(&self) -> bool {
         false
     }
 
@@ -126,11 +126,11 @@ fn write(
     for topic in &bag.topics {
         let text = description(topic.kind);
         let schema = writer.add_schema(topic.kind, "ros2msg", text.as_bytes())?;
-        let told = BTreeMap::from([
+        let metadata = BTreeMap::from([
             ("offered_qos_profiles".to_owned(), topic.quality()),
             ("topic_type_hash".to_owned(), topic.hash.clone()),
         ]);
-        let id = writer.add_channel(schema, &topic.name, "cdr", &told)?;
+        let id = writer.add_channel(schema, &topic.name, "cdr", &metadata)?;
         ids.insert(topic.name.as_str(), (id, 0_u32));
     }
     let reference = topics::colour(&recording.aligned.reference);

@@ -110,10 +110,10 @@ pub(super) fn channels<'a>(
         }
     }
     for (name, camera) in &recording.cameras {
-        pictures(&mut out, recording, name, camera);
+        images(&mut out, recording, name, camera);
     }
     for (name, sensor) in &recording.sensors {
-        pictures(&mut out, recording, name, sensor);
+        images(&mut out, recording, name, sensor);
     }
     out.retain(|channel| !channel.stamps.is_empty());
     Ok(out)
@@ -180,7 +180,7 @@ fn odometry_in_world(recording: &Recording) -> anyhow::Result<Option<Pose>> {
 
 /// Messages of a camera, or of a sensor in its place. An image is stamped with its
 /// exposure, and is logged at its arrival.
-fn pictures<'a>(
+fn images<'a>(
     out: &mut Vec<Channel<'a>>,
     recording: &'a Recording,
     name: &'a str,

@@ -23,7 +23,7 @@ fn size(
     if let Some((fw, fh)) = first
         && (w, h) != (fw, fh)
     {
-        return Err(format!("it is {w}x{h}, the first picture was {fw}x{fh}"));
+        return Err(format!("it is {w}x{h}, the first image was {fw}x{fh}"));
     }
     Ok((w, h))
 }

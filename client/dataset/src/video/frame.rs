@@ -7,7 +7,7 @@ use super::layout::{Layout, Place};
 use super::story::Story;
 use crate::convert::{Size, scaled};
 use crate::sheet::label;
-use crate::sheet::picture::Canvas;
+use crate::sheet::raster::Canvas;
 use crate::sheet::style::Area;
 
 /// Behind words and between images.
@@ -42,22 +42,22 @@ impl Painter<'_> {
     ///
     /// # Errors
     /// When nothing can be drawn.
-    pub fn frame(&self, pictures: Vec<(Vec<u8>, Size)>, moment: u64) -> anyhow::Result<Vec<u8>> {
+    pub fn frame(&self, images: Vec<(Vec<u8>, Size)>, moment: u64) -> anyhow::Result<Vec<u8>> {
         let Size { width, height } = self.layout.size;
         let mut canvas = Canvas::new(width, height, DARK.rgb());
-        for ((pixels, size), place) in pictures.into_iter().zip(&self.layout.pictures) {
-            let picture = Canvas {
+        for ((pixels, size), place) in images.into_iter().zip(&self.layout.images) {
+            let image = Canvas {
                 width: place.size.width,
                 height: place.size.height,
                 pixels: scaled(pixels, size, place.size),
             };
-            canvas.put(&picture, place.x, place.y);
+            canvas.put(&image, place.x, place.y);
         }
         {
             let size = (width as u32, height as u32);
             let root = BitMapBackend::with_buffer(&mut canvas.pixels, size).into_drawing_area();
             if let Some((strip, words)) = self.layout.strip.zip(self.layout.words) {
-                for (name, place) in self.names.iter().zip(&self.layout.pictures) {
+                for (name, place) in self.names.iter().zip(&self.layout.images) {
                     self.name(&root, name, place)?;
                 }
                 self.strip(&root, &strip, moment)?;

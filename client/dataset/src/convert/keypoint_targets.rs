@@ -1,5 +1,5 @@
-//! Where what a task is about is: for a network that learns to find it beside what it
-//! learns to do. No robot knows this; it is stored beside training rows and in none
+//! Keypoint targets: positions of the task's object and goal, an auxiliary target for a
+//! policy network. No robot has this; it is stored beside training rows and in none
 //! of a policy.
 
 use wheelarm_proto::exact;
@@ -20,24 +20,24 @@ const SPACE: [&str; 3] = ["x", "y", "z"];
 pub fn names<'a>(cameras: impl Iterator<Item = &'a str> + Clone) -> Vec<String> {
     let of_point = |point: &'static str| {
         let space = SPACE.map(|axis| format!("{point}.{axis}"));
-        let seen = cameras.clone().flat_map(move |camera| {
+        let pixels = cameras.clone().flat_map(move |camera| {
             ["u", "v"].map(|coordinate| format!("{point}.{camera}.{coordinate}"))
         });
-        space.into_iter().chain(seen)
+        space.into_iter().chain(pixels)
     };
     POINTS.into_iter().flat_map(of_point).collect()
 }
 
 /// Positions of objects in the rows of an alignment.
-pub struct Aims {
+pub struct KeypointTargets {
     /// Rows by the numbers of [`names`].
     pub rows: Vec<Vec<f64>>,
-    /// The target of the task: one of `things`.
-    pub thing: String,
+    /// The target of the task: one of `objects`.
+    pub object: String,
     /// All possible targets, objects and slides, in the order of their names.
-    pub things: Vec<String>,
+    pub objects: Vec<String>,
     /// Rows by target, each x, y, z, then u and v of each camera as in [`names`].
-    pub of_things: Vec<Vec<f64>>,
+    pub of_objects: Vec<Vec<f64>>,
 }
 
 /// The places in each row of the alignment that is given. NaN for a point that the
@@ -47,21 +47,28 @@ pub struct Aims {
 ///
 /// # Errors
 /// When the recording has no state of objects, or a row has no image.
-pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::Result<Aims> {
+pub fn read(
+    recording: &Recording,
+    rows: &[usize],
+    cameras: &[&str],
+) -> anyhow::Result<KeypointTargets> {
     let state = State::read(&recording.episode)?;
     let slides = state.home.slides.iter().map(|slide| slide.name.as_str());
-    let things = state.objects.iter().map(String::as_str).chain(slides);
-    let things: std::collections::BTreeSet<&str> = things.collect();
-    let all: Vec<Point<'_>> = things.iter().map(|name| thing(&state, name)).collect();
-    let points = [thing(&state, &state.target), goal(&state)];
+    let names = state.objects.iter().map(String::as_str).chain(slides);
+    let names: std::collections::BTreeSet<&str> = names.collect();
+    let all: Vec<Point<'_>> = names
+        .iter()
+        .map(|name| object_point(&state, name))
+        .collect();
+    let points = [object_point(&state, &state.target), goal(&state)];
 
     let last = state.stamps.len().saturating_sub(1);
     let sample = |stamp: u64| state.stamps.partition_point(|&t| t < stamp).min(last);
-    let mut out = Aims {
+    let mut out = KeypointTargets {
         rows: Vec::with_capacity(rows.len()),
-        thing: state.target.clone(),
-        things: things.iter().map(ToString::to_string).collect(),
-        of_things: Vec::with_capacity(rows.len()),
+        object: state.target.clone(),
+        objects: names.iter().map(ToString::to_string).collect(),
+        of_objects: Vec::with_capacity(rows.len()),
     };
     for &row in rows {
         let now = sample(recording.aligned.stamps[row]);
@@ -87,7 +94,7 @@ pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::
             numbers
         };
         out.rows.push(points.iter().flat_map(&numbers).collect());
-        out.of_things.push(all.iter().flat_map(&numbers).collect());
+        out.of_objects.push(all.iter().flat_map(&numbers).collect());
     }
     Ok(out)
 }
@@ -96,7 +103,7 @@ pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::
 type Point<'a> = Box<dyn Fn(usize) -> Option<[f64; 3]> + 'a>;
 
 /// The middle of an object, or the handle's origin of what slides.
-fn thing<'a>(state: &'a State, name: &str) -> Point<'a> {
+fn object_point<'a>(state: &'a State, name: &str) -> Point<'a> {
     if let Some(object) = state.objects.iter().position(|object| object == name) {
         let middle = annotate::middle(state, name);
         return Box::new(move |sample| {

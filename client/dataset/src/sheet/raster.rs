@@ -22,13 +22,13 @@ impl Canvas {
     }
 
     /// Copies an image with its upper left corner at (x, y), cut at the edges.
-    pub fn put(&mut self, picture: &Self, x: usize, y: usize) {
-        let columns = picture.width.min(self.width.saturating_sub(x));
-        for row in 0..picture.height.min(self.height.saturating_sub(y)) {
+    pub fn put(&mut self, image: &Self, x: usize, y: usize) {
+        let columns = image.width.min(self.width.saturating_sub(x));
+        for row in 0..image.height.min(self.height.saturating_sub(y)) {
             let to = 3 * ((y + row) * self.width + x);
-            let from = 3 * row * picture.width;
+            let from = 3 * row * image.width;
             self.pixels[to..to + 3 * columns]
-                .copy_from_slice(&picture.pixels[from..from + 3 * columns]);
+                .copy_from_slice(&image.pixels[from..from + 3 * columns]);
         }
     }
 
