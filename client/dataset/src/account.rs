@@ -1,4 +1,4 @@
-//! What an episode should hold, what it holds, and what that makes it.
+//! Account of an episode: expected and recorded samples, and completeness.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub struct StreamAccount {
     /// Samples that the server published, by its manifest; without a manifest
     /// those from the first to the last one received, which are the least.
     pub expected: u64,
-    /// The manifest came: `expected` and `missed` are exact.
+    /// The manifest arrived: `expected` and `missed` are exact.
     pub counted: bool,
     /// Samples in the file.
     pub received: u64,
@@ -23,10 +23,10 @@ pub struct StreamAccount {
     pub missed: u64,
     /// Samples that arrived late because they were sent again.
     pub recovered: u64,
-    /// Digest of what is in the file, as the recorder made it; empty when the
+    /// Digest of the recorded samples, as the recorder computed it; empty when the
     /// log was never closed.
     pub digest: String,
-    /// Digest of what the server published; empty without a manifest.
+    /// Digest of the published samples; empty without a manifest.
     pub published: String,
 }
 
@@ -40,13 +40,13 @@ pub struct Account {
 }
 
 impl Account {
-    /// The manifest came and everything in it is there.
+    /// The manifest arrived and every sample of it is recorded.
     #[must_use]
     pub fn complete(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// The manifest came: how many samples are missing is known.
+    /// The manifest arrived: the number of missing samples is known.
     #[must_use]
     pub fn counted(&self) -> bool {
         self.streams.iter().all(|s| s.counted)
@@ -101,7 +101,7 @@ impl Account {
     }
 }
 
-/// What is wrong with the log as a whole.
+/// Problems of the log as a whole.
 fn of_log(scan: &Scan, closing: &Closing) -> Vec<String> {
     let mut problems = Vec::new();
     if let Some(damage) = &scan.damage {
@@ -120,8 +120,8 @@ fn of_log(scan: &Scan, closing: &Closing) -> Vec<String> {
     problems
 }
 
-/// One stream's account and what is wrong with it. `listed` is its line of the
-/// server's manifest, where that came.
+/// One stream's account and its problems. `listed` is its entry of the
+/// server's manifest, if that arrived.
 fn of_stream(
     name: &str,
     coverage: &Coverage,
@@ -132,7 +132,7 @@ fn of_stream(
     let mut problems = Vec::new();
     let expected = match listed {
         Some(Some(count)) => count.count,
-        // A stream that the manifest leaves out published nothing.
+        // A stream without a manifest entry has no published samples.
         Some(None) => 0,
         None => coverage.received() + coverage.gaps(),
     };

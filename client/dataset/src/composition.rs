@@ -1,4 +1,4 @@
-//! What a collection holds, per task: the paper's composition table, as text, as
+//! Content of a collection, per task: the paper's composition table, as text, as
 //! CSV and as a plot.
 
 use std::collections::BTreeMap;
@@ -45,7 +45,7 @@ pub struct Row {
     pub successes: usize,
     /// Those that are complete.
     pub complete: usize,
-    /// Those in which the simulation broke; none of them succeeded.
+    /// Those in which the simulation became unstable; none of them succeeded.
     pub broken: usize,
     /// Samples.
     pub samples: usize,

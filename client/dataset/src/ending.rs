@@ -1,4 +1,4 @@
-//! Why an episode ended, in the words that files hold.
+//! Reasons for the end of an episode, as stored in files.
 
 use wheelarm_proto::v1;
 

@@ -15,7 +15,7 @@ pub fn bytes(frame: &v1::CameraFrame) -> usize {
     }
 }
 
-/// Ids from the bytes of an image whose ids have so many bytes each.
+/// Ids from the bytes of an image with `each` bytes per id.
 #[must_use]
 pub fn read(bytes: &[u8], each: usize) -> Vec<u16> {
     match each {
@@ -27,7 +27,7 @@ pub fn read(bytes: &[u8], each: usize) -> Vec<u16> {
     }
 }
 
-/// Ids as little-endian bytes, `width` bytes each.
+/// Ids as little-endian bytes, `each` bytes each.
 #[must_use]
 pub fn write(ids: &[u16], each: usize) -> Vec<u8> {
     match each {

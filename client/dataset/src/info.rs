@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use crate::read::{Episode, ReadError};
 
-/// What a file holds, in lines of text.
+/// The content of a file, as lines of text.
 ///
 /// # Errors
-/// When the file lacks what every episode has.
+/// When the file lacks a required attribute.
 pub fn info(episode: &Episode) -> Result<String, ReadError> {
     let s = episode.summary()?;
     let mut out = String::new();

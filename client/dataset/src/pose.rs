@@ -1,12 +1,12 @@
 //! Rigid poses, x y z in metres and the unit quaternion qx qy qz qw: pure
-//! functions, nothing else.
+//! functions only.
 
 use wheelarm_proto::v1;
 
 /// A frame in another one: x y z, qx qy qz qw.
 pub type Pose = [f64; 7];
 
-/// The pose that changes nothing.
+/// The identity.
 pub const IDENTITY: Pose = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
 /// The pose in a row of a recording; NaN where the row is too short.

@@ -113,7 +113,7 @@ fn take_folder(temporary: &Path, target: &Path) -> io::Result<()> {
 /// Makes a new or removed name durable, where the file system can sync folders.
 ///
 /// # Errors
-/// What the disk says.
+/// The I/O error of the disk.
 pub fn sync_folder(file: &Path) -> io::Result<()> {
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -127,7 +127,7 @@ pub fn sync_folder(file: &Path) -> io::Result<()> {
 /// Brings a file to the disk, where the file system can sync files.
 ///
 /// # Errors
-/// What the disk says.
+/// The I/O error of the disk.
 pub fn sync_file(file: &File) -> io::Result<()> {
     tolerated(file.sync_all(), "a file")
 }
@@ -135,7 +135,7 @@ pub fn sync_file(file: &File) -> io::Result<()> {
 /// Brings the contents of a file to the disk, where the file system can sync files.
 ///
 /// # Errors
-/// What the disk says.
+/// The I/O error of the disk.
 pub fn sync_data(file: &File) -> io::Result<()> {
     tolerated(file.sync_data(), "a file")
 }

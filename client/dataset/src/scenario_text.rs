@@ -6,7 +6,7 @@ use serde_json::Value;
 use wheelarm_proto::settings::{Named, Pacing, Quality};
 use wheelarm_proto::v1;
 
-/// The scenario; what is absent in it is left out.
+/// The scenario; absent fields are left out.
 #[must_use]
 pub fn scenario_json(s: &v1::Scenario) -> Value {
     let mut value = serde_json::to_value(s).unwrap_or_default();
@@ -14,7 +14,7 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
     value
 }
 
-/// TOML has no word for what is absent, so neither has the JSON.
+/// TOML cannot express an absent value, so the JSON does not either.
 fn leave_out_absent(value: &mut Value) {
     match value {
         Value::Object(fields) => {

@@ -2,7 +2,7 @@
 //! given joint positions, joint by joint, and a drawing of it without meshes.
 //!
 //! Forward only, for viewers and for frames that a recording does not hold;
-//! what moves the arm is the server's.
+//! the server moves the arm.
 
 use urdf_rs::{Geometry, JointType, Visual};
 use wheelarm_proto::v1;
@@ -70,7 +70,7 @@ pub fn text(assets: &[v1::AssetText]) -> Option<&str> {
 }
 
 impl Robot {
-    /// The description in a recording; `None` when there is none or it is not
+    /// The description in a recording; `None` when it is absent or is not
     /// readable.
     #[must_use]
     pub fn of(assets: &[v1::AssetText]) -> Option<Self> {
@@ -80,7 +80,7 @@ impl Robot {
     /// Reads a URDF.
     ///
     /// # Errors
-    /// When it is malformed, with words about where.
+    /// When it is malformed, with the position.
     pub fn parse(urdf: &str) -> Result<Self, String> {
         let robot = urdf_rs::read_from_string(urdf).map_err(|e| e.to_string())?;
         let joint = |j: urdf_rs::Joint| {

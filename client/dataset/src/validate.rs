@@ -26,10 +26,10 @@ const FLAT: f64 = 1.0;
 /// Hashes are this many ticks apart: one simulated second.
 const HASH_TICKS: u64 = 240;
 
-/// What was found.
+/// The reason.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Findings {
-    /// What is wrong.
+    /// The reason.
     pub problems: Vec<String>,
     /// Figures for people.
     pub facts: Vec<String>,
@@ -97,8 +97,8 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     Ok(found)
 }
 
-/// What was read; a dataset of another size than it must have is a problem of the
-/// recording, and the check goes on.
+/// The values read; a dataset of the wrong size is a problem of the
+/// recording, and the check continues.
 fn sized<T>(read: Result<T, ReadError>, found: &mut Findings) -> Result<Option<T>, ReadError> {
     match read {
         Err(ReadError::Shape {
@@ -452,7 +452,7 @@ fn hashes(episode: &Episode, found: &mut Findings) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Compares the file with `FILE.sha256` where there is one.
+/// Compares the file with `FILE.sha256` if it exists.
 fn checksum(path: &Path, found: &mut Findings) -> anyhow::Result<()> {
     let mut digest = Sha256::new();
     let mut file = std::fs::File::open(path)?;

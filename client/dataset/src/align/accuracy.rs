@@ -1,4 +1,4 @@
-//! How far interpolated values are from the truth: samples are left out, found
+//! Error of interpolated values against recorded ones: samples are left out, interpolated
 //! again by interpolation, and compared.
 //!
 //! The chair's orientation is sampled at 240 Hz from the IMU and is thinned to
@@ -102,7 +102,7 @@ pub fn accuracy(episode: &Episode) -> Result<Vec<Accuracy>, ReadError> {
         let mut names = meta.names.clone();
         if rule == Rule::Angle {
             unwrap(&mut all, width);
-            // Wheels turn by many turns; the arm is what precision is for.
+            // Wheels turn by many turns; precision matters for the arm.
             let arm: Vec<usize> = (0..width)
                 .filter(|&i| meta.names.get(i).is_some_and(|n| n.starts_with("joint_")))
                 .collect();
@@ -154,7 +154,7 @@ impl Errors {
     }
 }
 
-/// Compares every left-out sample with what interpolation finds for it.
+/// Compares every left-out sample with its interpolated value.
 fn thinned(
     what: &str,
     names: &[String],

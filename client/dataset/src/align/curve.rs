@@ -7,7 +7,7 @@ use super::hermite::{Axes, cubic, turn};
 use super::interpolate::{Place, linear, slerp};
 use crate::read::{ColumnMeta, ElementKind, Episode, ReadError, Values};
 
-/// Curve between two samples of what moves continuously.
+/// Curve between two samples of a continuous motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Interpolation {
     /// Straight lines and great arcs, as in the paper.
@@ -18,7 +18,7 @@ pub enum Interpolation {
     Hermite,
 }
 
-/// How the values of a column are found between samples.
+/// How the values of a column are interpolated between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// Straight line.
@@ -46,7 +46,7 @@ impl Rule {
         }
     }
 
-    /// The rule of a column by what it says of itself.
+    /// The rule of a column by its metadata.
     #[must_use]
     pub fn of(meta: &ColumnMeta) -> Self {
         // Commands and lists of contacts jump; there is nothing between two of them.
@@ -122,7 +122,7 @@ pub(crate) fn only(all: &[f64], which: &[usize], width: usize) -> Vec<f64> {
     rows.flat_map(|row| which.iter().map(|&i| row[i])).collect()
 }
 
-/// How values of `width` numbers are found between samples.
+/// How values of `width` numbers are interpolated.
 #[derive(Clone, Copy)]
 pub(crate) struct Curve<'a> {
     pub rule: Rule,

@@ -1,4 +1,4 @@
-//! How a value between two samples is found: pure functions, nothing else.
+//! Interpolation between two samples as pure functions.
 //! None of them extrapolates.
 
 /// Position of a time among ascending stamps.

@@ -27,7 +27,7 @@ use interpolate::{Place, nearest, place, unwrap};
 /// counts as a gap. One lost sample is bridged, two are not.
 const GAP: f64 = 2.5;
 
-/// What is aligned and how strictly.
+/// Options of an alignment.
 #[derive(Clone, Debug, Default)]
 pub struct AlignOptions {
     /// Camera whose stamps are the rows; [`Episode::reference`] when absent.
@@ -42,9 +42,9 @@ pub struct AlignOptions {
 /// A column at the rows' stamps.
 #[derive(Clone, Debug)]
 pub struct Signal {
-    /// What the column says of itself; `count` is the number of rows.
+    /// Metadata of the column; `count` is the number of rows.
     pub meta: ColumnMeta,
-    /// How its values were found.
+    /// How its values were interpolated.
     pub rule: Rule,
     /// Whether that was with the recorded velocities.
     pub hermite: bool,
@@ -53,7 +53,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// How its values were found, in words.
+    /// How its values were interpolated, as text.
     #[must_use]
     pub fn how(&self) -> &'static str {
         if self.hermite {
@@ -155,7 +155,7 @@ pub enum AlignError {
     /// The file.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// Nothing to make rows of.
+    /// The recording has no images for rows.
     #[error(
         "{file} has no images, and rows are those of a camera: it was recorded without cameras. `wheelarm replay {file} --out DIR --camera 'NAME=640x360@10'` records it again with one; `export --format mcap` and `label` need none"
     )]
@@ -278,7 +278,7 @@ pub fn align(
             aligned.frames.insert(camera.to_owned(), frames.collect());
         } else if let Some(sensor) = id.sensor_name() {
             let times = rising(episode, &stream)?;
-            // The newest is what a robot has, however old: `exposure_nanos` tells it.
+            // A robot has the newest image, however old; `exposure_nanos` gives its time.
             let limit = own.map_or(u64::MAX, nanos);
             let frames = aligned.stamps.iter();
             let frames = frames.map(|&t| newest(&times, t, limit));
@@ -328,7 +328,7 @@ pub fn align(
 }
 
 impl Aligned {
-    /// Without rows, for those who need none.
+    /// Without rows, for formats that need none.
     #[must_use]
     pub fn empty() -> Self {
         Self {

@@ -63,7 +63,7 @@ pub fn boxes(episode: &Episode, state: &State) -> Result<Vec<CameraBoxes>, ReadE
                 found.visible.push(visible);
                 found.projected.push(projected);
                 let share = pixels as f64 / area;
-                // `min` would make 1 of NaN.
+                // `min` would turn NaN into 1.
                 found.share.push(if share > 1.0 { 1.0 } else { share });
             }
         }
@@ -135,7 +135,7 @@ fn silhouette(
         inside += usize::from(hulls.iter().any(|hull| holds(hull, [x, y])));
     }
     let area = width * height * inside as f64 / (GRID * GRID) as f64;
-    // An object smaller than a pixel fills it where it is seen at all.
+    // An object smaller than a pixel fills it where it is visible at all.
     Some((extent, area.max(1.0)))
 }
 

@@ -29,21 +29,21 @@ pub struct Question {
     pub tick: u64,
     /// Index into [`KINDS`].
     pub kind: usize,
-    /// In words.
+    /// Text.
     pub question: String,
-    /// In words.
+    /// Text.
     pub answer: String,
     /// The subject of the questions, JSON.
     pub arguments: Value,
     /// The answer, JSON.
     pub value: Value,
-    /// Cameras whose images show what question and answer are about at that time; with
+    /// Cameras whose images show the subjects of question and answer at that time; with
     /// none the question is one from memory.
     pub cameras: Vec<String>,
 }
 
 impl Question {
-    /// Whether no image of that time shows what it is about.
+    /// Whether no image of that time shows its subjects.
     #[must_use]
     pub fn is_from_memory(&self) -> bool {
         self.cameras.is_empty()
@@ -60,7 +60,7 @@ impl Turns {
     }
 }
 
-/// What a question is about, in words and in JSON.
+/// Subject of a question, as text and JSON.
 struct Draft {
     question: String,
     answer: String,
@@ -70,7 +70,7 @@ struct Draft {
     shown: Vec<String>,
 }
 
-/// What the cameras show at the samples that have questions.
+/// Objects that the cameras show at the samples with questions.
 ///
 /// # Errors
 /// When images cannot be read.
@@ -96,7 +96,7 @@ fn rows(state: &State) -> Vec<usize> {
 }
 
 /// Questions about an episode: one of each type every second. Each is about what an
-/// image shows wherever there is something to ask about in one, and is a question from
+/// image shows wherever possible, and otherwise a question from
 /// memory elsewhere.
 pub(super) fn questions(state: &State, sight: &Sight) -> Vec<Question> {
     let mut out = Vec::new();
@@ -211,7 +211,7 @@ fn count(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<
         own == category && where_is(state, row, *object) == area
     };
     let counted: Vec<usize> = (0..state.objects.len()).filter(is_counted).collect();
-    // None at all is seen in no image: nothing says that the whole area is in it.
+    // An image cannot show "none": the whole area may not be in it.
     let shown = counted.iter().map(|&i| state.objects[i].clone());
     Some(Draft {
         question: format!("How many {} are on the {}?", several(category), words(area)),
@@ -273,7 +273,7 @@ fn side(
         true => "nothing".to_owned(),
         false => called.join(", "),
     };
-    // "Nothing" is seen where everything else on that furniture is.
+    // "Nothing" is visible where everything else on that furniture is.
     let own = is_there(object);
     let mut shown = vec![state.objects[object].clone()];
     match names.is_empty() {
@@ -319,7 +319,7 @@ fn held(state: &State, row: usize) -> Option<Draft> {
         answer: name.map_or("nothing".to_owned(), |name| state.called(name)),
         arguments: json!({}),
         value: json!(name),
-        // An empty hand is seen where its finger tips are.
+        // An empty hand is visible where its finger tips are.
         shown: name.map_or_else(|| state.tips.clone(), |name| vec![name.to_owned()]),
     })
 }

@@ -6,7 +6,7 @@ use crate::read::{Episode, ReadError};
 /// Cameras with whether each shows each instance.
 type Shown = Vec<(String, Vec<bool>)>;
 
-/// What the cameras show at some times.
+/// Objects that the cameras show at some times.
 #[derive(Clone, Debug, Default)]
 pub struct Sight {
     names: Vec<String>,
@@ -36,7 +36,7 @@ impl Sight {
             for (stamp, cameras) in &mut times {
                 let next = taken.partition_point(|t| *t < *stamp);
                 let last = taken.partition_point(|t| *t <= *stamp);
-                // Without an image on either side there is none to ask about.
+                // Without an image before and after, there is no visibility.
                 let (Some(before), true) = (last.checked_sub(1), next < taken.len()) else {
                     continue;
                 };

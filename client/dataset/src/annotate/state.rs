@@ -1,4 +1,4 @@
-//! What of a recording the labels are made of, sample by sample of `object_pose`.
+//! State of a recording for the labels, sample by sample of `object_pose`.
 
 use serde::Deserialize;
 use wheelarm_language::{Home, Role, Scene, kind_of};
@@ -35,13 +35,13 @@ pub struct State {
     pub hand: Vec<Pose>,
     /// Links of the finger tips.
     pub tips: Vec<String>,
-    /// What is held: index of the object.
+    /// Index of the held object.
     pub held: Vec<Option<usize>>,
     /// Verb of the task: `lift`, `put`, `open`, `close`; empty without one.
     pub verb: String,
-    /// What the task is about.
+    /// Target of the task.
     pub target: String,
-    /// Where it is to be put; empty unless it is.
+    /// Goal of the task; empty without one.
     pub goal: String,
     /// Middle of the shell that the arm reaches, in its base's frame, and its outer
     /// radius, metres.
@@ -208,7 +208,7 @@ impl State {
     }
 }
 
-/// Positions of what slides, at the ticks, in the order of the home.
+/// Positions of slides at the ticks, in the order of the home.
 fn slides(episode: &Episode, home: &Home, ticks: &[u64]) -> Result<Vec<Vec<f64>>, ReadError> {
     if !episode.has("furniture_joint") {
         return Ok(vec![vec![0.0; home.slides.len()]; ticks.len()]);
@@ -251,7 +251,7 @@ fn tips(robot: &v1::RobotDescription, assets: &[(String, String)]) -> Vec<String
     children.map(|joint| joint.child.link).collect()
 }
 
-/// What is held at each sample: an object that both tips press.
+/// The held object at each sample: one that both tips press.
 fn held(
     episode: &Episode,
     tips: &[String],
@@ -297,7 +297,7 @@ fn goal(assets: &[(String, String)], task: &str) -> (String, String) {
     let Some(file) = file else {
         return (String::new(), String::new());
     };
-    // Files before templates: what is picked is lifted.
+    // Files before templates: a picked object is lifted.
     let verb = file.template.unwrap_or_else(|| "lift".to_owned());
     let place = file.place.and_then(|place| place.name);
     (verb, place.unwrap_or_default())

@@ -1,11 +1,11 @@
-//! Phases in words: what is done, with what, where, and what is in the hand.
+//! Phases as text: the action, its object, its place, and the held object.
 
 use crate::label::{NAMES, Segment};
 
 use super::grasps::ChosenGrasp;
 use super::state::State;
 
-/// A phase in words.
+/// A phase as text.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Subtask {
     /// From when and until when it lasts, simulation time, nanoseconds.
@@ -14,17 +14,17 @@ pub struct Subtask {
     pub to: u64,
     /// 0 to 3, see [`crate::label::NAMES`].
     pub label: u8,
-    /// In words.
+    /// Text.
     pub text: String,
-    /// What it is done with.
+    /// Object of the action.
     pub object: String,
-    /// Where: an area, or the goal; empty where neither is known.
+    /// An area, or the goal; empty where neither is known.
     pub place: String,
-    /// What is held through most of it; empty for nothing.
+    /// The object held through most of it; empty without one.
     pub held: String,
 }
 
-/// What is done in each phase.
+/// Texts of all phases.
 pub(super) fn subtasks(state: &State, phases: &[Segment], grasps: &[ChosenGrasp]) -> Vec<Subtask> {
     let end = state.stamps.last().copied().unwrap_or(0);
     let area = area_of(state);
@@ -65,8 +65,8 @@ pub(super) fn plan(subtasks: &[Subtask]) -> Vec<String> {
     plan
 }
 
-/// What the hand is after in a phase: what the attempt that it belongs to takes, which
-/// may differ from the target; `None` where it takes nothing.
+/// Object of the hand in a phase: the one that its attempt grasps, which
+/// may differ from the target; `None` without a grasp.
 fn taken<'a>(phases: &[Segment], at: usize, grasps: &'a [ChosenGrasp]) -> Option<&'a str> {
     // An attempt begins with driving or reaching after anything else.
     let begins = |i: usize| i == 0 || phases[i].label < phases[i - 1].label;
@@ -111,7 +111,7 @@ fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
         (2, _) => format!("close the hand around {target}"),
         (_, "open") => format!("pull {target} open"),
         (_, "close") => format!("push {target} shut"),
-        // A bin holds what is in it, other goals what is on them.
+        // Objects are put into a bin and onto other goals.
         (_, "put") if state.goal.ends_with("bin") => {
             format!("put {target} in the {}", spoken(&state.goal))
         }
@@ -142,7 +142,7 @@ fn area_of(state: &State) -> String {
     area.map_or(String::new(), |i| scene.areas[i].name.clone())
 }
 
-/// What is held through most samples of a phase.
+/// The object held through most samples of a phase.
 fn held(state: &State, from: u64, to: u64) -> String {
     let first = state.stamps.partition_point(|&t| t < from);
     let last = state.stamps.partition_point(|&t| t < to);
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn an_attempt_at_the_wrong_object_is_named() {
         let phase = |(from, label)| Segment { from, label };
-        // Drives, takes the can, lets it go, reaches again and takes the bottle.
+        // Drives, grasps the can, releases it, reaches again and grasps the bottle.
         let phases = [(0, 0), (10, 1), (20, 2), (30, 3), (50, 1), (60, 2), (70, 3)].map(phase);
         let grasp = |(stamp, object): (u64, &str)| ChosenGrasp {
             stamp,

@@ -1,5 +1,5 @@
 //! The path of the hand in an image: the end effector at the next steps, in the
-//! pixels of the camera as it is now.
+//! pixels of the camera at its current pose.
 
 use super::state::State;
 use crate::pose::project;

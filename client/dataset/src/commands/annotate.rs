@@ -1,4 +1,4 @@
-//! Labels in words and boxes: copies of recordings with the group `/labels`.
+//! Labels as text and boxes: copies of recordings with the group `/labels`.
 
 use std::path::Path;
 
@@ -38,7 +38,7 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
                     problem.downcast_ref(),
                     Some(AlreadyThere::Before(_) | AlreadyThere::Again(_))
                 );
-                // The tables tell of it all the same.
+                // The tables contain it anyway.
                 return if there {
                     Ok((entry, Err(problem)))
                 } else {

@@ -1,4 +1,4 @@
-//! Arguments that several subcommands take, and what a run ends with.
+//! Arguments shared by subcommands, and exit codes.
 
 use std::path::PathBuf;
 
@@ -9,18 +9,18 @@ use wheelarm_dataset::align::Interpolation;
 pub const FINE: u8 = 0;
 /// A file could not be read or written.
 pub const FAILED: u8 = 1;
-/// A process of it crashed; who supervises finds out why.
+/// A worker process crashed; the supervisor finds the cause.
 pub const BROKEN: u8 = 134;
 /// Readable, but partial or with problems.
 pub const PARTIAL: u8 = 3;
 
-/// Recordings and how many are worked on at once.
+/// Recordings and how many are processed at once.
 #[derive(Args)]
 pub struct Files {
     /// Episode files, or folders with some.
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Files at once; as many as there are processors without it.
+    /// Files at once; the number of CPUs without it.
     #[arg(long, value_name = "N", value_parser = jobs)]
     pub jobs: Option<usize>,
     /// Damaged ones among them.
@@ -59,7 +59,7 @@ pub enum FormatName {
     Lerobot,
     /// robomimic HDF5 with MimicGen's additions.
     Robomimic,
-    /// safetensors, a file per episode: what trainers read fastest.
+    /// safetensors, a file per episode: fastest to read for training.
     Tensors,
     /// MCAP for Foxglove.
     Mcap,
@@ -67,7 +67,7 @@ pub enum FormatName {
     Rosbag2,
 }
 
-/// Parses how many at once.
+/// Parses a number of files at once.
 fn jobs(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| *count > 0);
     count.ok_or_else(|| {

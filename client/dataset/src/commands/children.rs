@@ -1,4 +1,4 @@
-//! What processes of this program tell each other that work on one command.
+//! Coordination of the processes that execute one command.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -45,7 +45,7 @@ fn path_of(bytes: &[u8]) -> PathBuf {
     OsStr::from_bytes(bytes).into()
 }
 
-/// This program, also where another one has taken the place of its file.
+/// This program, even if its file was replaced.
 ///
 /// # Errors
 /// When it cannot be found.

@@ -1,4 +1,4 @@
-//! Which files are meant and where results go.
+//! Selects input files and output paths.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ pub fn check_image_path(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Leaves out labelled copies of what is there itself.
+/// Leaves out labelled copies whose recording is present.
 fn leave_copies_out(files: &mut Vec<PathBuf>) {
     let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
     files.retain(|file| {
@@ -69,7 +69,7 @@ fn leave_copies_out(files: &mut Vec<PathBuf>) {
     });
 }
 
-/// Why a folder gives nothing to work on, with the cure.
+/// Why a folder has no input files, with the fix.
 fn without_episodes(folder: &Path) -> String {
     let episodes = folder.join("episodes");
     if episodes.is_dir() {
@@ -90,7 +90,7 @@ pub fn jobs(files: &Files) -> usize {
     files.jobs.unwrap_or_else(batch::threads)
 }
 
-/// How the recordings `files` are read.
+/// Options for reading the recordings `files`.
 pub fn options(input: &Input, files: &[PathBuf]) -> anyhow::Result<ReadOptions> {
     let corrections = match &input.corrections {
         Some(path) => Corrections::read(path)?,

@@ -32,7 +32,7 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Prints what an episode file holds.
+    /// Prints the content of an episode file.
     Info {
         /// The episode file.
         file: PathBuf,
@@ -72,7 +72,7 @@ enum Command {
         #[arg(long, value_name = "CSV")]
         out: Option<PathBuf>,
     },
-    /// Labels in words and boxes: a copy of each recording with the group /labels,
+    /// Labels as text and boxes: a copy of each recording with the group /labels,
     /// and tables of phases and questions.
     Annotate {
         #[command(flatten)]
@@ -81,7 +81,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
-    /// Writes what other programs read.
+    /// Exports recordings for other programs.
     Export {
         #[command(flatten)]
         input: Input,
@@ -114,7 +114,7 @@ enum Command {
         #[arg(long)]
         depth: bool,
         /// Adds the columns language_persistent and language_events to lerobot, which
-        /// LeRobot reads from 0.6 on and older ones refuse.
+        /// LeRobot reads from 0.6 on and older versions reject.
         #[arg(long)]
         language: bool,
     },
@@ -123,7 +123,7 @@ enum Command {
         #[command(flatten)]
         input: Files,
     },
-    /// Prints what a collection holds, per task.
+    /// Prints the content of a collection, per task.
     Stats {
         #[command(flatten)]
         input: Files,
@@ -158,7 +158,7 @@ enum Command {
 /// Has a command done and returns the exit code.
 ///
 /// # Errors
-/// What stops the whole command; a single file's problem does not.
+/// Errors that stop the whole command; a single file's problem does not.
 pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
     // It reads no HDF5, and may write for long.
     let reads = !matches!(cli.command, Command::Recover { .. });

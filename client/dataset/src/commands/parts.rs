@@ -12,12 +12,12 @@ use wheelarm_dataset::convert::batch::{self, Numbers};
 use super::arguments::{BROKEN, FAILED, FINE};
 use super::children::{end_with, list, paths, this_program};
 
-/// Tells a process of an export its part, as `INDEX/COUNT/PARENT`, with the process that
-/// asks for it; the files of all of them come by its standard input.
+/// Part of an export's worker process, `INDEX/COUNT/PARENT`, with the process ID of its
+/// parent; the paths of all files arrive on standard input.
 const VARIABLE: &str = "WHEELARM_EXPORT_PART";
 /// Threads of a process.
 const THREADS: usize = 2;
-/// Files of a process at the least: to start one takes as long as a short file.
+/// Least number of files of a process: starting one takes as long as a short file.
 const FILES: usize = 4;
 
 /// Processes that `files` files are worth with `jobs` of them at once; 1: this one alone.
@@ -30,7 +30,7 @@ pub fn is_one() -> bool {
     std::env::var_os(VARIABLE).is_some()
 }
 
-/// Which of all files this process exports, where it is one of several.
+/// The files that this process exports, where it is one of several.
 ///
 /// # Errors
 /// When the variable does not name a part.
@@ -57,7 +57,7 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
     Ok(Some((own.collect(), numbers)))
 }
 
-/// Exports `files` by `count` processes like this one, and prints what they say.
+/// Exports `files` by `count` processes like this one, and prints their output.
 ///
 /// # Errors
 /// When one cannot be started.
@@ -73,7 +73,7 @@ pub fn export(files: &[PathBuf], count: usize) -> anyhow::Result<u8> {
         let followed = children.iter_mut().map(|child| {
             let (list, bar) = (&list, &bar);
             scope.spawn(move || {
-                // One that ended at once says why by its exit.
+                // A process that ended at once gives the reason by its exit code.
                 let _ = child.0.stdin.take().map(|mut to| to.write_all(list));
                 let output = child.0.stdout.take().context("its output is not here")?;
                 blocks(BufReader::new(output), |block| {
@@ -115,7 +115,7 @@ struct Part(Child);
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // What has ended cannot be ended.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

@@ -1,4 +1,4 @@
-//! The commands that take many recordings.
+//! Commands on many recordings.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -79,7 +79,7 @@ pub fn align(input: &Input, out: Option<&Path>, images: bool) -> anyhow::Result<
     Ok(code(&results))
 }
 
-/// Why rows of a stream have no value, with the cure.
+/// Why rows of a stream have no value, with the fix.
 fn without_value(lost: usize, coverage: &align::Coverage) -> String {
     match coverage.samples {
         1 => format!(
@@ -172,7 +172,7 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
     Ok(code(&results))
 }
 
-/// How many episodes agree, and how far their boundaries are apart.
+/// Number of matching episodes, and the distances of their boundaries.
 fn agreed(all: &[Agreement]) -> String {
     let differences = all.iter().filter_map(|a| a.differences.as_ref()).flatten();
     let worst = differences.fold(0.0_f64, |w, d| w.max(d.abs()));
@@ -212,7 +212,7 @@ pub fn export(
     };
     let (options, jobs) = (options(input, &files)?, jobs(&input.files));
     let processes = parts::worth(files.len(), jobs);
-    // Files at once times threads of one file: as many as there are processors.
+    // Files at once times threads of one file: the number of CPUs.
     let jobs = (jobs / numbers.step).max(1);
     let inner = (threads() / numbers.step / jobs.min(files.len().max(1))).max(1);
     let folder = out.to_owned();

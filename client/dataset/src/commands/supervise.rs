@@ -209,14 +209,14 @@ impl Work {
         }
         let child = command.stdin(Stdio::piped()).spawn();
         let mut child = child.context("starting this program")?;
-        // One that ended at once says why by its exit.
+        // A process that ended at once gives the reason by its exit code.
         let all = list(self.damaged.iter());
         let _ = child.stdin.take().map(|mut to| to.write_all(&all));
         child.wait().context("waiting for the work")
     }
 }
 
-/// A file in which the work tells what it reads.
+/// A file in which the worker lists the files that it reads.
 struct Journal {
     path: PathBuf,
 }
@@ -265,7 +265,7 @@ impl Drop for Journal {
     }
 }
 
-/// Files that break who reads them, each read by a process of its own.
+/// Files that crash their reader, each read by its own process.
 fn probe(files: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
     let ended = batch::parallel(files.len(), batch::threads(), |index| {
         let mut command = worker_command(Duration::ZERO, 0, true, Path::new(""))?;
@@ -293,7 +293,7 @@ fn worker_command(
     Ok(command)
 }
 
-/// How a process broke; `None` when it ended by itself or by another's will.
+/// How a process crashed; `None` when it exited or was terminated.
 fn broke(status: ExitStatus) -> Option<String> {
     const CRASHES: [Signal; 5] = [
         Signal::SEGV,
@@ -316,7 +316,7 @@ fn broke(status: ExitStatus) -> Option<String> {
     }
 }
 
-/// What this process ends with when the work ended like that.
+/// Exit code of this process for the worker's exit status.
 fn exit_code(status: ExitStatus) -> u8 {
     if status.signal() == Some(Signal::KILL.as_raw()) {
         eprintln!(

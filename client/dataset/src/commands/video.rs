@@ -9,7 +9,7 @@ use wheelarm_dataset::video::{self as videos, VideoOptions};
 
 use super::arguments::FINE;
 
-/// What is shown, and how.
+/// Arguments of `wheelarm dataset video`.
 #[derive(Args)]
 pub struct Video {
     /// The episode file.

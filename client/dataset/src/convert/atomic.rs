@@ -40,7 +40,7 @@ static BEGAN: OnceLock<[SystemTime; 2]> = OnceLock::new();
 
 /// Tells when the command began that this process works on from now.
 pub fn begin(command: SystemTime) {
-    // The first to say so is right.
+    // The first value counts.
     let _ = BEGAN.set([command, SystemTime::now()]);
 }
 

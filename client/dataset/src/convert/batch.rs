@@ -1,5 +1,5 @@
 //! Several files at once: one that cannot be read is reported and the rest
-//! goes on, even where this program has a fault; long work shows how far it is.
+//! continues, even after a panic; long work shows its progress.
 
 use std::any::Any;
 use std::fs::File;
@@ -23,7 +23,7 @@ static JOURNAL: OnceLock<Mutex<File>> = OnceLock::new();
 /// Has it written into `file` when the reading of a recording begins and ends: `+` or `-`,
 /// its path, and a zero byte.
 pub fn keep_journal(file: File) {
-    // The first to say so is right.
+    // The first value counts.
     let _ = JOURNAL.set(Mutex::new(file));
 }
 
@@ -142,7 +142,7 @@ impl Numbers {
     pub const ALL: Self = Self { first: 1, step: 1 };
 }
 
-/// Exports files and returns what became of each; the last entry of a format
+/// Exports files and returns the result of each; the last entry of a format
 /// that collects is the data set itself.
 pub fn export(
     files: &[PathBuf],
@@ -151,7 +151,7 @@ pub fn export(
     options: &ReadOptions,
     format: Box<dyn Format>,
 ) -> Results<Written> {
-    // Who has a part only is one of many, and its bar would be too.
+    // A worker process shows no bar, because it is one of several.
     let bar = match numbers {
         Numbers::ALL => bar("rows"),
         _ => ProgressBar::hidden(),
@@ -211,7 +211,7 @@ fn named(file: &Path, problem: &str) -> String {
 }
 
 /// Prints the failures and says whether there were any. Of several files, what was written
-/// before is none: an interrupted command goes on when it is started again.
+/// before is not a failure: an interrupted command resumes when it is started again.
 pub fn failures<T>(results: &Results<T>, several: bool) -> bool {
     let (mut any, mut there) = (false, 0);
     for (file, result) in results {

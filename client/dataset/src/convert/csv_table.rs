@@ -23,7 +23,7 @@ use crate::ending::PHYSICS;
 pub struct CsvTable {
     /// Folder of the folders.
     pub out: PathBuf,
-    /// What the rows of `rows.csv` are.
+    /// Options of the rows of `rows.csv`.
     pub rows: RowOptions,
     /// Threads that compress images.
     pub threads: usize,

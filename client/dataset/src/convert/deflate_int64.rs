@@ -221,7 +221,7 @@ fn length_symbol(length: usize) -> (usize, u32, u32) {
     (257 + at, length.saturating_sub(first) as u32, width)
 }
 
-/// Lengths of Huffman's codes; 0 for what does not occur.
+/// Lengths of Huffman codes; 0 for values that do not occur.
 fn code_lengths(counts: &[u32; SYMBOLS]) -> [u8; SYMBOLS] {
     let mut counts = *counts;
     loop {

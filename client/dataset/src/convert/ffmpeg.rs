@@ -58,7 +58,7 @@ impl Program {
         &self.cure
     }
 
-    /// What it says of itself.
+    /// Its summary.
     ///
     /// # Errors
     /// When there is none or it does not answer, with the cure.

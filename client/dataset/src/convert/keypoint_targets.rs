@@ -99,10 +99,10 @@ pub fn read(
     Ok(out)
 }
 
-/// A place in `house` by the sample of the state, metres; none where there is none.
+/// A position in `house` by the sample of the state, metres; `None` without one.
 type Point<'a> = Box<dyn Fn(usize) -> Option<[f64; 3]> + 'a>;
 
-/// The middle of an object, or the handle's origin of what slides.
+/// The middle of an object, or the handle's origin of a slide.
 fn object_point<'a>(state: &'a State, name: &str) -> Point<'a> {
     if let Some(object) = state.objects.iter().position(|object| object == name) {
         let middle = annotate::middle(state, name);

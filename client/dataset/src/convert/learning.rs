@@ -1,4 +1,4 @@
-//! What a policy learns from, the same for every format that trains one: rows of
+//! Training rows, identical in every training format: rows of
 //! observed state and of action, success, on an exact time grid. The rows
 //! themselves are made in `wheelarm-policy`; this module locates their numbers
 //! in a recording.
@@ -18,7 +18,7 @@ use crate::urdf::Robot;
 
 /// Streams that a row must have.
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
-/// Streams of sensor models that a row contains in the place of what is exact.
+/// Streams of sensor models that a row contains instead of exact values.
 const SENSED: [&str; 2] = ["sensed_joint", "sensed_odometry"];
 /// Deviation that the statistics tell at least of a value of state or action, and
 /// half the range that scaling to [-1, 1] takes at least; in the value's own unit
@@ -39,10 +39,10 @@ pub fn reads(stream: &str) -> bool {
     STREAMS.contains(&stream) || SENSED.contains(&stream)
 }
 
-/// What is made into rows.
+/// Options of the rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RowOptions {
-    /// What the numbers of an action are.
+    /// Kind of the actions.
     pub action: ActionKind,
     /// Seconds of idleness that stay at either end of an episode; all without it.
     pub trim_idle: Option<f64>,
@@ -61,7 +61,7 @@ pub struct Learning<'a> {
     pub incidents: Vec<usize>,
     /// Whether a policy commanded in a row: its actions are not demonstrations.
     pub by_policy: Vec<bool>,
-    /// Words about rows that are left out.
+    /// Notes about skipped rows.
     pub notes: Vec<String>,
     position: &'a Signal,
     velocity: &'a Signal,
@@ -80,7 +80,7 @@ pub struct Learning<'a> {
 }
 
 impl<'a> Learning<'a> {
-    /// Makes rows of those of the alignment whose places are given, in order.
+    /// Reads the rows of the alignment with these indices, in order.
     ///
     /// # Errors
     /// When the recording lacks a column, or the simulation broke in it.
@@ -94,7 +94,7 @@ impl<'a> Learning<'a> {
         }
         let position = recording.need("joint_state", "position")?;
         let pose = recording.need("pose", "pose")?;
-        // Columns of streams that nothing was published on are empty.
+        // Columns of streams without samples are empty.
         let is_on = |stream| !recording.aligned.whole_rows(&[stream], &[]).is_empty();
         let sensed = |stream, column| {
             let signal = recording.aligned.signal(stream, column);
@@ -241,7 +241,7 @@ impl<'a> Learning<'a> {
         self.knuckle.row(row).first().copied().unwrap_or(f64::NAN)
     }
 
-    /// Whether the task's conditions hold.
+    /// Whether the task's conditions are met.
     #[must_use]
     pub fn success(&self, row: usize) -> bool {
         self.success.get(row).is_some_and(|&s| s != 0)
@@ -286,7 +286,7 @@ fn applied(recording: &Recording) -> anyhow::Result<Applied> {
             };
             out.joints.iter().map(place).collect()
         }
-        // Without the robot's description every desired pose is taken as it is.
+        // Without the robot's description every desired pose is used unchanged.
         None => out.desired.clone(),
     };
     let count = out.stamps.len();
@@ -337,7 +337,7 @@ fn busy(applied: &Applied, rows: &[usize], stamps: &[u64], keep: f64) -> std::op
     start..end + 1
 }
 
-/// What must be the same in all episodes of one set: the robot's joints in their
+/// Properties that are equal in all episodes of one set: the robot's joints in their
 /// order, with their limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
@@ -358,7 +358,7 @@ impl Body {
         }
     }
 
-    /// Refuses another robot in the same set.
+    /// Rejects another robot in the same set.
     ///
     /// # Errors
     /// With the first joint that differs.
@@ -388,7 +388,7 @@ fn limits((name, lower, upper): &(String, Option<f64>, Option<f64>)) -> String {
     format!("{name} from {} to {}", word(lower), word(upper))
 }
 
-/// What went wrong or right again, with its time, nanoseconds.
+/// Incidents and their ends, with their times, nanoseconds.
 fn incidents(recording: &Recording) -> Vec<(u64, v1::Incident)> {
     // Without commands, or in an older file, the list is empty.
     let commands = recording.episode.commands().unwrap_or_default();
@@ -413,7 +413,7 @@ fn under_way(reported: &[(u64, v1::Incident)], stamp: u64) -> usize {
     })
 }
 
-/// With what was commanded, with its time, nanoseconds.
+/// Devices of the commands, with their times, nanoseconds.
 fn devices(recording: &Recording) -> Vec<(u64, v1::Device)> {
     let commands = recording.episode.commands().unwrap_or_default();
     let reported = commands.into_iter().filter_map(|log| {
@@ -446,7 +446,7 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
 }
 
 /// Images per second and the longest run of whole rows on the exact
-/// grid of that rate, with words about the rest.
+/// grid of that rate, with notes about the rest.
 ///
 /// # Errors
 /// When no two rows are on a grid.

@@ -36,7 +36,7 @@ use crate::label::{self, Corrections};
 use crate::pose::Pose;
 use crate::read::{Camera, Episode, Summary};
 
-/// How recordings are read for any format.
+/// Options for reading recordings, for every format.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
     /// Rows and age limits.
@@ -50,7 +50,7 @@ pub struct ReadOptions {
 pub struct Recording {
     /// The native file.
     pub episode: Episode,
-    /// What it says of itself.
+    /// Its summary.
     pub summary: Summary,
     /// Its streams at the reference camera's stamps.
     pub aligned: Aligned,
@@ -157,7 +157,7 @@ impl Recording {
     /// The camera and the number of its image in a row.
     ///
     /// # Errors
-    /// When there is none.
+    /// When it does not exist.
     pub fn image(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         let frames = self.aligned.frames.get(camera);
         match (
@@ -173,7 +173,7 @@ impl Recording {
     /// sensor where there is one, else the exact image.
     ///
     /// # Errors
-    /// When there is none.
+    /// When it does not exist.
     pub fn observed(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         match self.sensor_of(camera, Camera::has_rgb) {
             Some(name) => self.sensed(name, row),
@@ -200,7 +200,7 @@ impl Recording {
     /// The newest image of a camera's depth sensor in a row.
     ///
     /// # Errors
-    /// When there is none.
+    /// When it does not exist.
     pub fn sensed_depth(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         let name = self.sensor_of(camera, Camera::has_depth);
         self.sensed(name.unwrap_or_default(), row)
@@ -240,7 +240,7 @@ impl Recording {
     /// A column of the alignment that the format cannot do without.
     ///
     /// # Errors
-    /// When the file does not hold it.
+    /// When the file does not have it.
     pub fn need(&self, stream: &str, column: &str) -> anyhow::Result<&crate::align::Signal> {
         self.aligned.signal(stream, column).ok_or_else(|| {
             anyhow::anyhow!(
@@ -253,7 +253,7 @@ impl Recording {
     /// The arm's base in the chair, by the robot's description.
     ///
     /// # Errors
-    /// When it tells none.
+    /// When it has none.
     pub fn arm_mount(&self) -> anyhow::Result<Pose> {
         let ([x, y, z], [qx, qy, qz, qw]) = check::pose("arm mount", self.robot.arm_mount.as_ref())
             .with_context(|| self.episode.path().display().to_string())?;
@@ -261,7 +261,7 @@ impl Recording {
     }
 
     /// Rows that have all of `streams`, every camera, and an image of every sensor
-    /// that the format uses, and words about those that do not.
+    /// that the format uses, and notes about those that do not.
     ///
     /// # Errors
     /// When no row is left.
@@ -308,7 +308,7 @@ impl Recording {
     }
 }
 
-/// Which images a format uses where there are sensors.
+/// The images that a format uses where sensors exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sees {
     /// The exact ones.
@@ -319,14 +319,14 @@ pub enum Sees {
     ColourAndDepth,
 }
 
-/// What became of one recording.
+/// Result of one recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Written {
     /// File or folder.
     pub path: PathBuf,
     /// Rows, samples or messages.
     pub samples: usize,
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -345,9 +345,9 @@ pub trait Format: Sync {
     /// Adds a recording; `tick` is called for every row.
     ///
     /// # Errors
-    /// When it cannot be read or written; nothing of it is left then.
+    /// When it cannot be read or written; then no partial output is left.
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written>;
-    /// Puts a collected data set in its place; `None` when there is none.
+    /// Publishes a collected data set; `None` without one.
     ///
     /// # Errors
     /// When it cannot be written.

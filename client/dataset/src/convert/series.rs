@@ -1,4 +1,4 @@
-//! Messages over time for formats that are logs: what is known of them before the
+//! Messages over time for log formats: metadata that is known before the
 //! first is made, and all of them in the order of time.
 
 use super::batch::parallel;
@@ -6,14 +6,14 @@ use super::batch::parallel;
 /// Messages that are made together: about half a second.
 const BLOCK: usize = 512;
 
-/// What makes the encoded message of a sample of a stamp.
+/// Encodes the message of a sample with a stamp.
 type Make<'a> = Box<dyn Fn(usize, u64) -> anyhow::Result<Vec<u8>> + Sync + 'a>;
 
-/// Messages of one source; `K` says what a format has to know of them.
+/// Messages of one source; `K` is the metadata of a format.
 pub(super) struct Series<'a, K> {
     /// Topic.
     pub topic: String,
-    /// What kind of messages they are.
+    /// Metadata of the messages.
     pub kind: K,
     /// Stamps of the messages, nanoseconds of simulation time.
     pub stamps: Vec<u64>,

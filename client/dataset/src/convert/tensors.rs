@@ -1,4 +1,4 @@
-//! What a trainer reads fastest: a safetensors file per episode, with the rows of
+//! The fastest format for training: a safetensors file per episode, with the rows of
 //! a policy and the images as they are in memory, neither compressed nor scaled
 //! to a range. Episodes are independent, so all processors write, and a trainer
 //! maps the files and copies them to the GPU.
@@ -44,9 +44,9 @@ pub struct Tensors {
     pub out: PathBuf,
     /// Images are scaled to this size; as recorded without it.
     pub size: Option<Size>,
-    /// With depth: what a depth sensor gave, else the exact one.
+    /// With depth: of a depth sensor if present, else exact.
     pub depth: bool,
-    /// What the rows are.
+    /// Options of the rows.
     pub rows: RowOptions,
     /// Threads that read the images of one episode.
     pub threads: usize,
@@ -169,7 +169,7 @@ impl Tensors {
                 let row = (2 * y + 1) * height / (2 * to.height) * width;
                 for x in 0..to.width {
                     let metres_here = metres[row + (2 * x + 1) * width / (2 * to.width)];
-                    // Beyond what 16 bits hold, and where nothing is: 0.
+                    // Beyond 16 bits, and without a hit: 0.
                     let millimetres = (metres_here * 1e3).round();
                     let is_valid = (0.0..=f32::from(u16::MAX)).contains(&millimetres);
                     let stored = if is_valid { millimetres as u16 } else { 0 };

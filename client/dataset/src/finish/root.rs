@@ -89,7 +89,7 @@ pub(super) fn attributes(
         .texts("anomaly_kinds", &kinds)?;
 
     // Without an evaluation the success of the task is unknown, and of a
-    // simulation that broke nothing can be believed.
+    // unstable simulation no result is valid.
     let sound = cause != v1::EndCause::Physics;
     at.set("success", sound && evaluation.is_some_and(|e| e.success))?
         .text(
@@ -133,7 +133,7 @@ pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()>
     Ok(())
 }
 
-/// Counts that are the server's word; without it they are -1, for unknown, and
+/// Counts of the server's manifest; without it they are -1 for unknown, and
 /// the lower bound is stored in `NAME_at_least`.
 fn counts(
     at: &Attributes<'_>,

@@ -27,7 +27,7 @@ const fn number(name: &'static str, unit: &'static str) -> ColumnInfo {
     }
 }
 
-/// What every stream has: when a sample was taken, and which one it is.
+/// Columns of every stream: time and number of each sample.
 pub(super) const HEADER_COLUMNS: [ColumnInfo; 3] = [
     number("stamp_nanos", "ns of simulation time"),
     number("sequence", "1 (counts up by one per sample and run)"),
@@ -69,7 +69,7 @@ pub(super) fn samples<'a>(scan: &'a Scan, stream: usize) -> Vec<&'a Entry> {
 }
 
 /// Writes a state stream and returns the number of irregular samples, whose
-/// lists had another length than their columns.
+/// lists have another length than their columns.
 pub(super) fn state(
     group: &Group,
     stream: &dyn Stream,
@@ -105,7 +105,7 @@ pub(super) fn state(
     Ok(irregular)
 }
 
-/// Columns to be filled with `rows` rows.
+/// Empty columns for `rows` rows.
 fn create<'a>(
     group: &Group,
     columns: impl Iterator<Item = &'a ColumnInfo>,
@@ -346,7 +346,7 @@ fn describe(data: &Dataset, units: &str) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Writes a stream that this version does not know: its messages as they came.
+/// Writes the unchanged messages of a stream that this version does not know.
 pub(super) fn unknown(group: &Group, scan: &Scan, entries: &[&Entry]) -> Result<(), FinishError> {
     const MESSAGE: ColumnInfo = ColumnInfo {
         name: "message",

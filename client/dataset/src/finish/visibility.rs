@@ -51,7 +51,7 @@ impl Visibility {
         Ok(())
     }
 
-    /// Says on the file whether any first image shows the target; nothing where no camera
+    /// Writes whether any first image shows the target; nothing where no camera
     /// has instance IDs or the scenario no target.
     pub(super) fn finish(&self, file: &File) -> hdf5::Result<()> {
         if !self.first.is_empty() {

@@ -36,7 +36,7 @@ pub(crate) fn unlocked() -> hdf5::FileBuilder {
 /// knows.
 ///
 /// # Errors
-/// Those of HDF5, also where an attribute is there already.
+/// Those of HDF5, also where an attribute exists already.
 pub fn add_texts(file: &std::path::Path, texts: &[(&str, &str)]) -> hdf5::Result<()> {
     let file = unlocked().open_rw(file)?;
     let attributes = Attributes::of(&file);
@@ -46,7 +46,7 @@ pub fn add_texts(file: &std::path::Path, texts: &[(&str, &str)]) -> hdf5::Result
     file.close()
 }
 
-/// UTF-8 of variable length; NUL, which HDF5 takes for the end, becomes U+FFFD.
+/// UTF-8 of variable length; NUL, which ends text in HDF5, becomes U+FFFD.
 #[must_use]
 pub fn unicode(text: &str) -> VarLenUnicode {
     text.replace('\0', "\u{fffd}")

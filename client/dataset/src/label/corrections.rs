@@ -26,7 +26,7 @@ pub struct Corrections(BTreeMap<String, Own>);
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Own {
     segments: Vec<Segment>,
-    /// Where the episode is named first: table and line.
+    /// First occurrence of the episode: table and line.
     place: String,
 }
 
@@ -119,7 +119,7 @@ impl Corrections {
         Ok(())
     }
 
-    /// Whether there are none.
+    /// Whether the camera has no frames.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -142,7 +142,7 @@ impl Corrections {
     }
 }
 
-/// The text of a table, without the mark that spreadsheets put before UTF-8.
+/// The text of a table, without the byte order mark of spreadsheets.
 fn decode(bytes: &[u8]) -> anyhow::Result<&str> {
     let is_wide = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
     ensure!(
@@ -159,7 +159,7 @@ fn decode(bytes: &[u8]) -> anyhow::Result<&str> {
     }
 }
 
-/// Where the required columns are in a table with this header.
+/// Indices of the required columns in a table with this header.
 fn header(line: &str) -> anyhow::Result<[usize; REQUIRED.len()]> {
     let names: Vec<&str> = line
         .split(',')

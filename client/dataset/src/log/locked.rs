@@ -1,17 +1,17 @@
-//! Files that are locked for as long as this program has them.
+//! Files that are locked while this program has them open.
 
 use std::fs::{File, TryLockError};
 use std::io;
 use std::ops::{Deref, DerefMut};
 
-/// A locked file. It is unlocked by a call and not by being closed alone: a program that
+/// A locked file. It is unlocked explicitly and not only by closing it: a program that
 /// is being started has a copy of it for a moment, and a process that locks it then, this
 /// program itself, would be refused.
 #[derive(Debug)]
 pub struct Locked(File);
 
 impl Locked {
-    /// Locks a file; on file systems without locks it is merely held.
+    /// Locks a file; on file systems without locks it is only kept open.
     ///
     /// # Errors
     /// The file, where another program has locked it.

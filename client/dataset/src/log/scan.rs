@@ -16,7 +16,7 @@ use super::{Closing, Kind, Locked, LogError, MAX_PAYLOAD, Preamble, RECORD_HEADE
 pub struct Entry {
     /// Its header.
     pub header: RecordHeader,
-    /// Where its payload begins in the file, bytes.
+    /// Offset of its payload in the file, bytes.
     pub offset: u64,
     /// Length of its payload, bytes.
     pub length: usize,
@@ -39,13 +39,13 @@ pub struct Scan {
     pub good: u64,
     /// Bytes behind it that are lost.
     pub lost: u64,
-    /// Why reading stopped there; `None` when nothing is lost.
+    /// Why reading stopped there; `None` for an undamaged log.
     pub damage: Option<String>,
 }
 
 impl Scan {
-    /// Reads a record's payload into `buffer`, which may hold anything before and
-    /// is best kept for the next one, and compares its checksum.
+    /// Reads a record's payload into `buffer`, whose content is dropped and which
+    /// is best reused for the next one, and compares its checksum.
     ///
     /// # Errors
     /// [`LogError::Io`]; [`LogError::Damaged`].
@@ -82,7 +82,7 @@ impl Scan {
 
 /// Locks a log for as long as the file that it gives lives, so that no recorder writes
 /// it and no other process makes a file of it. `None` without anything that could be
-/// locked; reading it tells why.
+/// locked; reading it returns the reason.
 ///
 /// # Errors
 /// [`LogError::InUse`].
@@ -117,8 +117,8 @@ pub fn scan(path: &Path) -> Result<Scan, LogError> {
 }
 
 /// The index of a log that was closed in order, by the headers of its records;
-/// nothing when it ends otherwise, which [`scan`] looks into. Whether payloads
-/// are what was written shows when they are read ([`Scan::payload`]), so that
+/// `None` when it ends otherwise; use [`scan`] then. Damage of payloads
+/// shows when they are read ([`Scan::payload`]), so that
 /// nothing is read twice.
 ///
 /// # Errors
@@ -128,7 +128,7 @@ pub fn outline(path: &Path) -> Result<Option<Scan>, LogError> {
     Ok((found.closing.is_some() && found.damage.is_none()).then_some(found))
 }
 
-/// What becomes of payloads while the index is made.
+/// How payloads are checked while the index is built.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Payloads {
     Checked,
@@ -207,7 +207,7 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
     Ok(out)
 }
 
-/// What a file is that does not begin like a log, and what to do with it.
+/// Describes a file that does not begin like a log, with the fix.
 fn foreign(path: &Path, head: &[u8]) -> String {
     const NAME: &str = "a log is named LABEL.h5.wal and stands where the file will be";
     if head.starts_with(crate::hdf::SIGNATURE) {

@@ -1,4 +1,4 @@
-//! Plots of an episode: everything that moved, and how the rows of the
+//! Plots of an episode: all moving parts, and how the rows of the
 //! reference camera are located among the recorded samples.
 
 mod synchronisation;
@@ -25,7 +25,7 @@ fn drawn(problem: DrawError) -> anyhow::Error {
     anyhow::anyhow!("the plot cannot be drawn: {problem}")
 }
 
-/// What a panel shows.
+/// Content of a panel.
 enum Panel<'a> {
     /// Lines with one axis.
     Lines(&'a str, Vec<Line>),

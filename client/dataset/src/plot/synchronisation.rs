@@ -1,5 +1,5 @@
 //! When each stream was sampled, where the rows of the reference camera are
-//! among the samples, and what rows at that rate cannot show.
+//! among the samples, and the motion that rows at that rate cannot show.
 
 use std::path::Path;
 use wheelarm_proto::StreamId;
@@ -27,7 +27,7 @@ struct Beat {
     name: String,
     /// Times of its samples, seconds.
     times: Vec<f64>,
-    /// What there is to say about it.
+    /// Notes about it.
     words: String,
 }
 

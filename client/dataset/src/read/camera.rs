@@ -172,7 +172,7 @@ impl Camera {
         self.stamps.len()
     }
 
-    /// Whether there are none.
+    /// Whether the camera has no frames.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.stamps.is_empty()
@@ -199,19 +199,19 @@ impl Camera {
         }
     }
 
-    /// Whether there is colour.
+    /// Whether the camera has colour.
     #[must_use]
     pub fn has_rgb(&self) -> bool {
         self.rgb.is_some()
     }
 
-    /// Whether there is depth.
+    /// Whether the camera has depth.
     #[must_use]
     pub fn has_depth(&self) -> bool {
         self.depth.is_some()
     }
 
-    /// Whether there are instance ids.
+    /// Whether the camera has instance IDs.
     #[must_use]
     pub fn has_ids(&self) -> bool {
         self.ids.is_some()
@@ -224,7 +224,7 @@ impl Camera {
     }
 
     /// When the images were exposed, nanoseconds of simulation time: of a sensor
-    /// before the stamps, which tell the arrival.
+    /// before the stamps, which are arrival times.
     #[must_use]
     pub fn exposures(&self) -> &[u64] {
         match &self.sensor {
@@ -402,8 +402,8 @@ impl Camera {
         })
     }
 
-    /// The message that frame `index` came in, as the server encoded it; `None`
-    /// when depth is not stored as it came.
+    /// The original message of frame `index`, as the server encoded it; `None`
+    /// when depth is stored in another format.
     ///
     /// # Errors
     /// As [`Camera::frame`].
@@ -418,7 +418,7 @@ impl Camera {
         let frame = self.frame(episode, index)?;
         let depth = frame.depth.iter().flat_map(|d| d.to_le_bytes());
         let [x, y, z, qx, qy, qz, qw] = frame.pose;
-        // Who sent 8 bits did not tell formats.
+        // Messages with 8-bit ids had no formats.
         let stored = |format: v1::PixelFormat| match self.id_bytes {
             2 => format.into(),
             _ => v1::PixelFormat::Unspecified.into(),

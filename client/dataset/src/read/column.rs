@@ -1,12 +1,12 @@
-//! Columns of a stream as the file holds them: nothing here knows which
-//! streams or columns there should be.
+//! Columns of a stream as stored in the file, without knowledge of the expected
+//! streams and columns.
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
 
 use super::error::ReadError;
 use super::{Episode, place, texts};
 
-/// A column and what it says of itself.
+/// A column with its metadata.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnMeta {
     /// Stream, `camera/NAME` for cameras.

@@ -18,7 +18,7 @@ pub enum ReadError {
     NoEpisode {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
     /// Something in it is absent or has another type.
@@ -62,7 +62,7 @@ pub enum ReadError {
         path: PathBuf,
         /// What was looked for.
         what: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
 }

@@ -1,5 +1,5 @@
-//! The robot of a recording, and the one place that knows a robot by itself: the
-//! first recordings did not tell theirs, and there was only one.
+//! The robot of a recording, and the only built-in robot: the
+//! first recordings did not contain theirs, and only one existed.
 
 use prost::Message;
 use wheelarm_proto::robot::Roles;
@@ -14,7 +14,7 @@ const FIRST: &[u8] = include_bytes!("wheelarm.binpb");
 
 impl Episode {
     /// The robot that was recorded. A file without a description is of the
-    /// first version; its robot is the one that there was.
+    /// first version, which had only this robot.
     ///
     /// # Errors
     /// When the stored description cannot be read.

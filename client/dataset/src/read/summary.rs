@@ -1,4 +1,4 @@
-//! What a file says of itself: its attributes, and the account of every stream.
+//! Summary of a file: its attributes, and the account of every stream.
 
 use hdf5::Location;
 
@@ -7,7 +7,7 @@ use super::{Episode, number, text, texts};
 use crate::account::StreamAccount;
 use crate::ending::PHYSICS;
 
-/// What a file says of itself.
+/// Summary of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Label of the episode.
@@ -25,7 +25,7 @@ pub struct Summary {
     /// Why the episode ended: `asked`, `physics`, `recorders` or `shutdown`;
     /// empty when that is unknown.
     pub end_cause: String,
-    /// What was odd in the simulation, in words.
+    /// Text of irregularities of the simulation.
     pub anomalies: Vec<String>,
     /// Its codes in the same order, for example `escaped`; none in older files.
     pub anomaly_kinds: Vec<String>,
@@ -34,11 +34,11 @@ pub struct Summary {
     /// Whether the first image of a camera shows the target of the task; `None` in
     /// recordings without instance IDs or a target, and in older ones.
     pub target_in_first_images: Option<bool>,
-    /// Its states were shown from another recording, not computed.
+    /// Its states were played back from another recording, not computed.
     pub as_recorded: bool,
-    /// Everything that was published is there.
+    /// It contains every published sample.
     pub complete: bool,
-    /// Why not.
+    /// Reasons why it is not complete.
     pub problems: Vec<String>,
     /// One account per stream.
     pub streams: Vec<StreamAccount>,

@@ -1,5 +1,5 @@
-//! Charts of many episodes, as PNGs: squares that say how each one ended, shares over
-//! time, and bars of shares. What the colours mean is the caller's.
+//! Charts of many episodes, as PNGs: squares of the outcome of each one, shares over
+//! time, and bars of shares. The caller defines the meaning of colours.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ const BAR: i32 = 38;
 /// Height of a chart over time, pixels.
 const TIME: u32 = 520;
 
-/// Colour by place: 0 is green, for what is good; the last resort is grey.
+/// Colour by index: 0 is green, for good; the fallback is grey.
 fn colour(index: usize) -> RGBColor {
     const OTHERS: [RGBColor; 8] = [
         RED,
@@ -235,7 +235,7 @@ pub fn histogram(
     })
 }
 
-/// What fills a chart below its legend.
+/// Content of a chart below its legend.
 type Fill<'a> = &'a dyn Fn(&Area<'_>, i32) -> Result<(), SheetError>;
 
 /// Draws a title, a legend and what `fill` draws below them into a PNG.
@@ -272,7 +272,7 @@ fn save(
     })
 }
 
-/// Lines that a legend of the chart's width takes, about.
+/// Approximate number of rows of a legend of the chart's width.
 fn legend_rows(keys: &[Key<'_>]) -> i32 {
     let wide = |key: &Key<'_>| label::width(key.name, 20) + 47;
     let (mut rows, mut x) = (i32::from(!keys.is_empty()), 0);
@@ -289,7 +289,7 @@ fn legend_rows(keys: &[Key<'_>]) -> i32 {
 mod tests {
     use super::*;
 
-    /// How many pixels of a PNG have a colour.
+    /// Number of pixels of a PNG with a colour.
     fn count(path: &Path, wanted: RGBColor) -> usize {
         let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();

@@ -27,7 +27,7 @@ fn overlap(a: Box4, b: Box4) -> bool {
 }
 
 /// Places of the names of `dots`, whose names have the sizes `sizes`, inside of
-/// `room`; `None` for a name that finds no place.
+/// `room`; `None` for a name without a free position.
 pub fn places(dots: &[(i32, i32)], sizes: &[(i32, i32)], room: (i32, i32)) -> Vec<Option<Box4>> {
     let taken: Vec<Box4> = dots
         .iter()

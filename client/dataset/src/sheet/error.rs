@@ -4,7 +4,7 @@ use plotters::prelude::*;
 
 use crate::read::ReadError;
 
-/// What the drawing library says.
+/// Error of the plotting library.
 pub(crate) type DrawError =
     DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 

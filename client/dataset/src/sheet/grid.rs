@@ -1,4 +1,4 @@
-//! A grid of images with words below them, as one PNG.
+//! A grid of images with text below them, as one PNG.
 
 use std::path::Path;
 
@@ -18,17 +18,17 @@ pub struct Cell {
     pub height: usize,
     /// RGB8, row-major from the top left; empty for none.
     pub rgb: Vec<u8>,
-    /// The words below it.
+    /// The text below it.
     pub title: String,
-    /// Smaller words beside them.
+    /// Smaller text beside it.
     pub note: String,
-    /// The mark beside the words: green or red.
+    /// The mark beside the text: green or red.
     pub is_good: bool,
 }
 
 /// Room around images, pixels.
 const GAP: usize = 12;
-/// Room for the words, pixels.
+/// Room for the text, pixels.
 const WORDS: usize = 40;
 
 /// Draws `cells` in rows of `columns` into `out`. All images have one size.

@@ -130,7 +130,7 @@ fn range(values: impl Iterator<Item = f64>, pad: f64) -> (f64, f64) {
     if low > high {
         return (0.0, 1.0);
     }
-    // What never moves is shown as a line in the middle, not as its noise.
+    // Constant values are shown as a line in the middle, not as noise.
     let room = ((high - low) * pad).max(1e-3);
     (low - room, high + room)
 }
@@ -174,7 +174,7 @@ pub fn over_time(
     )
 }
 
-/// One strip of a plot: what its axis says, and its lines.
+/// One strip of a plot: the label of its axis, and its lines.
 pub type Strip<'a> = (&'a str, Vec<Line>);
 
 /// Quantities of different sizes over one time, each with an axis of its own.
@@ -205,7 +205,7 @@ pub fn strips(
 
 /// A line of more points is drawn thin.
 const DENSE: usize = 2000;
-/// Height of the words below a time axis, pixels.
+/// Height of the text below a time axis, pixels.
 const TIME_AXIS: u32 = 50;
 
 fn end(lines: &[Line], phases: &[Stretch]) -> f64 {

@@ -32,7 +32,7 @@ impl Canvas {
         }
     }
 
-    /// Writes it as a PNG file; one that is there is replaced, by a whole one.
+    /// Writes it as a PNG file; atomically replaces an existing one.
     pub fn write(&self, out: &Path) -> Result<(), png::EncodingError> {
         let mut part = out.as_os_str().to_owned();
         part.push(".part");

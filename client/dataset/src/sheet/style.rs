@@ -7,7 +7,7 @@ use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::{BitMapBackend, DrawingArea, DrawingBackend};
 use plotters::style::{FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle, register_font};
 
-/// Where something is drawn.
+/// The drawing area.
 pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 pub const WIDTH: u32 = 2240;
@@ -51,10 +51,10 @@ pub fn phase_colour(label: u64) -> RGBColor {
     }
 }
 
-/// The font of words.
+/// The font of all text.
 pub const SANS_SERIF: &[u8] = epaint_default_fonts::UBUNTU_LIGHT;
 
-/// Makes the fonts known to plotters; doing it again does no harm.
+/// Registers the fonts with plotters; may be called repeatedly.
 pub fn register() -> bool {
     register_font("sans-serif", FontStyle::Normal, SANS_SERIF)
         .and(register_font(

@@ -9,12 +9,12 @@ use anyhow::{bail, ensure};
 use crate::convert::Size;
 use crate::convert::ffmpeg::{Program, argument};
 
-/// How to do without the program.
+/// The fix without the program.
 const WITHOUT: &str = "look at the episode by `wheelarm dataset view`, which needs none";
 /// The encoder of MP4 that every player and browser reads.
 const H264: &str = "libx264";
 
-/// What a video is.
+/// File format of a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Mp4,
@@ -51,7 +51,7 @@ impl Kind {
     /// # Errors
     /// When a player cannot show as many.
     pub fn rate(self, requested: Option<f64>, there: f64) -> anyhow::Result<f64> {
-        // A GIF counts hundredths of a second, and viewers take less than two for ten.
+        // A GIF counts hundredths of a second, and viewers replace less than two by ten.
         let (most, usual) = match self {
             Self::Mp4 => (120.0, 30.0),
             Self::Gif => (50.0, 10.0),
@@ -87,7 +87,7 @@ impl Kind {
     }
 }
 
-/// Draws all frames in their order into what takes them.
+/// Renders all frames in order into the encoder.
 type Draw<'a> = &'a dyn Fn(&mut dyn FnMut(&[u8]) -> anyhow::Result<()>) -> anyhow::Result<()>;
 
 /// The program for one kind of video.
@@ -97,10 +97,10 @@ pub(super) struct Encoder {
 }
 
 impl Encoder {
-    /// Finds the program and what it has to be able to do.
+    /// Finds the program and checks its capabilities.
     ///
     /// # Errors
-    /// When there is none or it cannot, with the cure.
+    /// When it is missing or lacks an encoder, with the fix.
     pub fn find(kind: Kind) -> anyhow::Result<Self> {
         let program = Program::named(WITHOUT);
         let wanted = match kind {
@@ -116,7 +116,7 @@ impl Encoder {
         Ok(Self { program, kind })
     }
 
-    /// How often all frames are drawn.
+    /// Number of passes over all frames.
     pub fn passes(&self) -> usize {
         match self.kind {
             Kind::Mp4 => 1,
@@ -124,7 +124,7 @@ impl Encoder {
         }
     }
 
-    /// Makes `path` of the frames of `size` that `draw` draws; returns its bytes.
+    /// Encodes the frames of `size` that `draw` renders into `path`; returns its size, bytes.
     /// Files beside it are deleted with its folder.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! One frame: the images, their names, and the words below them.
+//! One frame: the images, their names, and the text below them.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -10,7 +10,7 @@ use crate::sheet::label;
 use crate::sheet::raster::Canvas;
 use crate::sheet::style::Area;
 
-/// Behind words and between images.
+/// Background of text and between images.
 const DARK: RGBColor = RGBColor(18, 21, 26);
 const BRIGHT: RGBColor = RGBColor(240, 242, 244);
 const DIM: RGBColor = RGBColor(150, 157, 166);
@@ -26,7 +26,7 @@ fn phase_colour(phase: u64) -> RGBColor {
     }
 }
 
-/// What is the same in every frame.
+/// Parts common to all frames.
 pub(super) struct Painter<'a> {
     pub layout: &'a Layout,
     pub story: &'a Story,
@@ -41,7 +41,7 @@ impl Painter<'_> {
     /// time, nanoseconds.
     ///
     /// # Errors
-    /// When nothing can be drawn.
+    /// When a frame cannot be rendered.
     pub fn frame(&self, images: Vec<(Vec<u8>, Size)>, moment: u64) -> anyhow::Result<Vec<u8>> {
         let Size { width, height } = self.layout.size;
         let mut canvas = Canvas::new(width, height, DARK.rgb());
@@ -88,7 +88,7 @@ impl Painter<'_> {
         Ok(())
     }
 
-    /// The phases over time; what is still to come is dark.
+    /// The phases over time; the future is dark.
     fn strip(&self, root: &Area<'_>, place: &Place, moment: u64) -> anyhow::Result<()> {
         let span = self.story.span;
         let across = |at: u64| {
@@ -110,7 +110,7 @@ impl Painter<'_> {
         Ok(())
     }
 
-    /// The instruction; below it what is being done, and on the right the time.
+    /// The instruction; below it the phase, and on the right the time.
     fn words(&self, root: &Area<'_>, place: &Place, moment: u64) -> anyhow::Result<()> {
         let letters = self.layout.letters;
         let margin = (letters / 2) as i32;

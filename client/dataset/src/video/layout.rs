@@ -19,9 +19,9 @@ pub(super) struct Layout {
     pub size: Size,
     /// Images from left to right, all of one height.
     pub images: Vec<Place>,
-    /// The strip that shows how far the episode is.
+    /// The progress bar of the episode.
     pub strip: Option<Place>,
-    /// The words below it.
+    /// The text below it.
     pub words: Option<Place>,
     /// Height of the letters of the instruction.
     pub letters: usize,
@@ -51,7 +51,7 @@ impl Layout {
         let mut images = Vec::new();
         let mut x = 0;
         for (k, size) in sizes.iter().enumerate() {
-            // The last one takes what rounding left.
+            // The last one gets the rounding remainder.
             let wide = match k + 1 == sizes.len() {
                 true => width.saturating_sub(x),
                 false => (height as f64 * shape(size)).round() as usize,
@@ -73,7 +73,7 @@ impl Layout {
             y,
             size: Size { width, height },
         };
-        // The words of a narrow frame are larger in it, so that they can be read.
+        // Text is relatively larger in a narrow frame, so that it is readable.
         let letters = (width / 46).clamp(13, 44);
         let (mut strip, mut words, mut bottom) = (None, None, height);
         if has_words {

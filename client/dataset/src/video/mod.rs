@@ -1,5 +1,5 @@
 //! A video of an episode for people: cameras side by side, below them the
-//! instruction, what is being done, and the time. MP4 or GIF, both by ffmpeg.
+//! instruction, the current phase, and the time. MP4 or GIF, both by ffmpeg.
 
 mod encode;
 mod frame;
@@ -26,7 +26,7 @@ use self::times::Span;
 /// Frames that are drawn together.
 const BLOCK: usize = 16;
 
-/// What a video shows, and how.
+/// Options of a video.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VideoOptions {
     /// Cameras or image sensors from left to right; every camera when empty.
@@ -47,7 +47,7 @@ pub struct VideoOptions {
     pub is_plain: bool,
 }
 
-/// What was made.
+/// The written video.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Made {
     /// The file.
@@ -65,7 +65,7 @@ pub struct Made {
 ///
 /// # Errors
 /// When no such camera or moment exists, ffmpeg is missing, or the file cannot be
-/// written; nothing of it is left then.
+/// written; then no partial file is left.
 pub fn video(
     episode: &Episode,
     options: &VideoOptions,

@@ -13,16 +13,16 @@ pub(super) struct Part {
     pub from: u64,
     /// The phase: 0 for none, 1 navigating, 2 reaching, 3 grasping, 4 retracting.
     pub phase: u64,
-    /// The phase in a word, with details where the operator published them.
+    /// Text of the phase, with details where the operator published them.
     pub words: String,
 }
 
-/// An episode in words.
+/// Text about an episode.
 #[derive(Clone, Debug)]
 pub(super) struct Story {
-    /// The instruction; the label of the episode where there is none.
+    /// The instruction; the label of the episode without one.
     pub title: String,
-    /// What is shown of it.
+    /// The shown interval.
     pub span: Span,
     parts: Vec<Part>,
 }
@@ -53,7 +53,7 @@ impl Story {
         Ok(Self { title, span, parts })
     }
 
-    /// What is being done at a moment.
+    /// The phase at a moment.
     pub fn at(&self, moment: u64) -> Option<&Part> {
         let after = self.parts.partition_point(|part| part.from <= moment);
         self.parts[..after].last()

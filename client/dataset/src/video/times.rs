@@ -45,7 +45,7 @@ impl Span {
     pub fn moments(&self, speed: f64, rate: f64) -> Vec<u64> {
         let step = speed / rate * 1e9;
         let last = (self.to - self.from) as f64 / step;
-        // A hundredth of a step makes up for the rounding of stamps.
+        // A hundredth of a step compensates the rounding of stamps.
         let last = (last + 0.01).floor() as u64;
         let moment = |k: u64| (self.from + (k as f64 * step).round() as u64).min(self.to);
         (0..=last).map(moment).collect()
@@ -63,7 +63,7 @@ pub(super) fn rate<'a>(all: impl Iterator<Item = &'a [u64]>) -> f64 {
     rates.reduce(f64::max).unwrap_or(1.0)
 }
 
-/// The newest of `stamps` at a moment; the first one before there is any.
+/// The newest of `stamps` at a moment; the first one before any.
 pub(super) fn newest(stamps: &[u64], moment: u64) -> usize {
     // Stamps are rounded to nanoseconds, and so are moments.
     stamps

@@ -1,5 +1,5 @@
-//! An episode as one HTML page that needs nothing else: images and depth that
-//! play, plots with the phases behind them, the instruction, what happened.
+//! An episode as one self-contained HTML page: images and depth that
+//! play, plots with the phases behind them, the instruction, the events.
 //! Images are written one after the other, so that memory stays small.
 
 use std::io::{BufWriter, Write};
@@ -28,7 +28,7 @@ const WIDTH: usize = 480;
 const QUALITY: u8 = 75;
 /// Images that are encoded together.
 const BLOCK: usize = 16;
-/// Images from which the range of depth is taken.
+/// Number of images from which the range of depth is computed.
 const PROBES: usize = 8;
 
 /// Streams that the page shows.

@@ -1,4 +1,4 @@
-//! From a message to a record: what the compression workers do.
+//! Encodes messages as records, in the compression workers.
 
 use bytes::Bytes;
 use crossbeam_channel::Receiver;
@@ -17,8 +17,8 @@ pub(super) struct Encoder {
     depth: Depth,
     /// Length of the last image record, the best guess for the next one.
     last: usize,
-    /// Memory of records that are in the log: fresh memory of that size costs
-    /// more than what is written into it.
+    /// Buffers of written records: fresh memory of that size costs
+    /// more than filling it.
     spare: Receiver<Vec<u8>>,
 }
 
@@ -73,10 +73,10 @@ impl Encoder {
     }
 
     /// Record of a camera frame whose planes are compressed already; depth that is
-    /// stored in another way is made of what they hold.
+    /// stored in another format is converted.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// When the depth cannot be converted.
     pub fn compressed(
         &mut self,
         header: &RecordHeader,
@@ -124,7 +124,7 @@ impl Encoder {
     }
 
     /// Record of a sensor's image, as [`Encoder::camera`]: what the sensor does
-    /// not give is empty.
+    /// not have is empty.
     pub fn sensor(&mut self, header: &RecordHeader, mut frame: v1::SensorFrame) -> Vec<u8> {
         let (rgb, depth) = (
             std::mem::take(&mut frame.color),

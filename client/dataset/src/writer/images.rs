@@ -28,7 +28,7 @@ fn size(
     Ok((w, h))
 }
 
-/// A sensor's image: colour or 16-bit depth, one of them.
+/// A sensor's image: either colour or 16-bit depth.
 pub(super) fn sensor(
     frame: &v1::SensorFrame,
     first: Option<(u32, u32)>,
@@ -77,7 +77,7 @@ pub(super) fn compressed(
         ("ids", &frame.segmentation, Some(2 * pixels)),
     ] {
         let Some(bytes) = bytes else { continue };
-        // Deflate stores what does not shrink: 5 bytes for each block of it.
+        // Deflate stores incompressible data with 5 bytes for each block.
         let most = bytes + bytes / 1024 + 1024;
         if plane.is_empty() || plane.len() > most {
             return Err(format!(

@@ -2,8 +2,8 @@
 //!
 //! A queue bounded in bytes, two compression workers, one log writer. Records
 //! are appended in the order in which the samples were offered. State samples, which
-//! are small and many, go to the log writer in groups. Nothing in here knows the
-//! transport or HDF5.
+//! are small and many, go to the log writer in groups. This module depends on neither the
+//! transport nor HDF5.
 
 mod budget;
 mod encode;
@@ -34,7 +34,7 @@ use group::Group;
 pub use images::MAX_SIDE;
 use threads::{Job, Progress, Record, Work};
 
-/// How an episode is written.
+/// Options of a writer.
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
     /// How depth is stored.
@@ -62,7 +62,7 @@ impl Default for WriterOptions {
     }
 }
 
-/// Why a sample or a whole episode is not written.
+/// Why a sample or an episode cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The final file exists.
@@ -75,7 +75,7 @@ pub enum WriteError {
         "{0} is the log of an unfinished recording; `wheelarm dataset recover {0}` turns it into a file, or another recorder is writing it just now"
     )]
     Unfinished(PathBuf),
-    /// HDF5 takes names in UTF-8 only.
+    /// HDF5 accepts only names in UTF-8.
     #[error("the folder {0} is not in UTF-8, which HDF5 cannot take; choose another")]
     Folder(PathBuf),
     /// The episode has a label that cannot name a file, or no header.
@@ -84,15 +84,15 @@ pub enum WriteError {
     /// The log cannot be created.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// A sample is not what its stream should carry.
+    /// A sample is not a valid message of its stream.
     #[error("a sample of {stream} is refused: {reason}")]
     Malformed {
         /// The stream.
         stream: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
-    /// The log failed earlier; what was acknowledged is kept.
+    /// The log failed earlier; acknowledged samples are kept.
     #[error("{0}")]
     Failed(String),
 }
@@ -115,7 +115,7 @@ pub struct EpisodeWriter {
     streams: BTreeMap<String, Slot>,
     depth: Depth,
     next: u64,
-    /// State samples that wait for others.
+    /// Buffered state samples.
     group: Group,
     queue: Option<Sender<Job>>,
     records: Option<Sender<Record>>,
@@ -132,13 +132,13 @@ struct Slot {
     size: Option<(u32, u32)>,
 }
 
-/// Where the file of an episode will be: `LABEL.h5`.
+/// Path of the file of an episode: `LABEL.h5`.
 #[must_use]
 pub fn file_path(dir: &Path, label: &str) -> PathBuf {
     dir.join(format!("{label}.h5"))
 }
 
-/// Where its log is until then: `LABEL.h5.wal`.
+/// Path of its log until then: `LABEL.h5.wal`.
 #[must_use]
 pub fn log_path(dir: &Path, label: &str) -> PathBuf {
     dir.join(format!("{label}.h5.wal"))
@@ -163,7 +163,7 @@ pub fn next_free_label(dirs: &[&Path], label: &str) -> String {
     label::numbered(stem, taken.unwrap_or(0).max(number).saturating_add(1))
 }
 
-/// Where a file or a log of that label exists already.
+/// Checks that no file and no log of that label exists.
 ///
 /// # Errors
 /// [`WriteError::Exists`] or [`WriteError::Unfinished`].

@@ -18,7 +18,7 @@ use self::robot::{
 use self::scene::{CONTACT, DEFORMABLE, DISTURBANCE, FURNITURE_JOINT, OBJECT_POSE, PERSON};
 use super::{Cell, ColumnInfo, Kind, Stream};
 
-/// The columns of a state stream; nothing for what is not stored as columns.
+/// The columns of a state stream; `None` for streams without columns.
 #[must_use]
 pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
     Some(match stream.topic()? {
@@ -54,7 +54,7 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
     })
 }
 
-/// Every state stream that a file can hold, in the order of the table of topics.
+/// Every state stream of a file, in the order of the table of topics.
 pub fn streams() -> impl Iterator<Item = &'static dyn Stream> {
     let states = TopicId::STATES.into_iter().map(StreamId::State);
     states.filter_map(|stream| of(&stream))

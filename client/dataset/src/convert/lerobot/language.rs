@@ -1,4 +1,4 @@
-//! LeRobot 0.6's language columns of an episode: what holds from a time on
+//! LeRobot 0.6's language columns of an episode: a persistent annotation
 //! (subtasks, the plan) is stored in every row of it, what happens at a time
 //! (questions with answers, the way of the hand) in the row of that time.
 

@@ -94,7 +94,7 @@ pub(super) struct Block<'a> {
     pub recording: &'a Recording,
     /// All rows that the episode has in the set: state and action.
     pub learning: &'a Learning<'a>,
-    /// The first and how many of them are meant.
+    /// The first row and the number of rows.
     pub part: (usize, usize),
     /// Rows per second.
     pub rate: u32,
@@ -136,7 +136,7 @@ impl Block<'_> {
     }
 }
 
-/// Type of a flat feature, and how its value is taken from a row of a block.
+/// Type of a flat feature, and how its value is read from a row of a block.
 enum Flat {
     F32(fn(&Block<'_>, usize) -> f32),
     F64(fn(&Block<'_>, usize) -> f64),
@@ -208,7 +208,7 @@ pub(super) const VECTORS: [Vector; 3] = [
     }),
 ];
 
-/// Columns of language: what holds from a time on, and what happens at a time.
+/// Columns of language: persistent annotations and events.
 pub(super) const LANGUAGE: [&str; 2] = ["language_persistent", "language_events"];
 
 /// Feature of a camera's images.
@@ -216,7 +216,7 @@ pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
 
-/// Feature of what a camera's depth sensor gives, named as LeRobot 0.6 does. Exact
+/// Feature of a camera's depth sensor, named as in LeRobot 0.6. Exact
 /// depth is never one.
 fn depth_key(camera: &str) -> String {
     format!("observation.images.{camera}_depth")
@@ -318,7 +318,7 @@ impl Layout {
         Value::Object(out)
     }
 
-    /// Names of the columns of language, where there are some.
+    /// Names of the columns of language, if any.
     fn languages(&self) -> impl Iterator<Item = &'static str> {
         LANGUAGE.into_iter().filter(|_| self.language)
     }

@@ -3,7 +3,7 @@
 //! the end.
 //!
 //! An episode's images are encoded into scratch files first, so that a
-//! recording that turns out unreadable leaves nothing behind in the set.
+//! unreadable recording leaves no data in the set.
 
 mod depth_code;
 mod language;
@@ -45,7 +45,7 @@ const COUNTED_PIXELS: usize = 20_000;
 /// And this many of a depth image: its values are kept.
 const COUNTED_DEPTHS: usize = 300;
 
-/// What goes into a data set, and how.
+/// Options of a data set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LeRobotOptions {
     /// Size of colour images; as recorded without it.
@@ -53,11 +53,11 @@ pub struct LeRobotOptions {
     /// Rows of state and action.
     pub rows: RowOptions,
     /// With the columns `language_persistent` and `language_events`, which LeRobot
-    /// reads from 0.6 on and older ones refuse.
+    /// reads from 0.6 on and older versions reject.
     pub language: bool,
-    /// How images are kept.
+    /// How images are stored.
     pub image_format: ImageFormat,
-    /// With what the depth sensors gave; exact depth is never exported.
+    /// With the depth sensors' images; exact depth is never exported.
     pub depth: bool,
 }
 
@@ -102,7 +102,7 @@ impl Scratch {
             .create(true)
             .truncate(true)
             .open(&path)?;
-        // It goes with its handle, whatever happens.
+        // The system removes it with its last handle.
         std::fs::remove_file(&path)?;
         Ok(Self {
             file,
@@ -342,7 +342,7 @@ fn frame(
         let mut counts = Gathered::depths();
         let step = pixels / COUNTED_DEPTHS;
         let bytes = if images.codec.is_some() {
-            // The statistics are of what a reader gets.
+            // The statistics are of the decoded values.
             let quantized: Vec<f32> = depth.iter().map(|&d| depth_code::quantized(d)).collect();
             counts.depth(&quantized, step);
             depth_code::frame(&depth)

@@ -1,4 +1,4 @@
-//! Parquet files by Arrow. A column says its name, its type and its values at
+//! Parquet files by Arrow. A column defines its name, its type and its values at
 //! once; a file takes the columns of its first rows and no others.
 
 use std::fs::File;
@@ -56,9 +56,9 @@ pub struct Annotation {
     pub role: &'static str,
     /// One annotation.
     pub content: String,
-    /// What kind of saying it is: `subtask`, `plan`, `vqa`, `trace`.
+    /// Kind of the annotation: `subtask`, `plan`, `vqa`, `trace`.
     pub style: &'static str,
-    /// From when it holds, seconds from the first row.
+    /// Start of its validity, seconds from the first row.
     pub timestamp: f32,
     /// Feature of the camera that it is about.
     pub camera: Option<String>,
@@ -91,7 +91,7 @@ impl Cells {
 }
 
 /// Lists of `{role, content, style, [timestamp], camera, tool_calls}`, as LeRobot
-/// 0.6 names them; nothing here calls a tool.
+/// 0.6 names them; no annotation calls a tool.
 fn annotations(rows: Vec<Vec<Annotation>>, timed: bool) -> ArrayRef {
     let offsets = OffsetBuffer::from_lengths(rows.iter().map(Vec::len));
     let all: Vec<Annotation> = rows.into_iter().flatten().collect();
@@ -136,7 +136,7 @@ fn nested(values: ArrayRef, shape: &[usize]) -> ArrayRef {
     })
 }
 
-/// The columns as Arrow takes them.
+/// The columns as Arrow arrays.
 fn batch(columns: Vec<Column>) -> anyhow::Result<RecordBatch> {
     let (mut fields, mut arrays) = (Vec::new(), Vec::new());
     for column in columns {
@@ -178,7 +178,7 @@ impl Table {
             .set_key_value_metadata(Some(metadata))
             .set_created_by(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
             .build();
-        // The Parquet types say it all; Arrow's own schema is not repeated.
+        // The Parquet types are sufficient; Arrow's own schema is not repeated.
         let options = ArrowWriterOptions::new()
             .with_properties(properties)
             .with_skip_arrow_metadata(true);

@@ -12,7 +12,7 @@ use crate::convert::ffmpeg::{Encoders, Program, Stream, argument};
 
 /// Of so many frames one is a key frame, from which a reader may begin.
 const KEY_FRAMES: u32 = 2;
-/// How to do without the program.
+/// The fix without the program.
 const WITHOUT: &str = "take --pictures png";
 
 /// How images are kept in a LeRobot set.

@@ -1,4 +1,4 @@
-//! Which channels a recording becomes. What a message holds is read by the one
+//! The channels of a recording. Messages are read by the
 //! table of columns; this module holds only the viewer's names.
 
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub(super) fn channels<'a>(
                 .filter(|channel| has(channel.topic.rsplit('/').next().unwrap_or_default())),
         );
     }
-    // Every topic of the table: what is recorded has a place in the log.
+    // Every topic of the table, so that every recorded stream is in the log.
     for topic in TopicId::ALL {
         if topic == TopicId::Event || recording.episode.has(topic.name()) {
             of_topic(&mut out, topic, recording, robot)?;
@@ -45,7 +45,7 @@ pub(super) fn channels<'a>(
     Ok(out)
 }
 
-/// What a viewer needs once: links that never move, and the robot's looks.
+/// Messages that a viewer needs once: static links, and the robot's appearance.
 fn once<'a>(
     recording: &'a Recording,
     robot: Option<&'a Robot>,
@@ -103,7 +103,7 @@ fn images<'a>(
     ]
 }
 
-/// What becomes of one topic's samples.
+/// The channel of one topic's samples.
 fn of_topic<'a>(
     out: &mut Vec<Channel<'a>>,
     topic: TopicId,

@@ -1,4 +1,4 @@
-//! Foxglove's messages, and what becomes of ours in them.
+//! Foxglove's messages, and the conversion of ours into them.
 
 use prost_types::Timestamp;
 use wheelarm_proto::v1;
@@ -148,7 +148,7 @@ pub(super) fn pose_in(frame: &str, at: Option<&v1::Pose>, stamp: u64) -> PoseInF
     }
 }
 
-/// Joints by name; what one does not tell is left out.
+/// Joints by name; unknown values are left out.
 pub(super) fn joints(
     names: &[String],
     [positions, velocities, efforts]: [&[f64]; 3],

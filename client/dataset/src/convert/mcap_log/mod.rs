@@ -1,5 +1,5 @@
 //! MCAP for Foxglove: its well-known messages where there is one, ours for the
-//! rest, every recorded sample at its own time, nothing resampled.
+//! rest; every recorded sample at its own time, without resampling.
 
 mod channel;
 mod channels;
@@ -18,7 +18,7 @@ use super::series::in_order;
 use super::{Format, PendingFile, Recording, Written};
 use crate::urdf::Robot;
 
-/// What cx and cy of a calibration count from.
+/// Origin of cx and cy of a calibration.
 const CONVENTION: &str = "pixel centre, as OpenCV and ROS count: u, v, cx and cy are 0 at the \
 centre of the first pixel; the recording counts from the image's edge, there they are greater by 0.5";
 
@@ -107,7 +107,7 @@ fn write(
 }
 
 /// Content stored once in the file: the episode, the convention of its
-/// calibrations, and what the numbers in the images of ids mean.
+/// calibrations, and the meaning of instance IDs.
 fn metadata(
     recording: &Recording,
     legend: &[v1::Instance],

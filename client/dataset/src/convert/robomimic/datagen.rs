@@ -1,4 +1,4 @@
-//! What MimicGen adds: the hand, its target and every object as matrices, and
+//! MimicGen's additions: the hand, its target and every object as matrices, and
 //! signals of finished subtasks. All poses are in `house`: MimicGen moves the
 //! hand with the object, which needs one frame for both.
 

@@ -46,7 +46,7 @@ struct Set {
     rows: usize,
     /// Source of each demo.
     origins: Vec<Origin>,
-    /// What the first episode decides; none yet without it.
+    /// Properties set by the first episode; `None` before it.
     common: Option<Common>,
 }
 
@@ -59,7 +59,7 @@ struct Origin {
     label: String,
 }
 
-/// What the episodes of one group of the split have in common.
+/// Common property of the episodes of one group of the split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Grouping {
     /// The scene: area and seed.
@@ -83,7 +83,7 @@ impl Grouping {
         (group, if self == Self::Episode { demo } else { 0 })
     }
 
-    /// What a user must know of a split by these groups.
+    /// Note for the user about a split by these groups.
     fn warning(self) -> Option<&'static str> {
         match self {
             Self::Scene => None,
@@ -125,7 +125,7 @@ fn split(demos: &[Origin]) -> Option<(Vec<bool>, Grouping)> {
     None
 }
 
-/// What holds for all episodes.
+/// Properties of all episodes.
 struct Common {
     /// Least and greatest raw value of every action component so far.
     range: Range,
@@ -486,7 +486,7 @@ impl Robomimic {
 
 const QUATERNION: &str = "1 (unit quaternion x y z w)";
 
-/// An observation: its name, unit and frame, width, and what it takes from a row.
+/// An observation: its name, unit and frame, width, and how it is read from a row.
 type Observation<'a> = (&'a str, What<'a>, usize, &'a dyn Fn(usize) -> Vec<f64>);
 
 /// Writes the numbers that a policy sees in each of some rows.
@@ -540,7 +540,7 @@ fn observations(
     Ok(())
 }
 
-/// Writes what no robot knows of itself.
+/// Writes the privileged state, which no robot measures.
 fn privileged(group: &Group, learning: &Learning<'_>, here: &[usize]) -> anyhow::Result<()> {
     let all = |from: usize, to: usize| -> Vec<f64> {
         let poses = here.iter().map(|&r| learning.chair(r));

@@ -1,4 +1,4 @@
-//! `metadata.yaml`, version 9, by which `ros2 bag` knows what is in a bag.
+//! `metadata.yaml`, version 9, which describes a bag to `ros2 bag`.
 
 use std::fmt::Write;
 
@@ -53,7 +53,7 @@ impl Topic {
     }
 }
 
-/// What a bag says of itself.
+/// Metadata of a bag.
 #[derive(Clone, Debug)]
 pub(super) struct Bag {
     /// Name of its only file.

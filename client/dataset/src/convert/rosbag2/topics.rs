@@ -260,7 +260,7 @@ fn images<'a>(
     }));
 }
 
-/// What becomes of one topic's samples.
+/// The channel of one topic's samples.
 fn of_topic<'a>(
     out: &mut Vec<Channel<'a>>,
     topic: TopicId,
