@@ -40,14 +40,14 @@ impl Sight {
                 let (Some(before), true) = (last.checked_sub(1), next < taken.len()) else {
                     continue;
                 };
-                let mut visible = visible(&camera.ids(episode, before)?, &ids);
+                let mut shown = visible(&camera.ids(episode, before)?, &ids);
                 if next != before {
                     let after = visible(&camera.ids(episode, next)?, &ids);
-                    for (both, after) in visible.iter_mut().zip(after) {
+                    for (both, after) in shown.iter_mut().zip(after) {
                         *both &= after;
                     }
                 }
-                cameras.push((name.clone(), visible));
+                cameras.push((name.clone(), shown));
             }
         }
         Ok(Self { names, times })

@@ -99,13 +99,13 @@ mod tests {
             Series::new(name, (), stamps.to_vec(), make)
         };
         let all = [series("a", &[1, 3, 3]), series("b", &[0, 3])];
-        let mut counted = Vec::new();
+        let mut collected = Vec::new();
         let count = in_order(&all, 2, |m| {
             assert_eq!(m.sample, usize::from(m.bytes[1] - b'0'));
-            counted.push(String::from_utf8(m.bytes.to_vec())?);
+            collected.push(String::from_utf8(m.bytes.to_vec())?);
             Ok(())
         });
         assert_eq!(count.unwrap(), 5);
-        assert_eq!(counted, ["b0@0", "a0@1", "a1@3", "a2@3", "b1@3"]);
+        assert_eq!(collected, ["b0@0", "a0@1", "a1@3", "a2@3", "b1@3"]);
     }
 }

@@ -439,7 +439,7 @@ mod tests {
 
     #[test]
     fn drift_of_a_video_is_found_before_lerobot_finds_it() {
-        let error = "#tb 0: 1/15360\n#media_type 0: video\n0, 0, 0, 512, 9, 0x1\n\
+        let text = "#tb 0: 1/15360\n#media_type 0: video\n0, 0, 0, 512, 9, 0x1\n\
                     0, 1024, 1024, 512, 9, 0x1\n0, 513, 513, 512, 9, 0x1, F=0x0\n";
         let times = Times::parse(text).unwrap();
         assert_eq!(times.shown, [0, 513, 1024]);
