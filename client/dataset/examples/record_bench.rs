@@ -1,4 +1,4 @@
-//! How fast an episode with two RGB-D cameras at 1280x720 is written: frames
+//! Benchmark of writing an episode with two RGB-D cameras at 1280x720: frames
 //! per second (a frame is a pair of images with depth and segmentation) until every
 //! byte is in the log, and until the HDF5 file is finished; bytes and processor
 //! time per frame.
@@ -101,7 +101,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What server and recorder do besides, each once: hash every message.
+/// Additional work of server and recorder, each once: hash every message.
 fn digests(pairs: &[[v1::CameraFrame; 2]], frames: u64) {
     let encoded: Vec<Vec<u8>> = pairs.iter().flatten().map(Message::encode_to_vec).collect();
     let (mut stream, mut bytes) = (StreamDigest::default(), 0);
@@ -120,8 +120,8 @@ fn digests(pairs: &[[v1::CameraFrame; 2]], frames: u64) {
     );
 }
 
-/// Processor time of all threads so far, in hundredths of a second; none where the
-/// system does not tell.
+/// CPU time of all threads so far, in hundredths of a second; `None` where the
+/// system does not report it.
 fn processor_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields = stat.rsplit(')').next().unwrap_or_default();

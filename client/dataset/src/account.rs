@@ -164,7 +164,7 @@ fn of_stream(
     }
     if account.received > there {
         problems.push(format!(
-            "{name}: {} samples are there that the manifest does not list",
+            "{name}: {} samples are recorded that the manifest does not list",
             account.received - there
         ));
     }

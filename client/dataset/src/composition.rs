@@ -234,7 +234,7 @@ pub fn csv(rows: &BTreeMap<[String; 3], Row>, to: impl std::io::Write) -> anyhow
 /// # Errors
 /// When the image cannot be written.
 pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()> {
-    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    anyhow::ensure!(style::register(), "cannot use the built-in fonts");
     let n = rows.len().max(1);
     let most = rows.values().map(|r| r.trajectories).max().unwrap_or(1) as f64;
     let height = 170 + 46 * n as u32;

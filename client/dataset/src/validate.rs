@@ -72,7 +72,7 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
             .push(format!("anomalies: {}", summary.anomalies.join("; ")));
     }
     if episode.started()?.as_recorded {
-        let drawn = "drawn from the states of another recording, which is the one to replay";
+        let drawn = "rendered from the states of another recording; replay that one";
         found.facts.push(drawn.into());
     } else if episode.snapshot()?.snapshot.is_empty() {
         found

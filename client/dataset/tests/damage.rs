@@ -1,5 +1,5 @@
 //! Logs and files that were cut off or changed at many places: the reader never
-//! panics, keeps the valid prefix of a log, and says what is lost.
+//! panics, keeps the valid prefix of a log, and reports the loss.
 
 #[path = "../examples/synthetic/mod.rs"]
 mod synthetic;
@@ -67,7 +67,7 @@ fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
                 let is_reported = got.damage.is_some() || got.closing.is_none();
                 assert!(is_reported, "{what}: the loss is not reported");
             }
-            // Without its beginning a log says nothing at all.
+            // Without its beginning a log is unreadable.
             Err(problem) => {
                 let head = all[0].offset as usize;
                 assert!(first_bad < head, "{what}: {problem}");
@@ -80,7 +80,7 @@ fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
         changed[at] ^= 0x10;
         check(&changed, at, &format!("changed at {at}"));
     }
-    // Some of them all the way into a file that says what it lacks.
+    // Some of them up to a file that lists its missing samples.
     for at in places(good.len(), 24) {
         let mut changed = good.clone();
         changed[at] ^= 0x10;

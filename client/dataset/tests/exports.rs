@@ -122,7 +122,7 @@ fn several_processes_export_the_same_as_one_and_report_failures() {
     }
 }
 
-/// Places of the heaps that hold a file's texts and messages.
+/// Offsets of the heaps with a file's texts and messages.
 fn heaps(file: &[u8]) -> Vec<usize> {
     let begin = b"GCOL\x01\0\0\0";
     let places = file.windows(begin.len()).enumerate();
@@ -169,13 +169,13 @@ fn a_file_that_crashes_or_blocks_its_library_is_named_and_the_others_are_exporte
         let words = run(&[
             "export", "--format", "csv", "--out", jobs, "--jobs", jobs, ".",
         ]);
-        assert!(words.contains("came to no end within 5 s"), "{words}");
+        assert!(words.contains("did not end within 5 s"), "{words}");
         let mut there: Vec<_> = std::fs::read_dir(folder.join(jobs))
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
         there.sort();
-        // Nothing hidden stays of the processes that broke.
+        // No hidden file of the crashed processes is left.
         assert_eq!(there, ["a0", "a1", "a2", "a4", "a5", "a6", "a8", "a9"]);
     }
     run(&["stats", "."]);

@@ -1,4 +1,4 @@
-//! The recorder's process dies without a word: what it had acknowledged is in
+//! The recorder's process is killed: every acknowledged sample is in
 //! the file that is made of its log.
 
 #[path = "../examples/synthetic/mod.rs"]
@@ -15,7 +15,7 @@ use wheelarm_proto::Message;
 
 const FOLDER: &str = "WHEELARM_KILL_TEST_FOLDER";
 
-/// What the killed process does: records for ever and tells what is acknowledged.
+/// The killed process: records forever and prints the number of acknowledged samples.
 #[test]
 #[ignore = "runs only as the child of the test below"]
 fn child() {

@@ -1,5 +1,5 @@
-//! Who holds a log and the file that is made of it, and who does not: a binary of its
-//! own, for what it starts inherits the files that are open.
+//! Locks of a log and of its file, in a binary of its
+//! own, because child processes inherit open files.
 
 #[path = "../examples/synthetic/mod.rs"]
 mod synthetic;

@@ -358,7 +358,7 @@ fn a_file_that_is_not_a_log_is_not_recovered_with_a_reason() {
     std::fs::write(folder.join("notes.wal"), "shopping: mustard, crackers").unwrap();
     let words = recover("notes.wal");
     assert!(
-        words.contains("it does not begin like one; a log is named LABEL.h5.wal"),
+        words.contains("it does not begin like a log; a log is named LABEL.h5.wal"),
         "{words}"
     );
     std::fs::write(folder.join("newer.wal"), b"WHLLOG7\n and more of it").unwrap();

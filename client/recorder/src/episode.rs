@@ -321,7 +321,7 @@ impl Recording {
                 }
             }
         }
-        // A stream that the transport holds back has not a gap yet, while others advance.
+        // A stream that the transport holds back has no gap yet, while others advance.
         let regular = self.regular.values().filter(|newest| !newest.is_silent);
         let least = regular.map(|newest| newest.tick).min();
         // Where a router passes no state, images show the time.
@@ -481,7 +481,7 @@ pub(super) fn id(header: Option<&v1::Header>) -> EpisodeId {
 }
 
 /// An episode that is over: its log is still to be made into the file, which
-/// takes long and needs nothing but the disk.
+/// takes long and needs only the disk.
 pub struct Finishing {
     of: EpisodeId,
     label: String,
@@ -490,8 +490,8 @@ pub struct Finishing {
     closing: Closing,
 }
 
-/// What came of making a file: of which episode, and the file or why there is
-/// none.
+/// Result of the conversion of an episode: its ID, and the file or the reason for
+/// the failure.
 #[derive(Clone, Debug)]
 pub struct Made {
     pub(super) of: EpisodeId,
@@ -505,7 +505,7 @@ impl std::fmt::Debug for Finishing {
     }
 }
 
-/// The words of a failure, with the place of what was acknowledged unless they name it.
+/// Text of a failure, with the path of the log unless it names it.
 fn with_log(words: &str, log: &Path) -> String {
     let log = log.display().to_string();
     match words.contains(&log) {
@@ -514,7 +514,7 @@ fn with_log(words: &str, log: &Path) -> String {
     }
 }
 
-/// How a log is made into a file of `dir` once more.
+/// Command that converts a log into a file of `dir` again.
 fn again(log: &Path, dir: &Path) -> String {
     let out = match log.parent() == Some(dir) {
         true => String::new(),
@@ -525,7 +525,7 @@ fn again(log: &Path, dir: &Path) -> String {
 }
 
 impl Finishing {
-    /// Closes the log and makes the file; the recorder waits for what came of it.
+    /// Closes the log and writes the file; the recorder waits for the result.
     #[must_use]
     pub fn run(self) -> Made {
         let of = self.of.clone();

@@ -2,7 +2,7 @@
 //!
 //! [`Recorder`] decides and writes, without a network. `network` moves messages between it
 //! and Zenoh through a queue bounded in bytes; a Zenoh callback only moves a sample into
-//! that queue. A separate thread makes the file while the next episode is recorded. The
+//! that queue. A separate thread writes the file while the next episode is recorded. The
 //! crate prints nothing: it reports events as [`Output`].
 //!
 //! A start or stop message is only a hint: the recorder confirms it with the query `episode`.

@@ -189,7 +189,7 @@ pub(super) struct Closed;
 mod tests {
     use super::*;
 
-    /// Everything that is there.
+    /// All queued items.
     fn all(exit: &mut Exit<i32>) -> Vec<i32> {
         exit.wait(Duration::ZERO).unwrap();
         std::iter::from_fn(|| exit.take()).collect()
@@ -203,7 +203,7 @@ mod tests {
         }
         entrance.sample(100, 1000, false);
         entrance.control(101);
-        // What was taken out together still counts until it is dealt with.
+        // Items of a batch count until they are taken.
         exit.wait(Duration::ZERO).unwrap();
         entrance.sample(6, 1, true);
         assert_eq!(exit.dropped(), 2);
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(exit.wait(Duration::MAX / 4), Err(Closed));
     }
 
-    /// What another thread got out, which waits for as long as nothing ends its wait.
+    /// Items that another thread receives; it waits until an item ends its wait.
     fn taken(of: impl FnOnce(&Entrance<i32>)) -> Vec<i32> {
         const HOUR: Duration = Duration::from_secs(3600);
         let (entrance, mut exit) = lingering(HOUR);
@@ -270,7 +270,7 @@ mod tests {
             (1..MANY).for_each(|_| entrance.sample(2, 10, false));
         };
         assert_eq!(with(&many).len(), MANY);
-        // The last who could add anything goes.
+        // The last entrance is dropped.
         assert_eq!(taken(|entrance| entrance.sample(1, 10, false)), [1]);
     }
 

@@ -23,7 +23,7 @@ impl Random {
         self.bits() % n
     }
 
-    /// Any f64 there is, among them NaN with payloads, infinities, -0.
+    /// Any f64, among them NaN with payloads, infinities, -0.
     pub fn wild(&mut self) -> f64 {
         match self.below(8) {
             0 => f64::from_bits(self.bits()),
@@ -387,7 +387,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
     }
 }
 
-/// What replay would start from.
+/// Initial state of a replay.
 pub fn snapshot() -> v1::SnapshotReply {
     v1::SnapshotReply {
         header: Some(header(0, 0)),

@@ -34,7 +34,7 @@ pub fn end_with(parent: usize) -> anyhow::Result<()> {
     }
     // It may have ended before the kernel call.
     if usize::try_from(std::os::unix::process::parent_id()).ok() != Some(parent) {
-        bail!("the command that this process is a part of is gone: run it again");
+        bail!("the parent command of this process has ended: run it again");
     }
     Ok(())
 }

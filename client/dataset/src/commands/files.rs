@@ -74,13 +74,13 @@ fn without_episodes(folder: &Path) -> String {
     let episodes = folder.join("episodes");
     if episodes.is_dir() {
         return format!(
-            "{} is the folder of a campaign; its episodes lie in {}: name that folder",
+            "{} is the folder of a campaign; its episodes are in {}: name that folder",
             folder.display(),
             episodes.display()
         );
     }
     format!(
-        "{} holds no episode file (*.h5); name recordings, or a folder with some",
+        "{} contains no episode file (*.h5): name recordings, or a folder with some",
         folder.display()
     )
 }
@@ -171,7 +171,7 @@ mod tests {
     fn the_folder_of_a_campaign_names_that_of_its_episodes() {
         let folder = tempfile::tempdir().unwrap();
         let error = || found(folder.path()).unwrap_err().to_string();
-        assert!(error().contains("holds no episode file"), "{}", error());
+        assert!(error().contains("contains no episode file"), "{}", error());
         let episodes = folder.path().join("episodes");
         std::fs::create_dir(&episodes).unwrap();
         let cure = format!("lie in {}: name that folder", episodes.display());

@@ -112,7 +112,7 @@ fn between_samples(aligned: &align::Aligned) -> String {
     });
     let streams: Vec<String> = streams.collect();
     if streams.is_empty() {
-        format!("all {rows} rows fall on samples: nothing is interpolated")
+        format!("all {rows} rows coincide with samples: no value is interpolated")
     } else {
         format!(
             "rows between samples, of {rows}: {} (0 of the others)",
@@ -240,7 +240,7 @@ pub fn export(
     }
     if set.depth && !is_lerobot && name != FormatName::Tensors {
         anyhow::bail!(
-            "--depth is for lerobot and tensors; mcap and rosbag2 hold what the depth sensors gave as it is"
+            "--depth is for lerobot and tensors; mcap and rosbag2 contain the depth sensors' images unchanged"
         );
     }
     if set.image_format != ImageFormat::default() && !is_lerobot {
@@ -299,7 +299,7 @@ fn once_each(files: Vec<PathBuf>) -> (Vec<PathBuf>, bool) {
             Some(other) => {
                 twice = true;
                 eprintln!(
-                    "{} and {} are recordings of the same label: say another --out for one of them",
+                    "{} and {} are recordings of the same label: give another --out for one of them",
                     other.display(),
                     file.display()
                 );

@@ -165,7 +165,7 @@ pub fn supervised(mut files: impl FnMut() -> anyhow::Result<Vec<PathBuf>>) -> an
                 }
                 anyhow::ensure!(
                     !found.is_empty(),
-                    "the work {how}, which no file brings out alone: run it again, and please report it"
+                    "the work {how}, which no single file reproduces: run it again, and please report it"
                 );
                 found
             }
@@ -306,7 +306,7 @@ fn broke(status: ExitStatus) -> Option<String> {
         None => (status.code() == Some(i32::from(BROKEN)))
             .then(|| "broke a process of the export".to_owned()),
         Some(signal) if signal == STUCK.as_raw() => Some(format!(
-            "came to no end within {} s ({PATIENCE_VARIABLE} gives a slow drive more)",
+            "did not end within {} s ({PATIENCE_VARIABLE} gives a slow drive more)",
             patience().unwrap_or(PATIENCE)
         )),
         Some(signal) => CRASHES

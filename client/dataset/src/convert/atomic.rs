@@ -30,7 +30,7 @@ pub enum AlreadyThere {
     Again(PathBuf),
     /// For another input, or by another program.
     #[error(
-        "{} was written meanwhile by another recording of the same label, or by another export: say another --out for one of them", .0.display()
+        "{} was written meanwhile by another recording of the same label, or by another export: give another --out for one of them", .0.display()
     )]
     Meanwhile(PathBuf),
 }

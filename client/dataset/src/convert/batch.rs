@@ -103,7 +103,7 @@ fn whole<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
         let words = cause.downcast_ref::<String>().map(String::as_str);
         let words = words.or_else(|| cause.downcast_ref::<&str>().copied());
         Err(anyhow::anyhow!(
-            "the program has a fault that this file brings out ({}); leave the file out, and please report it",
+            "this file causes an internal error ({}): leave the file out, and please report it",
             words.unwrap_or("a panic without words")
         ))
     };

@@ -74,7 +74,7 @@ impl Program {
                 Ok(String::from_utf8_lossy(&output.stdout).into_owned())
             }
             Ok(output) => bail!(
-                "{name} does not tell what it can do ({}): {cure}",
+                "cannot query the capabilities of {name} ({}): {cure}",
                 output.status
             ),
             Err(problem) if problem.kind() == ErrorKind::NotFound => {

@@ -103,7 +103,7 @@ impl<'a> Learning<'a> {
         let roles = &recording.roles;
         let joints = roles.arm.iter().copied().chain([roles.knuckle]).collect();
         let Values::Flag(success) = &recording.need("evaluation", "success")?.values else {
-            anyhow::bail!("evaluation/success holds no truth values");
+            anyhow::bail!("evaluation/success does not contain truth values");
         };
         let mut all = Self {
             rows,
@@ -478,7 +478,7 @@ fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, V
     }
     if best.len() < 2 {
         anyhow::bail!(
-            "{}: no rows lie on a grid of {rate} Hz",
+            "{}: no rows are on a grid of {rate} Hz",
             recording.summary.label
         );
     }

@@ -44,7 +44,7 @@ impl Track {
             anyhow::anyhow!("{} has no {stream}/{column}", episode.path().display())
         })?;
         let Values::F64(values) = episode.values(meta)? else {
-            anyhow::bail!("{stream}/{column} holds no numbers");
+            anyhow::bail!("{stream}/{column} does not contain numbers");
         };
         Ok(Self {
             stamps: episode.stamps(stream)?,
@@ -132,7 +132,7 @@ impl Format for WheelarmSim {
         let mut notes = Vec::new();
         if samples < rows {
             notes.push(format!(
-                "{} of {rows} rows are left out: not every topic had spoken",
+                "{} of {rows} rows are left out: not every topic had a sample",
                 rows - samples
             ));
         }

@@ -99,7 +99,7 @@ impl ColumnWriter {
             (Target::Nothing, _) => {}
             (_, cell) => {
                 return Err(hdf5::Error::Internal(format!(
-                    "a column got {cell:?}, which is of another kind"
+                    "a column received {cell:?}, which has another type"
                 )));
             }
         }

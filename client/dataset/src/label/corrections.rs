@@ -78,7 +78,7 @@ impl Corrections {
                 .filter(|&l| usize::from(l) < NAMES.len())
                 .with_context(|| format!("{place}: invalid label {label:?}: use 0 to 3"))?;
             if !(0.0..1e7).contains(&from) {
-                bail!("{place}: {from} s lies outside of any episode");
+                bail!("{place}: {from} s is outside of every episode");
             }
             let own = all.entry(episode.to_owned()).or_insert_with(|| Own {
                 segments: Vec::new(),
@@ -170,7 +170,7 @@ fn header(line: &str) -> anyhow::Result<[usize; REQUIRED.len()]> {
         let mut found = (0..names.len()).filter(|&at| names[at] == name);
         *column = match (found.next(), found.next()) {
             (Some(at), None) => at,
-            (Some(_), Some(_)) => bail!("the column {name:?} is there twice: rename one of them"),
+            (Some(_), Some(_)) => bail!("the column {name:?} occurs twice: rename one of them"),
             (None, _) => {
                 let separator = [";", "\t", "|"].into_iter().find(|s| line.contains(s));
                 if let Some(separator) = separator {
@@ -253,7 +253,7 @@ mod tests {
             ("episode,from_seconds\na,0\n", "no column \"label\""),
             (
                 "label,episode,from_seconds,label\n0,a,0,0\n",
-                "is there twice",
+                "occurs twice",
             ),
             (
                 "episode,from_seconds,label\na,0\n",

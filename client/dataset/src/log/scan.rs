@@ -215,7 +215,7 @@ fn foreign(path: &Path, head: &[u8]) -> String {
         let beside = if log.is_file() {
             format!("its log is {}", log.display())
         } else {
-            format!("{NAME}; there is none beside it, so nothing is left to recover")
+            format!("{NAME}; no log exists beside it, so it cannot be recovered")
         };
         return format!(
             "it is an HDF5 file, `wheelarm dataset info {}` shows what it holds; {beside}",
@@ -230,7 +230,7 @@ fn foreign(path: &Path, head: &[u8]) -> String {
             char::from(version[0])
         );
     }
-    format!("it does not begin like one; {NAME}")
+    format!("it does not begin like a log; {NAME}")
 }
 
 /// Reads records up to the end or the first bad one, which it describes.

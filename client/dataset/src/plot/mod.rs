@@ -22,7 +22,7 @@ const PANEL: (u32, u32) = (880, 500);
 const STILL: f64 = 1e-3;
 
 fn drawn(problem: DrawError) -> anyhow::Error {
-    anyhow::anyhow!("the plot cannot be drawn: {problem}")
+    anyhow::anyhow!("cannot draw the plot: {problem}")
 }
 
 /// Content of a panel.
@@ -41,7 +41,7 @@ enum Panel<'a> {
 /// # Errors
 /// When the episode cannot be read or the image cannot be written.
 pub fn movement(episode: &Episode, out: &Path) -> anyhow::Result<()> {
-    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    anyhow::ensure!(style::register(), "cannot use the built-in fonts");
     let start = episode.summary()?.span_nanos.0;
     let bands = if episode.has("phase") {
         phases(episode, start)?

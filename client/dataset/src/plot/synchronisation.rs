@@ -48,7 +48,7 @@ pub fn synchronisation(
     options: &AlignOptions,
     out: &Path,
 ) -> anyhow::Result<()> {
-    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    anyhow::ensure!(style::register(), "cannot use the built-in fonts");
     let aligned = align(episode, options, &|_| true)?;
     let start = episode.summary()?.span_nanos.0;
     let seconds = |t: &u64| (*t as f64 - start as f64) * 1e-9;

@@ -128,7 +128,7 @@ impl Episode {
             ElementKind::Other => {
                 return Err(self.hdf5(
                     &place(stream, name),
-                    hdf5::Error::Internal("it holds no numbers, flags or texts".into()),
+                    hdf5::Error::Internal("it contains neither numbers, flags nor texts".into()),
                 ));
             }
         })

@@ -176,7 +176,7 @@ fn folder(path: &Path) -> String {
         ),
         None => match path.join("episodes") {
             episodes if episodes.is_dir() => format!(
-                "it is the folder of a campaign; its episodes lie in {}",
+                "it is the folder of a campaign; its episodes are in {}",
                 episodes.display()
             ),
             _ => "it is a folder without an episode file (*.h5)".to_owned(),

@@ -15,10 +15,10 @@ pub enum SheetError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The drawing library failed.
-    #[error("the sheet cannot be drawn: {0}")]
+    #[error("cannot draw the sheet: {0}")]
     Draw(#[from] DrawError),
     /// The fonts in this program are not readable.
-    #[error("the built-in fonts cannot be used")]
+    #[error("cannot use the built-in fonts")]
     Fonts,
     /// The PNG cannot be written.
     #[error("{path} cannot be written: {source}")]

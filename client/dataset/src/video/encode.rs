@@ -32,7 +32,7 @@ impl Kind {
             "mp4" => Ok(Self::Mp4),
             "gif" => Ok(Self::Gif),
             _ => bail!(
-                "{} is to be no video that can be made: let it end in .mp4 or .gif",
+                "cannot select a video format for {}: let it end in .mp4 or .gif",
                 out.display()
             ),
         }

@@ -92,7 +92,7 @@ pub fn video(
         kind.width(options.width, &sizes)?,
         !options.is_plain,
     )?;
-    ensure!(style::register(), "the built-in fonts cannot be used");
+    ensure!(style::register(), "cannot use the built-in fonts");
     let story = Story::of(episode, &summary, span)?;
     let painter = Painter {
         layout: &layout,
@@ -150,7 +150,7 @@ fn cameras(episode: &Episode, names: &[String]) -> anyhow::Result<Vec<Camera>> {
         } else {
             let there: Vec<_> = all.iter().chain(&sensors).cloned().collect();
             bail!(
-                "{} has no camera {name}; it has {}. `wheelarm replay FILE --out DIR --camera {name}=640x360@10` draws the episode anew by one",
+                "{} has no camera {name}; it has {}. `wheelarm replay FILE --out DIR --camera {name}=640x360@10` renders the episode again with one",
                 episode.path().display(),
                 there.join(", ")
             );

@@ -32,7 +32,7 @@ impl Span {
         };
         ensure!(
             span.from < span.to || length == 0,
-            "nothing lies between --from {} and --to {}; the episode is {:.2} s long",
+            "the interval from --from {} to --to {} is empty; the episode is {:.2} s long",
             from.unwrap_or_default(),
             to.unwrap_or(length as f64 * 1e-9),
             length as f64 * 1e-9

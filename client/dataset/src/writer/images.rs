@@ -67,7 +67,7 @@ pub(super) fn compressed(
         (_, other) => {
             let kept = depth.name();
             return Err(format!(
-                "its depth is {other:?}, of which no {kept} can be made"
+                "its depth is {other:?}, which cannot be converted to {kept}"
             ));
         }
     };

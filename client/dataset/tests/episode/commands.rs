@@ -1,4 +1,4 @@
-//! Commands by hand: several in a tick, then none for a while.
+//! Manual commands: several in a tick, then none for a while.
 
 use wheelarm_dataset::align::{AlignOptions, align};
 use wheelarm_dataset::finish::finish;

@@ -1,4 +1,4 @@
-//! Digests tell what was changed after recording.
+//! Digests reveal changes after recording.
 
 use std::path::{Path, PathBuf};
 

@@ -84,7 +84,7 @@ fn images_with_ids_of_8_bits_are_read_like_those_of_16() {
         let camera = episode.camera("gen3").unwrap();
         assert_eq!(camera.id_bytes(), each);
         assert_eq!(camera.ids(&episode, 0).unwrap(), ids);
-        // The message is made again to the bit: its digest holds.
+        // The message is restored bit for bit: its digest matches.
         assert_eq!(camera.encoded(&episode, 0).unwrap(), Some(sent));
     }
 }

@@ -509,7 +509,7 @@ fn keep(statuses: &mut VecDeque<v1::RecorderStatus>, status: v1::RecorderStatus)
 
 async fn put(publisher: &Publisher<'_>, status: &v1::RecorderStatus) {
     if let Err(problem) = publisher.put(status.encode_to_vec()).await {
-        tracing::warn!("the recorder's status cannot be published: {problem}");
+        tracing::warn!("cannot publish the recorder's status: {problem}");
     }
 }
 

@@ -57,7 +57,7 @@ pub struct Recorder {
     status: v1::RecorderStatus,
     /// Last status of the episodes whose files are being written.
     finishing: Vec<v1::RecorderStatus>,
-    /// Episodes to record, and how many are recorded, lost or under way.
+    /// Limit of episodes, and the number recorded, lost or in progress.
     limit: Option<u64>,
     counted: u64,
     camera_subscription: CameraSubscription,
@@ -364,7 +364,7 @@ impl Recorder {
         let header = match header_of(&payload) {
             Ok(header) => header,
             Err(problem) => {
-                tracing::warn!("a sample of {stream} cannot be read: {problem}");
+                tracing::warn!("cannot decode a sample of {stream}: {problem}");
                 return;
             }
         };
@@ -425,7 +425,7 @@ impl Recorder {
     fn too_busy(&mut self, started: &v1::EpisodeStarted) {
         self.prebuffer.forget(Some(&id(started.header.as_ref())));
         self.out.push(Output::Failed(format!(
-            "episode {:?} ended while {MAX_FINISHING} the files of earlier ones were still being written; it is not recorded",
+            "episode {:?} ended while the files of {MAX_FINISHING} earlier ones were still being written; it is not recorded",
             started.label
         )));
     }

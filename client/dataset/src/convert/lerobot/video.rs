@@ -270,7 +270,7 @@ impl Ffmpeg {
         let text = String::from_utf8_lossy(&output.stdout);
         let times = Times::parse(&text).with_context(|| {
             format!(
-                "{} does not tell the frames of {}: {}",
+                "{} cannot list the frames of {}: {}",
                 self.program.name(),
                 video.display(),
                 String::from_utf8_lossy(&output.stderr).trim()

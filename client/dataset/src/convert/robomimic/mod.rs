@@ -184,7 +184,7 @@ impl Format for Robomimic {
         let rows = &learning.rows;
         anyhow::ensure!(
             rows.len() > 1,
-            "one row is left, and an action needs a next one"
+            "one row is left, but an action needs the next row"
         );
         let set = &mut *self.set.lock();
         let cameras: Vec<(String, Size)> = learning::cameras(recording, self.size)

@@ -303,7 +303,7 @@ fn compressed_depth_is_converted_to_the_stored_format() {
         let read = camera.frame(&episode, 0).unwrap().depth;
         match stored {
             Depth::Nothing => assert!(read.is_empty()),
-            // Zero is nothing in millimetres.
+            // Zero means no measurement in millimetres.
             _ => {
                 let whole: Vec<f32> = read.iter().map(|m| (m * 1000.0).round()).collect();
                 assert_eq!(

@@ -1,9 +1,9 @@
-//! What a recorder tells a server in lock-step: how far everything is here.
+//! The credit of a recorder for a lock-step server.
 
 use super::super::super::episode::SILENCE;
 use super::*;
 
-/// The newest credit, frames and tick, that outputs tell.
+/// The newest credit in the outputs: frames and tick.
 fn credit(out: &[Output]) -> Option<(u64, u64)> {
     out.iter().rev().find_map(|o| match o {
         Output::Status(s) => Some((s.credit_frames?, s.credit_tick?)),
@@ -93,7 +93,7 @@ fn a_stream_that_is_held_back_holds_the_credit_and_one_that_ended_does_not() {
     }
     assert_eq!(credit(&b.wait(SILENCE / 2)), None);
     assert_eq!(credit(&b.wait(2 * SILENCE)), Some((0, 400)));
-    // It goes on.
+    // It advances.
     b.feed(clock(401));
     for n in 101..=500 {
         b.feed(imu(n));
@@ -131,7 +131,7 @@ fn without_states_images_show_the_time() {
     assert_eq!(credit(&b.feed(image(1, 0))), Some((1, 0)));
     let tick = credit(&b.feed(image(1, 1))).expect("a credit").1;
     assert!(tick > 0 && credit(&b.feed(image(1, 2))) == Some((3, 2 * tick)));
-    // Where states come they do.
+    // With states, the states do.
     b.feed(clock(1));
     assert_eq!(credit(&b.feed(image(1, 3))), Some((4, 1)));
 }

@@ -39,7 +39,7 @@ fn state(running: Option<v1::EpisodeStarted>, ended: Vec<v1::EpisodeStopped>) ->
     }))
 }
 
-/// The server says that it runs an episode.
+/// The server reports a running episode.
 fn runs(started: v1::EpisodeStarted) -> Input {
     let run = started.header.clone().unwrap_or_default().run_id;
     let mut reply = state(Some(started), Vec::new());
@@ -49,7 +49,7 @@ fn runs(started: v1::EpisodeStarted) -> Input {
     reply
 }
 
-/// The server says that an episode has ended.
+/// The server reports an ended episode.
 fn ended(stopped: v1::EpisodeStopped) -> Input {
     state(None, vec![stopped])
 }
@@ -159,7 +159,7 @@ impl Bench {
         self.make_files(out)
     }
 
-    /// Makes files at once instead of aside; leaves out that they are made.
+    /// Writes files at once instead of on a thread; drops these outputs.
     fn make_files(&mut self, mut out: Vec<Output>) -> Vec<Output> {
         while let Some(place) = out.iter().position(|o| matches!(o, Output::Finish(_))) {
             let Output::Finish(finishing) = out.remove(place) else {
@@ -328,7 +328,7 @@ fn an_existing_file_fails_before_the_simulation_advances() {
     b.feed(ended(stopped(1, 0, 1)));
     assert_eq!(std::fs::read(&file).unwrap(), b"mine");
     assert_eq!(b.files(), ["mine.h5"]);
-    // The next episode is recorded as if nothing had been.
+    // The next episode is recorded normally.
     b.open(2, "next");
     b.feed(hash(2, 0));
     let out = b.feed(ended(stopped(2, 1, 0)));
@@ -449,7 +449,7 @@ fn an_episode_ends_before_the_next_begins_in_any_order_of_hints() {
     let mut b = Bench::new();
     b.open(1, "former");
     b.feed(hash(1, 0));
-    // Heard: the start of the second, and nothing of the end of the first.
+    // Hint: the start of the second, without the end of the first.
     let out = b.feed(Input::Hint);
     assert!(matches!(out[..], [Output::RequestState]), "{out:?}");
     let out = b.feed(state(Some(started(2, "next")), vec![stopped(1, 1, 0)]));
@@ -513,7 +513,7 @@ fn samples_of_another_publisher_are_found_by_the_digest() {
             payload: message.encode_to_vec().into(),
         }
     };
-    // All true, one late; one replaced; one forged before the true one came.
+    // All original, one late; one replaced; one forged before the original arrived.
     for (third, more, words) in [
         (hash(1, 2), None, ""),
         (forged(2), None, "digests differ"),
