@@ -62,7 +62,7 @@ impl CacheRequest {
     }
 
     /// The connection was lost with the samples in flight: starts over unless given up.
-    pub fn begin_again(&mut self) {
+    pub fn restart(&mut self) {
         if !self.is_given_up() {
             *self = Self::default();
         }
@@ -90,7 +90,7 @@ mod tests {
         let mut request = CacheRequest::default();
         assert!(request.start_if_due(start));
         assert!(!request.start_if_due(at(20)), "the answer may be under way");
-        request.begin_again();
+        request.restart();
         assert!(request.start_if_due(at(20)), "the connection was lost");
         assert_eq!(request.tries(), 1);
         let (mut sent, mut seconds) = (1, 20);
@@ -106,7 +106,7 @@ mod tests {
         }
         // Pauses of 1, 2, 4, 4 and 4 s, and the step that shows the last is over.
         assert_eq!((sent, seconds), (TRIES, 36));
-        request.begin_again();
+        request.restart();
         assert!(!request.start_if_due(at(1000)));
         let mut forgotten = CacheRequest::default();
         assert!(forgotten.start_if_due(start));

@@ -85,10 +85,8 @@ impl Compressed {
     }
 
     /// The connection was lost.
-    pub fn begin_again(&mut self) {
-        self.unusable
-            .values_mut()
-            .for_each(CacheRequest::begin_again);
+    pub fn restart(&mut self) {
+        self.unusable.values_mut().for_each(CacheRequest::restart);
     }
 
     /// Ranges of `first` to `last` without the numbers that have no usable compressed

@@ -100,7 +100,7 @@ pub(super) enum Accepted {
     Frame,
     State,
     /// Already recorded, or rejected and therefore missing.
-    Not,
+    Skipped,
 }
 
 impl Recording {
@@ -157,7 +157,7 @@ impl Recording {
         let Some(CompressedImage { frame, exact }) =
             compressed.take(sequence, payload, &of_message)
         else {
-            return Ok(Accepted::Not);
+            return Ok(Accepted::Skipped);
         };
         let offer = |writer: &mut EpisodeWriter| writer.offer_compressed(&camera, *frame);
         let kept = self.keep(&camera, sequence, exact, offer)?;
@@ -228,13 +228,13 @@ impl Recording {
         // Recovery and history may deliver a sample twice.
         if received.within(sequence, sequence) > 0 {
             digests.repeated(sequence, &digest);
-            return Ok(Accepted::Not);
+            return Ok(Accepted::Skipped);
         }
         if digests.is_late(sequence) {
             tracing::warn!(
                 "sample {sequence} of {stream} arrives too late to be ordered and is skipped"
             );
-            return Ok(Accepted::Not);
+            return Ok(Accepted::Skipped);
         }
         let taken = offer(&mut self.writer);
         match taken {
@@ -266,7 +266,7 @@ impl Recording {
             Err(WriteError::Failed(words)) => Err(words),
             Err(problem) => {
                 tracing::warn!("{problem}");
-                Ok(Accepted::Not)
+                Ok(Accepted::Skipped)
             }
         }
     }
@@ -366,11 +366,11 @@ impl Recording {
     }
 
     /// The connection is back; samples in flight are lost.
-    pub fn look_again(&mut self) {
-        self.latest.hurry();
-        self.gaps.begin_again();
+    pub fn restart_requests(&mut self) {
+        self.latest.skip_pause();
+        self.gaps.restart();
         let compressed = self.compressed.values_mut();
-        compressed.for_each(Compressed::begin_again);
+        compressed.for_each(Compressed::restart);
     }
 
     /// Requests for images after the last received ones. While compressed images are

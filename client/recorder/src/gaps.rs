@@ -64,9 +64,9 @@ impl Gaps {
     }
 
     /// The connection was lost.
-    pub(super) fn begin_again(&mut self) {
+    pub(super) fn restart(&mut self) {
         let all = self.requests.values_mut().flat_map(BTreeMap::values_mut);
-        all.for_each(CacheRequest::begin_again);
+        all.for_each(CacheRequest::restart);
     }
 
     /// Samples to request at `now`: gaps between received samples and before the first

@@ -16,7 +16,7 @@ pub(super) struct Latest {
     since: Option<((u64, u64), Instant)>,
     pause: Duration,
     /// The next check does not wait.
-    hurries: bool,
+    skips_pause: bool,
     /// Unanswered requests.
     pending: usize,
 }
@@ -27,7 +27,7 @@ impl Latest {
         match self.since {
             Some((before, since)) if before == news => {
                 let rested = now.saturating_duration_since(since) >= self.pause;
-                self.pending == 0 && (self.hurries || rested)
+                self.pending == 0 && (self.skips_pause || rested)
             }
             _ => {
                 self.since = Some((news, now));
@@ -45,15 +45,15 @@ impl Latest {
     }
 
     /// The connection was lost with the samples in flight: the next check does not wait.
-    pub fn hurry(&mut self) {
-        self.hurries = true;
+    pub fn skip_pause(&mut self) {
+        self.skips_pause = true;
         self.pending = 0;
     }
 
     /// Samples of `streams` streams were requested at `now`.
     pub fn requested(&mut self, streams: usize, now: Instant) {
         self.pending = streams;
-        self.hurries = false;
+        self.skips_pause = false;
         self.again(now);
         self.pause = (2 * self.pause).min(LONGEST);
     }
@@ -92,7 +92,7 @@ mod tests {
             }
         }
         assert_eq!(looks, [8, 19, 40, 65, 76, 97]);
-        latest.hurry();
+        latest.skip_pause();
         assert!(!latest.is_due((1, 2), at(100)), "a new tick");
         assert!(latest.is_due((1, 2), at(100)));
         latest.requested(0, at(100));

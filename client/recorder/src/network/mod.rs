@@ -16,7 +16,7 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
-use super::queue::{Entrance, Exit, queue};
+use super::queue::{QueueReceiver, QueueSender, queue};
 use super::raw::Raw;
 use super::recorder::{Input, Output, Recorder};
 use super::{ExitSummary, RecordOptions};
@@ -63,15 +63,15 @@ pub async fn run(
         .with_limit(options.episodes)
         .with_compressed(true);
     let first = recorder.status().clone();
-    let (entrance, exit) = queue();
+    let (sender, receiver) = queue();
     let (outputs, mut received) = mpsc::unbounded_channel();
     let thread = {
-        let entrance = entrance.clone();
-        std::thread::spawn(move || work(recorder, exit, &entrance, &outputs))
+        let sender = sender.clone();
+        std::thread::spawn(move || work(recorder, receiver, &sender, &outputs))
     };
 
-    let _subscribers = subscribe(client, &entrance).await?;
-    let cameras = subscribe_cameras(client, &entrance, true).await?;
+    let _subscribers = subscribe_all(client, &sender).await?;
+    let cameras = subscribe_cameras(client, &sender, true).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&options.name))
@@ -81,7 +81,7 @@ pub async fn run(
 
     let mut handler = OutputHandler {
         client,
-        entrance,
+        sender,
         cameras,
         publisher,
         statuses: VecDeque::from([first]),
@@ -94,7 +94,7 @@ pub async fn run(
     let mut poll = tokio::time::interval(POLL_PERIOD);
     let _input = options
         .end_with_stdin
-        .then(|| end_with_input(handler.entrance.clone()));
+        .then(|| end_with_input(handler.sender.clone()));
     tokio::pin!(shutdown);
     loop {
         tokio::select! {
@@ -119,7 +119,7 @@ pub async fn run(
 /// Carries out the outputs of a recorder on the network.
 struct OutputHandler<'a> {
     client: &'a Client,
-    entrance: Entrance<Raw>,
+    sender: QueueSender<Raw>,
     /// Keeps the subscriber to the cameras alive.
     cameras: Subscription,
     publisher: Publisher<'static>,
@@ -137,14 +137,14 @@ impl OutputHandler<'_> {
     async fn carry_out(&mut self, output: Output) {
         match output {
             Output::RequestSnapshot => {
-                request_snapshot(self.client, &self.entrance);
+                request_snapshot(self.client, &self.sender);
             }
-            Output::RequestState => request_state(self.client, &self.entrance),
+            Output::RequestState => request_state(self.client, &self.sender),
             Output::RequestSamples { missing, patience } => {
-                request_samples(self.client, &self.entrance, missing, patience).await;
+                request_samples(self.client, &self.sender, missing, patience).await;
             }
             Output::SubscribeCameras { compressed } => {
-                match subscribe_cameras(self.client, &self.entrance, compressed).await {
+                match subscribe_cameras(self.client, &self.sender, compressed).await {
                     Ok(cameras) => self.cameras = cameras,
                     Err(problem) => {
                         let words = format!("cannot subscribe to the cameras: {problem}");
@@ -180,18 +180,18 @@ impl OutputHandler<'_> {
             LinkState::Restored => self.hint(),
             // The liveliness token of a killed server is not withdrawn for a client
             // whose only connection was to that server.
-            LinkState::Lost => self.entrance.control(Raw::Ready(Input::ServerLost)),
+            LinkState::Lost => self.sender.control(Raw::Ready(Input::ServerLost)),
             LinkState::Down => {}
         }
     }
 
     fn hint(&self) {
-        self.entrance.control(Raw::Ready(Input::Hint));
+        self.sender.control(Raw::Ready(Input::Hint));
     }
 
     fn end(&mut self) {
         self.ending = true;
-        self.entrance.control(Raw::Ready(Input::Shutdown));
+        self.sender.control(Raw::Ready(Input::Shutdown));
     }
 }
 
@@ -242,15 +242,15 @@ async fn status_publisher(client: &Client, name: &str) -> anyhow::Result<Publish
 /// The recorder's thread: decodes and feeds the recorder until it is shut down.
 fn work(
     mut recorder: Recorder,
-    mut exit: Exit<Raw>,
-    entrance: &Entrance<Raw>,
+    mut receiver: QueueReceiver<Raw>,
+    sender: &QueueSender<Raw>,
     outputs: &mpsc::UnboundedSender<Output>,
 ) {
     let mut dropped = 0;
     let mut ending = false;
     loop {
         let mut out = recorder.tick(Instant::now());
-        if exit.wait(CORE_PERIOD).is_err() {
+        if receiver.wait(CORE_PERIOD).is_err() {
             return;
         }
         // The receiver of the outputs has failed.
@@ -258,7 +258,7 @@ fn work(
             return;
         }
         let begun = Instant::now();
-        while let Some(raw) = exit.take() {
+        while let Some(raw) = receiver.take() {
             let input = raw.decode();
             ending |= matches!(input, Input::Shutdown);
             out.extend(recorder.handle(input, Instant::now()));
@@ -268,20 +268,20 @@ fn work(
             }
         }
         out.extend(recorder.flush());
-        newest_status(&mut out);
-        if exit.dropped() != dropped {
+        drop_superseded(&mut out);
+        if receiver.dropped() != dropped {
             tracing::warn!(
                 "{} samples were dropped: this host cannot write fast enough; use fewer or smaller images, or lock-step pacing",
-                exit.dropped() - dropped
+                receiver.dropped() - dropped
             );
-            dropped = exit.dropped();
+            dropped = receiver.dropped();
         }
         for output in out {
             let output = match output {
                 Output::Finish(finishing) => {
-                    let entrance = entrance.clone();
+                    let sender = sender.clone();
                     std::thread::spawn(move || {
-                        entrance.control(Raw::Ready(Input::Done(finishing.run())))
+                        sender.control(Raw::Ready(Input::Done(finishing.run())))
                     });
                     continue;
                 }
@@ -298,7 +298,7 @@ fn work(
 }
 
 /// Removes each status that is directly followed by one of the same episode and state.
-fn newest_status(out: &mut Vec<Output>) {
+fn drop_superseded(out: &mut Vec<Output>) {
     let of = |status: &v1::RecorderStatus| {
         let header = status.header.as_ref();
         let episode = header.map(|h| (h.run_id.clone(), h.episode));
@@ -322,12 +322,12 @@ fn newest_status(out: &mut Vec<Output>) {
 
 /// Keeps a subscriber alive.
 type Subscription = Box<dyn std::any::Any + Send>;
-type Held = Vec<Subscription>;
+type Subscriptions = Vec<Subscription>;
 
 /// Puts the samples of the server's streams into the queue.
-fn to_queue(client: &Client, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
+fn to_queue(client: &Client, sender: &QueueSender<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
     let (to, server, keys) = (
-        entrance.clone(),
+        sender.clone(),
         client.server().clone(),
         client.keys().clone(),
     );
@@ -347,12 +347,12 @@ fn to_queue(client: &Client, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send
 /// Subscribes to the state streams.
 async fn subscribe_states(
     client: &Client,
-    entrance: &Entrance<Raw>,
+    sender: &QueueSender<Raw>,
 ) -> anyhow::Result<Subscription> {
     let samples = client
         .session()
         .declare_subscriber(client.keys().streams())
-        .callback(to_queue(client, entrance))
+        .callback(to_queue(client, sender))
         // The cache holds samples that were published before this subscription
         // existed; the recorder drops those of other episodes.
         .history(HistoryConfig::default().detect_late_publishers())
@@ -366,13 +366,13 @@ async fn subscribe_states(
 /// images that are still in flight on a slow line, and images from before the episode.
 async fn subscribe_images(
     client: &Client,
-    entrance: &Entrance<Raw>,
+    sender: &QueueSender<Raw>,
     key: String,
 ) -> anyhow::Result<Subscription> {
     let samples = client
         .session()
         .declare_subscriber(key)
-        .callback(to_queue(client, entrance))
+        .callback(to_queue(client, sender))
         .await
         .map_err(transport("subscribing to the images"))?;
     Ok(Box::new(samples))
@@ -381,32 +381,35 @@ async fn subscribe_images(
 /// Subscribes to the cameras, to compressed or exact images.
 async fn subscribe_cameras(
     client: &Client,
-    entrance: &Entrance<Raw>,
+    sender: &QueueSender<Raw>,
     compressed: bool,
 ) -> anyhow::Result<Subscription> {
     let topic = match compressed {
         true => TopicId::CompressedCamera,
         false => TopicId::Camera,
     };
-    subscribe_images(client, entrance, client.keys().topic(topic)).await
+    subscribe_images(client, sender, client.keys().topic(topic)).await
 }
 
-async fn subscribe(client: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
+async fn subscribe_all(
+    client: &Client,
+    sender: &QueueSender<Raw>,
+) -> anyhow::Result<Subscriptions> {
     let (session, keys) = (client.session(), client.keys());
     let from = || client.server().clone();
-    let mut held: Held = Vec::new();
+    let mut subscriptions: Subscriptions = Vec::new();
     // A declared key saves the lookup of the receivers for each sample.
     for topic in TopicId::STATES {
         let key = session.declare_keyexpr(keys.topic(topic)).await;
-        held.push(Box::new(key.map_err(transport("declaring a stream"))?));
+        subscriptions.push(Box::new(key.map_err(transport("declaring a stream"))?));
     }
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    held.push(subscribe_states(client, entrance).await?);
-    held.push(subscribe_images(client, entrance, keys.topic(TopicId::Sensor)).await?);
+    subscriptions.push(subscribe_states(client, sender).await?);
+    subscriptions.push(subscribe_images(client, sender, keys.topic(TopicId::Sensor)).await?);
 
     for key in [TopicId::EpisodeStart, TopicId::EpisodeStop].map(|t| keys.topic(t)) {
-        let (to, server) = (entrance.clone(), from());
+        let (to, server) = (sender.clone(), from());
         let hints = session
             .declare_subscriber(key)
             .callback(move |sample: Sample| {
@@ -417,10 +420,10 @@ async fn subscribe(client: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<
             .recovery(recovery())
             .await
             .map_err(transport("subscribing to the episodes"))?;
-        held.push(Box::new(hints));
+        subscriptions.push(Box::new(hints));
     }
 
-    let (to, server) = (entrance.clone(), from());
+    let (to, server) = (sender.clone(), from());
     let alive = session
         .liveliness()
         .declare_subscriber(keys.alive("*"))
@@ -434,15 +437,15 @@ async fn subscribe(client: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<
         })
         .await
         .map_err(transport("watching the server"))?;
-    held.push(Box::new(alive));
-    Ok(held)
+    subscriptions.push(Box::new(alive));
+    Ok(subscriptions)
 }
 
 /// Ends the recorder when its standard input closes.
-fn end_with_input(entrance: Entrance<Raw>) -> std::thread::JoinHandle<()> {
+fn end_with_input(sender: QueueSender<Raw>) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-        entrance.control(Raw::Ready(Input::Shutdown));
+        sender.control(Raw::Ready(Input::Shutdown));
     })
 }
 
@@ -546,7 +549,7 @@ mod tests {
             finishing(),
             other(),
         ];
-        newest_status(&mut out);
+        drop_superseded(&mut out);
         let published: Vec<_> = out
             .iter()
             .map(|output| match output {

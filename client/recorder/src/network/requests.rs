@@ -7,7 +7,7 @@ use wheelarm_sdk::Client;
 use zenoh::query::{ConsolidationMode, QueryTarget, ReplyKeyExpr};
 
 use super::super::Missing;
-use super::super::queue::Entrance;
+use super::super::queue::QueueSender;
 use super::super::raw::Raw;
 use super::super::recorder::Input;
 
@@ -26,11 +26,11 @@ pub(super) fn aside<T: Send + 'static>(
     tokio::task::spawn_blocking(move || work(&client))
 }
 
-pub(super) fn request_snapshot(client: &Client, entrance: &Entrance<Raw>) {
-    let entrance = entrance.clone();
+pub(super) fn request_snapshot(client: &Client, sender: &QueueSender<Raw>) {
+    let sender = sender.clone();
     aside(client, move |client| {
         let reply = client.request_within(&v1::SnapshotRequest {}, SNAPSHOT_TIMEOUT);
-        entrance.control(Raw::Ready(Input::Snapshot(
+        sender.control(Raw::Ready(Input::Snapshot(
             reply.map_err(|e| e.to_string()),
         )));
     });
@@ -38,7 +38,7 @@ pub(super) fn request_snapshot(client: &Client, entrance: &Entrance<Raw>) {
 
 /// A pending request for samples; sends [`Input::Answered`] when it is dropped.
 struct PendingRequest {
-    to: Entrance<Raw>,
+    to: QueueSender<Raw>,
     missing: Missing,
 }
 
@@ -53,7 +53,7 @@ impl Drop for PendingRequest {
 /// than `patience`. The transport numbers the samples of a stream as their headers do.
 pub(super) async fn request_samples(
     client: &Client,
-    entrance: &Entrance<Raw>,
+    sender: &QueueSender<Raw>,
     missing: Missing,
     patience: Duration,
 ) {
@@ -66,7 +66,7 @@ pub(super) async fn request_samples(
         .map_or_else(String::new, |last| last.to_string());
     tracing::debug!("requesting {} {first}..{last} again", missing.stream);
     let pending = PendingRequest {
-        to: entrance.clone(),
+        to: sender.clone(),
         missing,
     };
     let request = session
@@ -94,10 +94,10 @@ pub(super) async fn request_samples(
 }
 
 /// Requests the running episode and the ended ones.
-pub(super) fn request_state(client: &Client, entrance: &Entrance<Raw>) {
-    let entrance = entrance.clone();
+pub(super) fn request_state(client: &Client, sender: &QueueSender<Raw>) {
+    let sender = sender.clone();
     aside(client, move |client| {
         let reply = client.request_within(&v1::EpisodeRequest::default(), STATE_TIMEOUT);
-        entrance.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
+        sender.control(Raw::Ready(Input::State(reply.map_err(|e| e.to_string()))));
     });
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use wheelarm_proto::v1;
 
 use super::super::episode::{EpisodeId, Recording, Report, id};
-use super::status::follow;
+use super::status::update_status;
 use super::{MANIFEST_PATIENCE, Output, Recorder, Stage};
 
 impl Recorder {
@@ -16,7 +16,7 @@ impl Recorder {
         if let Some(next) = self.next.take_if(|n| id(n.header.as_ref()) == of) {
             self.last = Some(of);
             if !stopped.discard {
-                self.too_busy(&next);
+                self.report_too_busy(&next);
             }
             return;
         }
@@ -136,7 +136,7 @@ impl Recorder {
     ) {
         self.last = Some(id(recording.started.header.as_ref()));
         self.prebuffer.forget(self.last.as_ref());
-        follow(&mut self.status, &recording);
+        update_status(&mut self.status, &recording);
         self.counted += 1;
         self.status.state = v1::RecorderState::Finishing.into();
         self.finishing.push(self.status.clone());
@@ -181,7 +181,7 @@ impl Recorder {
     pub(super) fn discard(&mut self, recording: Recording) {
         self.last = Some(id(recording.started.header.as_ref()));
         self.prebuffer.forget(self.last.as_ref());
-        follow(&mut self.status, &recording);
+        update_status(&mut self.status, &recording);
         let label = recording.started.label.clone();
         let message = match recording.discard() {
             Ok(()) => "discarded".to_owned(),

@@ -279,7 +279,7 @@ impl Recorder {
             if let Some(former) = self.next.replace(Box::new(started)) {
                 let new = self.next.as_ref().map(|n| id(n.header.as_ref()));
                 if Some(id(former.header.as_ref())) != new {
-                    self.too_busy(&former);
+                    self.report_too_busy(&former);
                 }
             }
             return;
@@ -310,7 +310,7 @@ impl Recorder {
         };
         if let Err(problem) = free {
             // Reported at once, so that the server does not wait for this recorder.
-            self.fail_taken(&problem);
+            self.fail_existing(&problem);
             return;
         }
         self.out.push(Output::RequestSnapshot);
@@ -403,7 +403,7 @@ impl Recorder {
         };
         match recording.take(stream, header.sequence, payload) {
             Ok(Accepted::Frame) => self.publish(),
-            Ok(Accepted::State | Accepted::Not) => {}
+            Ok(Accepted::State | Accepted::Skipped) => {}
             Err(words) => {
                 let words = recording.failed(&words);
                 self.fail(words);
@@ -422,7 +422,7 @@ impl Recorder {
     }
 
     /// Episodes follow faster than their files can be written.
-    fn too_busy(&mut self, started: &v1::EpisodeStarted) {
+    fn report_too_busy(&mut self, started: &v1::EpisodeStarted) {
         self.prebuffer.forget(Some(&id(started.header.as_ref())));
         self.out.push(Output::Failed(format!(
             "episode {:?} ended while the files of {MAX_FINISHING} earlier ones were still being written; it is not recorded",

@@ -85,7 +85,7 @@ impl Recorder {
         if let Stage::Recording(recording) = &mut self.stage
             && let Some(since) = recording.away.take()
         {
-            recording.look_again();
+            recording.restart_requests();
             tracing::warn!(
                 "the server is back after {:.1} s and continues episode {:?}",
                 now.duration_since(since).as_secs_f64(),

@@ -15,7 +15,7 @@ impl Recorder {
     }
 
     /// Gives up the current episode, whose label exists already, and proposes a free label.
-    pub(super) fn fail_taken(&mut self, problem: &WriteError) {
+    pub(super) fn fail_existing(&mut self, problem: &WriteError) {
         let label = match &self.stage {
             Stage::Opening { started, .. } => started.label.clone(),
             _ => String::new(),
@@ -52,7 +52,7 @@ impl Recorder {
     /// Publishes readiness and credit.
     pub(super) fn publish(&mut self) {
         if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
-            follow(&mut self.status, recording);
+            update_status(&mut self.status, recording);
         }
         self.out.push(Output::Status(self.status.clone()));
     }
@@ -60,7 +60,7 @@ impl Recorder {
 
 /// Updates a status from the received samples. The credit stays while a missing sample
 /// may still arrive.
-pub(super) fn follow(status: &mut v1::RecorderStatus, recording: &Recording) {
+pub(super) fn update_status(status: &mut v1::RecorderStatus, recording: &Recording) {
     status.accepted_frames = recording.accepted;
     status.missed = recording.missed();
     if let Some(credit) = recording.credit() {
