@@ -49,19 +49,19 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| format!("invalid seconds {text:?}: write them as 2.5, 0 or more"))
 }
 
-pub fn video(options: Video) -> anyhow::Result<u8> {
-    let out = options.out.as_deref();
-    let out = out.map_or_else(|| options.file.with_extension("mp4"), Path::to_owned);
+pub fn video(arguments: Video) -> anyhow::Result<u8> {
+    let out = arguments.out.as_deref();
+    let out = out.map_or_else(|| arguments.file.with_extension("mp4"), Path::to_owned);
     let options = VideoOptions {
-        cameras: options.cameras,
-        speed: Some(options.speed),
-        frames_per_second: options.fps,
-        width: options.width,
-        from: options.from,
-        to: options.to,
-        is_plain: options.plain,
+        cameras: arguments.cameras,
+        speed: Some(arguments.speed),
+        frames_per_second: arguments.fps,
+        width: arguments.width,
+        from: arguments.from,
+        to: arguments.to,
+        is_plain: arguments.plain,
     };
-    let episode = Episode::open(&options.file)?;
+    let episode = Episode::open(&arguments.file)?;
     let bar = batch::bar("frames");
     let made = videos::video(
         &episode,

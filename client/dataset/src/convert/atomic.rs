@@ -14,10 +14,10 @@ use parking_lot::Mutex;
 
 use crate::publish;
 
-/// Counts what was made under another name.
+/// Counter of temporary names.
 static MADE: AtomicU64 = AtomicU64::new(0);
 
-/// What is to be written is there already.
+/// The output exists already.
 #[derive(Debug, thiserror::Error)]
 pub enum AlreadyThere {
     /// From before.
@@ -38,13 +38,13 @@ pub enum AlreadyThere {
 /// When the command began, and when this process began to work on it.
 static BEGAN: OnceLock<[SystemTime; 2]> = OnceLock::new();
 
-/// Tells when the command began that this process works on from now.
+/// Sets the start time of the command that this process executes.
 pub fn begin(command: SystemTime) {
     // The first value counts.
     let _ = BEGAN.set([command, SystemTime::now()]);
 }
 
-/// Who wrote what is there.
+/// Determines who wrote the existing output.
 fn written_by(target: &Path, there: &Metadata) -> AlreadyThere {
     /// Files that this process has written already.
     static WRITTEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -81,10 +81,10 @@ fn hidden(target: &Path) -> PathBuf {
 
 /// Changes a file that has its final name already: `edit` gets a copy of it, which
 /// takes its place, durably and in one step. A process killed meanwhile leaves the file
-/// as it was. For recordings that is a copy of gigabytes.
+/// unchanged. For recordings that is a copy of gigabytes.
 ///
 /// # Errors
-/// Those of `edit`, and those of the disk: the file is as it was then.
+/// Those of `edit`, and those of the disk: then the file is unchanged.
 pub fn change(file: &Path, edit: impl FnOnce(&Path) -> anyhow::Result<()>) -> anyhow::Result<()> {
     // A link leads to the file itself.
     let file = &file.canonicalize()?;
@@ -117,7 +117,7 @@ fn make_folder(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Tells where process numbers mean the same: on this machine, outside of other containers.
+/// Identifies the PID namespace: this machine, outside of other containers.
 static HOST: LazyLock<String> = LazyLock::new(|| {
     let own = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
     let name = rustix::system::uname();
@@ -138,14 +138,14 @@ fn remove_left_behind(folder: &Path) {
     }
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if process_of(&entry.file_name().to_string_lossy()).is_some_and(is_gone) {
-            // What cannot be removed does no harm.
+            // A remaining file does no harm.
             let _ = std::fs::remove_file(entry.path());
             let _ = std::fs::remove_dir_all(entry.path());
         }
     }
 }
 
-/// Process of this machine that began what has this name.
+/// Process of this machine that created the partial file of this name.
 fn process_of(name: &str) -> Option<i32> {
     let (_, suffix) = name
         .strip_prefix('.')?
@@ -187,13 +187,13 @@ impl PendingFile {
         })
     }
 
-    /// Where to write.
+    /// Path to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.temporary
     }
 
-    /// Makes it durable and gives it its name.
+    /// Makes it durable and renames it to its final name.
     ///
     /// # Errors
     /// When the name was taken meanwhile.
@@ -212,7 +212,7 @@ impl Drop for PendingFile {
     }
 }
 
-/// What came of giving it its name.
+/// Handles the result of the rename.
 fn placed(named: std::io::Result<publish::Published>, target: &Path) -> anyhow::Result<()> {
     match named {
         Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
@@ -223,10 +223,10 @@ fn placed(named: std::io::Result<publish::Published>, target: &Path) -> anyhow::
     }
 }
 
-/// Writes a file, which may be there as it is to be.
+/// Writes a file, which may exist with the same content.
 ///
 /// # Errors
-/// When there is another one, or it cannot be written.
+/// When it exists with other content, or cannot be written.
 pub fn hold(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     if std::fs::read(path).is_ok_and(|there| there == bytes) {
         return Ok(());
@@ -246,7 +246,7 @@ pub struct PendingFolder {
 }
 
 impl PendingFolder {
-    /// Makes a folder to fill for `target`.
+    /// Creates a temporary folder for `target`.
     ///
     /// # Errors
     /// When `target` exists already or no folder can be made.
@@ -262,7 +262,7 @@ impl PendingFolder {
         })
     }
 
-    /// Where to write.
+    /// Path to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.temporary

@@ -251,8 +251,8 @@ fn policy_rows(
     let stamps = &recording.aligned.stamps;
     let start = rows.first().map_or(0, |&r| stamps[r]);
     let incidents = all.incidents.iter();
-    let rows = all.rows.iter().zip(&all.states).zip(&all.actions);
-    for (((&row, state), action), incident) in rows.zip(incidents) {
+    let records = all.rows.iter().zip(&all.states).zip(&all.actions);
+    for (((&row, state), action), incident) in records.zip(incidents) {
         let frame = rows.iter().position(|&r| r == row).map_or(0, |at| at + 1);
         let time = (stamps[row] - start) as f64 * 1e-9;
         let mut line = vec![frame.to_string(), time.to_string()];

@@ -13,7 +13,7 @@ use anyhow::{Context, bail, ensure};
 
 /// Names the program; without it `ffmpeg` is looked for on PATH.
 pub const PROGRAM: &str = "WHEELARM_FFMPEG";
-/// How to come by the program.
+/// How to install the program.
 const CURE: &str =
     "install it (Debian: apt-get install -y ffmpeg), name another one in WHEELARM_FFMPEG";
 
@@ -30,7 +30,7 @@ pub(crate) fn argument(path: &Path) -> std::io::Result<OsString> {
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     path: PathBuf,
-    /// How to come by it, or do without.
+    /// How to install it, or the alternative without it.
     cure: String,
 }
 
@@ -61,7 +61,7 @@ impl Program {
     /// Its summary.
     ///
     /// # Errors
-    /// When there is none or it does not answer, with the cure.
+    /// When it is missing or does not answer, with the fix.
     pub fn request(&self, question: &[&str]) -> anyhow::Result<String> {
         let (name, cure) = (self.name(), &self.cure);
         let output = Command::new(&self.path)
@@ -104,7 +104,7 @@ impl Program {
             .with_context(|| self.no_start())
     }
 
-    /// Starts it to make `path` out of frames that are still to come.
+    /// Starts it to encode frames, which follow, into `path`.
     ///
     /// # Errors
     /// When it does not start.
@@ -133,7 +133,7 @@ impl Program {
     }
 }
 
-/// What the program lists as its encoders.
+/// Encoders that the program lists.
 pub(crate) struct Encoders(String);
 
 impl Encoders {
@@ -142,7 +142,7 @@ impl Encoders {
         Self(text.to_owned())
     }
 
-    /// Whether there is one of this name.
+    /// Whether one of this name exists.
     pub fn has(&self, encoder: &str) -> bool {
         // A line is `V....D libx264   libx264 H.264 …`.
         let mut lines = self.0.lines().map(str::split_whitespace);
@@ -177,7 +177,7 @@ impl Stream {
         bail!(self.words(status))
     }
 
-    /// Waits until all frames are written, and returns how many bytes they take.
+    /// Waits until all frames are written, and returns the size, bytes.
     ///
     /// # Errors
     /// When the program fails, with its output.
@@ -203,7 +203,7 @@ impl Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        // Nothing happens to one that has ended and was waited for.
+        // No effect on a process that has ended and was reaped.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -2,7 +2,7 @@
 //! shapes, types, order and units as its scripts read them.
 //!
 //! Every topic's value is its last sample up to the row's stamp, with its own
-//! stamp, which is what WheelArm-Sim's recorder kept. Values are not resampled:
+//! stamp, as WheelArm-Sim's recorder kept. Values are not resampled:
 //! WheelArm-Sim's scripts do that. Images are 64-bit integers, one per byte,
 //! gzip with the level 4 in the file's filter; they are compressed here by
 //! `super::deflate_int64` and written as whole chunks.

@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 
 /// Depth of code 0, m. No return reads as this.
 pub const LEAST: f64 = 0.01;
-/// Depth of the greatest code, m. What is farther reads as this.
+/// Depth of the greatest code, m. Greater depths are clamped to it.
 pub const MOST: f64 = 10.0;
-/// Added to a depth before its logarithm is taken, m.
+/// Added to a depth before the logarithm, m.
 pub const SHIFT: f64 = 3.5;
 /// The greatest code.
 const GREATEST: f64 = 4095.0;
@@ -23,7 +23,7 @@ fn code(millimetres: u16) -> u16 {
     (share * GREATEST).round_ties_even().clamp(0.0, GREATEST) as u16
 }
 
-/// A depth (m; 0 or infinite for no return) within what codes can tell.
+/// A depth (m; 0 or infinite for no return), clamped to the range of codes.
 #[must_use]
 pub fn quantized(metres: f32) -> f32 {
     let some = crate::depth::millimetres(metres) > 0;

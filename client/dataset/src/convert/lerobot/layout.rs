@@ -1,5 +1,5 @@
 //! The features of a set, each defined once: its name, its type and shape, and how
-//! its values are taken from an episode.
+//! its values are read from an episode.
 
 use std::collections::BTreeMap;
 
@@ -47,7 +47,7 @@ pub(super) struct Streams {
 impl Streams {
     /// The one place that decides which images of a recording are observed: of
     /// every camera the colour that the robot saw (`Recording::seen`), and with
-    /// `depth` what depth sensors gave, never exact depth.
+    /// `depth` images of depth sensors, never exact depth.
     ///
     /// # Errors
     /// When no image exists, or no depth sensor where depth is requested.
@@ -77,7 +77,7 @@ pub(super) struct ImageFeature<'a> {
     pub size: Size,
     /// Depth by the camera's depth sensor, millimetres; else colour.
     pub is_depth: bool,
-    /// What it is coded by; PNG in Parquet without it.
+    /// Its codec; PNG in Parquet without it.
     pub codec: Option<Codec>,
 }
 

@@ -62,7 +62,7 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
         .iter()
         .map(|(name, values)| {
             let mut summary = values.summary();
-            // What hardly changes must not be blown up by a reader that divides by it.
+            // A nearly constant value must not be scaled up by a reader that divides by it.
             if ["observation.state", "action"].contains(&name.as_str()) {
                 summary.widen(LEAST_DEVIATION);
             }
@@ -129,7 +129,7 @@ fn episodes_table(path: &Path, set: &Set, rate: u32) -> anyhow::Result<()> {
         ("meta/episodes/file_index", |_, _| 0),
     ];
     columns.extend(places.map(integers));
-    for key in set.reels.keys() {
+    for key in set.video_concats.keys() {
         let videos = all.iter().map(|e| (e.videos.get(key), e.length));
         let places: Vec<_> = videos.filter_map(|(p, n)| p.map(|p| (p, n))).collect();
         let number = |name: &str, of: fn(usize) -> usize| {

@@ -9,11 +9,11 @@ mod depth_code;
 mod language;
 mod layout;
 mod metadata;
-mod reel;
 mod set;
 mod statistics;
 mod table;
 mod video;
+mod video_concat;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -198,8 +198,8 @@ impl Format for LeRobot {
         )?);
         let mut videos = BTreeMap::new();
         for (key, name, bytes) in filmed {
-            let reel = set.reels.entry(key.clone()).or_default();
-            videos.insert(key, reel.add(name, rows.len(), bytes));
+            let videos_of_feature = set.video_concats.entry(key.clone()).or_default();
+            videos.insert(key, videos_of_feature.add(name, rows.len(), bytes));
         }
         set.finish_episode(EpisodeRow {
             task: recording.summary.instruction.clone(),
@@ -248,15 +248,15 @@ impl LeRobot {
         };
         let folder = set.scratch();
         std::fs::create_dir_all(&folder)?;
-        for images in layout.image_features() {
-            let Some(codec) = images.codec else {
+        for feature in layout.image_features() {
+            let Some(codec) = feature.codec else {
                 continue;
             };
             let name = format!("{}.mp4", set.films);
             set.films += 1;
-            let stream = ffmpeg.begin(codec, images.size, layout.rate, &folder.join(&name))?;
+            let stream = ffmpeg.begin(codec, feature.size, layout.rate, &folder.join(&name))?;
             films.push(Film {
-                key: images.key,
+                key: feature.key,
                 name,
                 stream,
             });
@@ -270,9 +270,9 @@ impl LeRobot {
             return Ok(());
         };
         let (scratch, folder) = (set.scratch(), set.folder.path());
-        for (key, reel) in &mut set.reels {
-            if all || reel.is_full() {
-                reel.close(ffmpeg, &scratch, folder, key, layout.rate)?;
+        for (key, videos_of_feature) in &mut set.video_concats {
+            if all || videos_of_feature.is_full() {
+                videos_of_feature.close(ffmpeg, &scratch, folder, key, layout.rate)?;
             }
         }
         if all {
@@ -300,17 +300,17 @@ impl LeRobot {
             })
             .collect();
         for block in rows.chunks(BLOCK) {
-            for images in layout.image_features() {
+            for feature in layout.image_features() {
                 let encoded = parallel(block.len(), self.threads, |i| {
-                    frame(recording, &images, block[i])
+                    frame(recording, &feature, block[i])
                 })?;
-                let mut film = films.iter_mut().find(|film| film.key == images.key);
+                let mut film = films.iter_mut().find(|film| film.key == feature.key);
                 for (bytes, counts) in &encoded {
                     match &mut film {
                         Some(film) => film.stream.put(bytes)?,
                         None => scratch.put(bytes)?,
                     }
-                    if let Some(all) = gathered.get_mut(&images.key) {
+                    if let Some(all) = gathered.get_mut(&feature.key) {
                         all.merge(counts);
                     }
                 }
@@ -331,17 +331,17 @@ struct Film {
 /// An image as a video needs it, raw, or as PNG; and its part of the statistics.
 fn frame(
     recording: &Recording,
-    images: &ImageFeature<'_>,
+    feature: &ImageFeature<'_>,
     row: usize,
 ) -> anyhow::Result<(Vec<u8>, Gathered)> {
-    let size = images.size;
+    let size = feature.size;
     let pixels = size.width * size.height;
-    if images.is_depth {
-        let (source, index) = recording.sensed_depth(images.camera, row)?;
+    if feature.is_depth {
+        let (source, index) = recording.sensed_depth(feature.camera, row)?;
         let depth = source.depth(&recording.episode, index)?;
         let mut counts = Gathered::depths();
         let step = pixels / COUNTED_DEPTHS;
-        let bytes = if images.codec.is_some() {
+        let bytes = if feature.codec.is_some() {
             // The statistics are of the decoded values.
             let quantized: Vec<f32> = depth.iter().map(|&d| depth_code::quantized(d)).collect();
             counts.depth(&quantized, step);
@@ -352,13 +352,13 @@ fn frame(
         };
         return Ok((bytes, counts));
     }
-    let (source, index) = recording.observed(images.camera, row)?;
+    let (source, index) = recording.observed(feature.camera, row)?;
     let (width, height) = source.size().context("a size")?;
     let rgb = source.rgb(&recording.episode, index)?;
     let rgb = scaled(rgb, Size { width, height }, size);
     let mut counts = Gathered::colours();
     counts.image(&rgb, pixels / COUNTED_PIXELS);
-    let bytes = match images.codec {
+    let bytes = match feature.codec {
         Some(_) => rgb,
         None => png_rgb(&rgb, size)?,
     };
@@ -381,18 +381,18 @@ fn write_rows(
     for first in (0..all).step_by(BLOCK) {
         let count = BLOCK.min(all - first);
         let mut columns = Vec::new();
-        for images in layout.image_features().filter(|p| p.codec.is_none()) {
+        for feature in layout.image_features().filter(|p| p.codec.is_none()) {
             let mut images = Vec::with_capacity(count);
             for frame in first..first + count {
                 let mut bytes = vec![0; *lengths.next().context("an image")?];
                 reader.read_exact(&mut bytes)?;
-                let what = ["", "-depth"][usize::from(images.is_depth)];
-                let camera = images.camera;
+                let what = ["", "-depth"][usize::from(feature.is_depth)];
+                let camera = feature.camera;
                 let name = format!("{camera}{what}-{:06}-{frame:06}.png", whole.episode);
                 images.push((bytes, name));
             }
             columns.push(Column {
-                name: images.key,
+                name: feature.key,
                 cells: Cells::Image(images),
             });
         }

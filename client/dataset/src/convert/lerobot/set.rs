@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::layout::{FILE_BYTES, FOLDER_FILES, Layout};
-use super::reel::{Place, Reel};
 use super::statistics::Gathered;
 use super::table::{Column, Table};
+use super::video_concat::{Place, VideoConcat};
 use crate::convert::PendingFolder;
 
-/// What grows while episodes come.
+/// A data set while episodes are added.
 pub(super) struct Set {
-    /// Where it grows.
+    /// Temporary folder.
     pub folder: PendingFolder,
     /// Images per second and cameras with their sizes; the first episode
     /// decides, the others must have the same.
@@ -21,12 +21,12 @@ pub(super) struct Set {
     /// Its number.
     pub file: usize,
     /// Videos, by feature.
-    pub reels: BTreeMap<String, Reel>,
+    pub video_concats: BTreeMap<String, VideoConcat>,
     /// Videos that were begun.
     pub films: usize,
     /// Instructions in the order in which they first appeared.
     pub tasks: Vec<String>,
-    /// What `meta/episodes` tells of each.
+    /// Rows of `meta/episodes`.
     pub episodes: Vec<EpisodeRow>,
     /// Rows of all episodes.
     pub rows: usize,
@@ -65,7 +65,7 @@ impl Set {
             layout: None,
             data: None,
             file: 0,
-            reels: BTreeMap::new(),
+            video_concats: BTreeMap::new(),
             films: 0,
             tasks: Vec::new(),
             episodes: Vec::new(),
@@ -80,7 +80,7 @@ impl Set {
         self.folder.path().join(".films")
     }
 
-    /// Number of a task, which is taken up when it is new.
+    /// Index of a task, which is added when it is new.
     pub fn task(&mut self, instruction: &str) -> usize {
         let known = self.tasks.iter().position(|t| t == instruction);
         known.unwrap_or_else(|| {
@@ -102,7 +102,7 @@ impl Set {
         Ok(())
     }
 
-    /// Takes up an episode whose rows are appended.
+    /// Adds an episode whose rows are appended.
     pub fn finish_episode(&mut self, episode: EpisodeRow) -> anyhow::Result<()> {
         for (name, values) in &episode.statistics {
             match self.statistics.get_mut(name) {

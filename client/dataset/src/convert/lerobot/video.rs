@@ -10,12 +10,12 @@ use super::depth_code;
 use crate::convert::Size;
 use crate::convert::ffmpeg::{Encoders, Program, Stream, argument};
 
-/// Of so many frames one is a key frame, from which a reader may begin.
+/// Interval of key frames, at which a reader may begin, frames.
 const KEY_FRAMES: u32 = 2;
 /// The fix without the program.
 const WITHOUT: &str = "take --pictures png";
 
-/// How images are kept in a LeRobot set.
+/// How images are stored in a LeRobot set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum ImageFormat {
     /// H.264 where ffmpeg has libx264, else AV1.
@@ -29,7 +29,7 @@ pub enum ImageFormat {
     Png,
 }
 
-/// What a video is coded by.
+/// Codec of a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Codec {
     /// AV1 by SVT-AV1.
@@ -50,7 +50,7 @@ impl Codec {
         }
     }
 
-    /// Name of what it writes, as readers call it.
+    /// Name of its format, as readers call it.
     fn name(self) -> &'static str {
         match self {
             Self::Av1 => "av1",
@@ -76,7 +76,7 @@ impl Codec {
         }
     }
 
-    /// Least width and height, and what both are multiples of.
+    /// Least width and height, and their common divisor, pixels.
     fn grid(self) -> (usize, usize) {
         match self {
             Self::Av1 => (64, 2),
@@ -120,7 +120,7 @@ impl Codec {
         Ok(all.chain([argument(path)?]).collect())
     }
 
-    /// What `meta/info.json` tells of a feature, as LeRobot reads it.
+    /// Entry of a feature in `meta/info.json`, as LeRobot reads it.
     pub fn info(self, size: Size, rate: u32) -> Value {
         let is_depth = self == Self::Depth;
         let mut info = Map::new();
@@ -150,16 +150,16 @@ impl Codec {
 #[derive(Clone, Debug)]
 pub(super) struct Ffmpeg {
     program: Program,
-    /// What colour is coded by.
+    /// Codec of colour.
     pub colour: Codec,
 }
 
 impl Ffmpeg {
     /// Finds the program and the encoders that `format`, and depth when it is
-    /// wanted, need; nothing for PNG.
+    /// requested, need; `None` for PNG.
     ///
     /// # Errors
-    /// When there is none or it lacks an encoder, with the cure.
+    /// When it is missing or lacks an encoder, with the fix.
     pub fn find(format: ImageFormat, depth: bool) -> anyhow::Result<Option<Self>> {
         Self::of(Program::named(WITHOUT), format, depth)
     }
@@ -187,7 +187,7 @@ impl Ffmpeg {
     /// Begins a video of `size` at `rate` frames a second.
     ///
     /// # Errors
-    /// When the codec does not take the size, or the program does not start.
+    /// When the codec does not support the size, or the program does not start.
     pub fn begin(
         &self,
         codec: Codec,
@@ -264,7 +264,7 @@ impl Ffmpeg {
         let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
         arguments.push(argument(video)?);
         // A line for each packet, `0, dts, pts, duration, bytes, hash`, behind the line
-        // `#tb 0: 1/15360`; nothing is decoded.
+        // `#tb 0: 1/15360`; frames are not decoded.
         arguments.extend(["-map", "0:v", "-c", "copy", "-f", "framecrc", "-"].map(OsString::from));
         let output = self.program.run(&arguments)?;
         let text = String::from_utf8_lossy(&output.stdout);
@@ -295,7 +295,7 @@ struct Times {
 }
 
 impl Times {
-    /// Reads what ffmpeg's `framecrc` writes.
+    /// Parses the output of ffmpeg's `framecrc`.
     fn parse(text: &str) -> Option<Self> {
         let mut unit = None;
         let mut shown = Vec::new();

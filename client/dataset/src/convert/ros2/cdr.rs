@@ -115,7 +115,7 @@ mod tests {
         wanted.extend(1.0_f64.to_le_bytes());
         wanted.extend([1, 0, 0, 0, 0xfe, 0xff, 0xff, 0xff]);
         assert_eq!(bytes, wanted);
-        // The head counts for nothing: eight bytes follow it without room.
+        // The header does not count: eight bytes follow it without padding.
         assert_eq!(encoded(|out| out.f64(2.0)), 2.0_f64.to_le_bytes());
     }
 
@@ -142,7 +142,7 @@ mod tests {
         // Length, room up to a multiple of eight, two numbers.
         assert_eq!(sequence[..8], [2, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(sequence[8..], array);
-        // Of no number there is neither number nor room for one.
+        // An empty list has neither elements nor padding.
         assert_eq!(encoded(|out| out.f64_sequence(&[])), [0; 4]);
         let texts = encoded(|out| out.texts(&["a".into(), "bc".into()]));
         let wanted = [

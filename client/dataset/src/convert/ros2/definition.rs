@@ -1,5 +1,5 @@
 //! Which fields a message has, in the language of `.msg` files: the text that
-//! is stored in a bag, and the hash by which ROS 2 tells types apart.
+//! is stored in a bag, and the hash by which ROS 2 identifies types.
 //!
 //! The hash is that of REP 2011, version 1: SHA-256 over the type's description as
 //! JSON, fields in their order, without default values, and every type that is
@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 const LINE: &str =
     "================================================================================";
 
-/// The messages of a bag and what they are made of: full name, and fields as in the
+/// The messages of a bag and their parts: full name, and fields as in the
 /// `.msg` file without its comments.
 const DEFINITIONS: [(&str, &str); 24] = [
     ("builtin_interfaces/msg/Time", "int32 sec\nuint32 nanosec\n"),
@@ -117,7 +117,7 @@ const DEFINITIONS: [(&str, &str); 24] = [
     ),
 ];
 
-/// Where definitions are looked up; tests know more of them.
+/// The table of definitions; tests extend it.
 type Known = fn(&str) -> Option<&'static str>;
 
 fn known(name: &str) -> Option<&'static str> {
@@ -200,11 +200,11 @@ fn uses(name: &str, known: Known) -> Vec<String> {
     found
 }
 
-/// A field as the description of a type tells it.
+/// A field as in the description of a type.
 #[derive(Debug, PartialEq, Eq)]
 struct Field {
     name: String,
-    /// Number of its type, with what it is one or many of.
+    /// Number of its type, including its multiplicity.
     id: u8,
     /// Elements of an array.
     capacity: u64,
@@ -273,7 +273,7 @@ fn field(of: &str, name: &str, package: &str) -> Field {
 mod tests {
     use super::*;
 
-    /// Definitions that no bag of ours holds, for the table of hashes.
+    /// Definitions outside of our bags, for the table of hashes.
     fn more(name: &str) -> Option<&'static str> {
         let text = match name {
             "builtin_interfaces/msg/Duration" => "int32 sec\nuint32 nanosec\n",

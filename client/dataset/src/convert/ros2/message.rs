@@ -81,7 +81,7 @@ impl RosMessage for JointState {
 pub(in crate::convert) struct Imu {
     pub stamp: u64,
     pub frame: String,
-    /// x y z w; `None` where the unit does not tell it.
+    /// x y z w; `None` where the IMU does not report it.
     pub orientation: Option<[f64; 4]>,
     /// rad/s.
     pub angular_velocity: [f64; 3],
@@ -97,7 +97,7 @@ impl RosMessage for Imu {
         out.f64s(&self.orientation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
         let mut covariance = [0.0; 9];
         if self.orientation.is_none() {
-            // ROS's mark for what is not measured.
+            // ROS's mark of unmeasured values.
             covariance[0] = -1.0;
         }
         out.f64s(&covariance);

@@ -1,5 +1,5 @@
 //! A bag as `ros2 bag` writes it: the folder LABEL with LABEL_0.mcap and
-//! metadata.yaml, every recorded sample at its own time, nothing resampled.
+//! metadata.yaml, every recorded sample at its own time, without resampling.
 //! Standard messages where there is one, JSON in `std_msgs/msg/String` for the rest.
 
 mod metadata;
@@ -70,7 +70,7 @@ impl Format for Rosbag2 {
     }
 }
 
-/// What the bag says of itself. Several channels may share a topic.
+/// Metadata of the bag. Several channels may share a topic.
 fn bag(file: &str, recording: &Recording, channels: &[Channel<'_>]) -> Bag {
     let mut topics: BTreeMap<&str, Topic> = BTreeMap::new();
     for channel in channels {

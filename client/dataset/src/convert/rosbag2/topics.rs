@@ -1,6 +1,6 @@
 //! Which topics a recording becomes. Names and frames are those of the bridge to
 //! ROS 2 where it has the topic too; commands are below `/applied`,
-//! where a bag that is played drives nothing.
+//! where a played bag does not move a robot.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ const WORLD: &str = "house";
 /// Frame in which wheel odometry counts.
 const ODOMETRY: &str = "odom";
 
-/// What a bag has to know of messages.
+/// Metadata of messages in a bag.
 pub(super) struct Kind {
     /// Full name of their type.
     pub name: &'static str,
@@ -61,7 +61,7 @@ impl<'a> Channel<'a> {
         })
     }
 
-    /// One message that holds from `stamp` on.
+    /// One message that is valid from `stamp` on.
     fn latched<M: RosMessage>(topic: &str, stamp: u64, message: &M) -> Self {
         let kind = Kind {
             name: M::NAME,
@@ -119,7 +119,7 @@ pub(super) fn channels<'a>(
     Ok(out)
 }
 
-/// What holds for the whole episode.
+/// Messages for the whole episode.
 fn once(
     out: &mut Vec<Channel<'_>>,
     recording: &Recording,

@@ -36,7 +36,7 @@ impl Words {
     }
 }
 
-/// The elements from `place` on in the shape that is left.
+/// The elements from `place` on in the remaining shape.
 fn shaped(
     meta: &ColumnMeta,
     shape: &[usize],
