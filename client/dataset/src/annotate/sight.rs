@@ -36,7 +36,7 @@ impl Sight {
             for (stamp, cameras) in &mut times {
                 let next = taken.partition_point(|t| *t < *stamp);
                 let last = taken.partition_point(|t| *t <= *stamp);
-                // Without an image before and after, there is no visibility.
+                // Visibility needs an image before and after.
                 let (Some(before), true) = (last.checked_sub(1), next < taken.len()) else {
                     continue;
                 };

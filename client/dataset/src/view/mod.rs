@@ -22,7 +22,7 @@ use crate::sheet::raster;
 
 const PAGE: &str = include_str!("page.html");
 const DATA: &str = "/*DATA*/null";
-const PICTURES: &str = "<!--PICTURES-->";
+const IMAGES: &str = "<!--IMAGES-->";
 /// Greatest width of an image on the page, pixels.
 const WIDTH: usize = 480;
 const QUALITY: u8 = 75;
@@ -56,7 +56,7 @@ pub fn page(
         .split_once(DATA)
         .context("the page has a place for data")?;
     let (middle, tail) = rest
-        .split_once(PICTURES)
+        .split_once(IMAGES)
         .context("the page has a place for images")?;
     // A "</" inside the data would end the script.
     let data = data(recording).to_string().replace("</", "<\\/");
@@ -95,9 +95,9 @@ pub fn page(
             for (row, images) in block.iter().zip(encoded) {
                 if let Some((rgb, depth)) = images {
                     let key = serde_json::to_string(name)?.replace("</", "<\\/");
-                    writeln!(file, "picture({key}+\"/rgb\",{row},\"{rgb}\");")?;
+                    writeln!(file, "addImage({key}+\"/rgb\",{row},\"{rgb}\");")?;
                     if let Some(depth) = depth {
-                        writeln!(file, "picture({key}+\"/depth\",{row},\"{depth}\");")?;
+                        writeln!(file, "addImage({key}+\"/depth\",{row},\"{depth}\");")?;
                     }
                 }
                 if number == 0 {
@@ -177,7 +177,7 @@ fn data(recording: &Recording) -> Value {
     json!({
         "label": s.label, "instruction": s.instruction, "success": s.success, "complete": s.complete,
         "task": s.task[0], "seed": s.seed, "time": time, "labels": recording.labels,
-        "phases": label::NAMES, "pictures": images, "plots": plots(recording), "facts": facts,
+        "phases": label::NAMES, "images": images, "plots": plots(recording), "facts": facts,
     })
 }
 
