@@ -60,7 +60,7 @@ impl Account {
 
     /// The account of a log.
     #[must_use]
-    pub fn of(scan: &Scan) -> Self {
+    pub fn from_scan(scan: &Scan) -> Self {
         let mut coverage = vec![Coverage::default(); scan.preamble.streams.len()];
         for entry in &scan.entries {
             coverage[usize::from(entry.header.stream)].insert(entry.header.sequence);

@@ -11,7 +11,7 @@ pub const IDENTITY: Pose = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
 /// The pose in a row of a recording; NaN where the row is too short.
 #[must_use]
-pub fn of(row: &[f64]) -> Pose {
+pub fn from_row(row: &[f64]) -> Pose {
     std::array::from_fn(|k| row.get(k).copied().unwrap_or(f64::NAN))
 }
 

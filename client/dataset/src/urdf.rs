@@ -73,7 +73,7 @@ impl Robot {
     /// The description in a recording; `None` when it is absent or is not
     /// readable.
     #[must_use]
-    pub fn of(assets: &[v1::AssetText]) -> Option<Self> {
+    pub fn from_assets(assets: &[v1::AssetText]) -> Option<Self> {
         Self::parse(text(assets)?).ok()
     }
 

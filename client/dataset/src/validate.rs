@@ -188,7 +188,7 @@ fn stream(
             continue;
         }
         let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
-        let rule = Rule::of(&meta);
+        let rule = Rule::for_column(&meta);
         let bad = all.iter().filter(|v| !v.is_finite()).count();
         // A command that was not given is NaN; so are a contact that is not there and a
         // push that does not exist.

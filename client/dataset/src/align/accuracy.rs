@@ -95,7 +95,7 @@ pub fn accuracy(episode: &Episode) -> Result<Vec<Accuracy>, ReadError> {
         let Values::F64(mut all) = episode.values(meta)? else {
             continue;
         };
-        let rule = Rule::of(meta);
+        let rule = Rule::for_column(meta);
         let mut width = meta.width();
         let mut slopes = Slopes::of(episode, meta)?;
         let mut what = format!("{stream}/{column}");

@@ -48,7 +48,7 @@ impl Rule {
 
     /// The rule of a column by its metadata.
     #[must_use]
-    pub fn of(meta: &ColumnMeta) -> Self {
+    pub fn for_column(meta: &ColumnMeta) -> Self {
         // Commands and lists of contacts jump; there is nothing between two of them.
         let jumps = match meta.stream.as_str() {
             "command" | "evaluation" => true,
@@ -93,7 +93,7 @@ impl Slopes {
         let Some(slope) = metas.iter().find(|m| m.name == column) else {
             return Ok(None);
         };
-        let width = match Rule::of(meta) {
+        let width = match Rule::for_column(meta) {
             Rule::Pose => meta.width() / 7 * 6,
             Rule::Quaternion => 3,
             _ => meta.width(),

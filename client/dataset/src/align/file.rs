@@ -48,7 +48,7 @@ pub fn write(
     let streams = file.create_group("streams")?;
     for (name, coverage) in &aligned.coverage {
         let group = streams.create_group(name)?;
-        Attributes::of(&group)
+        Attributes::for_object(&group)
             .set("age_limit_seconds", coverage.limit as f64 * 1e-9)?
             .set("samples", coverage.samples as u64)?;
         let valid: Vec<u8> = coverage.valid.iter().map(|&v| u8::from(v)).collect();
@@ -114,7 +114,7 @@ fn root(
 ) -> anyhow::Result<()> {
     let source = episode.path().file_name().unwrap_or_default();
     let [task, activity, area] = &summary.task;
-    Attributes::of(file)
+    Attributes::for_object(file)
         .text("format", "wheelarm aligned episode")?
         .text("schema_version", wheelarm_proto::SCHEMA_VERSION)?
         .text("source", &source.to_string_lossy())?
@@ -133,7 +133,7 @@ fn root(
 
 fn described(group: &Group, name: &str, units: &str, frame: &str) -> hdf5::Result<()> {
     let data = group.dataset(name)?;
-    Attributes::of(&data)
+    Attributes::for_object(&data)
         .text("units", units)?
         .text("frame", frame)?;
     Ok(())
@@ -182,7 +182,7 @@ fn column(group: &Group, signal: &Signal) -> hdf5::Result<()> {
         }
     }
     let data = group.dataset(name)?;
-    let attributes = Attributes::of(&data);
+    let attributes = Attributes::for_object(&data);
     attributes
         .text("units", &meta.units)?
         .text("frame", &meta.frame)?
@@ -236,7 +236,7 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
         "image, from its left and top edge",
     )?;
     let data = group.dataset("intrinsics")?;
-    Attributes::of(&data)
+    Attributes::for_object(&data)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
     Ok(())
@@ -269,7 +269,7 @@ fn copy_images(
                 .attr(attribute)
                 .and_then(|a| a.read_scalar::<hdf5::types::VarLenUnicode>())
             {
-                Attributes::of(copy.dataset()).text(attribute, text.as_str())?;
+                Attributes::for_object(copy.dataset()).text(attribute, text.as_str())?;
             }
         }
         for (row, frame) in frames.iter().enumerate() {

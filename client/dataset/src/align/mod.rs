@@ -300,7 +300,7 @@ pub fn align(
                         });
                     }
                     let values = episode.values(&meta)?;
-                    let rule = Rule::of(&meta);
+                    let rule = Rule::for_column(&meta);
                     let slopes = match options.interpolation {
                         Interpolation::Linear => None,
                         Interpolation::Hermite => Slopes::of(episode, &meta)?,

@@ -87,7 +87,7 @@ impl State {
             .0;
         let poses: Vec<Vec<Pose>> = raw
             .chunks_exact((7 * objects.len()).max(1))
-            .map(|row| row.chunks_exact(7).map(pose::of).collect())
+            .map(|row| row.chunks_exact(7).map(pose::from_row).collect())
             .collect();
         if ticks.len() != stamps.len() || poses.len() != stamps.len() {
             let found = format!(
@@ -108,7 +108,7 @@ impl State {
         let raw = episode.f64s("pose", "pose")?.into_raw_vec_and_offset().0;
         let frame = |row: usize, frame: usize| {
             let at = 7 * (row * frames + frame);
-            raw.get(at..at + 7).map_or([f64::NAN; 7], pose::of)
+            raw.get(at..at + 7).map_or([f64::NAN; 7], pose::from_row)
         };
         let rows = row_of("pose")?;
         let mount = pose::of_message(robot.arm_mount.as_ref());

@@ -9,7 +9,7 @@ mod codec;
 mod table;
 mod values;
 
-pub use table::{EVENT_COLUMNS, event_cells, of, streams};
+pub use table::{EVENT_COLUMNS, event_cells, for_stream, streams};
 
 use prost::Message;
 pub use wheelarm_proto::MAX_CONTACTS;
@@ -62,7 +62,7 @@ pub struct Context {
 impl Context {
     /// With only the names of a robot's joints and frames.
     #[must_use]
-    pub fn of(robot: &v1::RobotDescription) -> Self {
+    pub fn from_description(robot: &v1::RobotDescription) -> Self {
         let owned = |name: &str| name.to_owned();
         Self {
             joints: robot.joint_names().map(owned).collect(),
@@ -394,7 +394,7 @@ pub fn check(stream: &str, payload: &[u8]) -> Result<(), prost::DecodeError> {
     if id == StreamId::EVENTS {
         return v1::Event::decode(payload).map(drop);
     }
-    match of(&id) {
+    match for_stream(&id) {
         Some(table) => table.check(payload),
         None => Ok(()),
     }

@@ -112,7 +112,7 @@ impl<'a> State<'a> {
     ///
     /// # Errors
     /// When the recording lacks one.
-    pub fn of(recording: &'a Recording) -> anyhow::Result<Self> {
+    pub fn read(recording: &'a Recording) -> anyhow::Result<Self> {
         let bodies = bodies(&recording.robot).into_iter();
         Ok(Self {
             bodies: bodies.map(|(_, i)| i).collect(),
@@ -203,7 +203,7 @@ impl Format for CsvTable {
 }
 
 fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<()> {
-    let state = State::of(recording)?;
+    let state = State::read(recording)?;
     let mut table = csv::Writer::from_path(path)?;
     table.write_record(columns(&recording.robot))?;
     let stamps = &recording.aligned.stamps;
@@ -236,7 +236,7 @@ fn policy_rows(
     }
     let whole = recording.aligned.whole_rows(&learning::STREAMS, &[]);
     let wanted: Vec<usize> = rows.iter().copied().filter(|r| whole.contains(r)).collect();
-    let all = Learning::of(recording, wanted, options)?;
+    let all = Learning::from_recording(recording, wanted, options)?;
     let mut table = csv::Writer::from_path(path)?;
     let mut header = vec!["image_frame_id".to_owned(), "sim_time".to_owned()];
     header.extend(

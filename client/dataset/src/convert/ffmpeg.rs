@@ -39,11 +39,11 @@ impl Program {
     /// do without it.
     pub fn named(or: &str) -> Self {
         let path = std::env::var_os(PROGRAM).filter(|name| !name.is_empty());
-        Self::at(path.map_or_else(|| "ffmpeg".into(), PathBuf::from), or)
+        Self::from_path(path.map_or_else(|| "ffmpeg".into(), PathBuf::from), or)
     }
 
     /// The one at `path`.
-    pub fn at(path: PathBuf, or: &str) -> Self {
+    pub fn from_path(path: PathBuf, or: &str) -> Self {
         Self {
             path,
             cure: format!("{CURE}, or {or}"),
@@ -138,7 +138,7 @@ pub(crate) struct Encoders(String);
 
 impl Encoders {
     #[cfg(test)]
-    pub fn of(text: &str) -> Self {
+    pub fn parse(text: &str) -> Self {
         Self(text.to_owned())
     }
 
@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn an_encoder_is_known_by_its_whole_name() {
         let encoders =
-            Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
+            Encoders::parse(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
         assert!(encoders.has("libsvtav1") && encoders.has("libx264rgb"));
         assert!(!encoders.has("libx264"));
     }
@@ -232,7 +232,7 @@ mod tests {
 
     #[test]
     fn a_missing_program_is_an_error_with_the_fix() {
-        let nowhere = Program::at("/nowhere/ffmpeg".into(), "take --pictures png");
+        let nowhere = Program::from_path("/nowhere/ffmpeg".into(), "take --pictures png");
         let error = nowhere.request(&["-encoders"]).unwrap_err().to_string();
         for words in [
             "/nowhere/ffmpeg",
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn a_program_that_ends_early_is_an_error_and_not_a_hang() {
         let folder = tempfile::tempdir().unwrap();
-        let ends = Program::at("false".into(), "do without");
+        let ends = Program::from_path("false".into(), "do without");
         let mut stream = ends.begin(&[], &folder.path().join("0.mp4")).unwrap();
         let frame = vec![0; 3 * 96 * 64];
         let error = (0..100).find_map(|_| stream.put(&frame).err());

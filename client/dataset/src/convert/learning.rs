@@ -84,7 +84,7 @@ impl<'a> Learning<'a> {
     ///
     /// # Errors
     /// When the recording lacks a column, or the simulation broke in it.
-    pub fn of(
+    pub fn from_recording(
         recording: &'a Recording,
         rows: Vec<usize>,
         options: &RowOptions,
@@ -163,14 +163,14 @@ impl<'a> Learning<'a> {
     /// The longest run of whole rows on an exact grid, and its rate.
     ///
     /// # Errors
-    /// As [`Learning::of`]; when no two rows are on a grid.
+    /// As [`Learning::from_recording`]; when no two rows are on a grid.
     pub fn on_grid(
         recording: &'a Recording,
         options: &RowOptions,
         sees: Sees,
     ) -> anyhow::Result<(u32, Self)> {
         let (rate, rows, mut notes) = grid(recording, sees)?;
-        let mut all = Self::of(recording, rows, options)?;
+        let mut all = Self::from_recording(recording, rows, options)?;
         notes.append(&mut all.notes);
         all.notes = notes;
         Ok((rate, all))
@@ -187,7 +187,7 @@ impl<'a> Learning<'a> {
             joints: sensed,
             velocities: sensed_speeds,
             knuckle: [joints[ARM_JOINTS], speeds[ARM_JOINTS]],
-            hand: crate::pose::of(self.effector(row)),
+            hand: crate::pose::from_row(self.effector(row)),
             odometry: self.sensed_pose(row),
             start,
         }
@@ -195,7 +195,7 @@ impl<'a> Learning<'a> {
 
     /// Pose by odometry: that of the sensor model where one was on.
     fn sensed_pose(&self, row: usize) -> Pose {
-        crate::pose::of(self.sensed_odometry.unwrap_or(self.odometry).row(row))
+        crate::pose::from_row(self.sensed_odometry.unwrap_or(self.odometry).row(row))
     }
 
     /// Positions of the six arm joints and the knuckle, rad.
@@ -272,7 +272,7 @@ fn applied(recording: &Recording) -> anyhow::Result<Applied> {
     let wheels: Vec<[f64; 2]> = each(column("wheel_velocity")?);
     out.wheels = [0, 1].map(|side| wheels.iter().map(|w| w[side]).collect());
     out.knuckle = column("knuckle")?;
-    let urdf = Robot::of(&episode.snapshot()?.assets);
+    let urdf = Robot::from_assets(&episode.snapshot()?.assets);
     let ends = [&robot.arm_base_link, &robot.end_effector_link];
     let chain = urdf.as_ref().and_then(|urdf| urdf.chain(ends[0], ends[1]));
     out.hand = match chain {
@@ -350,7 +350,7 @@ pub struct Body {
 impl Body {
     /// That of a recording.
     #[must_use]
-    pub fn of(robot: &v1::RobotDescription) -> Self {
+    pub fn from_description(robot: &v1::RobotDescription) -> Self {
         let joints = robot.joints.iter();
         Self {
             robot: robot.name.clone(),
@@ -536,7 +536,7 @@ mod tests {
             ..Default::default()
         };
         let robot = |name: &str, joints: &[v1::RobotJoint]| {
-            Body::of(&v1::RobotDescription {
+            Body::from_description(&v1::RobotDescription {
                 name: name.to_owned(),
                 joints: joints.to_vec(),
                 ..Default::default()

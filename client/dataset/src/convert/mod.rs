@@ -102,7 +102,7 @@ impl Recording {
         let found = label::segments(&episode)?;
         let start = summary.span_nanos.0;
         let segments = options.corrections.apply(&summary.label, start, found);
-        let labels = label::at(&segments, &aligned.stamps);
+        let labels = label::labels_at(&segments, &aligned.stamps);
         let mut cameras = BTreeMap::new();
         for name in episode.cameras()? {
             let camera = episode.camera(&name)?;

@@ -91,7 +91,7 @@ impl Format for Tensors {
         ];
         let has_table = !recording.aligned.whole_rows(&TABLE, &[]).is_empty();
         if has_table {
-            let state = State::of(recording)?;
+            let state = State::read(recording)?;
             let table: Vec<Vec<f64>> = rows.iter().map(|&row| state.row(row)).collect();
             tensors.push(of_f32("table", &table, table[0].len()));
         }

@@ -91,7 +91,7 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(io(out))?;
     }
-    let account = Account::of(&scan);
+    let account = Account::from_scan(&scan);
     if target.exists() && !is_placeholder(&target, log) {
         // A crash between publishing the file and removing the log.
         return match is_made_of(&target, &scan, &account) {
@@ -256,7 +256,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
         furniture_joints: started.joints.clone(),
         vertices: vertices(scan, index(scan, "deformable"))?,
         conditions: conditions(scan, evaluation_stream)?,
-        ..Context::of(&robot)
+        ..Context::from_description(&robot)
     };
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
@@ -304,10 +304,10 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
             stream
         } else {
             let stream = group.create_group(name)?;
-            match columns::of(&id) {
+            match columns::for_stream(&id) {
                 Some(table) => {
                     let irregular = streams::state(&stream, table, &context, scan, &samples)?;
-                    Attributes::of(&stream).set("irregular_samples", irregular as u64)?;
+                    Attributes::for_object(&stream).set("irregular_samples", irregular as u64)?;
                 }
                 None => streams::unknown(&stream, scan, &samples)?,
             }

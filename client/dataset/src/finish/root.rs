@@ -27,7 +27,7 @@ pub(super) fn attributes(
     let scenario = started.scenario.clone().unwrap_or_default();
     let header = started.header.clone().unwrap_or_default();
     let stopped = scan.closing.as_ref().and_then(|c| c.stopped.as_ref());
-    let at = Attributes::of(file);
+    let at = Attributes::for_object(file);
     at.text("format", "wheelarm episode")?
         .text("schema_version", wheelarm_proto::SCHEMA_VERSION)?
         .text("label", &started.label)?
@@ -119,7 +119,7 @@ pub(super) fn attributes(
 
 /// Sets one stream's account on its group.
 pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()> {
-    let at = Attributes::of(group);
+    let at = Attributes::for_object(group);
     counts(
         &at,
         ["expected", "missed"],
@@ -160,7 +160,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
     hdf::bytes(&group, "message", &scenario.encode_to_vec())?;
     let text = format!("{:#}", scenario_json(&scenario));
     hdf::text(&group, "text", &text)?;
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .text("message", "wheelarm.v1.Scenario")?
         .text("scene", &scenario.scene)?
         .text("task", scenario.task())?
@@ -171,7 +171,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
         .set("imu_rate_hz", scenario.imu_rate_hz())?
         .set("imu_noise", scenario.imu_noise())?;
     if let Some(appearance) = &scenario.appearance {
-        Attributes::of(&group).text("look", &appearance.to_string())?;
+        Attributes::for_object(&group).text("look", &appearance.to_string())?;
     }
     hdf::bytes(&group, "episode_started", &started.encode_to_vec())?;
     if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
@@ -198,7 +198,7 @@ pub(super) fn robot(file: &File, robot: &v1::RobotDescription) -> hdf5::Result<(
         mount.position.unwrap_or_default(),
         mount.orientation.unwrap_or_default(),
     );
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .text("message", "wheelarm.v1.RobotDescription")?
         .text("name", &robot.name)?
         .texts("joints", &joints)?
@@ -231,7 +231,7 @@ pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()
     let state = preamble.snapshot.as_ref().unwrap_or(&default);
     let header = state.header.clone().unwrap_or_default();
     hdf::bytes(&group, "snapshot", &state.snapshot)?;
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .text("run_id", &header.run_id)?
         .set("episode", header.episode)?
         .set("sequence", header.sequence)?

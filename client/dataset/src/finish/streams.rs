@@ -130,7 +130,7 @@ pub(super) fn camera(
     let all = HEADER_COLUMNS.iter().chain([&INTRINSICS, &CAMERA_POSE]);
     let mut columns = create(group, all, &context, entries.len())?;
     let calibration = group.dataset(INTRINSICS.name)?;
-    Attributes::of(&calibration)
+    Attributes::for_object(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
     let mut images = None;
@@ -203,7 +203,7 @@ pub(super) fn sensor(
     let all = HEADER_COLUMNS.iter().chain(own);
     let mut columns = create(group, all, &context, entries.len())?;
     let calibration = group.dataset(INTRINSICS.name)?;
-    Attributes::of(&calibration)
+    Attributes::for_object(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
     let mut image = None;
@@ -221,7 +221,7 @@ pub(super) fn sensor(
         let (of_colour, chunks) = match &image {
             Some(made) => made,
             None => {
-                Attributes::of(group).text("camera", &meta.camera)?;
+                Attributes::for_object(group).text("camera", &meta.camera)?;
                 let size = [i.height as usize, i.width as usize];
                 let made = match colour {
                     true => rgb_dataset(group, entries.len(), size)?,
@@ -279,7 +279,7 @@ fn millimetres_dataset(
     let shuffle = Filters::ShuffleDeflate;
     let d = Chunked::create::<u16>(group, "depth", count, &[h, w], 1, shuffle)?;
     describe(d.dataset(), "mm")?;
-    Attributes::of(d.dataset())
+    Attributes::for_object(d.dataset())
         .set("scale", 0.001)?
         .set("invalid", 0_u16)?
         .text("note", &format!("metres = value * scale; {note}"))?;
@@ -310,7 +310,7 @@ impl ImageDatasets {
                 let d = Chunked::create::<f32>(group, "depth", count, &[h, w], 1, shuffle)?;
                 describe(d.dataset(), "m")?;
                 let note = "+inf where nothing is hit";
-                Attributes::of(d.dataset())
+                Attributes::for_object(d.dataset())
                     .set("scale", 1.0)?
                     .text("note", note)?;
                 Some(d)
@@ -339,7 +339,7 @@ impl ImageDatasets {
 }
 
 fn describe(data: &Dataset, units: &str) -> hdf5::Result<()> {
-    Attributes::of(data).text("units", units)?.text(
+    Attributes::for_object(data).text("units", units)?.text(
         "frame",
         "row-major from the top left; depth along the optical axis",
     )?;

@@ -59,7 +59,7 @@ impl ColumnWriter {
                 (Target::Blobs(data.clone(), Vec::new()), data)
             }
         };
-        let attributes = Attributes::of(&data);
+        let attributes = Attributes::for_object(&data);
         attributes
             .text("units", column.unit)?
             .text("frame", column.frame)?;

@@ -39,7 +39,7 @@ pub(crate) fn unlocked() -> hdf5::FileBuilder {
 /// Those of HDF5, also where an attribute exists already.
 pub fn add_texts(file: &std::path::Path, texts: &[(&str, &str)]) -> hdf5::Result<()> {
     let file = unlocked().open_rw(file)?;
-    let attributes = Attributes::of(&file);
+    let attributes = Attributes::for_object(&file);
     for (name, text) in texts {
         attributes.text(name, text)?;
     }

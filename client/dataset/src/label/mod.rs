@@ -280,7 +280,7 @@ pub fn runs(stamps: &[u64], labels: &[u8]) -> Vec<Segment> {
 
 /// The labels of rows at `stamps`; the first segment also applies before its start.
 #[must_use]
-pub fn at(segments: &[Segment], stamps: &[u64]) -> Vec<u8> {
+pub fn labels_at(segments: &[Segment], stamps: &[u64]) -> Vec<u8> {
     let find = |&t: &u64| {
         let after = segments.partition_point(|s| s.from <= t);
         segments.get(after.max(1) - 1).map_or(0, |s| s.label)

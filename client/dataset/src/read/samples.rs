@@ -51,11 +51,12 @@ impl Episode {
     /// # Errors
     /// When the file does not hold the stream, or this version does not know it.
     pub fn samples(&self, stream: &str) -> Result<Samples, ReadError> {
-        let table = columns::of(&StreamId::parse(stream)).ok_or_else(|| ReadError::Content {
-            path: self.path().to_owned(),
-            what: stream.to_owned(),
-            reason: "this version knows no such state stream".to_owned(),
-        })?;
+        let table =
+            columns::for_stream(&StreamId::parse(stream)).ok_or_else(|| ReadError::Content {
+                path: self.path().to_owned(),
+                what: stream.to_owned(),
+                reason: "this version knows no such state stream".to_owned(),
+            })?;
         let stored = self.columns(stream)?;
         let mut messages = self.encoded(stream)?;
         let mut context = Context::default();

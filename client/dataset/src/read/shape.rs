@@ -73,7 +73,7 @@ impl Episode {
                 _ => None,
             });
         }
-        let known = columns::of(&id).map(|table| table.columns());
+        let known = columns::for_stream(&id).map(|table| table.columns());
         let known = known.and_then(|all| all.into_iter().find(|info| info.name == column));
         let Some(info) = known else {
             return Ok(None);
@@ -100,7 +100,7 @@ impl Episode {
         if let Some(context) = self.context.get() {
             return Ok(context);
         }
-        let context = Context::of(&self.robot()?);
+        let context = Context::from_description(&self.robot()?);
         Ok(self.context.get_or_init(|| context))
     }
 

@@ -26,7 +26,7 @@ impl Kind {
     ///
     /// # Errors
     /// When it is another one.
-    pub fn of(out: &Path) -> anyhow::Result<Self> {
+    pub fn from_path(out: &Path) -> anyhow::Result<Self> {
         let ending = out.extension().unwrap_or_default().to_string_lossy();
         match ending.to_ascii_lowercase().as_str() {
             "mp4" => Ok(Self::Mp4),
@@ -228,10 +228,10 @@ mod tests {
     #[test]
     fn the_extension_selects_the_format() {
         for (name, kind) in [("a/b.mp4", Kind::Mp4), ("b.x.GIF", Kind::Gif)] {
-            assert_eq!(Kind::of(Path::new(name)).unwrap(), kind);
+            assert_eq!(Kind::from_path(Path::new(name)).unwrap(), kind);
         }
         for name in ["a.avi", "gif", "b."] {
-            let error = Kind::of(Path::new(name)).unwrap_err().to_string();
+            let error = Kind::from_path(Path::new(name)).unwrap_err().to_string();
             assert!(error.contains(".mp4 or .gif"), "{error}");
         }
     }

@@ -131,7 +131,7 @@ impl Painter<'_> {
         let at = (place.size.width as i32 - margin, second);
         root.draw(&Text::new(time, at, style))?;
 
-        let Some(part) = self.story.at(moment) else {
+        let Some(part) = self.story.part_at(moment) else {
             return Ok(());
         };
         if part.words.is_empty() {

@@ -74,7 +74,7 @@ pub fn video(
     begun: &dyn Fn(usize),
     tick: &(dyn Fn() + Sync),
 ) -> anyhow::Result<Made> {
-    let kind = Kind::of(out)?;
+    let kind = Kind::from_path(out)?;
     let cameras = cameras(episode, &options.cameras)?;
     let speed = options.speed.unwrap_or(1.0);
     ensure!(
@@ -93,7 +93,7 @@ pub fn video(
         !options.is_plain,
     )?;
     ensure!(style::register(), "cannot use the built-in fonts");
-    let story = Story::of(episode, &summary, span)?;
+    let story = Story::read(episode, &summary, span)?;
     let painter = Painter {
         layout: &layout,
         story: &story,

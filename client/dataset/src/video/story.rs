@@ -33,7 +33,7 @@ impl Story {
     ///
     /// # Errors
     /// When a column cannot be read.
-    pub fn of(episode: &Episode, summary: &Summary, span: Span) -> Result<Self, ReadError> {
+    pub fn read(episode: &Episode, summary: &Summary, span: Span) -> Result<Self, ReadError> {
         let published = published(episode)?;
         let parts = if published.iter().any(|part| part.phase > 0) {
             published
@@ -54,7 +54,7 @@ impl Story {
     }
 
     /// The phase at a moment.
-    pub fn at(&self, moment: u64) -> Option<&Part> {
+    pub fn part_at(&self, moment: u64) -> Option<&Part> {
         let after = self.parts.partition_point(|part| part.from <= moment);
         self.parts[..after].last()
     }
@@ -128,7 +128,7 @@ mod tests {
                 part(30, 2, "reaching"),
             ],
         };
-        let words = |t| story.at(t).map(|part| part.words.as_str());
+        let words = |t| story.part_at(t).map(|part| part.words.as_str());
         assert_eq!(words(1), Some(""));
         assert_eq!([words(9), words(10)], [Some("planning"), Some("driving")]);
         assert_eq!(words(99), Some("reaching"));

@@ -37,7 +37,7 @@ fn every_stream_survives_the_file_bit_for_bit() {
         furniture_joints: synthetic::started("").joints,
         vertices: 4,
         conditions: episode.names("evaluation", "condition_holds").unwrap(),
-        ..Context::of(&episode.robot().unwrap())
+        ..Context::from_description(&episode.robot().unwrap())
     };
     assert_eq!(context.conditions.len(), 3);
     for stream in streams() {

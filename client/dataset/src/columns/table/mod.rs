@@ -20,7 +20,7 @@ use super::{Cell, ColumnInfo, Kind, Stream};
 
 /// The columns of a state stream; `None` for streams without columns.
 #[must_use]
-pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
+pub fn for_stream(stream: &StreamId) -> Option<&'static dyn Stream> {
     Some(match stream.topic()? {
         TopicId::JointState => &JOINT_STATE,
         TopicId::Pose => &POSE_SET,
@@ -57,7 +57,7 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
 /// Every state stream of a file, in the order of the table of topics.
 pub fn streams() -> impl Iterator<Item = &'static dyn Stream> {
     let states = TopicId::STATES.into_iter().map(StreamId::State);
-    states.filter_map(|stream| of(&stream))
+    states.filter_map(|stream| for_stream(&stream))
 }
 
 const fn event(name: &'static str, unit: &'static str, kind: Kind) -> ColumnInfo {

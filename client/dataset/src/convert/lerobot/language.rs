@@ -24,7 +24,7 @@ impl Spoken {
     ///
     /// # Errors
     /// When the recording lacks the state that it is made of.
-    pub fn of(
+    pub fn read(
         recording: &Recording,
         learning: &Learning<'_>,
         cameras: &BTreeMap<String, Size>,

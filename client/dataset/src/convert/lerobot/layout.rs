@@ -51,7 +51,11 @@ impl Streams {
     ///
     /// # Errors
     /// When no image exists, or no depth sensor where depth is requested.
-    pub fn of(recording: &Recording, size: Option<Size>, depth: bool) -> anyhow::Result<Self> {
+    pub fn from_recording(
+        recording: &Recording,
+        size: Option<Size>,
+        depth: bool,
+    ) -> anyhow::Result<Self> {
         let cameras = learning::cameras(recording, size);
         anyhow::ensure!(!cameras.is_empty(), "the episode has no images");
         let mut depths = BTreeMap::new();
@@ -245,14 +249,19 @@ pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
 
 impl Layout {
     /// The layout of a recording, with images of `streams`.
-    pub fn of(recording: &Recording, rate: u32, streams: Streams, action: ActionKind) -> Self {
+    pub fn for_recording(
+        recording: &Recording,
+        rate: u32,
+        streams: Streams,
+        action: ActionKind,
+    ) -> Self {
         let robot = &recording.robot;
         let pose = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(String::from);
         Self {
             rate,
             streams,
             colour: None,
-            body: Body::of(robot),
+            body: Body::from_description(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
             language: false,
         }

@@ -132,8 +132,8 @@ impl Format for LeRobot {
             false => Sees::Colour,
         };
         let (rate, learning) = Learning::on_grid(recording, &options.rows, sees)?;
-        let streams = Streams::of(recording, options.size, options.depth)?;
-        let mut layout = Layout::of(recording, rate, streams, options.rows.action);
+        let streams = Streams::from_recording(recording, options.size, options.depth)?;
+        let mut layout = Layout::for_recording(recording, rate, streams, options.rows.action);
         layout.language = options.language;
         layout.colour = self.ffmpeg.as_ref().map(|ffmpeg| ffmpeg.colour);
         let set = &mut *self.set.lock();
@@ -151,7 +151,7 @@ impl Format for LeRobot {
 
         // Everything that can fail because of the recording is done first.
         let spoken = match options.language {
-            true => Some(Spoken::of(
+            true => Some(Spoken::read(
                 recording,
                 &learning,
                 &layout.streams.cameras,

@@ -353,11 +353,12 @@ mod tests {
 
     #[test]
     fn the_encoder_is_chosen_among_the_available_ones() {
-        let both = &Encoders::of(
+        let both = &Encoders::parse(
             " V..... libsvtav1   SVT-AV1 (codec av1)\n V....D libx264   libx264 H.264\n",
         );
-        let one =
-            &Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n");
+        let one = &Encoders::parse(
+            " V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n",
+        );
         assert_eq!(chosen(both, ImageFormat::Video).unwrap(), Codec::H264);
         assert_eq!(chosen(both, ImageFormat::Av1).unwrap(), Codec::Av1);
         assert_eq!(chosen(one, ImageFormat::Video).unwrap(), Codec::Av1);
@@ -367,7 +368,7 @@ mod tests {
 
     #[test]
     fn png_needs_no_program_and_an_unsupported_size_is_an_error() {
-        let nowhere = Program::at("/nowhere/ffmpeg".into(), WITHOUT);
+        let nowhere = Program::from_path("/nowhere/ffmpeg".into(), WITHOUT);
         let png = Ffmpeg::of(nowhere.clone(), ImageFormat::Png, true).unwrap();
         assert!(png.is_none());
         let error = Ffmpeg::of(nowhere.clone(), ImageFormat::Video, false);

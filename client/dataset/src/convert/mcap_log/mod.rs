@@ -59,7 +59,7 @@ fn write(
     tick: &dyn Fn(),
 ) -> anyhow::Result<usize> {
     let snapshot = recording.episode.snapshot()?;
-    let robot = Robot::of(&snapshot.assets);
+    let robot = Robot::from_assets(&snapshot.assets);
     let channels = channels::channels(recording, robot.as_ref(), &snapshot.assets)?;
     let mut writer = mcap::WriteOptions::new()
         .compression(Some(mcap::Compression::Lz4))

@@ -31,7 +31,7 @@ pub(super) fn rows<T: H5Type>(
 }
 
 pub(super) fn describe(data: &Dataset, (units, frame): What<'_>) -> hdf5::Result<()> {
-    Attributes::of(data)
+    Attributes::for_object(data)
         .text("units", units)?
         .text("frame", frame)?;
     Ok(())

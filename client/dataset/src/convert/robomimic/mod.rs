@@ -191,7 +191,9 @@ impl Format for Robomimic {
             .into_iter()
             .collect();
         if let Some(common) = &set.common {
-            common.body.ensure_same(&Body::of(&recording.robot))?;
+            common
+                .body
+                .ensure_same(&Body::from_description(&recording.robot))?;
             anyhow::ensure!(
                 common.cameras == cameras,
                 "images differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
@@ -221,7 +223,7 @@ impl Format for Robomimic {
                 set.common = Some(Common {
                     range: (low, high),
                     environment: environment(recording, rate, self.rows.action.name()),
-                    body: Body::of(&recording.robot),
+                    body: Body::from_description(&recording.robot),
                     names: self.rows.action.names(&recording.robot),
                     cameras,
                     calibration: intrinsics::cameras(recording, self.size),
@@ -237,7 +239,7 @@ impl Format for Robomimic {
         });
         let calibration = intrinsics::cameras(recording, self.size).to_string();
         let demo = set.file.group("data")?.group(&name)?;
-        Attributes::of(&demo).text("camera_calibration", &calibration)?;
+        Attributes::for_object(&demo).text("camera_calibration", &calibration)?;
         set.demos += 1;
         set.rows += rows.len() - 1;
         Ok(Written {
@@ -264,7 +266,7 @@ impl Format for Robomimic {
             if validates { &mut valid } else { &mut train }.push(name);
         }
         let cameras: Vec<&str> = common.cameras.iter().map(|c| c.0.as_str()).collect();
-        Attributes::of(&data)
+        Attributes::for_object(&data)
             .text("camera_calibration", &common.calibration.to_string())?
             .set("total", i64::try_from(set.rows)?)?
             .text("env_args", &common.environment.to_string())?
@@ -337,7 +339,7 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64], names: &[String]) -> anyho
         "",
     );
     let data = rows(demo, "actions", what, &scaled, &[width])?;
-    Attributes::of(&data).texts("names", names)?;
+    Attributes::for_object(&data).texts("names", names)?;
     Ok(())
 }
 
@@ -391,7 +393,7 @@ impl Robomimic {
         for images in [&to, &to_next] {
             let what = ("1 (0 to 255, sRGB)", "row-major from the top left");
             describe(images.dataset(), what)?;
-            Attributes::of(images.dataset())
+            Attributes::for_object(images.dataset())
                 .set("pixel_centre", PIXEL_CENTRE)?
                 .text("convention", CONVENTION)?;
         }
@@ -439,7 +441,7 @@ impl Robomimic {
         let width = kind.size();
         let units = list(kind.units().collect());
         let data = rows(group, "actions_raw", (&units, ""), &action, &[width])?;
-        Attributes::of(&data).texts("names", &kind.names(&recording.robot))?;
+        Attributes::for_object(&data).texts("names", &kind.names(&recording.robot))?;
         let names = state_names(&recording.robot);
         let units = list(state_units().collect());
         let frame = format!(
@@ -449,7 +451,7 @@ impl Robomimic {
         let what = (units.as_str(), frame.as_str());
         let state = flat(&learning.states);
         let data = rows(group, "states", what, &state, &[names.len()])?;
-        Attributes::of(&data).texts("names", &names)?;
+        Attributes::for_object(&data).texts("names", &names)?;
         let reward = next
             .iter()
             .map(|&r| f64::from(u8::from(learning.success(r))));
@@ -471,7 +473,7 @@ impl Robomimic {
             "",
         );
         rows(group, "incident", what, &incident, &[])?;
-        Attributes::of(group)
+        Attributes::for_object(group)
             .set("num_samples", i64::try_from(n)?)?
             .text("label", &recording.summary.label)?
             .text("instruction", &recording.summary.instruction)?

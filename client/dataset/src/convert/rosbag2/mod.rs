@@ -44,7 +44,7 @@ impl Format for Rosbag2 {
         let pending = PendingFolder::new(&self.out.join(label))?;
         let file = format!("{label}_0.mcap");
         let snapshot = recording.episode.snapshot()?;
-        let robot = Robot::of(&snapshot.assets);
+        let robot = Robot::from_assets(&snapshot.assets);
         let channels = topics::channels(recording, robot.as_ref(), &snapshot)?;
         let bag = bag(&file, recording, &channels);
         write(

@@ -407,7 +407,7 @@ fn words(
     name: &str,
 ) -> anyhow::Result<()> {
     let episode = &recording.episode;
-    let words = Words::of(episode, topic.name())?;
+    let words = Words::read(episode, topic.name())?;
     let stamps = episode.stamps(topic.name())?;
     out.push(Channel::of(name, &stamps, move |i, _| {
         Ok(Text(words.sample(i)))

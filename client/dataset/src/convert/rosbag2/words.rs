@@ -13,7 +13,7 @@ impl Words {
     ///
     /// # Errors
     /// When one cannot be read.
-    pub fn of(episode: &Episode, stream: &str) -> Result<Self, ReadError> {
+    pub fn read(episode: &Episode, stream: &str) -> Result<Self, ReadError> {
         let columns = episode.columns(stream)?.into_iter();
         let columns = columns.filter(|meta| meta.kind != ElementKind::Other);
         let columns = columns.map(|meta| {
