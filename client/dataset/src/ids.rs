@@ -2,8 +2,8 @@
 
 use wheelarm_proto::v1;
 
-/// Least number of pixels of an instance that count as visible: fewer are not more
-/// than a speck at any resolution that is recorded.
+/// Least number of pixels of an instance that count as visible: fewer are only
+/// a speck at any resolution that is recorded.
 pub const VISIBLE_PIXELS: usize = 16;
 
 /// Bytes of one id of an image.

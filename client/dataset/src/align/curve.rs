@@ -1,4 +1,4 @@
-//! What a column is between two of its samples: by what it says of itself, and
+//! Values of a column between two of its samples, from its metadata and
 //! by its recorded velocities on request.
 
 use clap::ValueEnum;
@@ -82,8 +82,8 @@ impl Slopes {
     /// in other axes than its position.
     pub(crate) fn of(episode: &Episode, meta: &ColumnMeta) -> Result<Option<Self>, ReadError> {
         let (column, axes) = match (meta.stream.as_str(), meta.name.as_str()) {
-            // Not objects: knocks between two samples and the shaking of what
-            // at rest make their velocities worse than none.
+            // Not objects: knocks between two samples and the jitter of objects
+            // at rest make their velocities useless.
             ("pose", "pose") => ("twist", Axes::Parent),
             ("joint_state", "position") => ("velocity", Axes::Parent),
             ("imu", "orientation") => ("angular_velocity", Axes::Body),

@@ -45,7 +45,7 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// Rejects an image path without a `.png` extension: an image replaces the existing
-/// is there, and a recording would be lost by a slip.
+/// file, and a typo would destroy a recording.
 pub fn check_image_path(out: &Path) -> anyhow::Result<()> {
     let is_png = out
         .extension()

@@ -58,7 +58,7 @@ impl Program {
         &self.cure
     }
 
-    /// Its summary.
+    /// Runs the program with the arguments `question` and returns its standard output.
     ///
     /// # Errors
     /// When it is missing or does not answer, with the fix.

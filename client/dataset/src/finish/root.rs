@@ -88,7 +88,7 @@ pub(super) fn attributes(
         .texts("anomalies", anomalies)?
         .texts("anomaly_kinds", &kinds)?;
 
-    // Without an evaluation the success of the task is unknown, and of a
+    // Without an evaluation the success of the task is unknown, and of an
     // unstable simulation no result is valid.
     let sound = cause != v1::EndCause::Physics;
     at.set("success", sound && evaluation.is_some_and(|e| e.success))?

@@ -1,5 +1,5 @@
-//! Whether a dataset has the rows and the width that it must have. A reader of a
-//! column may count on both: nothing behind this looks for itself.
+//! Whether a dataset has the rows and the width that it must have. Readers of a
+//! column rely on both and do not check again.
 
 use hdf5::Dataset;
 use wheelarm_proto::StreamId;

@@ -61,7 +61,7 @@ pub struct Made {
 }
 
 /// Makes the video `out`, MP4 or GIF by its ending. `begun` receives how many frames
-/// will be drawn, `tick` of each.
+/// will be rendered, and `tick` is called for each.
 ///
 /// # Errors
 /// When no such camera or moment exists, ffmpeg is missing, or the file cannot be

@@ -1,6 +1,6 @@
 //! The table itself: every stream, every dataset, unit and frame, and both ways
-//! between a dataset and its message. A file for each kind of stream; which stream is
-//! this module names the table.
+//! between a dataset and its message. One file per kind of stream; this module maps
+//! streams to tables.
 
 mod command;
 mod progress;

@@ -46,7 +46,7 @@ pub(super) struct Streams {
 
 impl Streams {
     /// The one place that decides which images of a recording are observed: of
-    /// every camera the colour that the robot saw (`Recording::seen`), and with
+    /// every camera the colour that the robot saw (`Recording::observed`), and with
     /// `depth` images of depth sensors, never exact depth.
     ///
     /// # Errors

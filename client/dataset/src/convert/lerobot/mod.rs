@@ -2,7 +2,7 @@
 //! episodes, statistics. The whole set is made under another name and renamed at
 //! the end.
 //!
-//! An episode's images are encoded into scratch files first, so that a
+//! An episode's images are encoded into scratch files first, so that an
 //! unreadable recording leaves no data in the set.
 
 mod depth_code;
