@@ -1,4 +1,4 @@
-//! Compiles Foxglove's messages and their descriptors, which stand in exported
+//! Compiles Foxglove's messages and their descriptors, which are stored in exported
 //! files, without an installed `protoc`.
 
 use prost::Message;

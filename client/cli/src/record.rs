@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::settings::Depth;
 use wheelarm_proto::signals::Signals;
-use wheelarm_recorder::{self as record, Output, RecordOptions, Told};
+use wheelarm_recorder::{self as record, Output, RecordOptions, ServerEvent};
 use wheelarm_sdk::{Client, Connect, Silence};
 
 use wheelarm_options::choice::{self, named};
@@ -72,7 +72,13 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
         let session = wheelarm_sdk::open_session(connect, Silence::Still)?;
         let endpoint = &connect.endpoint;
         announce("every server");
-        let all = record::run_many(&session, endpoint, &options, interrupted, print_event);
+        let all = record::run_many(
+            &session,
+            endpoint,
+            &options,
+            interrupted,
+            print_server_event,
+        );
         runtime.block_on(all)?
     } else {
         let client = Client::open_as(connect, Silence::Still)?;
@@ -82,11 +88,13 @@ pub fn run(connect: &Connect, args: &RecordArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(summary.exit_code()))
 }
 
-fn print_event(event: &Told<'_>) {
+fn print_server_event(event: &ServerEvent<'_>) {
     match event {
-        Told::Recording(sim) => println!("recording the server {sim:?}"),
-        Told::Output(_, output) => print(output),
-        Told::Left(sim, problem) => eprintln!("the server {sim:?} is not recorded: {problem:#}"),
+        ServerEvent::Recording(sim) => println!("recording the server {sim:?}"),
+        ServerEvent::Output(_, output) => print(output),
+        ServerEvent::NotRecorded(sim, problem) => {
+            eprintln!("the server {sim:?} is not recorded: {problem:#}")
+        }
     }
 }
 
@@ -112,10 +120,10 @@ fn print(output: &Output) {
         }
         Output::Failed(reason) => eprintln!("recording failed: {reason}"),
         Output::Discarded(label) => println!("{label}: discarded"),
-        Output::AskSnapshot
-        | Output::AskState
-        | Output::AskSamples { .. }
-        | Output::Hear { .. }
+        Output::RequestSnapshot
+        | Output::RequestState
+        | Output::RequestSamples { .. }
+        | Output::SubscribeCameras { .. }
         | Output::Status(_)
         | Output::Finish(_) => {}
     }

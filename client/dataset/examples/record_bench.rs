@@ -1,12 +1,12 @@
-//! How fast an episode with two RGB-D cameras at 1280x720 is written: frames
-//! per second (a frame is a pair of pictures with depth and ids) until every
+//! Benchmark of writing an episode with two RGB-D cameras at 1280x720: frames
+//! per second (a frame is a pair of images with depth and segmentation) until every
 //! byte is in the log, and until the HDF5 file is finished; bytes and processor
 //! time per frame.
 //!
-//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR] [PICTURES]`
+//! `cargo run --release --example record_bench -- [FRAMES] [f32|u16] [DIR] [IMAGES]`
 //!
-//! PICTURES is a `frames.bin` of the server's example `dump_frames`; without it
-//! the pictures are of a made-up room.
+//! IMAGES is a `frames.bin` of the server's example `dump_frames`; without it
+//! the images show a synthetic room.
 
 mod synthetic;
 
@@ -36,7 +36,7 @@ fn main() -> anyhow::Result<()> {
     let dir = args.get(2).map_or_else(std::env::temp_dir, PathBuf::from);
     let label = format!("record_bench_{}", std::process::id());
 
-    // Pictures are drawn before the clock starts.
+    // Images are rendered before the clock starts.
     let pairs: Vec<[v1::CameraFrame; 2]> = match args.get(3) {
         Some(path) => dumped(Path::new(path))?,
         None => (0..DISTINCT).map(pair).collect(),
@@ -101,7 +101,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What server and recorder do besides, each once: hash every message.
+/// Additional work of server and recorder, each once: hash every message.
 fn digests(pairs: &[[v1::CameraFrame; 2]], frames: u64) {
     let encoded: Vec<Vec<u8>> = pairs.iter().flatten().map(Message::encode_to_vec).collect();
     let (mut stream, mut bytes) = (StreamDigest::default(), 0);
@@ -120,8 +120,8 @@ fn digests(pairs: &[[v1::CameraFrame; 2]], frames: u64) {
     );
 }
 
-/// Processor time of all threads so far, in hundredths of a second; none where the
-/// system does not tell.
+/// CPU time of all threads so far, in hundredths of a second; `None` where the
+/// system does not report it.
 fn processor_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields = stat.rsplit(')').next().unwrap_or_default();
@@ -131,16 +131,15 @@ fn processor_seconds() -> f64 {
 
 fn pair(i: u64) -> [v1::CameraFrame; 2] {
     let s = i as f64 / DISTINCT as f64;
-    let picture = |camera: &str, view| {
-        synthetic::smooth::picture(camera, synthetic::header(0, 0), SIZE, view)
-    };
+    let image =
+        |camera: &str, view| synthetic::smooth::image(camera, synthetic::header(0, 0), SIZE, view);
     [
-        picture("gen3", ([1.2 + s, 0.4, 1.2], 0.1, 0.25)),
-        picture("wheelchair", ([-2.0 + s, 1.0 - s, 1.5], -0.3 * s, 0.3)),
+        image("gen3", ([1.2 + s, 0.4, 1.2], 0.1, 0.25)),
+        image("wheelchair", ([-2.0 + s, 1.0 - s, 1.5], -0.3 * s, 0.3)),
     ]
 }
 
-/// Pictures of the home: colour, depth and ids of both cameras, one after the other.
+/// Images of the home: colour, depth and ids of both cameras, one after the other.
 fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
     let bytes = Bytes::from(std::fs::read(path)?);
     let frame = 9 * PIXELS;
@@ -151,11 +150,11 @@ fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
         bytes.len(),
         2 * frame
     );
-    let picture = |camera: &str, from: usize| v1::CameraFrame {
+    let image = |camera: &str, from: usize| v1::CameraFrame {
         color: bytes.slice(from..from + 3 * PIXELS),
         depth: bytes.slice(from + 3 * PIXELS..from + 7 * PIXELS),
         segmentation: bytes.slice(from + 7 * PIXELS..from + frame),
-        ..synthetic::smooth::picture(
+        ..synthetic::smooth::image(
             camera,
             synthetic::header(0, 0),
             SIZE,
@@ -164,7 +163,7 @@ fn dumped(path: &Path) -> anyhow::Result<Vec<[v1::CameraFrame; 2]>> {
     };
     Ok((0..bytes.len())
         .step_by(2 * frame)
-        .map(|from| [picture("gen3", from), picture("wheelchair", from + frame)])
+        .map(|from| [image("gen3", from), image("wheelchair", from + frame)])
         .collect())
 }
 

@@ -1,4 +1,4 @@
-//! What an episode should hold, what it holds, and what that makes it.
+//! Account of an episode: expected and recorded samples, and completeness.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ pub struct StreamAccount {
     /// Samples that the server published, by its manifest; without a manifest
     /// those from the first to the last one received, which are the least.
     pub expected: u64,
-    /// The manifest came: `expected` and `missed` are exact.
+    /// The manifest arrived: `expected` and `missed` are exact.
     pub counted: bool,
     /// Samples in the file.
     pub received: u64,
@@ -23,10 +23,10 @@ pub struct StreamAccount {
     pub missed: u64,
     /// Samples that arrived late because they were sent again.
     pub recovered: u64,
-    /// Digest of what is in the file, as the recorder made it; empty when the
+    /// Digest of the recorded samples, as the recorder computed it; empty when the
     /// log was never closed.
     pub digest: String,
-    /// Digest of what the server published; empty without a manifest.
+    /// Digest of the published samples; empty without a manifest.
     pub published: String,
 }
 
@@ -40,13 +40,13 @@ pub struct Account {
 }
 
 impl Account {
-    /// The manifest came and everything in it is there.
+    /// The manifest arrived and every sample of it is recorded.
     #[must_use]
     pub fn complete(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// The manifest came: how many samples are missing is known.
+    /// The manifest arrived: the number of missing samples is known.
     #[must_use]
     pub fn counted(&self) -> bool {
         self.streams.iter().all(|s| s.counted)
@@ -60,10 +60,10 @@ impl Account {
 
     /// The account of a log.
     #[must_use]
-    pub fn of(scan: &Scan) -> Self {
-        let mut seen = vec![Coverage::default(); scan.preamble.streams.len()];
+    pub fn from_scan(scan: &Scan) -> Self {
+        let mut coverage = vec![Coverage::default(); scan.preamble.streams.len()];
         for entry in &scan.entries {
-            seen[usize::from(entry.header.stream)].insert(entry.header.sequence);
+            coverage[usize::from(entry.header.stream)].insert(entry.header.sequence);
         }
         let default = Closing::default();
         let closing = scan.closing.as_ref().unwrap_or(&default);
@@ -73,11 +73,11 @@ impl Account {
             .map(|s| s.manifest.iter().map(|c| (c.stream.as_str(), c)).collect());
         let mut problems = of_log(scan, closing);
         let mut streams = Vec::new();
-        for (name, seen) in scan.preamble.streams.iter().zip(&seen) {
+        for (name, coverage) in scan.preamble.streams.iter().zip(&coverage) {
             let listed = manifest
                 .as_ref()
                 .map(|manifest| manifest.get(name.as_str()).copied());
-            let (account, found) = of_stream(name, seen, listed, closing);
+            let (account, found) = of_stream(name, coverage, listed, closing);
             problems.extend(found);
             streams.push(account);
         }
@@ -101,7 +101,7 @@ impl Account {
     }
 }
 
-/// What is wrong with the log as a whole.
+/// Problems of the log as a whole.
 fn of_log(scan: &Scan, closing: &Closing) -> Vec<String> {
     let mut problems = Vec::new();
     if let Some(damage) = &scan.damage {
@@ -120,11 +120,11 @@ fn of_log(scan: &Scan, closing: &Closing) -> Vec<String> {
     problems
 }
 
-/// One stream's account and what is wrong with it. `listed` is its line of the
-/// server's manifest, where that came.
+/// One stream's account and its problems. `listed` is its entry of the
+/// server's manifest, if that arrived.
 fn of_stream(
     name: &str,
-    seen: &Coverage,
+    coverage: &Coverage,
     listed: Option<Option<&v1::StreamCount>>,
     closing: &Closing,
 ) -> (StreamAccount, Vec<String>) {
@@ -132,14 +132,14 @@ fn of_stream(
     let mut problems = Vec::new();
     let expected = match listed {
         Some(Some(count)) => count.count,
-        // A stream that the manifest leaves out published nothing.
+        // A stream without a manifest entry has no published samples.
         Some(None) => 0,
-        None => seen.received() + seen.gaps(),
+        None => coverage.received() + coverage.gaps(),
     };
     let there = match listed {
-        Some(Some(count)) if count.count > 0 => seen.within(count.first, count.last),
+        Some(Some(count)) if count.count > 0 => coverage.within(count.first, count.last),
         Some(_) => 0,
-        None => seen.received(),
+        None => coverage.received(),
     };
     let received = closing.received.iter().find(|r| r.stream == name);
     let published = match listed {
@@ -152,7 +152,7 @@ fn of_stream(
         digest: received.map_or_else(String::new, |r| hex(&r.digest)),
         published,
         expected,
-        received: seen.received(),
+        received: coverage.received(),
         missed: expected.saturating_sub(there),
         recovered: sent_again.map_or(0, |r| r.count),
     };
@@ -164,26 +164,28 @@ fn of_stream(
     }
     if account.received > there {
         problems.push(format!(
-            "{name}: {} samples are there that the manifest does not list",
+            "{name}: {} samples are recorded that the manifest does not list",
             account.received - there
         ));
     }
     let doubtful = received.map_or(0, |r| r.doubtful);
-    let told = [&account.digest, &account.published]
+    let is_known = [&account.digest, &account.published]
         .iter()
         .all(|d| !d.is_empty());
     let whole = account.missed == 0 && account.received == there;
     let compressed = received.map_or(&[][..], |r| &r.compressed);
-    let told_compressed = listed.flatten().map_or(&[][..], |c| &c.compressed_digest);
-    let other_compressed = ![compressed, told_compressed].iter().any(|d| d.is_empty())
-        && compressed != told_compressed;
+    let published_compressed = listed.flatten().map_or(&[][..], |c| &c.compressed_digest);
+    let other_compressed = ![compressed, published_compressed]
+        .iter()
+        .any(|d| d.is_empty())
+        && compressed != published_compressed;
     if doubtful > 0 {
         problems.push(format!(
-            "{name}: {doubtful} samples came with two contents: somebody else writes into this stream"
+            "{name}: {doubtful} samples arrived with two contents: another publisher writes into this stream"
         ));
-    } else if told && whole && (account.digest != account.published || other_compressed) {
+    } else if is_known && whole && (account.digest != account.published || other_compressed) {
         problems.push(format!(
-            "{name}: it is not what the server published (their digests differ): somebody else wrote into this stream"
+            "{name}: it differs from what the server published (digests differ): another publisher wrote into this stream"
         ));
     }
     (account, problems)

@@ -1,4 +1,4 @@
-//! What a collection holds, per task: the paper's composition table, as text, as
+//! Content of a collection, per task: the paper's composition table, as text, as
 //! CSV and as a plot.
 
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ use crate::sheet::style::{self, BLUE, GREY, INK, ORANGE, strokes};
 pub struct Figures {
     /// Activity, area and task.
     pub key: [String; 3],
-    /// Pictures of the reference camera: the paper's samples.
+    /// Images of the reference camera: the paper's samples.
     pub samples: usize,
     /// Simulated seconds.
     pub seconds: f64,
@@ -45,7 +45,7 @@ pub struct Row {
     pub successes: usize,
     /// Those that are complete.
     pub complete: usize,
-    /// Those in which the simulation broke; none of them succeeded.
+    /// Those in which the simulation became unstable; none of them succeeded.
     pub broken: usize,
     /// Samples.
     pub samples: usize,
@@ -232,9 +232,9 @@ pub fn csv(rows: &BTreeMap<[String; 3], Row>, to: impl std::io::Write) -> anyhow
 /// Draws trajectories (successes filled) per task as bars.
 ///
 /// # Errors
-/// When the picture cannot be written.
+/// When the image cannot be written.
 pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()> {
-    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    anyhow::ensure!(style::register(), "cannot use the built-in fonts");
     let n = rows.len().max(1);
     let most = rows.values().map(|r| r.trajectories).max().unwrap_or(1) as f64;
     let height = 170 + 46 * n as u32;
@@ -272,18 +272,18 @@ pub fn plot(rows: &BTreeMap<[String; 3], Row>, out: &Path) -> anyhow::Result<()>
             let name = format!("{task} ({activity})");
             words::left(&below, &name, (x - x0 - 320, y - y0), 20, INK)?;
             let (x, y) = plot.map_coordinate(&(r.trajectories as f64, i as f64 + 0.5));
-            words::left(&below, &told(r), (x - x0 + 10, y - y0), 18, GREY)?;
+            words::left(&below, &caption(r), (x - x0 + 10, y - y0), 18, GREY)?;
         }
         Ok(())
     })
 }
 
-/// What stands beside a bar.
-fn told(r: &Row) -> String {
+/// The text beside a bar.
+fn caption(r: &Row) -> String {
     let plural = |n: usize, word: &str| format!("{n} {word}{}", if n == 1 { "" } else { "s" });
     format!(
         "{} of {}",
-        plural(r.samples, "picture"),
+        plural(r.samples, "image"),
         plural(r.trajectories, "episode")
     )
 }
@@ -293,12 +293,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bars_words_cannot_be_read_as_one_number() {
+    fn the_text_of_a_bar_has_separate_numbers() {
         let row = Row {
             trajectories: 3,
             samples: 601,
             ..Row::default()
         };
-        assert_eq!(told(&row), "601 pictures of 3 episodes");
+        assert_eq!(caption(&row), "601 images of 3 episodes");
     }
 }

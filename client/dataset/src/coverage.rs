@@ -41,7 +41,7 @@ impl Coverage {
         self.received
     }
 
-    /// Numbers that came after a greater one: they were sent again.
+    /// Sequence numbers that arrived after a greater one: retransmitted samples.
     #[must_use]
     pub fn late(&self) -> u64 {
         self.late
@@ -85,7 +85,7 @@ impl Coverage {
         missing
     }
 
-    /// How many numbers of `first..=last` are there.
+    /// Number of received sequence numbers of `first..=last`.
     #[must_use]
     pub fn within(&self, first: u64, last: u64) -> u64 {
         self.ranges

@@ -2,11 +2,11 @@
 
 use wheelarm_proto::v1;
 
-/// Least number of pixels of an instance that count as visible: fewer are no more
-/// than a speck at any resolution that is recorded.
+/// Least number of pixels of an instance that count as visible: fewer are only
+/// a speck at any resolution that is recorded.
 pub const VISIBLE_PIXELS: usize = 16;
 
-/// Bytes of one id of a picture.
+/// Bytes of one id of an image.
 #[must_use]
 pub fn bytes(frame: &v1::CameraFrame) -> usize {
     match frame.segmentation_format() {
@@ -15,7 +15,7 @@ pub fn bytes(frame: &v1::CameraFrame) -> usize {
     }
 }
 
-/// Ids from the bytes of a picture whose ids have so many bytes each.
+/// Ids from the bytes of an image with `each` bytes per id.
 #[must_use]
 pub fn read(bytes: &[u8], each: usize) -> Vec<u16> {
     match each {
@@ -27,7 +27,7 @@ pub fn read(bytes: &[u8], each: usize) -> Vec<u16> {
     }
 }
 
-/// Ids as little-endian bytes, as many to each as told.
+/// Ids as little-endian bytes, `each` bytes each.
 #[must_use]
 pub fn write(ids: &[u16], each: usize) -> Vec<u8> {
     match each {

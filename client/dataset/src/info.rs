@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use crate::read::{Episode, ReadError};
 
-/// What a file holds, in lines of text.
+/// The content of a file, as lines of text.
 ///
 /// # Errors
-/// When the file lacks what every episode has.
+/// When the file lacks a required attribute.
 pub fn info(episode: &Episode) -> Result<String, ReadError> {
     let s = episode.summary()?;
     let mut out = String::new();
@@ -67,13 +67,13 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
         "\n{:<22} {:>9} {:>9} {:>7} {:>10}",
         "stream", "expected", "received", "missed", "recovered"
     );
-    // What only the server could have told is unknown without its word.
-    let told = |counted, count: u64| match counted {
+    // Counts of the server are unknown without its manifest.
+    let known = |counted, count: u64| match counted {
         true => count.to_string(),
         false => "?".to_owned(),
     };
     for a in &s.streams {
-        let (expected, missed) = (told(a.counted, a.expected), told(a.counted, a.missed));
+        let (expected, missed) = (known(a.counted, a.expected), known(a.counted, a.missed));
         let _ = writeln!(
             out,
             "{:<22} {expected:>9} {:>9} {missed:>7} {:>10}",

@@ -1,17 +1,17 @@
 //! Rigid poses, x y z in metres and the unit quaternion qx qy qz qw: pure
-//! functions, nothing else.
+//! functions only.
 
 use wheelarm_proto::v1;
 
 /// A frame in another one: x y z, qx qy qz qw.
 pub type Pose = [f64; 7];
 
-/// The pose that changes nothing.
+/// The identity.
 pub const IDENTITY: Pose = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
 /// The pose in a row of a recording; NaN where the row is too short.
 #[must_use]
-pub fn of(row: &[f64]) -> Pose {
+pub fn from_row(row: &[f64]) -> Pose {
     std::array::from_fn(|k| row.get(k).copied().unwrap_or(f64::NAN))
 }
 
@@ -71,7 +71,7 @@ pub fn turned([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| v[k] + w * t[k] + u[k])
 }
 
-/// Pixel of a point of the frame in which the camera's pose is told, by intrinsics
+/// Pixel of a point of the frame in which the camera's pose is given, by intrinsics
 /// width, height, fx, fy, cx, cy; `None` behind the camera.
 #[must_use]
 pub fn project(lens: &[f64; 6], camera: &Pose, point: [f64; 3]) -> Option<[f64; 2]> {
@@ -82,7 +82,7 @@ pub fn project(lens: &[f64; 6], camera: &Pose, point: [f64; 3]) -> Option<[f64; 
     (ahead > 0.01).then(|| [cx + fx * right / ahead, cy + fy * down / ahead])
 }
 
-/// A point of a frame, seen from where the frame's pose is told.
+/// A point of a frame, in the frame in which its pose is given.
 #[must_use]
 pub fn point(frame: &Pose, at: [f64; 3]) -> [f64; 3] {
     let turned = turned(orientation(frame), at);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_ahead_is_seen_where_the_lens_says_and_none_behind() {
+    fn a_point_ahead_is_projected_by_the_lens_and_none_behind() {
         let lens = [640.0, 360.0, 500.0, 400.0, 320.0, 180.0];
         let camera = from_rpy([0.0, 0.0, 1.0], [0.0, 0.0, FRAC_PI_2]);
         // The camera looks along z, its x is along the frame's y.

@@ -75,7 +75,7 @@ fn rename(temporary: &Path, target: &Path) -> Result<(), Errno> {
 
 fn link(temporary: &Path, target: &Path) -> Result<(), Errno> {
     rustix::fs::link(temporary, target)?;
-    // The file is in its place; a second name harms nobody.
+    // The file has its final name; a second name does no harm.
     let _ = std::fs::remove_file(temporary);
     Ok(())
 }
@@ -113,7 +113,7 @@ fn take_folder(temporary: &Path, target: &Path) -> io::Result<()> {
 /// Makes a new or removed name durable, where the file system can sync folders.
 ///
 /// # Errors
-/// What the disk says.
+/// The I/O error of the disk.
 pub fn sync_folder(file: &Path) -> io::Result<()> {
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -127,7 +127,7 @@ pub fn sync_folder(file: &Path) -> io::Result<()> {
 /// Brings a file to the disk, where the file system can sync files.
 ///
 /// # Errors
-/// What the disk says.
+/// The I/O error of the disk.
 pub fn sync_file(file: &File) -> io::Result<()> {
     tolerated(file.sync_all(), "a file")
 }
@@ -135,12 +135,12 @@ pub fn sync_file(file: &File) -> io::Result<()> {
 /// Brings the contents of a file to the disk, where the file system can sync files.
 ///
 /// # Errors
-/// What the disk says.
+/// The I/O error of the disk.
 pub fn sync_data(file: &File) -> io::Result<()> {
     tolerated(file.sync_data(), "a file")
 }
 
-/// Turns the answer of a file system that has no such call into success, which is told
+/// Turns the answer of a file system without such a call into success, which is logged
 /// once.
 fn tolerated(synced: io::Result<()>, what: &str) -> io::Result<()> {
     static TOLD: Once = Once::new();
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_that_publish_at_once_one_wins_and_nobody_loses_what_he_made() {
+    fn of_several_publishers_one_wins_and_the_others_keep_their_files() {
         let ways = FILES.map(|way| (way, false)).into_iter();
         for (way, is_folder) in ways.chain(FOLDERS.map(|way| (way, true))) {
             for _ in 0..50 {
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_taken_name_is_never_replaced_by_any_of_the_ways() {
+    fn an_existing_name_is_never_replaced() {
         let ways = FILES.map(|way| (way, false)).into_iter();
         for (way, is_folder) in ways.chain(FOLDERS.map(|way| (way, true))) {
             let place = tempfile::tempdir().unwrap();
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_renamed_leaves_nothing_empty_under_the_final_name() {
+    fn a_failed_rename_leaves_no_empty_file_under_the_final_name() {
         let place = tempfile::tempdir().unwrap();
         let (temporary, target) = (place.path().join("t"), place.path().join("f"));
         for way in [take_name, take_folder] {

@@ -1,12 +1,12 @@
 //! The scenario as readable JSON, for people and for tools without protobuf: in
 //! the words of the message, which are those of the TOML that
-//! `wheelarm-server --scenario` takes. Units stand in `scenario.proto`.
+//! `wheelarm-server --scenario` accepts. `scenario.proto` gives the units.
 
 use serde_json::Value;
 use wheelarm_proto::settings::{Named, Pacing, Quality};
 use wheelarm_proto::v1;
 
-/// The scenario; what is absent in it is left out.
+/// The scenario; absent fields are left out.
 #[must_use]
 pub fn scenario_json(s: &v1::Scenario) -> Value {
     let mut value = serde_json::to_value(s).unwrap_or_default();
@@ -14,7 +14,7 @@ pub fn scenario_json(s: &v1::Scenario) -> Value {
     value
 }
 
-/// TOML has no word for what is absent, so neither has the JSON.
+/// TOML cannot express an absent value, so the JSON does not either.
 fn leave_out_absent(value: &mut Value) {
     match value {
         Value::Object(fields) => {
@@ -26,7 +26,7 @@ fn leave_out_absent(value: &mut Value) {
     }
 }
 
-/// Name of a pacing; real time where none is told.
+/// Name of a pacing; real time where none is set.
 #[must_use]
 pub fn pacing(value: i32) -> &'static str {
     let code = v1::Pacing::try_from(value);
@@ -35,7 +35,7 @@ pub fn pacing(value: i32) -> &'static str {
     })
 }
 
-/// Name of a quality; standard where none is told.
+/// Name of a quality; standard where none is set.
 #[must_use]
 pub fn quality(value: i32) -> &'static str {
     let code = v1::RenderQuality::try_from(value);
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_file_shows_is_a_scenario_as_a_server_takes_it() {
+    fn the_shown_scenario_is_valid_input_of_a_server() {
         let pose = v1::Pose {
             position: Some(v1::Vector3 {
                 x: -3.79,
@@ -93,7 +93,7 @@ mod tests {
         assert_eq!(shown["objects"][0].get("friction"), None);
         let pasted = toml::to_string(&shown).unwrap();
         assert_eq!(toml::from_str(&pasted), Ok(scenario));
-        // Also where nothing is told.
+        // Also where nothing is set.
         let nothing = toml::to_string(&scenario_json(&v1::Scenario::default())).unwrap();
         assert_eq!(toml::from_str(&nothing), Ok(v1::Scenario::default()));
     }

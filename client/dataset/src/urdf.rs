@@ -1,8 +1,8 @@
-//! The robot description that stands in a recording: where the links are for
+//! The robot description of a recording: poses of the links for
 //! given joint positions, joint by joint, and a drawing of it without meshes.
 //!
 //! Forward only, for viewers and for frames that a recording does not hold;
-//! what moves the arm is the server's.
+//! the server moves the arm.
 
 use urdf_rs::{Geometry, JointType, Visual};
 use wheelarm_proto::v1;
@@ -70,17 +70,17 @@ pub fn text(assets: &[v1::AssetText]) -> Option<&str> {
 }
 
 impl Robot {
-    /// The description in a recording; `None` when there is none or it is not
+    /// The description in a recording; `None` when it is absent or is not
     /// readable.
     #[must_use]
-    pub fn of(assets: &[v1::AssetText]) -> Option<Self> {
+    pub fn from_assets(assets: &[v1::AssetText]) -> Option<Self> {
         Self::parse(text(assets)?).ok()
     }
 
     /// Reads a URDF.
     ///
     /// # Errors
-    /// When it is malformed, with words about where.
+    /// When it is malformed, with the position.
     pub fn parse(urdf: &str) -> Result<Self, String> {
         let robot = urdf_rs::read_from_string(urdf).map_err(|e| e.to_string())?;
         let joint = |j: urdf_rs::Joint| {
@@ -155,7 +155,7 @@ impl Chain<'_> {
 /// collision solids in the colour of its first mesh.
 ///
 /// # Errors
-/// When the text is no URDF.
+/// When the text is not a URDF.
 pub fn without_meshes(urdf: &str) -> Result<String, String> {
     let mut robot = urdf_rs::read_from_string(urdf).map_err(|e| e.to_string())?;
     for link in &mut robot.links {

@@ -1,5 +1,5 @@
 //! Whether a recording is fit for use: counts, order, gaps, numbers that are
-//! none, quaternions, pictures, calibration, hashes. Reads every byte.
+//! none, quaternions, images, calibration, hashes. Reads every byte.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -21,15 +21,15 @@ use crate::read::{ElementKind, Episode, ReadError, Values};
 const GAP: f64 = 1.75;
 /// Norms of quaternions may be off by this.
 const NORM: f64 = 1e-6;
-/// A picture with less contrast than this shows nothing, levels of 255.
+/// Least contrast of an image that shows anything, levels of 255.
 const FLAT: f64 = 1.0;
 /// Hashes are this many ticks apart: one simulated second.
 const HASH_TICKS: u64 = 240;
 
-/// What was found.
+/// The reason.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Findings {
-    /// What is wrong.
+    /// The reason.
     pub problems: Vec<String>,
     /// Figures for people.
     pub facts: Vec<String>,
@@ -50,7 +50,7 @@ impl fmt::Display for Findings {
 /// Looks at everything in a file.
 ///
 /// # Errors
-/// When it is no episode or cannot be read to the end.
+/// When it is not an episode or cannot be read to the end.
 pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     let episode = Episode::open(path)?;
     let mut found = Findings::default();
@@ -72,7 +72,7 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
             .push(format!("anomalies: {}", summary.anomalies.join("; ")));
     }
     if episode.started()?.as_recorded {
-        let drawn = "drawn from the states of another recording, which is the one to replay";
+        let drawn = "rendered from the states of another recording; replay that one";
         found.facts.push(drawn.into());
     } else if episode.snapshot()?.snapshot.is_empty() {
         found
@@ -87,7 +87,7 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
         }
     }
     for camera in episode.cameras()? {
-        pictures(&episode, &camera, threads, &mut found).with_context(|| camera.clone())?;
+        images(&episode, &camera, threads, &mut found).with_context(|| camera.clone())?;
     }
     for sensor in episode.sensors()? {
         sensed(&episode, &sensor, threads, &mut found).with_context(|| sensor.clone())?;
@@ -97,8 +97,8 @@ pub fn validate(path: &Path, threads: usize) -> anyhow::Result<Findings> {
     Ok(found)
 }
 
-/// What was read; a dataset of another size than it must have is a problem of the
-/// recording, and the check goes on.
+/// The values read; a dataset of the wrong size is a problem of the
+/// recording, and the check continues.
 fn sized<T>(read: Result<T, ReadError>, found: &mut Findings) -> Result<Option<T>, ReadError> {
     match read {
         Err(ReadError::Shape {
@@ -124,7 +124,7 @@ fn stream(
     found: &mut Findings,
 ) -> anyhow::Result<()> {
     let stamps = episode.stamps(name)?;
-    // Where they have another size that is told, and nothing is missing by them.
+    // Where they have another size that is reported, and nothing is missing by them.
     let sequence = sized(episode.u64s(name, "sequence"), found)?;
     let sequence = sequence.unwrap_or_else(|| (0..stamps.len() as u64).collect());
     let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
@@ -152,7 +152,7 @@ fn stream(
         .windows(2)
         .filter(|w| w[1].saturating_sub(w[0]) as f64 > GAP * usual as f64);
     let widest = gaps.clone().map(|w| w[1] - w[0]).max();
-    // A sensor's pictures arrive now sooner, now later; none is missing by its
+    // The latency of a sensor's images varies; none is missing by its
     // sequence numbers.
     let even = periodic && StreamId::parse(name).sensor_name().is_none();
     if let Some(widest) = widest.filter(|_| even) {
@@ -188,10 +188,10 @@ fn stream(
             continue;
         }
         let mut wrong = |words: String| found.problems.push(format!("{name}: {words}"));
-        let rule = Rule::of(&meta);
+        let rule = Rule::for_column(&meta);
         let bad = all.iter().filter(|v| !v.is_finite()).count();
         // A command that was not given is NaN; so are a contact that is not there and a
-        // push that nobody gives.
+        // push that does not exist.
         let optional = matches!(name, "command" | "contact" | "evaluation" | "disturbance")
             || (name, meta.name.as_str()) == ("person", "contact_force")
             || (name == "applied" && (rule == Rule::Nearest || rule == Rule::Pose));
@@ -231,16 +231,16 @@ fn contents(
     if account.digest.is_empty() || id == StreamId::EVENTS {
         return Ok(());
     }
-    let pictures = match &id {
+    let images = match &id {
         StreamId::Camera(camera) => sized(episode.camera(camera), found)?,
         StreamId::Sensor(sensor) => sized(episode.sensor(sensor), found)?,
         _ => None,
     };
-    let has_pictures = id.camera_name().or(id.sensor_name()).is_some();
-    if has_pictures && pictures.is_none() {
+    let has_images = id.camera_name().or(id.sensor_name()).is_some();
+    if has_images && images.is_none() {
         return Ok(());
     }
-    let digests = match pictures {
+    let digests = match images {
         Some(camera) => {
             let all = parallel(camera.len(), threads, |i| {
                 let message = camera.encoded(episode, i)?;
@@ -273,17 +273,17 @@ fn contents(
     Ok(())
 }
 
-/// Figures of one picture.
+/// Figures of one image.
 struct Figures {
     mean: f64,
     contrast: f64,
     hit: f64,
     bad_depth: usize,
-    /// The first id that is no instance's.
+    /// The first id without an instance.
     stranger: Option<u16>,
 }
 
-fn pictures(
+fn images(
     episode: &Episode,
     name: &str,
     threads: usize,
@@ -294,17 +294,15 @@ fn pictures(
     };
     let stream = camera.stream();
     if camera.is_empty() {
-        found
-            .problems
-            .push(format!("{stream}: there are no pictures"));
+        found.problems.push(format!("{stream}: it has no images"));
         return Ok(());
     }
     let instances = episode.snapshot()?.instances;
     let known: BTreeSet<u32> = instances.iter().map(|instance| instance.id).collect();
     let stranger = |ids: Vec<u16>| {
-        let mut seen = ids;
-        seen.dedup();
-        let mut strangers = seen.into_iter().filter(|&id| id != 0);
+        let mut distinct = ids;
+        distinct.dedup();
+        let mut strangers = distinct.into_iter().filter(|&id| id != 0);
         strangers.find(|&id| !known.contains(&u32::from(id)))
     };
     let all = parallel(camera.len(), threads, |i| {
@@ -336,7 +334,7 @@ fn pictures(
     let mut wrong = |words: String| found.problems.push(format!("{stream}: {words}"));
     let flat = all.iter().filter(|f| f.contrast < FLAT).count();
     if flat > 0 {
-        wrong(format!("{flat} pictures of one colour"));
+        wrong(format!("{flat} images of one colour"));
     }
     let bad: usize = all.iter().map(|f| f.bad_depth).sum();
     if bad > 0 {
@@ -348,7 +346,7 @@ fn pictures(
     }
     let empty = all.iter().filter(|f| f.hit == 0.0).count();
     if empty > 0 && camera.has_depth() {
-        wrong(format!("{empty} pictures without any depth"));
+        wrong(format!("{empty} images without any depth"));
     }
     let size = camera.size().unwrap_or((0, 0));
     let first = camera.intrinsics(0);
@@ -360,7 +358,7 @@ fn pictures(
         && (0.0..=first[1]).contains(&first[5]);
     if !sane {
         wrong(format!(
-            "calibration {first:?} does not fit pictures of {size:?}"
+            "calibration {first:?} does not fit images of {size:?}"
         ));
     }
     if (1..camera.len()).any(|i| camera.intrinsics(i) != first) {
@@ -372,7 +370,7 @@ fn pictures(
         false => "no depth".to_owned(),
     };
     found.facts.push(format!(
-        "{stream}: {} pictures of {}x{}, mean level {:.0}, contrast {:.0}, {}",
+        "{stream}: {} images of {}x{}, mean level {:.0}, contrast {:.0}, {}",
         all.len(),
         size.0,
         size.1,
@@ -383,7 +381,7 @@ fn pictures(
     Ok(())
 }
 
-/// What a sensor model made of a camera's pictures: something is to be seen, the
+/// What a sensor model made of a camera's images: they show something, the
 /// calibration stays, and nothing arrives before it was exposed.
 fn sensed(
     episode: &Episode,
@@ -411,7 +409,7 @@ fn sensed(
     }
     let ages = sensor.stamps().iter().zip(sensor.exposures());
     if ages.clone().any(|(arrival, exposure)| arrival < exposure) {
-        wrong("pictures arrive before they are exposed".into());
+        wrong("images arrive before they are exposed".into());
     }
     let age: u64 = ages
         .map(|(arrival, exposure)| arrival.saturating_sub(*exposure))
@@ -419,7 +417,7 @@ fn sensed(
     let n = all.len().max(1) as f64;
     let (w, h) = sensor.size().unwrap_or((0, 0));
     found.facts.push(format!(
-        "{stream}: {} pictures of {w}x{h}, {:.0} ms old when they arrive, {} {:.0}{}",
+        "{stream}: {} images of {w}x{h}, {:.0} ms old when they arrive, {} {:.0}{}",
         all.len(),
         age as f64 * 1e-6 / n,
         ["mean level", "returns at"][usize::from(sensor.has_depth())],
@@ -433,7 +431,7 @@ fn hashes(episode: &Episode, found: &mut Findings) -> anyhow::Result<()> {
     if !episode.has("state_hash") {
         found
             .problems
-            .push("there are no state hashes: a replay cannot be checked".into());
+            .push("the recording has no state hashes: a replay cannot be checked".into());
         return Ok(());
     }
     let Some(all) = sized(episode.state_hashes(), found)? else {
@@ -454,7 +452,7 @@ fn hashes(episode: &Episode, found: &mut Findings) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Compares the file with `FILE.sha256` where there is one.
+/// Compares the file with `FILE.sha256` if it exists.
 fn checksum(path: &Path, found: &mut Findings) -> anyhow::Result<()> {
     let mut digest = Sha256::new();
     let mut file = std::fs::File::open(path)?;
@@ -474,14 +472,14 @@ fn checksum(path: &Path, found: &mut Findings) -> anyhow::Result<()> {
     let beside = path.with_added_extension("sha256");
     match std::fs::read_to_string(&beside) {
         Ok(text) => {
-            let told = text.split_whitespace().next().unwrap_or_default();
-            if told.eq_ignore_ascii_case(&sum) {
+            let listed = text.split_whitespace().next().unwrap_or_default();
+            if listed.eq_ignore_ascii_case(&sum) {
                 found
                     .facts
                     .push(format!("SHA-256 as in {}", beside.display()));
             } else {
                 found.problems.push(format!(
-                    "SHA-256 is {sum}, {} says {told}",
+                    "SHA-256 is {sum}, {} says {listed}",
                     beside.display()
                 ));
             }

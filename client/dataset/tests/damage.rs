@@ -1,5 +1,5 @@
 //! Logs and files that were cut off or changed at many places: the reader never
-//! panics, keeps the valid prefix of a log, and says what is lost.
+//! panics, keeps the valid prefix of a log, and reports the loss.
 
 #[path = "../examples/synthetic/mod.rs"]
 mod synthetic;
@@ -64,10 +64,10 @@ fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
                 let expected = all.iter().filter(intact).count();
                 assert_eq!(got.entries.len(), expected, "{what}");
                 assert!(got.entries == all[..expected], "{what}");
-                let told = got.damage.is_some() || got.closing.is_none();
-                assert!(told, "{what}: nothing is said to be lost");
+                let is_reported = got.damage.is_some() || got.closing.is_none();
+                assert!(is_reported, "{what}: the loss is not reported");
             }
-            // Without its beginning a log says nothing at all.
+            // Without its beginning a log is unreadable.
             Err(problem) => {
                 let head = all[0].offset as usize;
                 assert!(first_bad < head, "{what}: {problem}");
@@ -80,7 +80,7 @@ fn a_log_cut_or_changed_anywhere_gives_its_valid_prefix() {
         changed[at] ^= 0x10;
         check(&changed, at, &format!("changed at {at}"));
     }
-    // Some of them all the way into a file that says what it lacks.
+    // Some of them up to a file that lists its missing samples.
     for at in places(good.len(), 24) {
         let mut changed = good.clone();
         changed[at] ^= 0x10;
@@ -157,16 +157,16 @@ fn a_file_cut_or_changed_anywhere_is_read_or_refused() {
         let mut changed = good.clone();
         changed[at] ^= 0x10;
         std::fs::write(&bad, &changed).unwrap();
-        // A changed picture or number cannot be told from another one, unless
-        // it was compressed; that it is read without harm is all that is asked.
+        // A changed image or number cannot be distinguished from another one, unless
+        // it was compressed; the test only requires that it is read without harm.
         let read = Command::new(std::env::current_exe().unwrap())
             .args(["--ignored", "--exact", "read_the_damaged_file"])
             .env(DAMAGED_FILE, &bad)
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&read.stderr).into_owned();
-        let ours = read.status.code() == Some(101) || said.contains("memory allocation");
-        assert!(!ours, "changed at {at}: {said}");
+        let errors = String::from_utf8_lossy(&read.stderr).into_owned();
+        let ours = read.status.code() == Some(101) || errors.contains("memory allocation");
+        assert!(!ours, "changed at {at}: {errors}");
         if !read.status.success() {
             crashed.push((at, read.status));
         }

@@ -1,4 +1,4 @@
-//! Somebody else's reader: plain h5py reads an episode file and finds the
+//! An independent reader: plain h5py reads an episode file and finds the
 //! numbers that were put in. Skipped, and it says so, without h5py; the
 //! variable `WHEELARM_PYTHON` names the interpreter.
 
@@ -58,7 +58,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
             for camera in ["gen3", "wheelchair"] {
                 let header = synthetic::header(i, 24 * i);
                 let view = ([i as f64 * 0.1, 0.0, 1.4], 0.2, 0.3);
-                let frame = synthetic::smooth::picture(camera, header, (96, 54), view);
+                let frame = synthetic::smooth::image(camera, header, (96, 54), view);
                 if camera == "gen3" {
                     sums[0] += frame.color.iter().map(|&b| u64::from(b)).sum::<u64>();
                     let ids = wheelarm_dataset::ids::read(&frame.segmentation, 2);
@@ -109,7 +109,7 @@ fn plain_h5py_reads_every_dataset_and_finds_the_same_pixels() {
 }
 
 #[test]
-fn the_sheet_shows_the_pictures_of_the_episode() {
+fn the_sheet_shows_the_images_of_the_episode() {
     let dir = tempfile::tempdir().unwrap();
     let log = synthetic::smooth::record(dir.path(), "sheet", 3, (64, 36)).unwrap();
     let episode = Episode::open(&finish(&log, None).unwrap().path).unwrap();
@@ -121,7 +121,7 @@ fn the_sheet_shows_the_pictures_of_the_episode() {
     let size = reader.next_frame(&mut pixels).unwrap();
     assert!(size.width > 1000 && size.height > 1000, "{size:?}");
 
-    // The mean colour of the first picture stands where its tile should be.
+    // The mean colour of the first image is found at its tile.
     let frame = episode.camera("gen3").unwrap().frame(&episode, 0).unwrap();
     let mean = |rgb: &mut dyn Iterator<Item = &u8>| {
         let (sum, n) = rgb.fold((0_u64, 0_u64), |(s, n), &v| (s + u64::from(v), n + 1));

@@ -1,4 +1,4 @@
-//! The recorder's process dies without a word: what it had acknowledged is in
+//! The recorder's process is killed: every acknowledged sample is in
 //! the file that is made of its log.
 
 #[path = "../examples/synthetic/mod.rs"]
@@ -15,7 +15,7 @@ use wheelarm_proto::Message;
 
 const FOLDER: &str = "WHEELARM_KILL_TEST_FOLDER";
 
-/// What the killed process does: records for ever and tells what is acknowledged.
+/// The killed process: records forever and prints the number of acknowledged samples.
 #[test]
 #[ignore = "runs only as the child of the test below"]
 fn child() {
@@ -43,7 +43,7 @@ fn child() {
 }
 
 #[test]
-fn a_killed_recorder_loses_nothing_that_it_acknowledged() {
+fn a_killed_recorder_loses_no_acknowledged_sample() {
     for round in 0..6 {
         let dir = tempfile::tempdir().unwrap();
         let mut child = Command::new(std::env::current_exe().unwrap())
@@ -52,8 +52,8 @@ fn a_killed_recorder_loses_nothing_that_it_acknowledged() {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let told = BufReader::new(child.stdout.take().unwrap());
-        let counts = told.lines().map_while(Result::ok).filter_map(|line| {
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let counts = output.lines().map_while(Result::ok).filter_map(|line| {
             let (_, count) = line.split_once("acknowledged ")?;
             count.parse::<u64>().ok()
         });

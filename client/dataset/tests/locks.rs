@@ -1,5 +1,5 @@
-//! Who holds a log and the file that is made of it, and who does not: a binary of its
-//! own, for what it starts inherits the files that are open.
+//! Locks of a log and of its file, in a binary of its
+//! own, because child processes inherit open files.
 
 #[path = "../examples/synthetic/mod.rs"]
 mod synthetic;
@@ -17,7 +17,7 @@ static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
 /// HDF5's files are inherited by every program that is started while they are
 /// open: servers, policies, encoders.
 #[test]
-fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
+fn a_program_started_while_a_file_is_written_does_not_lock_it() {
     let _alone = ALONE.lock();
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -53,7 +53,7 @@ fn a_program_that_starts_while_a_file_is_made_keeps_nobody_from_opening_it() {
 }
 
 #[test]
-fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
+fn a_log_and_its_file_name_belong_to_one_program_at_a_time() {
     let _alone = ALONE.lock();
     let folder = tempfile::tempdir().unwrap();
     let [one, other, out] = ["one", "other", "out"].map(|name| folder.path().join(name));
@@ -62,22 +62,22 @@ fn a_log_and_the_name_of_its_file_are_for_one_program_at_a_time() {
     }
     let record = |folder| synthetic::smooth::record(folder, "same", 2, (32, 18)).unwrap();
     let (first, second) = (record(&one), record(&other));
-    // A log that somebody holds.
+    // A log that another process holds.
     let held = wheelarm_dataset::log::hold(&first).unwrap();
-    let told = finish(&first, Some(&out)).unwrap_err().to_string();
-    assert!(told.contains("is being written by a recorder"), "{told}");
+    let error = finish(&first, Some(&out)).unwrap_err().to_string();
+    assert!(error.contains("is being written by a recorder"), "{error}");
     drop(held);
-    // The name that somebody makes a file under.
+    // The name under which another process makes a file.
     let making = std::fs::File::create(out.join("same.h5.tmp")).unwrap();
     making.try_lock().unwrap();
-    let told = finish(&second, Some(&out)).unwrap_err().to_string();
-    assert!(told.contains("another program is making it"), "{told}");
-    assert!(told.contains("wheelarm dataset recover"), "{told}");
+    let error = finish(&second, Some(&out)).unwrap_err().to_string();
+    assert!(error.contains("another program is making it"), "{error}");
+    assert!(error.contains("wheelarm dataset recover"), "{error}");
     assert!(second.exists() && out.join("same.h5.tmp").exists());
     drop(making);
     finish(&first, Some(&out)).unwrap();
-    let told = finish(&second, Some(&out)).unwrap_err().to_string();
-    assert!(told.contains("exists already"), "{told}");
+    let error = finish(&second, Some(&out)).unwrap_err().to_string();
+    assert!(error.contains("exists already"), "{error}");
     assert!(second.exists() && !first.exists());
 }
 

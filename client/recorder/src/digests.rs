@@ -1,25 +1,25 @@
-//! What came of one stream, to the last bit, in whatever order it came.
+//! Digest of the received messages of one stream, independent of the order of arrival.
 
 use std::collections::BTreeMap;
 
 use wheelarm_proto::digest::{Digest, StreamDigest};
 
-/// Samples that may still come out of order: several times what the server's
-/// cache remembers of any stream. Older ones are folded into one number.
+/// Samples that may still arrive out of order: several times what the server's
+/// cache holds of any stream. Older ones are folded into one digest.
 const WINDOW: usize = 8192;
 
-/// The digest of a stream in the making.
+/// The digest of a stream while it is received.
 #[derive(Debug, Default)]
 pub(super) struct Digests {
     folded: StreamDigest,
-    /// Greatest number that is folded.
+    /// Greatest sequence number that is folded.
     last: Option<u64>,
     window: BTreeMap<u64, Digest>,
     doubtful: u64,
 }
 
 impl Digests {
-    /// Whether a sample comes too late to be put in order.
+    /// Whether a sample arrives too late to be put in order.
     pub fn is_late(&self, sequence: u64) -> bool {
         self.last.is_some_and(|last| sequence <= last)
     }
@@ -35,20 +35,20 @@ impl Digests {
         }
     }
 
-    /// A sample came whose number is taken: with another content somebody else
-    /// has written one of the two.
-    pub fn again(&mut self, sequence: u64, digest: &Digest) {
+    /// A sample arrived again. Different content means that another publisher wrote one of
+    /// the two.
+    pub fn repeated(&mut self, sequence: u64, digest: &Digest) {
         if self.window.get(&sequence).is_some_and(|d| d != digest) {
             self.doubtful += 1;
         }
     }
 
-    /// Numbers that came with two contents.
+    /// Sequence numbers that arrived with two contents.
     pub fn doubtful(&self) -> u64 {
         self.doubtful
     }
 
-    /// Digest of all that came, in order.
+    /// Digest of all received messages, in order.
     pub fn value(&self) -> Digest {
         let mut all = self.folded.clone();
         for digest in self.window.values() {
@@ -73,7 +73,7 @@ mod tests {
         let count = WINDOW as u64 + 500;
         let all: Vec<Digest> = (0..count).map(of).collect();
         let mut digests = Digests::default();
-        // Every seventh comes some hundred samples late.
+        // Every seventh arrives some hundred samples late.
         for i in 0..count + 300 {
             if i < count && i % 7 != 3 {
                 digests.add(i, of(i));
@@ -85,9 +85,9 @@ mod tests {
         }
         assert_eq!(digests.value(), StreamDigest::from_messages(&all));
         assert!(digests.is_late(0) && !digests.is_late(count));
-        digests.again(count - 1, &of(count - 1));
+        digests.repeated(count - 1, &of(count - 1));
         assert_eq!(digests.doubtful(), 0);
-        digests.again(count - 1, &of(7));
+        digests.repeated(count - 1, &of(7));
         assert_eq!(digests.doubtful(), 1);
     }
 }

@@ -1,5 +1,5 @@
-//! One episode while it is recorded, with its writer and which samples are
-//! there, and afterwards, until it is in its file.
+//! One episode: its writer and received samples while it is recorded, and the conversion
+//! of its log into the file afterwards.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,14 +13,14 @@ use wheelarm_dataset::writer::{EpisodeWriter, Taken, WriteError, WriterOptions};
 use wheelarm_proto::topic::Rate;
 use wheelarm_proto::{StreamId, TopicId, digest, v1};
 
-use super::compressed::{Compressed, Picture};
+use super::cache_request::{LOCK_STEP_PATIENCE, REAL_TIME_PATIENCE};
+use super::compressed::{Compressed, CompressedImage};
 use super::digests::Digests;
 use super::gaps::{Gaps, Missing};
 use super::latest::Latest;
 use super::opening::Openings;
-use super::question::{LOCK_STEP_PATIENCE, REAL_TIME_PATIENCE};
 
-/// What became of one episode.
+/// Result of one recorded episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// Label of the episode.
@@ -29,42 +29,42 @@ pub struct Report {
     pub path: PathBuf,
     /// Its size, bytes.
     pub bytes: u64,
-    /// It holds everything that was published.
+    /// It holds every published sample.
     pub complete: bool,
-    /// Why not.
+    /// Reasons why it is not complete.
     pub problems: Vec<String>,
     /// Camera frames in it, of all cameras.
     pub frames: u64,
     /// Samples in it, frames included.
     pub samples: u64,
-    /// Samples that were published and are not in it; without the server's
-    /// word those between the ones that came, which are the least.
+    /// Published samples that are not in it. Without the server's manifest, a lower bound:
+    /// the gaps between received samples.
     pub missed: u64,
-    /// The server told how many it published.
+    /// The server's manifest lists how many samples it published.
     pub counted: bool,
-    /// What else there is to know, for people; the file is good.
+    /// Notes for the user; the file is usable.
     pub notes: Vec<String>,
 }
 
-/// A stream of a fixed rate that is silent for so long has ended; one of which a sample
-/// was lost is held back by the transport for ten seconds at most.
+/// A stream of a fixed rate has ended after this time without a sample. The transport
+/// holds a stream back for at most 10 s after a lost sample.
 pub(super) const SILENCE: Duration = Duration::from_secs(12);
 
 /// The newest sample of a stream of a fixed rate.
 #[derive(Debug, Default)]
 struct Newest {
     tick: u64,
-    /// What it was at the last look, since when, and whether that is too long ago.
+    /// Tick at the last check, and the time since which it has not changed.
     looked: Option<(u64, Instant)>,
     is_silent: bool,
 }
 
-/// How far the server may take it that everything is here.
+/// Progress up to which the recorder has every sample, for a lock-step server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Credit {
     /// Camera frames that were accepted or given up.
     pub frames: u64,
-    /// Tick up to which every state stream of a fixed rate is here.
+    /// Tick up to which every state stream of a fixed rate was received.
     pub tick: u64,
 }
 
@@ -77,30 +77,30 @@ pub(super) struct Recording {
     pub accepted: u64,
     /// Newest sample accepted.
     pub newest: Option<Taken>,
-    /// Since when the server is away; it may come back.
+    /// Time of the link loss; the server may return.
     pub away: Option<Instant>,
     writer: EpisodeWriter,
-    seen: BTreeMap<String, Coverage>,
+    received: BTreeMap<String, Coverage>,
     digests: BTreeMap<String, Digests>,
-    /// Of cameras whose pictures came compressed.
+    /// By camera stream, for cameras whose images arrive compressed.
     compressed: BTreeMap<String, Compressed>,
     gaps: Gaps,
     openings: Openings,
     latest: Latest,
     /// Samples accepted.
     samples: u64,
-    /// Tick of the beginning.
+    /// First tick of the episode.
     begun: u64,
     /// The newest samples of streams of a fixed rate, by stream.
     regular: BTreeMap<String, Newest>,
 }
 
-/// What became of an offered sample.
+/// Outcome of an offered sample.
 pub(super) enum Accepted {
     Frame,
     State,
-    /// It is there already, or it was refused and is missing from now on.
-    Not,
+    /// Already recorded, or rejected and therefore missing.
+    Skipped,
 }
 
 impl Recording {
@@ -119,7 +119,7 @@ impl Recording {
             newest: None,
             away: None,
             writer,
-            seen: BTreeMap::new(),
+            received: BTreeMap::new(),
             digests: BTreeMap::new(),
             compressed: BTreeMap::new(),
             gaps: Gaps::default(),
@@ -131,10 +131,10 @@ impl Recording {
         })
     }
 
-    /// Takes one sample of this episode.
+    /// Records one sample of this episode.
     ///
     /// # Errors
-    /// The words of the log's failure.
+    /// The reason why the log cannot be written.
     pub fn take(
         &mut self,
         stream: &str,
@@ -144,7 +144,7 @@ impl Recording {
         let of_message = digest::of_message([&payload[..]]);
         let id = StreamId::parse(stream);
         let exact = id.clone().exact();
-        if exact.is_camera() && !self.seen.contains_key(&exact.to_string()) {
+        if exact.is_camera() && !self.received.contains_key(&exact.to_string()) {
             self.openings
                 .begin(&exact, sequence, &payload, &self.started);
         }
@@ -154,19 +154,21 @@ impl Recording {
         };
         let camera = camera.to_string();
         let compressed = self.compressed.entry(camera.clone()).or_default();
-        let Some(Picture { frame, exact }) = compressed.take(sequence, payload, &of_message) else {
-            return Ok(Accepted::Not);
+        let Some(CompressedImage { frame, exact }) =
+            compressed.take(sequence, payload, &of_message)
+        else {
+            return Ok(Accepted::Skipped);
         };
         let offer = |writer: &mut EpisodeWriter| writer.offer_compressed(&camera, *frame);
         let kept = self.keep(&camera, sequence, exact, offer)?;
-        let there = |seen: &Coverage| seen.within(sequence, sequence) > 0;
-        if !self.seen.get(&camera).is_some_and(there) {
+        let there = |received: &Coverage| received.within(sequence, sequence) > 0;
+        if !self.received.get(&camera).is_some_and(there) {
             self.compressed.entry(camera).or_default().refuse(sequence);
         }
         Ok(kept)
     }
 
-    /// The sample `sequence` of a stream came, and is of an earlier episode.
+    /// The sample `sequence` of a stream belongs to an earlier episode.
     pub fn is_older(&mut self, stream: &str, sequence: u64) {
         self.openings.is_older(stream, sequence);
     }
@@ -176,12 +178,12 @@ impl Recording {
         self.samples
     }
 
-    /// Hands the samples that wait for others to the log.
+    /// Passes buffered samples to the log.
     pub fn flush(&mut self) {
         self.writer.flush();
     }
 
-    /// Cameras of which nothing came in compressed form.
+    /// Camera streams without any compressed image.
     pub fn silent(&self) -> impl Iterator<Item = String> {
         let cameras = self.started.cameras.iter();
         let streams = cameras.map(|camera| StreamId::camera(camera).to_string());
@@ -190,16 +192,16 @@ impl Recording {
 
     /// Whether time has passed in the episode.
     pub fn is_under_way(&self) -> bool {
-        self.accepted > 0 || self.seen.contains_key(TopicId::Clock.name())
+        self.accepted > 0 || self.received.contains_key(TopicId::Clock.name())
     }
 
-    /// Whether time waits for recorders.
+    /// Whether the simulation waits for recorders.
     pub fn is_lock_step(&self) -> bool {
         let scenario = self.started.scenario.as_ref();
         scenario.is_some_and(|s| s.pacing() == v1::Pacing::LockStep)
     }
 
-    /// Longest wait for the answer to a question for samples.
+    /// Longest wait for the reply to a request for samples.
     pub fn patience(&self) -> Duration {
         match self.is_lock_step() {
             true => LOCK_STEP_PATIENCE,
@@ -207,13 +209,13 @@ impl Recording {
         }
     }
 
-    /// Number behind the last sample of a stream that is there; `None` without any.
+    /// Sequence number after the last received sample of a stream; `None` without any.
     pub fn next(&self, stream: &str) -> Option<u64> {
-        let span = self.seen.get(stream).and_then(Coverage::span);
+        let span = self.received.get(stream).and_then(Coverage::span);
         span.map(|(_, last)| last.saturating_add(1))
     }
 
-    /// Writes what is new by `offer`; `digest` is that of the exact message.
+    /// Writes a new sample by `offer`; `digest` is that of the exact message.
     fn keep(
         &mut self,
         stream: &str,
@@ -221,22 +223,24 @@ impl Recording {
         digest: digest::Digest,
         offer: impl FnOnce(&mut EpisodeWriter) -> Result<Taken, WriteError>,
     ) -> Result<Accepted, String> {
-        let seen = self.seen.entry(stream.to_owned()).or_default();
+        let received = self.received.entry(stream.to_owned()).or_default();
         let digests = self.digests.entry(stream.to_owned()).or_default();
         // Recovery and history may deliver a sample twice.
-        if seen.within(sequence, sequence) > 0 {
-            digests.again(sequence, &digest);
-            return Ok(Accepted::Not);
+        if received.within(sequence, sequence) > 0 {
+            digests.repeated(sequence, &digest);
+            return Ok(Accepted::Skipped);
         }
         if digests.is_late(sequence) {
-            tracing::warn!("sample {sequence} of {stream} comes far too late and is left out");
-            return Ok(Accepted::Not);
+            tracing::warn!(
+                "sample {sequence} of {stream} arrives too late to be ordered and is skipped"
+            );
+            return Ok(Accepted::Skipped);
         }
         let taken = offer(&mut self.writer);
         match taken {
             Ok(taken) => {
                 self.samples += 1;
-                seen.insert(sequence);
+                received.insert(sequence);
                 digests.add(sequence, digest);
                 if let Some(compressed) = self.compressed.get_mut(stream) {
                     compressed.has(sequence);
@@ -262,50 +266,50 @@ impl Recording {
             Err(WriteError::Failed(words)) => Err(words),
             Err(problem) => {
                 tracing::warn!("{problem}");
-                Ok(Accepted::Not)
+                Ok(Accepted::Skipped)
             }
         }
     }
 
-    /// First and last number of a stream that are known to be of the episode, those of
-    /// pictures before the first that came included; `None` without a sample.
+    /// First and last sequence number of the episode in a stream, including images before
+    /// the first received one; `None` without a sample.
     fn span(&self, stream: &str) -> Option<(u64, u64)> {
-        let (first, last) = self.seen.get(stream)?.span()?;
+        let (first, last) = self.received.get(stream)?.span()?;
         Some((self.openings.first(stream, first), last))
     }
 
-    /// Samples missing between those that came, pictures before them, and pictures
-    /// beyond that were asked for in vain.
+    /// Missing samples: gaps, images before the first received one, and given-up images
+    /// outside of the received range.
     pub fn missed(&self) -> u64 {
-        let lacks = |(stream, seen): (&String, &Coverage)| {
+        let lacks = |(stream, received): (&String, &Coverage)| {
             let (first, last) = self.span(stream)?;
-            Some((last - first).saturating_add(1) - seen.received())
+            Some((last - first).saturating_add(1) - received.received())
         };
-        let between: u64 = self.seen.iter().filter_map(lacks).sum();
+        let between: u64 = self.received.iter().filter_map(lacks).sum();
         between + self.given_up_beyond()
     }
 
-    /// Pictures beyond those that came that were asked for in vain.
+    /// Given-up images outside of the received range.
     fn given_up_beyond(&self) -> u64 {
         let all = self.compressed.iter();
         let beyond = all.map(|(camera, compressed)| compressed.given_up(self.span(camera)));
         beyond.sum()
     }
 
-    /// Up to where everything is here or given up; `None` while a sample is missing that
-    /// may still come.
+    /// Progress up to which every sample is received or given up; `None` while a missing
+    /// sample may still arrive.
     pub fn credit(&self) -> Option<Credit> {
         let mut given_up = self.given_up_beyond();
-        for (stream, seen) in &self.seen {
+        for (stream, received) in &self.received {
             let Some((first, last)) = self.span(stream) else {
                 continue;
             };
-            for (first, last) in seen.missing(first, last) {
+            for (first, last) in received.missing(first, last) {
                 let in_vain = match self.compressed.get(stream) {
-                    Some(heard) => {
-                        let mut usable = heard.usable(first, last).into_iter();
+                    Some(camera) => {
+                        let mut usable = camera.usable(first, last).into_iter();
                         usable.all(|(_, last)| self.gaps.gave_up(stream, last))
-                            && heard.gave_up(first, last)
+                            && camera.gave_up(first, last)
                     }
                     None => self.gaps.gave_up(stream, last),
                 };
@@ -317,10 +321,10 @@ impl Recording {
                 }
             }
         }
-        // What the transport holds back is no gap yet, while other streams go on.
+        // A stream that the transport holds back has no gap yet, while others advance.
         let regular = self.regular.values().filter(|newest| !newest.is_silent);
         let least = regular.map(|newest| newest.tick).min();
-        // Where a router lets no state through, pictures tell the time.
+        // Where a router passes no state, images show the time.
         let newest = self.newest.map_or(self.begun, |newest| newest.tick);
         Some(Credit {
             frames: self.accepted + given_up,
@@ -328,12 +332,12 @@ impl Recording {
         })
     }
 
-    /// Samples to ask for again at `now`. In lock-step what the manifest lists may be under
-    /// way on a slow line as long as something comes.
+    /// Samples to request again at `now`. In lock-step, samples of the manifest may be in
+    /// flight on a slow line as long as other samples arrive.
     pub fn wanted(
         &mut self,
         stopped: Option<&v1::EpisodeStopped>,
-        hears_compressed: bool,
+        receives_compressed: bool,
         now: Instant,
     ) -> Vec<Missing> {
         for newest in self.regular.values_mut() {
@@ -344,32 +348,34 @@ impl Recording {
             let silent = now.saturating_duration_since(since) > SILENCE;
             newest.is_silent = silent && tick == newest.tick;
         }
-        // Events may come while time stands still.
+        // Events may arrive while the simulation is paused.
         let news = (self.accepted, self.newest.map_or(self.begun, |n| n.tick));
         let is_due = self.latest.is_due(news, now);
-        let told = stopped.filter(|_| !self.is_lock_step() || self.latest.is_quiet(news, now));
-        let (seen, compressed) = (&self.seen, &mut self.compressed);
+        let manifest = stopped.filter(|_| !self.is_lock_step() || self.latest.is_quiet(news, now));
+        let (received, compressed) = (&self.received, &mut self.compressed);
         let openings = &self.openings;
-        let mut wanted = self.gaps.wanted(seen, openings, compressed, told, now);
+        let mut wanted = self
+            .gaps
+            .wanted(received, openings, compressed, manifest, now);
         if is_due && self.is_under_way() && stopped.is_none() {
-            let latest = self.newer_pictures(hears_compressed);
-            self.latest.asked(latest.len(), now);
+            let latest = self.newer_images(receives_compressed);
+            self.latest.requested(latest.len(), now);
             wanted.extend(latest);
         }
         wanted
     }
 
-    /// The connection is back; what was under way is lost.
-    pub fn look_again(&mut self) {
-        self.latest.hurry();
-        self.gaps.begin_again();
+    /// The connection is back; samples in flight are lost.
+    pub fn restart_requests(&mut self) {
+        self.latest.skip_pause();
+        self.gaps.restart();
         let compressed = self.compressed.values_mut();
-        compressed.for_each(Compressed::begin_again);
+        compressed.for_each(Compressed::restart);
     }
 
-    /// What may have been published behind the last pictures that came; a camera of which
-    /// nothing came compressed while that is heard is looked for in another way.
-    fn newer_pictures(&self, hears_compressed: bool) -> Vec<Missing> {
+    /// Requests for images after the last received ones. While compressed images are
+    /// subscribed, `CameraSubscription` probes cameras without any compressed image.
+    fn newer_images(&self, receives_compressed: bool) -> Vec<Missing> {
         let cameras = self.started.cameras.iter().map(StreamId::camera);
         let sensors = self.started.sensors.iter().map(StreamId::sensor);
         let newer = |id: StreamId| {
@@ -379,7 +385,7 @@ impl Recording {
                 Some(camera) if self.compressed.contains_key(&stream) => {
                     StreamId::compressed(camera).to_string()
                 }
-                Some(_) if hears_compressed => return None,
+                Some(_) if receives_compressed => return None,
                 _ => stream,
             };
             Some(Missing::behind(stream, first))
@@ -387,7 +393,7 @@ impl Recording {
         cameras.chain(sensors).filter_map(newer).collect()
     }
 
-    /// A question for `missing` was answered: all that is sent for it has come.
+    /// The request for `missing` was answered: all of its samples arrived.
     pub fn answered(&mut self, missing: &Missing, now: Instant) {
         let Missing { first, last, .. } = *missing;
         let Some(last) = last else {
@@ -396,7 +402,7 @@ impl Recording {
         };
         let exact = StreamId::parse(&missing.stream).exact().to_string();
         self.gaps.answered(&exact, last, now);
-        // Asked for as they are.
+        // Requested as exact images.
         if exact == missing.stream
             && let Some(compressed) = self.compressed.get_mut(&exact)
         {
@@ -404,20 +410,20 @@ impl Recording {
         }
     }
 
-    /// Whether everything that the manifest lists has come.
+    /// Whether every sample of the manifest arrived.
     pub fn satisfies(&self, stopped: &v1::EpisodeStopped) -> bool {
         stopped.manifest.iter().all(|c| {
-            let there = self.seen.get(&c.stream);
+            let there = self.received.get(&c.stream);
             c.count == 0 || there.is_some_and(|s| s.within(c.first, c.last) >= c.count)
         })
     }
 
-    /// Why writing failed, with the place of the log.
+    /// Why writing failed, with the path of the log.
     pub fn failure(&self) -> Option<String> {
         Some(self.failed(&self.writer.failure()?))
     }
 
-    /// The words of a failure, with the place of the log unless they name it.
+    /// The text of a failure, with the path of the log unless it names it.
     pub fn failed(&self, words: &str) -> String {
         with_log(words, self.writer.log())
     }
@@ -426,13 +432,16 @@ impl Recording {
         self.writer.discard()
     }
 
-    /// What is left to do when the episode is over.
+    /// The conversion that remains when the episode is over.
     pub fn finish(self, stopped: Option<v1::EpisodeStopped>, reason: String) -> Finishing {
-        let late = self.seen.iter().filter(|(_, seen)| seen.late() > 0);
+        let late = self
+            .received
+            .iter()
+            .filter(|(_, received)| received.late() > 0);
         let recovered = late
-            .map(|(stream, seen)| Recovered {
+            .map(|(stream, received)| Recovered {
                 stream: stream.clone(),
-                count: seen.late(),
+                count: received.late(),
             })
             .collect();
         let received = self.digests.iter().map(|(stream, digests)| {
@@ -472,7 +481,7 @@ pub(super) fn id(header: Option<&v1::Header>) -> EpisodeId {
 }
 
 /// An episode that is over: its log is still to be made into the file, which
-/// takes long and needs nothing but the disk.
+/// takes long and needs only the disk.
 pub struct Finishing {
     of: EpisodeId,
     label: String,
@@ -481,8 +490,8 @@ pub struct Finishing {
     closing: Closing,
 }
 
-/// What came of making a file: of which episode, and the file or why there is
-/// none.
+/// Result of the conversion of an episode: its ID, and the file or the reason for
+/// the failure.
 #[derive(Clone, Debug)]
 pub struct Made {
     pub(super) of: EpisodeId,
@@ -496,7 +505,7 @@ impl std::fmt::Debug for Finishing {
     }
 }
 
-/// The words of a failure, with the place of what was acknowledged unless they name it.
+/// Text of a failure, with the path of the log unless it names it.
 fn with_log(words: &str, log: &Path) -> String {
     let log = log.display().to_string();
     match words.contains(&log) {
@@ -505,7 +514,7 @@ fn with_log(words: &str, log: &Path) -> String {
     }
 }
 
-/// How a log is made into a file of `dir` once more.
+/// Command that converts a log into a file of `dir` again.
 fn again(log: &Path, dir: &Path) -> String {
     let out = match log.parent() == Some(dir) {
         true => String::new(),
@@ -516,7 +525,7 @@ fn again(log: &Path, dir: &Path) -> String {
 }
 
 impl Finishing {
-    /// Closes the log and makes the file; the recorder waits for what came of it.
+    /// Closes the log and writes the file; the recorder waits for the result.
     #[must_use]
     pub fn run(self) -> Made {
         let of = self.of.clone();

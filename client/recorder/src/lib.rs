@@ -2,7 +2,7 @@
 //!
 //! [`Recorder`] decides and writes, without a network. `network` moves messages between it
 //! and Zenoh through a queue bounded in bytes; a Zenoh callback only moves a sample into
-//! that queue. A separate thread makes the file while the next episode is recorded. The
+//! that queue. A separate thread writes the file while the next episode is recorded. The
 //! crate prints nothing: it reports events as [`Output`].
 //!
 //! A start or stop message is only a hint: the recorder confirms it with the query `episode`.
@@ -12,6 +12,7 @@
 
 #![warn(missing_docs)]
 
+mod cache_request;
 mod compressed;
 mod digests;
 mod episode;
@@ -20,14 +21,13 @@ mod latest;
 mod many;
 mod network;
 mod opening;
-mod question;
 mod queue;
 mod raw;
 mod recorder;
 
 pub use self::episode::{Finishing, Made, Report};
 pub use self::gaps::Missing;
-pub use self::many::{Told, run_many};
+pub use self::many::{ServerEvent, run_many};
 pub use self::network::run;
 pub use self::recorder::{Input, Output, Recorder};
 
@@ -35,30 +35,30 @@ use std::path::PathBuf;
 
 use wheelarm_dataset::depth::Depth;
 
-/// What a recorder is asked to do.
+/// Options of a recorder.
 #[derive(Clone, Debug)]
 pub struct RecordOptions {
     /// Folder for the files; one per episode, named LABEL.h5.
     pub out: PathBuf,
     /// Folder for the log of an episode until its file is made; that of the file when
-    /// absent. A fast disk, or memory: what lies there goes with the power.
+    /// absent. Use a fast disk or a RAM disk; a RAM disk loses its content at power loss.
     pub scratch: Option<PathBuf>,
     /// Name of this recorder; several at one server need different ones.
     pub name: String,
     /// How depth is stored.
     pub depth: Depth,
-    /// Ends when standard input is closed: with the program that started it.
+    /// Ends when standard input closes, i.e. with the program that started the recorder.
     pub end_with_stdin: bool,
     /// Ends after this many episodes; runs until it is shut down without it.
     pub episodes: Option<u64>,
 }
 
-/// What a recorder did until its end.
+/// Result of a recorder run.
 #[derive(Clone, Debug, Default)]
 pub struct ExitSummary {
-    /// Episodes that are in files.
+    /// Episodes that were written to files.
     pub finished: Vec<Report>,
-    /// Episodes that could not be recorded, with the reason and the cure.
+    /// Episodes that could not be recorded, with the reason and the fix.
     pub failed: Vec<String>,
 }
 

@@ -1,5 +1,5 @@
-//! One recorder process for every server behind a router: each server gets a
-//! recorder of its own and a folder of its own, as soon as it is seen.
+//! One recorder process for every server behind a router: each server gets its own
+//! recorder and folder as soon as its liveliness token appears.
 
 use std::collections::BTreeSet;
 use std::future::Future;
@@ -16,30 +16,29 @@ use wheelarm_sdk::Client;
 use super::network::run;
 use super::{ExitSummary, Output, RecordOptions};
 
-/// What is told of many servers, each by its name.
+/// Events of several servers, each with the server's name.
 #[derive(Debug)]
-pub enum Told<'a> {
-    /// It is recorded from now on.
+pub enum ServerEvent<'a> {
+    /// Recording of the server starts.
     Recording(&'a str),
-    /// What its recorder put out.
+    /// An output of the server's recorder.
     Output(&'a str, &'a Output),
-    /// It is not recorded, and why.
-    Left(&'a str, &'a anyhow::Error),
+    /// The server is not recorded, with the reason.
+    NotRecorded(&'a str, &'a anyhow::Error),
 }
 
-/// Records the episodes of every server that `session` leads to, each into a
-/// folder of its name below `options.out`, until `options.episodes` of them all
-/// are done or `shutdown` completes.
+/// Records the episodes of every server that `session` reaches, each into the folder
+/// `options.out`/NAME, until `options.episodes` in total are done or `shutdown` completes.
 ///
 /// # Errors
-/// When the servers cannot be watched. A server whose recorder fails is told
-/// and left out until it comes back.
+/// When the servers cannot be watched. A server whose recorder fails is reported as
+/// [`ServerEvent::NotRecorded`] and skipped until it returns.
 pub async fn run_many(
     session: &Session,
     endpoint: &str,
     options: &RecordOptions,
     shutdown: impl Future<Output = ()>,
-    tell: impl Fn(&Told<'_>) + Clone + Send + Sync + 'static,
+    report: impl Fn(&ServerEvent<'_>) + Clone + Send + Sync + 'static,
 ) -> anyhow::Result<ExitSummary> {
     let servers = session
         .liveliness()
@@ -59,13 +58,13 @@ pub async fn run_many(
             sample = servers.recv_async() => {
                 let sample = sample.map_err(|e| anyhow!("watching for servers: {e}"))?;
                 let Some((sim, _)) = Keys::server_of(sample.key_expr().as_str()) else { continue };
-                // A server that goes is its recorder's business: it closes the
-                // episode and takes the next one when the server comes back.
+                // The recorder itself handles the loss of its server: it closes the
+                // episode and records the next one when the server returns.
                 if sample.kind() == SampleKind::Put && joined.insert(sim.clone()) {
-                    let link = Client::over(session.clone(), endpoint, &sim)?;
-                    tell(&Told::Recording(&sim));
+                    let client = Client::over(session.clone(), endpoint, &sim)?;
+                    report(&ServerEvent::Recording(&sim));
                     let (ended, episodes) = (ended.clone(), episodes.clone());
-                    recorders.spawn(one(link, sim, options.clone(), ended, episodes, tell.clone()));
+                    recorders.spawn(one(client, sim, options.clone(), ended, episodes, report.clone()));
                 }
             }
             Some(()) = done.recv() => {
@@ -77,7 +76,7 @@ pub async fn run_many(
             Some(result) = recorders.join_next(), if !recorders.is_empty() => {
                 let (sim, result) = result.context("a recorder panicked")?;
                 joined.remove(&sim);
-                add(&mut summary, &sim, result, &tell);
+                add(&mut summary, &sim, result, &report);
             }
             () = &mut shutdown => {
                 end.send_replace(true);
@@ -86,35 +85,35 @@ pub async fn run_many(
     }
     while let Some(result) = recorders.join_next().await {
         let (sim, result) = result.context("a recorder panicked")?;
-        add(&mut summary, &sim, result, &tell);
+        add(&mut summary, &sim, result, &report);
     }
     Ok(summary)
 }
 
 /// Records one server into a folder of its name.
 async fn one(
-    link: Client,
+    client: Client,
     sim: String,
     options: RecordOptions,
     mut ended: watch::Receiver<bool>,
     episodes: mpsc::UnboundedSender<()>,
-    tell: impl Fn(&Told<'_>),
+    report: impl Fn(&ServerEvent<'_>),
 ) -> (String, anyhow::Result<ExitSummary>) {
     let options = RecordOptions {
         out: options.out.join(&sim),
         scratch: options.scratch.map(|scratch| scratch.join(&sim)),
-        // They are counted over all servers.
+        // Episodes are counted over all servers.
         episodes: None,
         ..options
     };
     let shutdown = async move {
-        // A sender that is gone ends the recorder as well.
+        // A dropped sender ends the recorder as well.
         let _ = ended.wait_for(|ended| *ended).await;
     };
-    let result = run(&link, options, shutdown, |output| {
-        tell(&Told::Output(&sim, output));
+    let result = run(&client, options, shutdown, |output| {
+        report(&ServerEvent::Output(&sim, output));
         if matches!(output, Output::Finished(_) | Output::Failed(_)) {
-            // Nobody counts any more when the end is near.
+            // The receiver is dropped near the end.
             let _ = episodes.send(());
         }
     })
@@ -126,7 +125,7 @@ fn add(
     summary: &mut ExitSummary,
     sim: &str,
     result: anyhow::Result<ExitSummary>,
-    tell: &impl Fn(&Told<'_>),
+    report: &impl Fn(&ServerEvent<'_>),
 ) {
     match result {
         Ok(more) => {
@@ -134,7 +133,7 @@ fn add(
             summary.failed.extend(more.failed);
         }
         Err(problem) => {
-            tell(&Told::Left(sim, &problem));
+            report(&ServerEvent::NotRecorded(sim, &problem));
             summary.failed.push(format!("{sim}: {problem:#}"));
         }
     }

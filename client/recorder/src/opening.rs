@@ -1,6 +1,6 @@
-//! Pictures that were lost before the first that came of an episode. Numbers go on from
-//! one episode to the next, so that nothing but the time tells that they lack: a camera
-//! draws at its rate from the first tick of an episode on, and skips nothing.
+//! Finds images that were lost before the first received image of an episode. Sequence
+//! numbers continue across episodes, so only the time shows the loss: a camera renders at
+//! its rate from the first tick of an episode and skips no image.
 
 use std::collections::BTreeMap;
 
@@ -8,13 +8,12 @@ use wheelarm_dataset::columns::header_of;
 use wheelarm_proto::limits::CREDIT_IMAGES;
 use wheelarm_proto::{PHYSICS_HZ, StreamId, v1};
 
-/// Numbers with which the cameras' streams should have begun, by stream.
+/// Expected first sequence number of each camera stream.
 #[derive(Debug, Default)]
 pub(super) struct Openings(BTreeMap<String, u64>);
 
 impl Openings {
-    /// Takes account of the first picture that came of the camera of `stream`, number
-    /// `sequence`.
+    /// Registers `sequence`, the first received image of the camera `stream`.
     pub fn begin(
         &mut self,
         stream: &StreamId,
@@ -29,13 +28,13 @@ impl Openings {
         }
     }
 
-    /// Number of the first picture of `stream`, of which `first` is the first that came.
+    /// Sequence number of the first image of `stream`; `first` is the first received one.
     pub fn first(&self, stream: &str, first: u64) -> u64 {
         self.0.get(stream).map_or(first, |begun| first.min(*begun))
     }
 
-    /// The picture `sequence` of `stream` is of an earlier episode, whatever the time
-    /// tells.
+    /// The image `sequence` of `stream` belongs to an earlier episode, even where the
+    /// time suggests otherwise.
     pub fn is_older(&mut self, stream: &str, sequence: u64) {
         let stream = StreamId::parse(stream).exact().to_string();
         if let Some(begun) = self.0.get_mut(&stream) {
@@ -44,8 +43,8 @@ impl Openings {
     }
 }
 
-/// How many pictures the camera of `stream` drew in the episode before that of
-/// `payload`; `None` where the time does not tell, as where recorded states are shown.
+/// Number of images that the camera of `stream` rendered in this episode before that of
+/// `payload`; `None` where the time does not show it, as in a playback.
 fn earlier(stream: &StreamId, payload: &[u8], started: &v1::EpisodeStarted) -> Option<u64> {
     let camera = stream.camera_name()?;
     let cameras = &started.scenario.as_ref()?.cameras;

@@ -1,5 +1,5 @@
-//! The way from the transport's callbacks to the recorder's thread: bounded in
-//! bytes, never waiting. What does not fit is dropped and shows as a gap.
+//! The queue from the transport's callbacks to the recorder's thread. It is bounded in
+//! bytes and never blocks: a sample that does not fit is dropped and becomes a gap.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,63 +8,62 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
-/// Bytes of pictures that may wait: about 20 pairs at 1280x720.
-const PICTURE_BYTES: usize = 256 << 20;
-/// Bytes that state samples may use beyond that, so that pictures cannot
-/// push them out.
+/// Limit of queued images, bytes: about 20 pairs at 1280x720.
+const IMAGE_BYTES: usize = 256 << 20;
+/// Additional limit of state samples, bytes, so that images cannot displace them.
 const STATE_BYTES: usize = 64 << 20;
-/// A state sample waits so long for others: to wake a thread costs more than to take
-/// what it is woken for. Pictures, which a lock-step server waits for, never wait.
+/// Time that a state sample waits for others: waking the thread costs more than handling
+/// the sample. Images never wait, because a lock-step server waits for them.
 const LINGER: Duration = Duration::from_millis(5);
-/// Samples that wait no longer.
+/// Number of queued samples that wakes the thread at once.
 const MANY: usize = 1024;
 
 struct Shared<T> {
     linger: Duration,
     waiting: Mutex<Waiting<T>>,
     changed: Condvar,
-    /// Bytes of all that were not taken out yet.
+    /// Bytes of all queued items.
     bytes: AtomicUsize,
     dropped: AtomicU64,
 }
 
 struct Waiting<T> {
     items: VecDeque<(T, usize)>,
-    /// When the first of them came.
+    /// Arrival of the first item.
     since: Option<Instant>,
-    /// One of them does not wait for others.
+    /// One item must not wait for others.
     is_urgent: bool,
-    /// Ends for callbacks.
-    entrances: usize,
-    /// Nobody takes anything out any more.
+    /// Number of [`QueueSender`]s.
+    senders: usize,
+    /// The [`QueueReceiver`] is dropped.
     is_closed: bool,
 }
 
-/// The end for callbacks.
-pub(super) struct Entrance<T>(Arc<Shared<T>>);
+/// Sender half, for callbacks.
+pub(super) struct QueueSender<T>(Arc<Shared<T>>);
 
-impl<T> Clone for Entrance<T> {
+impl<T> Clone for QueueSender<T> {
     fn clone(&self) -> Self {
-        self.0.waiting.lock().entrances += 1;
+        self.0.waiting.lock().senders += 1;
         Self(Arc::clone(&self.0))
     }
 }
 
-impl<T> Drop for Entrance<T> {
+impl<T> Drop for QueueSender<T> {
     fn drop(&mut self) {
-        self.0.waiting.lock().entrances -= 1;
+        self.0.waiting.lock().senders -= 1;
         self.0.changed.notify_one();
     }
 }
 
-/// The end for the recorder's thread.
-pub(super) struct Exit<T> {
+/// Receiver half, for the recorder's thread.
+pub(super) struct QueueReceiver<T> {
     shared: Arc<Shared<T>>,
-    /// What was taken out together.
+    /// Items that were taken out together.
     batch: VecDeque<(T, usize)>,
 }
 
-impl<T> Drop for Exit<T> {
+impl<T> Drop for QueueReceiver<T> {
     fn drop(&mut self) {
         let mut waiting = self.shared.waiting.lock();
         waiting.is_closed = true;
@@ -72,39 +71,39 @@ impl<T> Drop for Exit<T> {
     }
 }
 
-/// A queue.
-pub(super) fn queue<T>() -> (Entrance<T>, Exit<T>) {
+/// Creates a queue.
+pub(super) fn queue<T>() -> (QueueSender<T>, QueueReceiver<T>) {
     lingering(LINGER)
 }
 
-fn lingering<T>(linger: Duration) -> (Entrance<T>, Exit<T>) {
+fn lingering<T>(linger: Duration) -> (QueueSender<T>, QueueReceiver<T>) {
     let shared = Arc::new(Shared {
         linger,
         waiting: Mutex::new(Waiting {
             items: VecDeque::new(),
             since: None,
             is_urgent: false,
-            entrances: 1,
+            senders: 1,
             is_closed: false,
         }),
         changed: Condvar::new(),
         bytes: AtomicUsize::new(0),
         dropped: AtomicU64::new(0),
     });
-    let exit = Exit {
+    let receiver = QueueReceiver {
         shared: Arc::clone(&shared),
         batch: VecDeque::new(),
     };
-    (Entrance(shared), exit)
+    (QueueSender(shared), receiver)
 }
 
-impl<T> Entrance<T> {
-    /// Adds a sample of `bytes`, or drops it when there is no room.
-    pub fn sample(&self, item: T, bytes: usize, picture: bool) {
-        let limit = if picture {
-            PICTURE_BYTES
+impl<T> QueueSender<T> {
+    /// Adds a sample of `bytes`, or drops it when the queue is full.
+    pub fn sample(&self, item: T, bytes: usize, image: bool) {
+        let limit = if image {
+            IMAGE_BYTES
         } else {
-            PICTURE_BYTES + STATE_BYTES
+            IMAGE_BYTES + STATE_BYTES
         };
         let shared = &self.0;
         if shared.bytes.fetch_add(bytes, Ordering::AcqRel) + bytes > limit {
@@ -112,7 +111,7 @@ impl<T> Entrance<T> {
             shared.dropped.fetch_add(1, Ordering::Relaxed);
             return;
         }
-        self.add(item, bytes, picture);
+        self.add(item, bytes, image);
     }
 
     /// Adds a message of the protocol; it always fits.
@@ -139,12 +138,12 @@ impl<T> Entrance<T> {
     }
 }
 
-impl<T> Exit<T> {
+impl<T> QueueReceiver<T> {
     /// Waits for items: `patience` at most for the first one, and then until it waited
     /// long enough for others.
     ///
     /// # Errors
-    /// When all were taken and nobody can add any.
+    /// When the queue is empty and every [`QueueSender`] is dropped.
     pub fn wait(&mut self, patience: Duration) -> Result<(), Closed> {
         if !self.batch.is_empty() {
             return Ok(());
@@ -155,10 +154,10 @@ impl<T> Exit<T> {
             let now = Instant::now();
             let until = match waiting.since {
                 Some(since) => since + self.shared.linger,
-                None if waiting.entrances == 0 => return Err(Closed),
+                None if waiting.senders == 0 => return Err(Closed),
                 None => end,
             };
-            let due = waiting.is_urgent || waiting.items.len() >= MANY || waiting.entrances == 0;
+            let due = waiting.is_urgent || waiting.items.len() >= MANY || waiting.senders == 0;
             if due || now >= until {
                 std::mem::swap(&mut self.batch, &mut waiting.items);
                 waiting.since = None;
@@ -182,7 +181,7 @@ impl<T> Exit<T> {
     }
 }
 
-/// Nobody can add anything any more.
+/// Every [`QueueSender`] is dropped and the queue is empty.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Closed;
 
@@ -190,97 +189,97 @@ pub(super) struct Closed;
 mod tests {
     use super::*;
 
-    /// Everything that is there.
-    fn all(exit: &mut Exit<i32>) -> Vec<i32> {
-        exit.wait(Duration::ZERO).unwrap();
-        std::iter::from_fn(|| exit.take()).collect()
+    /// All queued items.
+    fn all(receiver: &mut QueueReceiver<i32>) -> Vec<i32> {
+        receiver.wait(Duration::ZERO).unwrap();
+        std::iter::from_fn(|| receiver.take()).collect()
     }
 
     #[test]
-    fn pictures_cannot_push_state_samples_out() {
-        let (entrance, mut exit) = queue();
+    fn images_cannot_displace_state_samples() {
+        let (sender, mut receiver) = queue();
         for i in 0..5 {
-            entrance.sample(i, PICTURE_BYTES / 4, true);
+            sender.sample(i, IMAGE_BYTES / 4, true);
         }
-        entrance.sample(100, 1000, false);
-        entrance.control(101);
-        // What was taken out together still counts until it is dealt with.
-        exit.wait(Duration::ZERO).unwrap();
-        entrance.sample(6, 1, true);
-        assert_eq!(exit.dropped(), 2);
-        assert_eq!(all(&mut exit), [0, 1, 2, 3, 100, 101]);
-        entrance.sample(7, PICTURE_BYTES, true);
-        assert_eq!(all(&mut exit), [7]);
+        sender.sample(100, 1000, false);
+        sender.control(101);
+        // Items of a batch count until they are taken.
+        receiver.wait(Duration::ZERO).unwrap();
+        sender.sample(6, 1, true);
+        assert_eq!(receiver.dropped(), 2);
+        assert_eq!(all(&mut receiver), [0, 1, 2, 3, 100, 101]);
+        sender.sample(7, IMAGE_BYTES, true);
+        assert_eq!(all(&mut receiver), [7]);
     }
 
     #[test]
-    fn state_samples_wait_for_others_and_nothing_waits_for_ever() {
-        let (entrance, mut exit) = queue();
-        assert!(all(&mut exit).is_empty());
-        entrance.sample(1, 10, false);
-        entrance.sample(2, 10, false);
-        assert_eq!(all(&mut exit), [1, 2]);
+    fn state_samples_wait_for_others_but_not_forever() {
+        let (sender, mut receiver) = queue();
+        assert!(all(&mut receiver).is_empty());
+        sender.sample(1, 10, false);
+        sender.sample(2, 10, false);
+        assert_eq!(all(&mut receiver), [1, 2]);
         for i in 0..MANY {
-            entrance.sample(i32::try_from(i).unwrap(), 10, false);
+            sender.sample(i32::try_from(i).unwrap(), 10, false);
         }
-        assert_eq!(all(&mut exit).len(), MANY);
-        let other = entrance.clone();
+        assert_eq!(all(&mut receiver).len(), MANY);
+        let other = sender.clone();
         let thread = std::thread::spawn(move || {
             other.sample(3, 10, false);
             other.control(4);
         });
         thread.join().unwrap();
-        assert_eq!(all(&mut exit), [3, 4]);
-        entrance.sample(5, 10, false);
-        drop(entrance);
-        assert_eq!(all(&mut exit), [5]);
-        assert_eq!(exit.wait(Duration::MAX / 4), Err(Closed));
+        assert_eq!(all(&mut receiver), [3, 4]);
+        sender.sample(5, 10, false);
+        drop(sender);
+        assert_eq!(all(&mut receiver), [5]);
+        assert_eq!(receiver.wait(Duration::MAX / 4), Err(Closed));
     }
 
-    /// What another thread got out, which waits for as long as nothing ends its wait.
-    fn taken(of: impl FnOnce(&Entrance<i32>)) -> Vec<i32> {
+    /// Items that another thread receives; it waits until an item ends its wait.
+    fn taken(of: impl FnOnce(&QueueSender<i32>)) -> Vec<i32> {
         const HOUR: Duration = Duration::from_secs(3600);
-        let (entrance, mut exit) = lingering(HOUR);
-        let (told, tells) = std::sync::mpsc::channel();
+        let (sender, mut receiver) = lingering(HOUR);
+        let (sent, batches) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
-            exit.wait(HOUR).unwrap();
-            told.send(std::iter::from_fn(|| exit.take()).collect())
+            receiver.wait(HOUR).unwrap();
+            sent.send(std::iter::from_fn(|| receiver.take()).collect())
         });
-        of(&entrance);
-        drop(entrance);
-        tells.recv_timeout(Duration::from_secs(60)).unwrap()
+        of(&sender);
+        drop(sender);
+        batches.recv_timeout(Duration::from_secs(60)).unwrap()
     }
 
     #[test]
-    fn what_is_urgent_or_much_ends_the_wait_and_a_state_sample_does_not() {
+    fn an_urgent_item_or_many_items_end_the_wait_and_one_state_sample_does_not() {
         let pause = || std::thread::sleep(Duration::from_millis(50));
         let mut kept = None;
-        let mut with = |last: &dyn Fn(&Entrance<i32>)| {
-            taken(|entrance| {
+        let mut with = |last: &dyn Fn(&QueueSender<i32>)| {
+            taken(|sender| {
                 pause();
-                entrance.sample(1, 10, false);
+                sender.sample(1, 10, false);
                 pause();
-                last(entrance);
+                last(sender);
                 // So that not its end ends the wait.
-                kept = Some(entrance.clone());
+                kept = Some(sender.clone());
             })
         };
-        assert_eq!(with(&|entrance| entrance.control(2)), [1, 2]);
-        assert_eq!(with(&|entrance| entrance.sample(2, 10, true)), [1, 2]);
-        let many = |entrance: &Entrance<i32>| {
-            (1..MANY).for_each(|_| entrance.sample(2, 10, false));
+        assert_eq!(with(&|sender| sender.control(2)), [1, 2]);
+        assert_eq!(with(&|sender| sender.sample(2, 10, true)), [1, 2]);
+        let many = |sender: &QueueSender<i32>| {
+            (1..MANY).for_each(|_| sender.sample(2, 10, false));
         };
         assert_eq!(with(&many).len(), MANY);
-        // The last who could add anything goes.
-        assert_eq!(taken(|entrance| entrance.sample(1, 10, false)), [1]);
+        // The last entrance is dropped.
+        assert_eq!(taken(|sender| sender.sample(1, 10, false)), [1]);
     }
 
     #[test]
-    fn what_is_added_after_the_end_is_let_go() {
-        let (entrance, exit) = queue();
-        drop(exit);
+    fn items_added_after_the_end_are_dropped() {
+        let (sender, receiver) = queue();
+        drop(receiver);
         let item = Arc::new(());
-        entrance.control(Arc::clone(&item));
+        sender.control(Arc::clone(&item));
         assert_eq!(Arc::strong_count(&item), 1);
     }
 }

@@ -1,4 +1,4 @@
-//! What the transport's callbacks hand to the recorder's thread.
+//! Messages from the transport's callbacks to the recorder's thread.
 
 use bytes::Bytes;
 use wheelarm_proto::StreamId;
@@ -6,7 +6,7 @@ use zenoh::bytes::ZBytes;
 
 use super::recorder::Input;
 
-/// An input, undecoded: callbacks do no work.
+/// An undecoded input: callbacks do no work.
 #[expect(
     clippy::large_enum_variant,
     reason = "one such message per episode; samples are the small ones"

@@ -327,14 +327,14 @@ fn page_plays(page: &Path) {
             .and_then(|r| r.split('"').next());
         at.and_then(|n| n.parse().ok()).unwrap_or(0)
     };
-    let (rows, pictures) = (value("data-rows"), value("data-pictures"));
+    let (rows, images) = (value("data-rows"), value("data-images"));
     assert!(
-        rows > 50 && pictures == 4 * rows,
-        "{rows} rows, {pictures} pictures"
+        rows > 50 && images == 4 * rows,
+        "{rows} rows, {images} images"
     );
     assert!(
         dom.matches("src=\"data:image/jpeg").count() == 4,
-        "four pictures are shown"
+        "four images are shown"
     );
     assert!(
         !dom.contains("Drawers that moved"),

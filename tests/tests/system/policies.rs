@@ -130,7 +130,9 @@ fn seen(name: &str, sensors: &[&str]) {
         let earlier = &all.states[i.saturating_sub(1)];
         assert_eq!(&before.state_values, earlier, "row {i}");
         for picture in &now.images {
-            let (camera, at) = recording.seen(&picture.camera, all.rows[i]).expect("one");
+            let (camera, at) = recording
+                .observed(&picture.camera, all.rows[i])
+                .expect("one");
             let rgb = camera.rgb(&recording.episode, at).expect("a picture");
             assert!(picture.color == rgb, "{} of row {i}", picture.camera);
             let has_depth = picture.camera == "gen3" && sensors.is_empty();

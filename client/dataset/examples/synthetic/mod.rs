@@ -23,7 +23,7 @@ impl Random {
         self.bits() % n
     }
 
-    /// Any f64 there is, among them NaN with payloads, infinities, -0.
+    /// Any f64, among them NaN with payloads, infinities, -0.
     pub fn wild(&mut self) -> f64 {
         match self.below(8) {
             0 => f64::from_bits(self.bits()),
@@ -387,7 +387,7 @@ pub fn started(label: &str) -> v1::EpisodeStarted {
     }
 }
 
-/// What replay would start from.
+/// Initial state of a replay.
 pub fn snapshot() -> v1::SnapshotReply {
     v1::SnapshotReply {
         header: Some(header(0, 0)),
@@ -434,12 +434,12 @@ pub fn header(sequence: u64, tick: u64) -> v1::Header {
     }
 }
 
-/// A camera frame of any size; `picture` fills in colour, depth and id by pixel.
+/// A camera frame of any size; `image` fills in colour, depth and id by pixel.
 pub fn frame(
     camera: &str,
     header: v1::Header,
     (width, height): (u32, u32),
-    mut picture: impl FnMut(u32, u32) -> ([u8; 3], f32, u8),
+    mut image: impl FnMut(u32, u32) -> ([u8; 3], f32, u8),
 ) -> v1::CameraFrame {
     let pixels = (width * height) as usize;
     let (mut rgb, mut depth, mut ids) = (
@@ -449,7 +449,7 @@ pub fn frame(
     );
     for y in 0..height {
         for x in 0..width {
-            let (colour, metres, id) = picture(x, y);
+            let (colour, metres, id) = image(x, y);
             rgb.extend(colour);
             depth.extend(metres.to_le_bytes());
             ids.extend(u16::from(id).to_le_bytes());

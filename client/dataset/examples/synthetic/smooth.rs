@@ -75,8 +75,8 @@ fn room(eye: [f64; 3], direction: [f64; 3], forward: f64) -> ([u8; 3], f32, u8) 
     (rgb, (t * forward) as f32, id)
 }
 
-/// A picture from `eye`, looking along `yaw` and down by `pitch`.
-pub fn picture(
+/// An image from `eye`, looking along `yaw` and down by `pitch`.
+pub fn image(
     camera: &str,
     header: v1::Header,
     size: (u32, u32),
@@ -274,7 +274,7 @@ pub fn tick(index: u64, seconds: f64, sequence: u64) -> Vec<(&'static str, Vec<u
     ]
 }
 
-/// Records `seconds` of it at 60 Hz with pictures of `size` at 5 Hz and
+/// Records `seconds` of it at 60 Hz with images of `size` at 5 Hz and
 /// returns the log.
 ///
 /// # Errors
@@ -311,10 +311,10 @@ pub fn record(
             let yaw = -1.57 + 1.57 * rise(t, 0.5, 5.0);
             let eye = [-2.4 + 3.0 * drive * drive, 2.2 - 1.9 * drive, 1.5];
             let view = (eye, yaw, 0.35);
-            let chair = picture("wheelchair", header(), size, view);
+            let chair = image("wheelchair", header(), size, view);
             offer(&mut writer, "camera/wheelchair", chair.encode_to_vec())?;
             let near = [eye[0] + 0.7 + 0.4 * rise(t, 9.0, 14.0), eye[1] + 0.2, 1.15];
-            let wrist = picture("gen3", header(), size, (near, yaw + 0.1, 0.2));
+            let wrist = image("gen3", header(), size, (near, yaw + 0.1, 0.2));
             offer(&mut writer, "camera/gen3", wrist.encode_to_vec())?;
         }
     }

@@ -1,12 +1,12 @@
-//! How far interpolated values are from the truth: samples are left out, found
+//! Error of interpolated values against recorded ones: samples are left out, interpolated
 //! again by interpolation, and compared.
 //!
-//! The chair's orientation comes at 240 Hz from the IMU and is thinned to
+//! The chair's orientation is sampled at 240 Hz from the IMU and is thinned to
 //! 60 Hz: that error is the real one. Other streams come at 60 Hz and are
 //! thinned to 30 Hz; the error of a straight line falls with the square of the
 //! distance, so that a quarter of it is what rows between 60 Hz samples have.
 //! That of a cubic falls faster where motion is smooth, and not where something
-//! knocks: a quarter is said there, too. A row that falls on a sample has none.
+//! knocks; a quarter is reported there, too. A row at a sample has no error.
 
 use std::fmt;
 
@@ -95,14 +95,14 @@ pub fn accuracy(episode: &Episode) -> Result<Vec<Accuracy>, ReadError> {
         let Values::F64(mut all) = episode.values(meta)? else {
             continue;
         };
-        let rule = Rule::of(meta);
+        let rule = Rule::for_column(meta);
         let mut width = meta.width();
         let mut slopes = Slopes::of(episode, meta)?;
         let mut what = format!("{stream}/{column}");
         let mut names = meta.names.clone();
         if rule == Rule::Angle {
             unwrap(&mut all, width);
-            // Wheels turn by many turns; the arm is what precision is for.
+            // Wheels turn by many turns; precision matters for the arm.
             let arm: Vec<usize> = (0..width)
                 .filter(|&i| meta.names.get(i).is_some_and(|n| n.starts_with("joint_")))
                 .collect();
@@ -154,7 +154,7 @@ impl Errors {
     }
 }
 
-/// Compares every left-out sample with what interpolation finds for it.
+/// Compares every left-out sample with its interpolated value.
 fn thinned(
     what: &str,
     names: &[String],
@@ -187,16 +187,16 @@ fn thinned(
             let four = |s: &[f64], at: usize| std::array::from_fn(|k| s[at + k]);
             match rule {
                 Rule::Pose => {
-                    let things = found.chunks_exact(7).zip(truth.chunks_exact(7));
-                    for (i, (f, t)) in things.enumerate() {
+                    let poses = found.chunks_exact(7).zip(truth.chunks_exact(7));
+                    for (i, (f, t)) in poses.enumerate() {
                         let off: f64 = (0..3).map(|k| (f[k] - t[k]).powi(2)).sum();
                         errors[0].add(off.sqrt(), i, at);
                         errors[1].add(angle_between(four(f, 3), four(t, 3)), i, at);
                     }
                 }
                 Rule::Quaternion => {
-                    let things = found.chunks_exact(4).zip(truth.chunks_exact(4));
-                    for (i, (f, t)) in things.enumerate() {
+                    let poses = found.chunks_exact(4).zip(truth.chunks_exact(4));
+                    for (i, (f, t)) in poses.enumerate() {
                         errors[0].add(angle_between(four(f, 0), four(t, 0)), i, at);
                     }
                 }

@@ -1,5 +1,5 @@
-//! What a column is between two of its samples: by what it says of itself, and
-//! by its recorded velocities where they are asked for.
+//! Values of a column between two of its samples, from its metadata and
+//! by its recorded velocities on request.
 
 use clap::ValueEnum;
 
@@ -7,7 +7,7 @@ use super::hermite::{Axes, cubic, turn};
 use super::interpolate::{Place, linear, slerp};
 use crate::read::{ColumnMeta, ElementKind, Episode, ReadError, Values};
 
-/// Curve between two samples of what moves continuously.
+/// Curve between two samples of a continuous motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Interpolation {
     /// Straight lines and great arcs, as in the paper.
@@ -18,7 +18,7 @@ pub enum Interpolation {
     Hermite,
 }
 
-/// How the values of a column are found between samples.
+/// How the values of a column are interpolated between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// Straight line.
@@ -46,10 +46,10 @@ impl Rule {
         }
     }
 
-    /// The rule of a column by what it says of itself.
+    /// The rule of a column by its metadata.
     #[must_use]
-    pub fn of(meta: &ColumnMeta) -> Self {
-        // Commands and lists of contacts jump; between two of them lies nothing.
+    pub fn for_column(meta: &ColumnMeta) -> Self {
+        // Commands and lists of contacts jump; there is nothing between two of them.
         let jumps = match meta.stream.as_str() {
             "command" | "evaluation" => true,
             "applied" => matches!(meta.name.as_str(), "arm" | "base" | "gripper"),
@@ -82,8 +82,8 @@ impl Slopes {
     /// in other axes than its position.
     pub(crate) fn of(episode: &Episode, meta: &ColumnMeta) -> Result<Option<Self>, ReadError> {
         let (column, axes) = match (meta.stream.as_str(), meta.name.as_str()) {
-            // Not objects: knocks between two samples and the shaking of what
-            // lies still make their velocities worse than none.
+            // Not objects: knocks between two samples and the jitter of objects
+            // at rest make their velocities useless.
             ("pose", "pose") => ("twist", Axes::Parent),
             ("joint_state", "position") => ("velocity", Axes::Parent),
             ("imu", "orientation") => ("angular_velocity", Axes::Body),
@@ -93,7 +93,7 @@ impl Slopes {
         let Some(slope) = metas.iter().find(|m| m.name == column) else {
             return Ok(None);
         };
-        let width = match Rule::of(meta) {
+        let width = match Rule::for_column(meta) {
             Rule::Pose => meta.width() / 7 * 6,
             Rule::Quaternion => 3,
             _ => meta.width(),
@@ -122,7 +122,7 @@ pub(crate) fn only(all: &[f64], which: &[usize], width: usize) -> Vec<f64> {
     rows.flat_map(|row| which.iter().map(|&i| row[i])).collect()
 }
 
-/// How values of `width` numbers are found between samples.
+/// How values of `width` numbers are interpolated.
 #[derive(Clone, Copy)]
 pub(crate) struct Curve<'a> {
     pub rule: Rule,
@@ -150,7 +150,7 @@ impl Curve<'_> {
         out: &mut Vec<f64>,
     ) {
         let row = |i: usize| &all[i * self.width..(i + 1) * self.width];
-        // Numbers of one thing, where its quaternion begins, and its velocity's.
+        // Numbers of one pose, index of its quaternion, and numbers of its velocity.
         let (step, straight, turning) = match self.rule {
             Rule::Pose => (7, 3, true),
             Rule::Quaternion => (4, 0, true),
@@ -158,12 +158,12 @@ impl Curve<'_> {
         };
         let speeds = straight + if turning { 3 } else { 0 };
         let span = (times[j] - times[i]) as f64 * 1e-9;
-        let things = row(i).chunks_exact(step).zip(row(j).chunks_exact(step));
-        for (thing, (a, b)) in things.enumerate() {
+        let quaternions = row(i).chunks_exact(step).zip(row(j).chunks_exact(step));
+        for (index, (a, b)) in quaternions.enumerate() {
             let slopes = self.slopes.and_then(|slopes| {
                 let width = self.width / step * speeds;
                 let of = |i: usize| {
-                    let from = i * width + thing * speeds;
+                    let from = i * width + index * speeds;
                     slopes.values.get(from..from + speeds)
                 };
                 let (va, vb) = (of(i)?, of(j)?);

@@ -1,4 +1,4 @@
-//! The aligned file: rows instead of streams, the pictures' chunks as they are.
+//! The aligned file: rows instead of streams, with the images' chunks copied.
 
 use hdf5::{Extent, Group, H5Type, SimpleExtents};
 
@@ -9,9 +9,9 @@ use crate::read::{Camera, Episode, Summary, Values};
 
 const ROWS: usize = 256;
 
-/// Writes an aligned episode into a new file at `path`; pictures are copied
-/// without being unpacked when `pictures` says so. `tick` is told of every
-/// picture.
+/// Writes an aligned episode into a new file at `path`; images are copied
+/// without being unpacked when `images` is set. `tick` is called for every
+/// image.
 ///
 /// # Errors
 /// Those of HDF5 and of reading the recording.
@@ -20,7 +20,7 @@ pub fn write(
     episode: &Episode,
     aligned: &Aligned,
     labels: &[u8],
-    pictures: bool,
+    images: bool,
     tick: &dyn Fn(),
 ) -> anyhow::Result<()> {
     let file = crate::hdf::unlocked().create_excl(path)?;
@@ -48,7 +48,7 @@ pub fn write(
     let streams = file.create_group("streams")?;
     for (name, coverage) in &aligned.coverage {
         let group = streams.create_group(name)?;
-        Attributes::of(&group)
+        Attributes::for_object(&group)
             .set("age_limit_seconds", coverage.limit as f64 * 1e-9)?
             .set("samples", coverage.samples as u64)?;
         let valid: Vec<u8> = coverage.valid.iter().map(|&v| u8::from(v)).collect();
@@ -71,8 +71,8 @@ pub fn write(
         let camera = episode.camera(name)?;
         let group = cameras.create_group(name)?;
         camera_columns(&group, &camera, frames)?;
-        if pictures {
-            copy_pictures(&group, &camera, frames, tick)?;
+        if images {
+            copy_images(&group, &camera, frames, tick)?;
         }
     }
     if !aligned.sensors.is_empty() {
@@ -82,8 +82,8 @@ pub fn write(
             let group = sensors.create_group(name)?;
             camera_columns(&group, &sensor, frames)?;
             exposures(&group, &sensor, frames)?;
-            if pictures {
-                copy_pictures(&group, &sensor, frames, &|| {})?;
+            if images {
+                copy_images(&group, &sensor, frames, &|| {})?;
             }
         }
     }
@@ -91,7 +91,7 @@ pub fn write(
     Ok(())
 }
 
-/// When the pictures of the rows were exposed.
+/// Exposure times of the rows' images.
 fn exposures(group: &Group, sensor: &Camera, frames: &[Option<usize>]) -> anyhow::Result<()> {
     let all = sensor.exposures();
     let of = |frame: &Option<usize>| frame.and_then(|i| all.get(i).copied()).unwrap_or(0);
@@ -100,7 +100,7 @@ fn exposures(group: &Group, sensor: &Camera, frames: &[Option<usize>]) -> anyhow
     described(
         group,
         "exposure_nanos",
-        "ns of simulation time (0: no picture)",
+        "ns of simulation time (0: no image)",
         "",
     )?;
     Ok(())
@@ -114,7 +114,7 @@ fn root(
 ) -> anyhow::Result<()> {
     let source = episode.path().file_name().unwrap_or_default();
     let [task, activity, area] = &summary.task;
-    Attributes::of(file)
+    Attributes::for_object(file)
         .text("format", "wheelarm aligned episode")?
         .text("schema_version", wheelarm_proto::SCHEMA_VERSION)?
         .text("source", &source.to_string_lossy())?
@@ -133,7 +133,7 @@ fn root(
 
 fn described(group: &Group, name: &str, units: &str, frame: &str) -> hdf5::Result<()> {
     let data = group.dataset(name)?;
-    Attributes::of(&data)
+    Attributes::for_object(&data)
         .text("units", units)?
         .text("frame", frame)?;
     Ok(())
@@ -182,7 +182,7 @@ fn column(group: &Group, signal: &Signal) -> hdf5::Result<()> {
         }
     }
     let data = group.dataset(name)?;
-    let attributes = Attributes::of(&data);
+    let attributes = Attributes::for_object(&data);
     attributes
         .text("units", &meta.units)?
         .text("frame", &meta.frame)?
@@ -215,11 +215,11 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
     described(
         group,
         "stamp_nanos",
-        "ns of simulation time of the picture",
+        "ns of simulation time of the image",
         "",
     )?;
     numbers(group, "valid", &valid, rows, &[])?;
-    described(group, "valid", "1 (0: no picture near enough)", "")?;
+    described(group, "valid", "1 (0: no image near enough)", "")?;
     numbers(group, "pose", &pose, rows, &[7])?;
     let frame = "optical frame (z forward, x right, y down) in house";
     described(
@@ -233,23 +233,23 @@ fn camera_columns(group: &Group, camera: &Camera, frames: &[Option<usize>]) -> h
         group,
         "intrinsics",
         "pixels (width, height, fx, fy, cx, cy)",
-        "picture, from its left and top edge",
+        "image, from its left and top edge",
     )?;
     let data = group.dataset("intrinsics")?;
-    Attributes::of(&data)
+    Attributes::for_object(&data)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
     Ok(())
 }
 
-/// Copies compressed pictures; rows without one read as zeros.
-fn copy_pictures(
+/// Copies compressed images; rows without one read as zeros.
+fn copy_images(
     group: &Group,
     camera: &Camera,
     frames: &[Option<usize>],
     tick: &dyn Fn(),
 ) -> anyhow::Result<()> {
-    for (name, data, chunks) in camera.picture_chunks() {
+    for (name, data, chunks) in camera.image_chunks() {
         let shape = data.shape();
         let trailing = shape.get(1..).unwrap_or_default();
         let shuffled = data.filters().contains(&hdf5::filters::Filter::Shuffle);
@@ -269,7 +269,7 @@ fn copy_pictures(
                 .attr(attribute)
                 .and_then(|a| a.read_scalar::<hdf5::types::VarLenUnicode>())
             {
-                Attributes::of(copy.dataset()).text(attribute, text.as_str())?;
+                Attributes::for_object(copy.dataset()).text(attribute, text.as_str())?;
             }
         }
         for (row, frame) in frames.iter().enumerate() {

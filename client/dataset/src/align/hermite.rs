@@ -85,7 +85,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The shorter of the two turns that a unit quaternion stands for, radians.
+/// The shorter of the two turns that a unit quaternion represents, radians.
 fn rotation_vector(q: [f64; 4]) -> [f64; 3] {
     let [x, y, z, w] = if q[3] < 0.0 { q.map(|v| -v) } else { q };
     let sine = (x * x + y * y + z * z).sqrt();

@@ -1,7 +1,7 @@
-//! How a value between two samples is found: pure functions, nothing else.
+//! Interpolation between two samples as pure functions.
 //! None of them extrapolates.
 
-/// Where a time lies among rising stamps.
+/// Position of a time among ascending stamps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// Exactly at a sample.

@@ -18,7 +18,7 @@ fn orientation() -> impl Strategy<Value = [f64; 4]> {
 
 proptest! {
     #[test]
-    fn a_place_is_inside_exactly_when_the_samples_enclose_it(stamps in stamps(), time in 0_u64..110_000) {
+    fn a_position_is_inside_exactly_when_the_samples_enclose_it(stamps in stamps(), time in 0_u64..110_000) {
         let inside = stamps[0] <= time && time <= stamps[stamps.len() - 1];
         match place(&stamps, time) {
             Place::Outside => prop_assert!(!inside),

@@ -1,5 +1,5 @@
 //! Every stream at the stamps of one camera: cubics with the recorded velocities
-//! for the robot's poses and joints, otherwise (or when asked, everywhere)
+//! for the robot's poses and joints, otherwise (or everywhere on request)
 //! linear for vectors, slerp for orientations, unwrapped for angles; nearest for
 //! everything that does not move continuously. A row that is not enclosed by
 //! samples near enough is marked, never made up. One column is in memory at a
@@ -27,7 +27,7 @@ use interpolate::{Place, nearest, place, unwrap};
 /// counts as a gap. One lost sample is bridged, two are not.
 const GAP: f64 = 2.5;
 
-/// What is aligned and how strictly.
+/// Options of an alignment.
 #[derive(Clone, Debug, Default)]
 pub struct AlignOptions {
     /// Camera whose stamps are the rows; [`Episode::reference`] when absent.
@@ -42,9 +42,9 @@ pub struct AlignOptions {
 /// A column at the rows' stamps.
 #[derive(Clone, Debug)]
 pub struct Signal {
-    /// What the column says of itself; `count` is the number of rows.
+    /// Metadata of the column; `count` is the number of rows.
     pub meta: ColumnMeta,
-    /// How its values were found.
+    /// How its values were interpolated.
     pub rule: Rule,
     /// Whether that was with the recorded velocities.
     pub hermite: bool,
@@ -53,7 +53,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// How its values were found, in words.
+    /// How its values were interpolated, as text.
     #[must_use]
     pub fn how(&self) -> &'static str {
         if self.hermite {
@@ -100,9 +100,9 @@ pub struct Aligned {
     pub signals: Vec<Signal>,
     /// By stream: which rows are valid, and why not.
     pub coverage: BTreeMap<String, Coverage>,
-    /// By camera: the picture of every row.
+    /// By camera: the image of every row.
     pub frames: BTreeMap<String, Vec<Option<usize>>>,
-    /// By picture sensor: the newest picture that had arrived by then.
+    /// By image sensor: the newest image that had arrived by then.
     pub sensors: BTreeMap<String, Vec<Option<usize>>>,
 }
 
@@ -129,7 +129,7 @@ impl Aligned {
 }
 
 /// Whether the samples of a stream come at a rate of their own, each later than
-/// the one before. Commands come when somebody sends them: several at one stamp,
+/// the one before. Commands arrive irregularly: several at one stamp,
 /// of which the last counts, or none for a while.
 #[must_use]
 pub fn is_periodic(stream: &str) -> bool {
@@ -155,22 +155,22 @@ pub enum AlignError {
     /// The file.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// Nothing to make rows of.
+    /// The recording has no images for rows.
     #[error(
-        "{file} has no pictures, and rows are those of a camera: it was recorded without cameras. `wheelarm replay {file} --out DIR --camera 'NAME=640x360@10'` records it again with one; `export --format mcap` and `label` need none"
+        "{file} has no images, and rows are those of a camera: it was recorded without cameras. `wheelarm replay {file} --out DIR --camera 'NAME=640x360@10'` records it again with one; `export --format mcap` and `label` need none"
     )]
-    NoPictures {
+    NoImages {
         /// The file.
         file: String,
     },
     /// The rows.
     #[error(
-        "{file} has no pictures of the camera {camera:?} to align to; it has {there:?}: choose one with --reference"
+        "{file} has no images of the camera {camera:?} to align to; it has {there:?}: choose one with --reference"
     )]
     NoReference {
         /// The file.
         file: String,
-        /// Camera asked for.
+        /// Requested reference camera.
         camera: String,
         /// Cameras in the file.
         there: Vec<String>,
@@ -194,7 +194,7 @@ pub enum AlignError {
         file: String,
         /// The stream.
         stream: String,
-        /// First sample that comes too early after the one before.
+        /// First sample that follows the previous one too early.
         sample: usize,
     },
     /// A file that was changed or damaged.
@@ -219,7 +219,7 @@ pub enum AlignError {
 /// offered) and every camera.
 ///
 /// # Errors
-/// When the reference camera has no pictures, a column cannot be read, stamps do not
+/// When the reference camera has no images, a column cannot be read, stamps do not
 /// rise, or there is a limit for a stream of no known kind.
 pub fn align(
     episode: &Episode,
@@ -228,7 +228,7 @@ pub fn align(
 ) -> Result<Aligned, AlignError> {
     let cameras = episode.cameras()?;
     let camera = match &options.reference {
-        Some(asked) => asked.clone(),
+        Some(name) => name.clone(),
         None => episode.reference()?.unwrap_or_default(),
     };
     let stamps = if cameras.contains(&camera) {
@@ -237,7 +237,7 @@ pub fn align(
         Vec::new()
     };
     if stamps.is_empty() && cameras.is_empty() {
-        return Err(AlignError::NoPictures {
+        return Err(AlignError::NoImages {
             file: episode.path().display().to_string(),
         });
     }
@@ -278,7 +278,7 @@ pub fn align(
             aligned.frames.insert(camera.to_owned(), frames.collect());
         } else if let Some(sensor) = id.sensor_name() {
             let times = rising(episode, &stream)?;
-            // The newest is what a robot has, however old: `exposure_nanos` tells it.
+            // A robot has the newest image, however old; `exposure_nanos` gives its time.
             let limit = own.map_or(u64::MAX, nanos);
             let frames = aligned.stamps.iter();
             let frames = frames.map(|&t| newest(&times, t, limit));
@@ -300,7 +300,7 @@ pub fn align(
                         });
                     }
                     let values = episode.values(&meta)?;
-                    let rule = Rule::of(&meta);
+                    let rule = Rule::for_column(&meta);
                     let slopes = match options.interpolation {
                         Interpolation::Linear => None,
                         Interpolation::Hermite => Slopes::of(episode, &meta)?,
@@ -328,7 +328,7 @@ pub fn align(
 }
 
 impl Aligned {
-    /// Without rows, for those who need none.
+    /// Without rows, for formats that need none.
     #[must_use]
     pub fn empty() -> Self {
         Self {

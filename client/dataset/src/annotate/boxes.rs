@@ -1,19 +1,19 @@
-//! Boxes of objects in the pictures, and how much of each is to be seen.
+//! Boxes of objects in the images, and the visible share of each.
 //!
 //! The *visible box* is the least that holds all pixels of the object's instance
 //! id. The *projected box* is the least that holds its parts projected into the
-//! picture, also beyond its edges. The *visible share* is the number of pixels of
+//! image, also beyond its edges. The *visible share* is the number of pixels of
 //! its id over the number of pixels of its silhouette: the union of the convex
-//! hulls of its projected parts, on an endless picture. So what is hidden, or out
-//! of the picture, is not visible; parts are those of the object's file, which
-//! differ by a few per cent from the drawn mesh, and a share above 1 is told as 1.
+//! hulls of its projected parts, on an unbounded image. So what is hidden, or out
+//! of the image, is not visible; parts are those of the object's file, which
+//! differ by a few per cent from the rendered mesh; shares are clamped to 1.
 
 use super::shapes::{self, Part};
 use super::state::State;
 use crate::pose::{self, project};
 use crate::read::{Episode, ReadError};
 
-/// Boxes in the pictures of one camera: picture by object.
+/// Boxes in the images of one camera: image by object.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraBoxes {
     /// The camera.
@@ -33,7 +33,7 @@ const GRID: usize = 128;
 /// Boxes in all cameras.
 ///
 /// # Errors
-/// When pictures cannot be read.
+/// When images cannot be read.
 pub fn boxes(episode: &Episode, state: &State) -> Result<Vec<CameraBoxes>, ReadError> {
     let legend = episode.snapshot()?.instances;
     let id = |name: &String| legend.iter().find(|i| i.name == *name).map_or(0, |i| i.id);
@@ -58,12 +58,12 @@ pub fn boxes(episode: &Episode, state: &State) -> Result<Vec<CameraBoxes>, ReadE
             let (lens, at) = (camera.intrinsics(i), camera.pose(i));
             for (object, (visible, pixels)) in counted.into_iter().enumerate() {
                 let own = state.poses.get(row).and_then(|row| row.get(object));
-                let seen = own.and_then(|own| silhouette(&lens, &at, own, &parts[object]));
-                let (projected, area) = seen.unwrap_or(([f64::NAN; 4], f64::NAN));
+                let silhouette = own.and_then(|own| silhouette(&lens, &at, own, &parts[object]));
+                let (projected, area) = silhouette.unwrap_or(([f64::NAN; 4], f64::NAN));
                 found.visible.push(visible);
                 found.projected.push(projected);
                 let share = pixels as f64 / area;
-                // `min` would make 1 of NaN.
+                // `min` would turn NaN into 1.
                 found.share.push(if share > 1.0 { 1.0 } else { share });
             }
         }
@@ -135,7 +135,7 @@ fn silhouette(
         inside += usize::from(hulls.iter().any(|hull| holds(hull, [x, y])));
     }
     let area = width * height * inside as f64 / (GRID * GRID) as f64;
-    // An object smaller than a pixel fills it where it is seen at all.
+    // An object smaller than a pixel fills it where it is visible at all.
     Some((extent, area.max(1.0)))
 }
 

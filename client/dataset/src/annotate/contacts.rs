@@ -22,7 +22,7 @@ pub struct Interval {
 const GAP: usize = 3;
 
 /// All intervals by their beginning. Of a sample the sixteen strongest pairs are
-/// recorded: a weaker touch among more is not told.
+/// recorded: a weaker one among more is not reported.
 pub(super) fn intervals(episode: &Episode) -> Result<Vec<Interval>, ReadError> {
     let stamps = episode.stamps("contact")?;
     let pairs = episode.texts("contact", "pairs")?;

@@ -1,4 +1,4 @@
-//! Which of an object's grasps the hand took: the one nearest to where its tool
+//! The grasp that the hand used of an object's grasps: the one nearest to where its tool
 //! was when the object began to be held. No operator publishes its choice.
 
 use serde::Deserialize;
@@ -50,7 +50,7 @@ struct RobotFile {
 const TURN: f64 = 0.05;
 
 /// The grasps of an episode by time; a hold that was lost for less than half a
-/// second goes on.
+/// second continues.
 pub(super) fn grasps(state: &State) -> Vec<ChosenGrasp> {
     let text = |path: &str| {
         state

@@ -9,9 +9,9 @@ use super::trace::Trace;
 /// Labels of one episode.
 #[derive(Clone, Debug, Default)]
 pub struct Annotations {
-    /// What is done, phase by phase.
+    /// The subtasks, phase by phase.
     pub subtasks: Vec<Subtask>,
-    /// What is to be done, in order, in words.
+    /// The plan: texts of the subtasks in order.
     pub plan: Vec<String>,
     /// Questions with their answers, by time.
     pub questions: Vec<Question>,
@@ -19,6 +19,6 @@ pub struct Annotations {
     pub contacts: Vec<Interval>,
     /// Grasps that closed on something.
     pub grasps: Vec<ChosenGrasp>,
-    /// The way of the hand in the pictures of each camera.
+    /// The path of the hand in the images of each camera.
     pub traces: Vec<Trace>,
 }

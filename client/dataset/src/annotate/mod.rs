@@ -1,8 +1,8 @@
-//! Labels in words and numbers that a recording's exact state gives: what is done
-//! with what, questions with their answers, boxes in the pictures, the chosen
+//! Labels as text and numbers from a recording's exact state: subtasks with their
+//! objects, questions with their answers, boxes in the images, the chosen
 //! grasp, contacts, the way of the hand.
 //!
-//! Everything is made from what the file holds and nothing is guessed by a model;
+//! All labels are computed from the file, without a learned model;
 //! `tests/python/check_answers.py` answers the questions again from the same file.
 
 mod boxes;
@@ -34,10 +34,10 @@ pub use write::write;
 use crate::label::Segment;
 use crate::read::{Episode, ReadError};
 
-/// Makes the labels of an episode whose phases are these.
+/// Computes the labels of an episode with these phases.
 ///
 /// # Errors
-/// When the file lacks what they are made of; the error names it.
+/// When the file lacks an input; the error names it.
 pub fn annotate(
     episode: &Episode,
     state: &State,

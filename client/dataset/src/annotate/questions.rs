@@ -15,7 +15,7 @@ use crate::read::{Episode, ReadError};
 /// Types of questions by their code, from 0.
 pub const KINDS: [&str; 6] = ["where", "count", "side", "reach", "held", "open"];
 
-/// Nanoseconds between two samples that are asked about.
+/// Nanoseconds between two samples with questions.
 const EVERY: u64 = 1_000_000_000;
 
 /// A question with its answer.
@@ -29,28 +29,28 @@ pub struct Question {
     pub tick: u64,
     /// Index into [`KINDS`].
     pub kind: usize,
-    /// In words.
+    /// Text.
     pub question: String,
-    /// In words.
+    /// Text.
     pub answer: String,
-    /// What is asked about, JSON.
+    /// The subject of the questions, JSON.
     pub arguments: Value,
     /// The answer, JSON.
     pub value: Value,
-    /// Cameras whose images show what question and answer are about at that time; with
+    /// Cameras whose images show the subjects of question and answer at that time; with
     /// none the question is one from memory.
     pub cameras: Vec<String>,
 }
 
 impl Question {
-    /// Whether no image of that time shows what it is about.
+    /// Whether no image of that time shows its subjects.
     #[must_use]
     pub fn is_from_memory(&self) -> bool {
         self.cameras.is_empty()
     }
 }
 
-/// Picks things in turn, another one each time.
+/// Picks indices in turn, another one each time.
 struct Turns(usize);
 
 impl Turns {
@@ -60,7 +60,7 @@ impl Turns {
     }
 }
 
-/// What a question is about, in words and in JSON.
+/// Subject of a question, as text and JSON.
 struct Draft {
     question: String,
     answer: String,
@@ -70,7 +70,7 @@ struct Draft {
     shown: Vec<String>,
 }
 
-/// What the cameras show at the samples that have questions.
+/// Objects that the cameras show at the samples with questions.
 ///
 /// # Errors
 /// When images cannot be read.
@@ -96,7 +96,7 @@ fn rows(state: &State) -> Vec<usize> {
 }
 
 /// Questions about an episode: one of each type every second. Each is about what an
-/// image shows wherever there is something to ask about in one, and is a question from
+/// image shows wherever possible, and otherwise a question from
 /// memory elsewhere.
 pub(super) fn questions(state: &State, sight: &Sight) -> Vec<Question> {
     let mut out = Vec::new();
@@ -105,23 +105,23 @@ pub(super) fn questions(state: &State, sight: &Sight) -> Vec<Question> {
         let stamp = state.stamps[row];
         let scene = state.scene(row);
         let objects = 0..state.objects.len();
-        let is_seen = |name: &str| !sight.cameras(stamp, &[name]).is_empty();
-        let seen: Vec<usize> = objects
+        let is_visible = |name: &str| !sight.cameras(stamp, &[name]).is_empty();
+        let visible: Vec<usize> = objects
             .clone()
-            .filter(|&i| is_seen(&state.objects[i]))
+            .filter(|&i| is_visible(&state.objects[i]))
             .collect();
-        let all = if seen.is_empty() {
+        let all = if visible.is_empty() {
             objects.collect()
         } else {
-            seen
+            visible
         };
         let slides = 0..state.home.slides.len();
-        let slide_seen = |i: &usize| is_seen(&state.home.slides[*i].name);
-        let seen: Vec<usize> = slides.clone().filter(slide_seen).collect();
-        let slides = if seen.is_empty() {
+        let is_slide_visible = |i: &usize| is_visible(&state.home.slides[*i].name);
+        let visible: Vec<usize> = slides.clone().filter(is_slide_visible).collect();
+        let slides = if visible.is_empty() {
             slides.collect()
         } else {
-            seen
+            visible
         };
         let drafts = [
             place(state, row, &all, &mut turns),
@@ -211,7 +211,7 @@ fn count(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<
         own == category && where_is(state, row, *object) == area
     };
     let counted: Vec<usize> = (0..state.objects.len()).filter(is_counted).collect();
-    // None at all is seen in no image: nothing says that the whole area is in it.
+    // An image cannot show "none": the whole area may not be in it.
     let shown = counted.iter().map(|&i| state.objects[i].clone());
     Some(Draft {
         question: format!("How many {} are on the {}?", several(category), words(area)),
@@ -258,12 +258,12 @@ fn side(
     };
     let object = *turns.next(&able)?;
     let (word, side, words) = *turns.next(&SIDES)?;
-    let thing = &scene.entities[scene.named(&state.objects[object])?];
+    let entity = &scene.entities[scene.named(&state.objects[object])?];
     let beside = stands.iter().filter(|&&other| other != object);
     let mut names: Vec<&str> = beside
         .filter(|&&other| {
             let other = scene.named(&state.objects[other]);
-            other.is_some_and(|i| space::is_on_side(&scene.entities[i], thing, side))
+            other.is_some_and(|i| space::is_on_side(&scene.entities[i], entity, side))
         })
         .map(|&other| state.objects[other].as_str())
         .collect();
@@ -273,7 +273,7 @@ fn side(
         true => "nothing".to_owned(),
         false => called.join(", "),
     };
-    // "Nothing" is seen where everything else on that furniture is.
+    // "Nothing" is visible where everything else on that furniture is.
     let own = is_there(object);
     let mut shown = vec![state.objects[object].clone()];
     match names.is_empty() {
@@ -292,7 +292,7 @@ fn side(
     })
 }
 
-/// Whether an object's origin lies within the outer radius of the arm's reach.
+/// Whether an object's origin is within the outer radius of the arm's reach.
 fn reach(state: &State, row: usize, all: &[usize], turns: &mut Turns) -> Option<Draft> {
     let object = *turns.next(all)?;
     let base = &state.base[row];
@@ -319,7 +319,7 @@ fn held(state: &State, row: usize) -> Option<Draft> {
         answer: name.map_or("nothing".to_owned(), |name| state.called(name)),
         arguments: json!({}),
         value: json!(name),
-        // An empty hand is seen where its finger tips are.
+        // An empty hand is visible where its finger tips are.
         shown: name.map_or_else(|| state.tips.clone(), |name| vec![name.to_owned()]),
     })
 }

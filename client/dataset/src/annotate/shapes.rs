@@ -84,7 +84,7 @@ fn part(table: &toml::Table) -> Vec<Part> {
     places.into_iter().map(moved).collect()
 }
 
-/// Points of a shape in its own frame; none of one that is not known.
+/// Points of a shape in its own frame; empty for an unknown one.
 fn points(table: &toml::Table) -> Part {
     let shape = |key: &str| table.get(key).and_then(toml::Value::as_table);
     let of = |shape: &toml::Table, key: &str| shape.get(key).map_or(0.0, float);

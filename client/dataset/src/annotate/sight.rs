@@ -6,7 +6,7 @@ use crate::read::{Episode, ReadError};
 /// Cameras with whether each shows each instance.
 type Shown = Vec<(String, Vec<bool>)>;
 
-/// What the cameras show at some times.
+/// Objects that the cameras show at some times.
 #[derive(Clone, Debug, Default)]
 pub struct Sight {
     names: Vec<String>,
@@ -36,18 +36,18 @@ impl Sight {
             for (stamp, cameras) in &mut times {
                 let next = taken.partition_point(|t| *t < *stamp);
                 let last = taken.partition_point(|t| *t <= *stamp);
-                // Without an image on either side there is none to ask about.
+                // Visibility needs an image before and after.
                 let (Some(before), true) = (last.checked_sub(1), next < taken.len()) else {
                     continue;
                 };
-                let mut seen = visible(&camera.ids(episode, before)?, &ids);
+                let mut shown = visible(&camera.ids(episode, before)?, &ids);
                 if next != before {
                     let after = visible(&camera.ids(episode, next)?, &ids);
-                    for (both, after) in seen.iter_mut().zip(after) {
+                    for (both, after) in shown.iter_mut().zip(after) {
                         *both &= after;
                     }
                 }
-                cameras.push((name.clone(), seen));
+                cameras.push((name.clone(), shown));
             }
         }
         Ok(Self { names, times })
@@ -68,7 +68,7 @@ impl Sight {
         };
         let shows = cameras
             .iter()
-            .filter(|(_, seen)| places.iter().all(|&i| seen[i]));
+            .filter(|(_, visible)| places.iter().all(|&i| visible[i]));
         shows.map(|(camera, _)| camera.clone()).collect()
     }
 }
@@ -103,15 +103,15 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_shows_a_question_when_it_shows_everything_in_it() {
+    fn a_camera_answers_a_question_when_it_shows_all_of_its_objects() {
         let names = ["mug", "bowl"].map(str::to_owned).to_vec();
-        let seen = vec![
+        let visible = vec![
             ("gen3".to_owned(), vec![true, false]),
             ("chair".to_owned(), vec![true, true]),
         ];
         let sight = Sight {
             names,
-            times: vec![(5, seen)],
+            times: vec![(5, visible)],
         };
         assert_eq!(sight.cameras(5, &["mug"]), ["gen3", "chair"]);
         assert_eq!(sight.cameras(5, &["mug", "bowl"]), ["chair"]);

@@ -1,4 +1,4 @@
-//! What of a recording the labels are made of, sample by sample of `object_pose`.
+//! State of a recording for the labels, sample by sample of `object_pose`.
 
 use serde::Deserialize;
 use wheelarm_language::{Home, Role, Scene, kind_of};
@@ -7,7 +7,7 @@ use wheelarm_proto::v1::{self, JointRole};
 use crate::pose::{self, Pose};
 use crate::read::{Episode, ReadError};
 
-/// A thing is held when each finger tip presses it with this force at least, N.
+/// An object is held when each finger tip presses it with this force at least, N.
 pub const HELD: f64 = 0.5;
 /// Furniture is open from this position on, metres.
 pub const OPEN: f64 = 0.02;
@@ -35,13 +35,13 @@ pub struct State {
     pub hand: Vec<Pose>,
     /// Links of the finger tips.
     pub tips: Vec<String>,
-    /// What is held: index of the object.
+    /// Index of the held object.
     pub held: Vec<Option<usize>>,
     /// Verb of the task: `lift`, `put`, `open`, `close`; empty without one.
     pub verb: String,
-    /// What the task is about.
+    /// Target of the task.
     pub target: String,
-    /// Where it is to be put; empty unless it is.
+    /// Goal of the task; empty without one.
     pub goal: String,
     /// Middle of the shell that the arm reaches, in its base's frame, and its outer
     /// radius, metres.
@@ -87,7 +87,7 @@ impl State {
             .0;
         let poses: Vec<Vec<Pose>> = raw
             .chunks_exact((7 * objects.len()).max(1))
-            .map(|row| row.chunks_exact(7).map(pose::of).collect())
+            .map(|row| row.chunks_exact(7).map(pose::from_row).collect())
             .collect();
         if ticks.len() != stamps.len() || poses.len() != stamps.len() {
             let found = format!(
@@ -108,7 +108,7 @@ impl State {
         let raw = episode.f64s("pose", "pose")?.into_raw_vec_and_offset().0;
         let frame = |row: usize, frame: usize| {
             let at = 7 * (row * frames + frame);
-            raw.get(at..at + 7).map_or([f64::NAN; 7], pose::of)
+            raw.get(at..at + 7).map_or([f64::NAN; 7], pose::from_row)
         };
         let rows = row_of("pose")?;
         let mount = pose::of_message(robot.arm_mount.as_ref());
@@ -144,7 +144,7 @@ impl State {
         })
     }
 
-    /// The scene of a sample: things by name, what is held included.
+    /// The scene of a sample: objects by name, including a held one.
     #[must_use]
     pub fn scene(&self, row: usize) -> Scene {
         let is_there = |name: &str| name == self.goal;
@@ -161,7 +161,7 @@ impl State {
         scene
     }
 
-    /// What a thing is called: its kind, with its number from the left or from the
+    /// The name of an object in text: its kind, with its number from the left or from the
     /// top where there are several at the first sample.
     #[must_use]
     pub fn called(&self, name: &str) -> String {
@@ -177,8 +177,8 @@ impl State {
                 .zip(first)
                 .filter(|(o, _)| kind_of(o) == kind)
             {
-                let thing = scene.named(other).map(|i| &scene.entities[i]);
-                like.push((other, thing.map_or(0.0, |t| -t.at[1])));
+                let entity = scene.named(other).map(|i| &scene.entities[i]);
+                like.push((other, entity.map_or(0.0, |t| -t.at[1])));
             }
         }
         if like.is_empty() {
@@ -208,7 +208,7 @@ impl State {
     }
 }
 
-/// Positions of what slides, at the ticks, in the order of the home.
+/// Positions of slides at the ticks, in the order of the home.
 fn slides(episode: &Episode, home: &Home, ticks: &[u64]) -> Result<Vec<Vec<f64>>, ReadError> {
     if !episode.has("furniture_joint") {
         return Ok(vec![vec![0.0; home.slides.len()]; ticks.len()]);
@@ -251,7 +251,7 @@ fn tips(robot: &v1::RobotDescription, assets: &[(String, String)]) -> Vec<String
     children.map(|joint| joint.child.link).collect()
 }
 
-/// What is held at each sample: an object that both tips press.
+/// The held object at each sample: one that both tips press.
 fn held(
     episode: &Episode,
     tips: &[String],
@@ -297,7 +297,7 @@ fn goal(assets: &[(String, String)], task: &str) -> (String, String) {
     let Some(file) = file else {
         return (String::new(), String::new());
     };
-    // Files before templates: what is picked is lifted.
+    // Files before templates: a picked object is lifted.
     let verb = file.template.unwrap_or_else(|| "lift".to_owned());
     let place = file.place.and_then(|place| place.name);
     (verb, place.unwrap_or_default())

@@ -1,11 +1,11 @@
-//! Phases in words: what is done, with what, where, and what is in the hand.
+//! Phases as text: the action, its object, its place, and the held object.
 
 use crate::label::{NAMES, Segment};
 
 use super::grasps::ChosenGrasp;
 use super::state::State;
 
-/// A phase in words.
+/// A phase as text.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Subtask {
     /// From when and until when it lasts, simulation time, nanoseconds.
@@ -14,17 +14,17 @@ pub struct Subtask {
     pub to: u64,
     /// 0 to 3, see [`crate::label::NAMES`].
     pub label: u8,
-    /// In words.
+    /// Text.
     pub text: String,
-    /// What it is done with.
+    /// Object of the action.
     pub object: String,
-    /// Where: an area, or the goal; empty where neither is known.
+    /// An area, or the goal; empty where neither is known.
     pub place: String,
-    /// What is held through most of it; empty for nothing.
+    /// The object held through most of it; empty without one.
     pub held: String,
 }
 
-/// What is done in each phase.
+/// Texts of all phases.
 pub(super) fn subtasks(state: &State, phases: &[Segment], grasps: &[ChosenGrasp]) -> Vec<Subtask> {
     let end = state.stamps.last().copied().unwrap_or(0);
     let area = area_of(state);
@@ -65,8 +65,8 @@ pub(super) fn plan(subtasks: &[Subtask]) -> Vec<String> {
     plan
 }
 
-/// What the hand is after in a phase: what the attempt that it belongs to takes, which
-/// may be another thing than the target; `None` where it takes nothing.
+/// Object of the hand in a phase: the one that its attempt grasps, which
+/// may differ from the target; `None` without a grasp.
 fn taken<'a>(phases: &[Segment], at: usize, grasps: &'a [ChosenGrasp]) -> Option<&'a str> {
     // An attempt begins with driving or reaching after anything else.
     let begins = |i: usize| i == 0 || phases[i].label < phases[i - 1].label;
@@ -79,7 +79,7 @@ fn taken<'a>(phases: &[Segment], at: usize, grasps: &'a [ChosenGrasp]) -> Option
     grasp.map(|grasp| grasp.object.as_str())
 }
 
-/// A phase with another thing than the target, in words.
+/// Text of a phase with an object other than the target.
 fn amiss(state: &State, label: u8, object: &str) -> String {
     let object = state.called(object);
     match label {
@@ -90,7 +90,7 @@ fn amiss(state: &State, label: u8, object: &str) -> String {
 }
 
 fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
-    let said = |name: &str| name.replace('_', " ");
+    let spoken = |name: &str| name.replace('_', " ");
     if state.target.is_empty() {
         return NAMES[usize::from(label).min(3)].to_owned();
     }
@@ -98,24 +98,24 @@ fn words(state: &State, label: u8, holds_target: bool, area: &str) -> String {
     let at = match area {
         "" => String::new(),
         "workstation" => " under the kitchen counter".to_owned(),
-        area => format!(" on the {}", said(area)),
+        area => format!(" on the {}", spoken(area)),
     };
     match (label, state.verb.as_str()) {
         (0, _) if holds_target => format!("drive with {target} in the hand"),
         (0, _) if area.is_empty() => format!("drive to {target}"),
         (0, _) if area == "workstation" => "drive to the kitchen counter".to_owned(),
-        (0, _) => format!("drive to the {}", said(area)),
+        (0, _) => format!("drive to the {}", spoken(area)),
         (1, "open" | "close") => format!("reach for the handle of {target}{at}"),
         (1, _) => format!("reach for {target}{at}"),
         (2, "open" | "close") => format!("close the hand on the handle of {target}"),
         (2, _) => format!("close the hand around {target}"),
         (_, "open") => format!("pull {target} open"),
         (_, "close") => format!("push {target} shut"),
-        // A bin holds what is in it, other goals what is on them.
+        // Objects are put into a bin and onto other goals.
         (_, "put") if state.goal.ends_with("bin") => {
-            format!("put {target} in the {}", said(&state.goal))
+            format!("put {target} in the {}", spoken(&state.goal))
         }
-        (_, "put") => format!("put {target} on the {}", said(&state.goal)),
+        (_, "put") => format!("put {target} on the {}", spoken(&state.goal)),
         (_, "bring") => format!("bring {target} to the mouth"),
         (_, "give") => format!("lay {target} in the lap"),
         _ => format!("lift {target}{}", at.replacen(" on ", " from ", 1)),
@@ -142,7 +142,7 @@ fn area_of(state: &State) -> String {
     area.map_or(String::new(), |i| scene.areas[i].name.clone())
 }
 
-/// What is held through most samples of a phase.
+/// The object held through most samples of a phase.
 fn held(state: &State, from: u64, to: u64) -> String {
     let first = state.stamps.partition_point(|&t| t < from);
     let last = state.stamps.partition_point(|&t| t < to);
@@ -161,9 +161,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_attempt_at_the_wrong_thing_is_told_as_one() {
+    fn an_attempt_at_the_wrong_object_is_named() {
         let phase = |(from, label)| Segment { from, label };
-        // Drives, takes the can, lets it go, reaches again and takes the bottle.
+        // Drives, grasps the can, releases it, reaches again and grasps the bottle.
         let phases = [(0, 0), (10, 1), (20, 2), (30, 3), (50, 1), (60, 2), (70, 3)].map(phase);
         let grasp = |(stamp, object): (u64, &str)| ChosenGrasp {
             stamp,

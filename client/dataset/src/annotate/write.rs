@@ -31,7 +31,7 @@ pub fn write(
 ) -> hdf5::Result<()> {
     let file = crate::hdf::unlocked().open_rw(path)?;
     let group = file.create_group("labels")?;
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .set("version", VERSION)?
         .set("held_newton", HELD)?
         .set("open_metres", OPEN)?
@@ -85,7 +85,7 @@ fn array<T: H5Type>(
     if !values.is_empty() {
         data.write_raw(values)?;
     }
-    Attributes::of(&data).text("units", unit)?;
+    Attributes::for_object(&data).text("units", unit)?;
     Ok(())
 }
 
@@ -115,7 +115,7 @@ fn phases(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
 
 fn questions(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
     let all = &labels.questions;
-    Attributes::of(group).texts("kinds", &KINDS)?;
+    Attributes::for_object(group).texts("kinds", &KINDS)?;
     let numbers = |f: fn(&Question) -> u64| all.iter().map(f).collect::<Vec<_>>();
     column(group, "stamp_nanos", &numbers(|q| q.stamp), NANOS)?;
     column(group, "tick", &numbers(|q| q.tick), "ticks of 1/240 s")?;
@@ -149,7 +149,7 @@ fn contacts(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
 
 fn grasps(group: &Group, labels: &Annotations) -> hdf5::Result<()> {
     let all = &labels.grasps;
-    Attributes::of(group).text(
+    Attributes::for_object(group).text(
         "source",
         "nearest grasp of the object's file when it began to be held; no operator publishes its choice",
     )?;
@@ -208,28 +208,28 @@ fn objects(group: &Group, state: &State) -> hdf5::Result<()> {
 }
 
 fn camera_boxes(group: &Group, found: &CameraBoxes, objects: usize) -> hdf5::Result<()> {
-    let pictures = found.share.len() / objects.max(1);
+    let images = found.share.len() / objects.max(1);
     let corners = "pixels (left, top, right, bottom)";
     let flat = |all: &[[f64; 4]]| all.iter().flatten().copied().collect::<Vec<_>>();
     array(
         group,
         "visible",
         &flat(&found.visible),
-        &[pictures, objects, 4],
+        &[images, objects, 4],
         corners,
     )?;
     array(
         group,
         "projected",
         &flat(&found.projected),
-        &[pictures, objects, 4],
+        &[images, objects, 4],
         corners,
     )?;
     array(
         group,
         "visible_share",
         &found.share,
-        &[pictures, objects],
+        &[images, objects],
         "1",
     )
 }

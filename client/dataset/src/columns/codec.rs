@@ -67,7 +67,7 @@ pub(super) const fn message<M>() -> Column<M> {
     }
 }
 
-/// Numbers that other columns of the stream tell as well: nothing is put back.
+/// Numbers that other columns of the stream contain too: nothing is restored.
 pub(super) const fn derived<M, T>(take: fn(&M, &Context, &mut Vec<T>)) -> Codec<M, T> {
     fn nothing<M, T>(_: &mut M, _: &Context, _: &[T]) {}
     Codec {
@@ -76,7 +76,7 @@ pub(super) const fn derived<M, T>(take: fn(&M, &Context, &mut Vec<T>)) -> Codec<
     }
 }
 
-/// A text that other columns of the stream tell as well.
+/// A text that other columns of the stream contain too.
 pub(super) const fn derived_text<M>(take: fn(&M) -> String) -> TextCodec<M> {
     fn nothing<M>(_: &mut M, _: String) -> Result<(), String> {
         Ok(())

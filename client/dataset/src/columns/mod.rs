@@ -1,15 +1,15 @@
-//! What every stream becomes in a file: one declarative table, [`streams`].
+//! The columns of every stream in a file: one declarative table, [`streams`].
 //!
 //! A column names one dataset: its unit, its frame, its trailing axes and how
-//! its numbers are taken from a message and put back into one. Numbers are
-//! stored as they came: f64 bit for bit, stamps and sequences as u64, text as
-//! UTF-8. Values that a message does not carry are NaN. Nothing here knows HDF5.
+//! its numbers are read from a message and written back into one. Numbers are
+//! stored unchanged: f64 bit for bit, stamps and sequences as u64, text as
+//! UTF-8. Values that a message does not carry are NaN. This module does not use HDF5.
 
 mod codec;
 mod table;
 mod values;
 
-pub use table::{EVENT_COLUMNS, event_cells, of, streams};
+pub use table::{EVENT_COLUMNS, event_cells, for_stream, streams};
 
 use prost::Message;
 pub use wheelarm_proto::MAX_CONTACTS;
@@ -60,9 +60,9 @@ pub struct Context {
 }
 
 impl Context {
-    /// With the names of a robot's joints and frames, and nothing else.
+    /// With only the names of a robot's joints and frames.
     #[must_use]
-    pub fn of(robot: &v1::RobotDescription) -> Self {
+    pub fn from_description(robot: &v1::RobotDescription) -> Self {
         let owned = |name: &str| name.to_owned();
         Self {
             joints: robot.joint_names().map(owned).collect(),
@@ -90,7 +90,7 @@ impl Axis {
         }
     }
 
-    /// Takes the entries of an axis from a file that lists them, the inverse of
+    /// Reads the entries of an axis from a file that lists them, the inverse of
     /// [`Axis::labels`]; axes whose entries the table itself names stay.
     pub fn learn(self, names: &[String], context: &mut Context) {
         let entries = match self {
@@ -123,12 +123,12 @@ impl Axis {
     }
 }
 
-/// How a column's numbers are taken from a message, and put back into one: the
+/// How a column's numbers are read from a message and written back into one: the
 /// only place that knows it, for files, replays and exports.
 pub struct Codec<M, T> {
     /// Appends the numbers of a message.
     take: fn(&M, &Context, &mut Vec<T>),
-    /// Gives a message the numbers of one sample, as many as the file holds.
+    /// Writes the numbers of one sample into a message, as many as the file has.
     put: fn(&mut M, &Context, &[T]),
 }
 
@@ -138,7 +138,7 @@ pub struct TextCodec<M> {
     put: fn(&mut M, String) -> Result<(), String>,
 }
 
-/// How a column's values are taken from a message and put back.
+/// How a column's values are read from a message and written back.
 pub enum Values<M> {
     /// 64-bit floating point numbers.
     F64(Codec<M, f64>),
@@ -148,8 +148,8 @@ pub enum Values<M> {
     Flag(Codec<M, u8>),
     /// One text per sample.
     Text(TextCodec<M>),
-    /// The message itself as it was encoded: what replay reads, and what the
-    /// other columns of its stream need not put back.
+    /// The encoded message itself: replay reads it, and the
+    /// other columns of its stream need not restore it.
     Message,
 }
 
@@ -177,14 +177,14 @@ pub struct Column<M> {
     values: Values<M>,
 }
 
-/// What a column is, without the message type.
+/// Description of a column, without the message type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnInfo {
     /// Dataset name.
     pub name: &'static str,
     /// Unit; `1` for none.
     pub unit: &'static str,
-    /// Frame of the numbers; empty where there is none.
+    /// Frame of the numbers; empty without one.
     pub frame: &'static str,
     /// Trailing axes.
     pub axes: &'static [Axis],
@@ -227,7 +227,7 @@ pub enum Cell {
 pub struct RestoreError {
     /// The column.
     pub column: &'static str,
-    /// What is wrong with its value.
+    /// The reason.
     pub reason: String,
 }
 
@@ -242,7 +242,7 @@ pub trait Stream: Send + Sync {
     /// # Errors
     /// When it is not.
     fn check(&self, payload: &[u8]) -> Result<(), prost::DecodeError>;
-    /// Takes one sample apart. The flag is false when a list had another
+    /// Reads the columns of one sample. The flag is false when a list had another
     /// length than its column; it is then cut or filled with NaN or 0.
     ///
     /// # Errors
@@ -254,10 +254,10 @@ pub trait Stream: Send + Sync {
     ) -> Result<(Vec<Cell>, bool), prost::DecodeError>;
     /// Puts one sample together again, the inverse of [`Stream::extract`]: the
     /// encoded message of `header` and one cell per column, `None` for a column
-    /// that the file does not hold.
+    /// that the file does not have.
     ///
     /// # Errors
-    /// When a text is not what the column holds.
+    /// When a text is not valid for the column.
     fn restore(
         &self,
         header: v1::Header,
@@ -363,7 +363,7 @@ impl<M: Topic + 'static> Stream for Table<M> {
                         reason,
                     })?;
                 }
-                // The file lacks the column, or holds another kind there.
+                // The file lacks the column or has another type there.
                 _ => {}
             }
         }
@@ -371,10 +371,10 @@ impl<M: Topic + 'static> Stream for Table<M> {
     }
 }
 
-/// Header of any message of the package: it stands first in every one.
+/// Header of any message of the package: it is field 1 of every one.
 ///
 /// # Errors
-/// When the bytes are no message.
+/// When the bytes are not a message.
 pub fn header_of(payload: &[u8]) -> Result<v1::Header, prost::DecodeError> {
     #[derive(Clone, PartialEq, Message)]
     struct HeaderOnly {
@@ -394,7 +394,7 @@ pub fn check(stream: &str, payload: &[u8]) -> Result<(), prost::DecodeError> {
     if id == StreamId::EVENTS {
         return v1::Event::decode(payload).map(drop);
     }
-    match of(&id) {
+    match for_stream(&id) {
         Some(table) => table.check(payload),
         None => Ok(()),
     }

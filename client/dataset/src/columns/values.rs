@@ -79,7 +79,7 @@ pub(super) fn put_each<T: Default>(
     list.iter_mut().zip(entries).for_each(|(e, n)| put(e, n));
 }
 
-/// Name of what an arm command asks; empty without one.
+/// Name of the target of an arm command; empty without one.
 pub(super) fn arm_kind(arm: Option<&v1::ArmCommand>) -> String {
     use v1::arm_command::Target;
     match arm.and_then(|a| a.target.as_ref()) {
@@ -179,12 +179,12 @@ pub(super) fn phase(value: i32) -> String {
     .to_owned()
 }
 
-/// Device of a command in words; empty when it is not told.
+/// Device of a command in words; empty when it is not set.
 pub(super) fn device(command: Option<&v1::Command>) -> String {
     command.map_or_else(String::new, |c| c.device().word())
 }
 
-/// Input mode of a command in words; empty when it is not told.
+/// Input mode of a command in words; empty when it is not set.
 pub(super) fn mode(command: Option<&v1::Command>) -> String {
     command.map_or_else(String::new, |c| c.mode().word())
 }

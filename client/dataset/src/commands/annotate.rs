@@ -1,4 +1,4 @@
-//! Labels in words and boxes: copies of recordings with the group `/labels`.
+//! Labels as text and boxes: copies of recordings with the group `/labels`.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
         let state = State::read(&episode)?;
         let labels = annotate::annotate(&episode, &state, &phases)?;
         let boxes = annotate::boxes(&episode, &state)?;
-        let told = (summary.label, start, labels.clone());
+        let entry = (summary.label, start, labels.clone());
         let pending = match PendingFile::new(&beside(file, Some(out), "labels.h5")) {
             Ok(pending) => pending,
             Err(problem) => {
@@ -38,9 +38,9 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
                     problem.downcast_ref(),
                     Some(AlreadyThere::Before(_) | AlreadyThere::Again(_))
                 );
-                // The tables tell of it all the same.
+                // The tables contain it anyway.
                 return if there {
-                    Ok((told, Err(problem)))
+                    Ok((entry, Err(problem)))
                 } else {
                     Err(problem)
                 };
@@ -58,16 +58,16 @@ pub fn annotate(input: &Input, out: &Path) -> anyhow::Result<u8> {
             labels.grasps.len(),
             boxes.len()
         );
-        Ok((told, Ok(())))
+        Ok((entry, Ok(())))
     });
     let mut table: Vec<(String, u64, Annotations)> = Vec::new();
     let mut written = batch::Results::new();
     for (file, result) in results {
-        let (told, result) = match result {
-            Ok((told, result)) => (Some(told), result),
+        let (entry, result) = match result {
+            Ok((entry, result)) => (Some(entry), result),
             Err(problem) => (None, Err(problem)),
         };
-        table.extend(told);
+        table.extend(entry);
         written.push((file, result));
     }
     let several = written.len() + input.files.left_out.len() > 1;

@@ -1,4 +1,4 @@
-//! Arguments that several subcommands take, and what a run ends with.
+//! Arguments shared by subcommands, and exit codes.
 
 use std::path::PathBuf;
 
@@ -9,18 +9,18 @@ use wheelarm_dataset::align::Interpolation;
 pub const FINE: u8 = 0;
 /// A file could not be read or written.
 pub const FAILED: u8 = 1;
-/// A process of it crashed; who supervises finds out why.
+/// A worker process crashed; the supervisor finds the cause.
 pub const BROKEN: u8 = 134;
 /// Readable, but partial or with problems.
 pub const PARTIAL: u8 = 3;
 
-/// Recordings and how many are worked on at once.
+/// Recordings and how many are processed at once.
 #[derive(Args)]
 pub struct Files {
     /// Episode files, or folders with some.
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Files at once; as many as there are processors without it.
+    /// Files at once; the number of CPUs without it.
     #[arg(long, value_name = "N", value_parser = jobs)]
     pub jobs: Option<usize>,
     /// Damaged ones among them.
@@ -53,13 +53,13 @@ pub struct Input {
 pub enum FormatName {
     /// The HDF5 of WheelArm-Sim's recorder: 60 datasets per sample.
     WheelarmSim,
-    /// WheelArm-Sim's final table of 117 columns, and folders of PNG pictures.
+    /// WheelArm-Sim's final table of 117 columns, and folders of PNG images.
     Csv,
     /// LeRobot data set, version 3.0.
     Lerobot,
     /// robomimic HDF5 with MimicGen's additions.
     Robomimic,
-    /// safetensors, a file per episode: what trainers read fastest.
+    /// safetensors, a file per episode: fastest to read for training.
     Tensors,
     /// MCAP for Foxglove.
     Mcap,
@@ -67,10 +67,12 @@ pub enum FormatName {
     Rosbag2,
 }
 
-/// Parses how many at once.
+/// Parses a number of files at once.
 fn jobs(text: &str) -> Result<usize, String> {
     let count = text.parse().ok().filter(|count| *count > 0);
-    count.ok_or_else(|| format!("{text:?} is no number of files at once; write it as 4, 1 or more"))
+    count.ok_or_else(|| {
+        format!("invalid number of files at once {text:?}: write it as 4, 1 or more")
+    })
 }
 
 /// Parses `STREAM=SECONDS`.
@@ -78,11 +80,11 @@ fn limit(text: &str) -> Result<(String, f64), String> {
     text.split_once('=')
         .and_then(|(stream, seconds)| Some((stream.to_owned(), seconds.parse().ok()?)))
         .filter(|(stream, seconds)| !stream.is_empty() && (0.0..1e6).contains(seconds))
-        .ok_or_else(|| format!("{text:?} is no limit; write it as imu=0.02"))
+        .ok_or_else(|| format!("invalid limit {text:?}: write it as imu=0.02"))
 }
 
 /// Parses seconds of idleness.
 pub fn idle(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|s| (0.0..1e6).contains(s));
-    seconds.ok_or_else(|| format!("{text:?} are no seconds; write it as 0.5, 0 or more"))
+    seconds.ok_or_else(|| format!("invalid seconds {text:?}: write them as 0.5, 0 or more"))
 }

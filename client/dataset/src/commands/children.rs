@@ -1,4 +1,4 @@
-//! What processes of this program tell each other that work on one command.
+//! Coordination of the processes that execute one command.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -32,9 +32,9 @@ pub fn end_with(parent: usize) -> anyhow::Result<()> {
         use rustix::process::{Signal, set_parent_process_death_signal};
         set_parent_process_death_signal(Some(Signal::KILL))?;
     }
-    // It may have gone before the kernel was asked.
+    // It may have ended before the kernel call.
     if usize::try_from(std::os::unix::process::parent_id()).ok() != Some(parent) {
-        bail!("the command that this process is a part of is gone: run it again");
+        bail!("the parent command of this process has ended: run it again");
     }
     Ok(())
 }
@@ -45,7 +45,7 @@ fn path_of(bytes: &[u8]) -> PathBuf {
     OsStr::from_bytes(bytes).into()
 }
 
-/// This program, also where another one has taken the place of its file.
+/// This program, even if its file was replaced.
 ///
 /// # Errors
 /// When it cannot be found.

@@ -1,4 +1,4 @@
-//! Which files are meant and where results go.
+//! Selects input files and output paths.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use super::arguments::{Files, Input};
 const LABELLED: &str = ".labels.h5";
 
 /// Recordings named directly or found in folders, in the order of their names;
-/// aligned files are no recordings, and a labelled copy counts only where its
+/// aligned files are not recordings, and a labelled copy counts only where its
 /// recording is not beside it.
 pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
     let mut out = Vec::new();
@@ -44,22 +44,22 @@ pub fn recordings(files: &Files) -> anyhow::Result<Vec<PathBuf>> {
     Ok(out)
 }
 
-/// Refuses a place for a picture that is named as something else: a picture replaces what
-/// is there, and a recording would be lost by a slip.
-pub fn is_picture(out: &Path) -> anyhow::Result<()> {
+/// Rejects an image path without a `.png` extension: an image replaces the existing
+/// file, and a typo would destroy a recording.
+pub fn check_image_path(out: &Path) -> anyhow::Result<()> {
     let is_png = out
         .extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
     if !is_png {
         bail!(
-            "{}: a picture is written as PNG: name it *.png",
+            "{}: an image is written as PNG: name it *.png",
             out.display()
         );
     }
     Ok(())
 }
 
-/// Leaves out labelled copies of what is there itself.
+/// Leaves out labelled copies whose recording is present.
 fn leave_copies_out(files: &mut Vec<PathBuf>) {
     let all: BTreeSet<PathBuf> = files.iter().cloned().collect();
     files.retain(|file| {
@@ -69,18 +69,18 @@ fn leave_copies_out(files: &mut Vec<PathBuf>) {
     });
 }
 
-/// Why a folder gives nothing to work on, with the cure.
+/// Why a folder has no input files, with the fix.
 fn without_episodes(folder: &Path) -> String {
     let episodes = folder.join("episodes");
     if episodes.is_dir() {
         return format!(
-            "{} is the folder of a campaign; its episodes lie in {}: name that folder",
+            "{} is the folder of a campaign; its episodes are in {}: name that folder",
             folder.display(),
             episodes.display()
         );
     }
     format!(
-        "{} holds no episode file (*.h5); name recordings, or a folder with some",
+        "{} contains no episode file (*.h5): name recordings, or a folder with some",
         folder.display()
     )
 }
@@ -90,7 +90,7 @@ pub fn jobs(files: &Files) -> usize {
     files.jobs.unwrap_or_else(batch::threads)
 }
 
-/// How the recordings `files` are read.
+/// Options for reading the recordings `files`.
 pub fn options(input: &Input, files: &[PathBuf]) -> anyhow::Result<ReadOptions> {
     let corrections = match &input.corrections {
         Some(path) => Corrections::read(path)?,
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_labelled_copy_beside_its_recording_is_no_second_episode() {
+    fn a_labelled_copy_beside_its_recording_is_not_a_second_episode() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.h5", "a.labels.h5", "a.aligned.h5", "b.labels.h5"] {
             std::fs::write(folder.path().join(name), "").unwrap();
@@ -170,11 +170,11 @@ mod tests {
     #[test]
     fn the_folder_of_a_campaign_names_that_of_its_episodes() {
         let folder = tempfile::tempdir().unwrap();
-        let told = || found(folder.path()).unwrap_err().to_string();
-        assert!(told().contains("holds no episode file"), "{}", told());
+        let error = || found(folder.path()).unwrap_err().to_string();
+        assert!(error().contains("contains no episode file"), "{}", error());
         let episodes = folder.path().join("episodes");
         std::fs::create_dir(&episodes).unwrap();
         let cure = format!("lie in {}: name that folder", episodes.display());
-        assert!(told().ends_with(&cure), "{}", told());
+        assert!(error().ends_with(&cure), "{}", error());
     }
 }

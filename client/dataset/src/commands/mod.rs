@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use clap::{Parser, Subcommand};
 use wheelarm_dataset::convert::Size;
 use wheelarm_dataset::convert::learning::RowOptions;
-use wheelarm_dataset::convert::lerobot::{LeRobotOptions, PictureFormat};
+use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobotOptions};
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{info, sheet};
@@ -32,7 +32,7 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Prints what an episode file holds.
+    /// Prints the content of an episode file.
     Info {
         /// The episode file.
         file: PathBuf,
@@ -49,7 +49,7 @@ enum Command {
     Sheet {
         /// The episode file.
         file: PathBuf,
-        /// The picture; FILE with the ending .png without it.
+        /// The image; FILE with the ending .png without it.
         #[arg(long, value_name = "PNG")]
         out: Option<PathBuf>,
     },
@@ -60,9 +60,9 @@ enum Command {
         /// Folder for the files LABEL.aligned.h5; beside each recording without it.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Leaves the pictures in the recording.
-        #[arg(long)]
-        no_pictures: bool,
+        /// Leaves the images in the recording.
+        #[arg(long = "no-pictures")]
+        no_images: bool,
     },
     /// Labels the phases 0 to 3 from motion and compares with the operator's.
     Label {
@@ -72,7 +72,7 @@ enum Command {
         #[arg(long, value_name = "CSV")]
         out: Option<PathBuf>,
     },
-    /// Labels in words and boxes: a copy of each recording with the group /labels,
+    /// Labels as text and boxes: a copy of each recording with the group /labels,
     /// and tables of phases and questions.
     Annotate {
         #[command(flatten)]
@@ -81,7 +81,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
-    /// Writes what other programs read.
+    /// Exports recordings for other programs.
     Export {
         #[command(flatten)]
         input: Input,
@@ -91,12 +91,12 @@ enum Command {
         /// Folder; for lerobot the data set's folder, for robomimic its file.
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
-        /// Size of pictures in lerobot, robomimic and tensors, for example 320x180;
+        /// Size of images in lerobot, robomimic and tensors, for example 320x180;
         /// as recorded without it.
         #[arg(long, value_name = "WxH")]
         size: Option<Size>,
         /// What an action is, in lerobot, robomimic, tensors and csv: next-pose and
-        /// next-joints are in force at the next picture, applied at this one.
+        /// next-joints are the joints at the next image, applied those at this one.
         #[arg(long, value_name = "KIND", default_value = ActionKind::default().name(),
             value_parser = str::parse::<ActionKind>)]
         action: ActionKind,
@@ -104,17 +104,17 @@ enum Command {
         /// seconds; in lerobot, robomimic, tensors and csv.
         #[arg(long, value_name = "SECONDS", value_parser = idle)]
         trim_idle: Option<f64>,
-        /// How lerobot keeps pictures: as video by ffmpeg (WHEELARM_FFMPEG, else on
+        /// How lerobot keeps images: as video by ffmpeg (WHEELARM_FFMPEG, else on
         /// PATH), or as PNG.
-        #[arg(long, value_enum, default_value_t, value_name = "HOW")]
-        pictures: PictureFormat,
+        #[arg(long = "pictures", value_enum, default_value_t, value_name = "HOW")]
+        image_format: ImageFormat,
         /// Adds to lerobot what the depth sensors gave; exact depth is never in it.
         /// LeRobot reads depth videos from 0.6 on. Adds to tensors the same, and exact
-        /// depth where there was no sensor.
+        /// depth without a sensor.
         #[arg(long)]
         depth: bool,
         /// Adds the columns language_persistent and language_events to lerobot, which
-        /// LeRobot reads from 0.6 on and older ones refuse.
+        /// LeRobot reads from 0.6 on and older versions reject.
         #[arg(long)]
         language: bool,
     },
@@ -123,7 +123,7 @@ enum Command {
         #[command(flatten)]
         input: Files,
     },
-    /// Prints what a collection holds, per task.
+    /// Prints the content of a collection, per task.
     Stats {
         #[command(flatten)]
         input: Files,
@@ -138,11 +138,11 @@ enum Command {
     Plot {
         #[command(flatten)]
         input: Input,
-        /// Folder for the pictures; beside each recording without it.
+        /// Folder for the images; beside each recording without it.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Makes an HTML page of each episode: playable pictures, depth, plots.
+    /// Makes an HTML page of each episode: playable images, depth, plots.
     View {
         #[command(flatten)]
         input: Input,
@@ -150,7 +150,7 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Makes a moving picture, MP4 or GIF, by ffmpeg: cameras side by side with
+    /// Makes a video, MP4 or GIF, by ffmpeg: cameras side by side with
     /// instruction, phase and time.
     Video(video::Video),
 }
@@ -158,17 +158,17 @@ enum Command {
 /// Has a command done and returns the exit code.
 ///
 /// # Errors
-/// What stops the whole command; a single file's problem does not.
+/// Errors that stop the whole command; a single file's problem does not.
 pub fn main(mut cli: Cli) -> anyhow::Result<u8> {
     // It reads no HDF5, and may write for long.
     let reads = !matches!(cli.command, Command::Recover { .. });
     if reads && !parts::is_one() {
-        let Some(asked) = supervise::told()? else {
+        let Some(order) = supervise::work_order()? else {
             return supervise::supervised(|| cli.recordings());
         };
         if let Some(files) = cli.files() {
-            files.left_out = asked.left_out;
-            files.jobs = if asked.alone { Some(1) } else { files.jobs };
+            files.left_out = order.left_out;
+            files.jobs = if order.alone { Some(1) } else { files.jobs };
         }
     }
     if parts::is_one() {
@@ -203,7 +203,7 @@ impl Cli {
         }
         Ok(match &self.command {
             Command::Info { file } | Command::Sheet { file, .. } => vec![file.clone()],
-            Command::Video(asked) => vec![asked.file.clone()],
+            Command::Video(options) => vec![options.file.clone()],
             _ => Vec::new(),
         })
     }
@@ -219,7 +219,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Recover { log, out } => recover(&log, out.as_deref()),
         Command::Sheet { file, out } => {
             let out = out.unwrap_or_else(|| file.with_extension("png"));
-            files::is_picture(&out)?;
+            files::check_image_path(&out)?;
             sheet::sheet(&Episode::open(&file)?, &out)?;
             println!("{}", out.display());
             Ok(FINE)
@@ -227,8 +227,8 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         Command::Align {
             input,
             out,
-            no_pictures,
-        } => process::align(&input, out.as_deref(), !no_pictures),
+            no_images,
+        } => process::align(&input, out.as_deref(), !no_images),
         Command::Label { input, out } => process::label(&input, out.as_deref()),
         Command::Annotate { input, out } => annotate::annotate(&input, &out),
         Command::Export {
@@ -238,7 +238,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
             size,
             action,
             trim_idle,
-            pictures,
+            image_format,
             depth,
             language,
         } => {
@@ -246,7 +246,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
                 size,
                 rows: RowOptions { action, trim_idle },
                 language,
-                pictures,
+                image_format,
                 depth,
             };
             process::export(&input, format, &out, set)
@@ -257,7 +257,7 @@ fn run(cli: Cli) -> anyhow::Result<u8> {
         }
         Command::Plot { input, out } => process::plot(&input, out.as_deref()),
         Command::View { input, out } => process::view(&input, out.as_deref()),
-        Command::Video(asked) => video::video(asked),
+        Command::Video(options) => video::video(options),
     }
 }
 

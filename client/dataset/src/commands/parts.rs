@@ -12,12 +12,12 @@ use wheelarm_dataset::convert::batch::{self, Numbers};
 use super::arguments::{BROKEN, FAILED, FINE};
 use super::children::{end_with, list, paths, this_program};
 
-/// Tells a process of an export its part, as `INDEX/COUNT/PARENT`, with the process that
-/// asks for it; the files of all of them come by its standard input.
+/// Part of an export's worker process, `INDEX/COUNT/PARENT`, with the process ID of its
+/// parent; the paths of all files arrive on standard input.
 const VARIABLE: &str = "WHEELARM_EXPORT_PART";
 /// Threads of a process.
 const THREADS: usize = 2;
-/// Files of a process at the least: to start one takes as long as a short file.
+/// Least number of files of a process: starting one takes as long as a short file.
 const FILES: usize = 4;
 
 /// Processes that `files` files are worth with `jobs` of them at once; 1: this one alone.
@@ -30,20 +30,20 @@ pub fn is_one() -> bool {
     std::env::var_os(VARIABLE).is_some()
 }
 
-/// Which of all files this process exports, where it is one of several.
+/// The files that this process exports, where it is one of several.
 ///
 /// # Errors
-/// When what it was told is no part.
+/// When the variable does not name a part.
 pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
-    let Some(told) = std::env::var_os(VARIABLE) else {
+    let Some(value) = std::env::var_os(VARIABLE) else {
         return Ok(None);
     };
-    let told = told.to_string_lossy();
-    let numbers: Vec<Option<usize>> = told.split('/').map(|n| n.parse().ok()).collect();
+    let value = value.to_string_lossy();
+    let numbers: Vec<Option<usize>> = value.split('/').map(|n| n.parse().ok()).collect();
     let (index, count, parent) = match numbers[..] {
         [Some(index), Some(count), Some(parent)] if index < count => (index, count, parent),
         _ => {
-            bail!("{VARIABLE} is {told:?}; it is set by an export for its own processes: unset it")
+            bail!("{VARIABLE} is {value:?}; it is set by an export for its own processes: unset it")
         }
     };
     end_with(parent)?;
@@ -57,7 +57,7 @@ pub fn own() -> anyhow::Result<Option<(Vec<PathBuf>, Numbers)>> {
     Ok(Some((own.collect(), numbers)))
 }
 
-/// Exports `files` by `count` processes like this one, and prints what they say.
+/// Exports `files` by `count` processes like this one, and prints their output.
 ///
 /// # Errors
 /// When one cannot be started.
@@ -73,10 +73,10 @@ pub fn export(files: &[PathBuf], count: usize) -> anyhow::Result<u8> {
         let followed = children.iter_mut().map(|child| {
             let (list, bar) = (&list, &bar);
             scope.spawn(move || {
-                // One that ended at once says why by its exit.
+                // A process that ended at once gives the reason by its exit code.
                 let _ = child.0.stdin.take().map(|mut to| to.write_all(list));
-                let said = child.0.stdout.take().context("its output is not here")?;
-                blocks(BufReader::new(said), |block| {
+                let output = child.0.stdout.take().context("its output is not here")?;
+                blocks(BufReader::new(output), |block| {
                     bar.inc(1);
                     bar.suspend(|| print!("{block}"));
                 })?;
@@ -115,7 +115,7 @@ struct Part(Child);
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // What has ended cannot be ended.
+        // The process may have ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -133,11 +133,11 @@ fn start(index: usize, count: usize) -> anyhow::Result<Child> {
 }
 
 /// Calls `done` with each line and the indented ones below it.
-fn blocks(mut said: impl BufRead, mut done: impl FnMut(&str)) -> std::io::Result<()> {
+fn blocks(mut output: impl BufRead, mut done: impl FnMut(&str)) -> std::io::Result<()> {
     let (mut block, mut line) = (String::new(), String::new());
     loop {
         line.clear();
-        let is_end = said.read_line(&mut line)? == 0;
+        let is_end = output.read_line(&mut line)? == 0;
         if !block.is_empty() && (is_end || !line.starts_with(' ')) {
             done(&block);
             block.clear();
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_files_and_few_processors_are_worth_no_processes() {
+    fn few_files_or_cores_start_no_processes() {
         assert_eq!(worth(1000, 32), 16);
         assert_eq!(worth(9, 32), 2);
         assert_eq!(worth(1000, 2), 1);
@@ -164,9 +164,9 @@ mod tests {
 
     #[test]
     fn notes_stay_below_their_file() {
-        let mut told = Vec::new();
-        let said = "a -> b\n  one\n  two\nc -> d\ne";
-        blocks(said.as_bytes(), |block| told.push(block.to_owned())).unwrap();
-        assert_eq!(told, ["a -> b\n  one\n  two\n", "c -> d\n", "e"]);
+        let mut found = Vec::new();
+        let output = "a -> b\n  one\n  two\nc -> d\ne";
+        blocks(output.as_bytes(), |block| found.push(block.to_owned())).unwrap();
+        assert_eq!(found, ["a -> b\n  one\n  two\n", "c -> d\n", "e"]);
     }
 }

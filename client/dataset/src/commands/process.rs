@@ -1,4 +1,4 @@
-//! The commands that take many recordings.
+//! Commands on many recordings.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use wheelarm_dataset::align::{self, accuracy};
 use wheelarm_dataset::convert::batch::{self, Numbers, each, failures, threads};
 use wheelarm_dataset::convert::csv_table::CsvTable;
 use wheelarm_dataset::convert::learning::RowOptions;
-use wheelarm_dataset::convert::lerobot::{LeRobot, LeRobotOptions, PictureFormat};
+use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobot, LeRobotOptions};
 use wheelarm_dataset::convert::mcap_log::McapLog;
 use wheelarm_dataset::convert::robomimic::Robomimic;
 use wheelarm_dataset::convert::rosbag2::Rosbag2;
@@ -19,7 +19,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
 
 use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
-use super::files::{beside, is_picture, jobs, options, recordings};
+use super::files::{beside, check_image_path, jobs, options, recordings};
 use super::parts;
 
 /// Boundaries agree when they are this near, seconds.
@@ -37,15 +37,15 @@ fn code_of<T>(results: &batch::Results<T>, several: bool) -> u8 {
     }
 }
 
-pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Result<u8> {
+pub fn align(input: &Input, out: Option<&Path>, images: bool) -> anyhow::Result<u8> {
     let files = recordings(&input.files)?;
     let options = options(input, &files)?;
-    let bar = batch::bar("pictures");
+    let bar = batch::bar("images");
     let results = each(&files, jobs(&input.files), |_, file| {
         let recording = Recording::open(file, &options, &|_| true)?;
         let pending = PendingFile::new(&beside(file, out, "aligned.h5"))?;
         let rows = recording.aligned.stamps.len();
-        if pictures {
+        if images {
             bar.inc_length((rows * recording.cameras.len()) as u64);
         }
         let tick = || bar.inc(1);
@@ -54,7 +54,7 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
             &recording.episode,
             &recording.aligned,
             &recording.labels,
-            pictures,
+            images,
             &tick,
         )?;
         let path = pending.commit()?;
@@ -79,7 +79,7 @@ pub fn align(input: &Input, out: Option<&Path>, pictures: bool) -> anyhow::Resul
     Ok(code(&results))
 }
 
-/// Why rows of a stream have no value, with the cure.
+/// Why rows of a stream have no value, with the fix.
 fn without_value(lost: usize, coverage: &align::Coverage) -> String {
     match coverage.samples {
         1 => format!(
@@ -112,7 +112,7 @@ fn between_samples(aligned: &align::Aligned) -> String {
     });
     let streams: Vec<String> = streams.collect();
     if streams.is_empty() {
-        format!("all {rows} rows fall on samples: nothing is interpolated")
+        format!("all {rows} rows coincide with samples: no value is interpolated")
     } else {
         format!(
             "rows between samples, of {rows}: {} (0 of the others)",
@@ -150,7 +150,7 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
             }
         }
     }
-    // Of nothing there is no table, and no file that would stop the next run.
+    // Without a row, write neither a table nor a file that would stop the next run.
     if table.is_empty() {
         return Ok(code(&results));
     }
@@ -172,7 +172,7 @@ pub fn label(input: &Input, out: Option<&Path>) -> anyhow::Result<u8> {
     Ok(code(&results))
 }
 
-/// How many episodes agree, and how far their boundaries are apart.
+/// Number of matching episodes, and the distances of their boundaries.
 fn agreed(all: &[Agreement]) -> String {
     let differences = all.iter().filter_map(|a| a.differences.as_ref()).flatten();
     let worst = differences.fold(0.0_f64, |w, d| w.max(d.abs()));
@@ -212,7 +212,7 @@ pub fn export(
     };
     let (options, jobs) = (options(input, &files)?, jobs(&input.files));
     let processes = parts::worth(files.len(), jobs);
-    // Files at once times threads of one file: as many as there are processors.
+    // Files at once times threads of one file: the number of CPUs.
     let jobs = (jobs / numbers.step).max(1);
     let inner = (threads() / numbers.step / jobs.min(files.len().max(1))).max(1);
     let folder = out.to_owned();
@@ -240,11 +240,11 @@ pub fn export(
     }
     if set.depth && !is_lerobot && name != FormatName::Tensors {
         anyhow::bail!(
-            "--depth is for lerobot and tensors; mcap and rosbag2 hold what the depth sensors gave as it is"
+            "--depth is for lerobot and tensors; mcap and rosbag2 contain the depth sensors' images unchanged"
         );
     }
-    if set.pictures != PictureFormat::default() && !is_lerobot {
-        anyhow::bail!("--pictures is for lerobot; the other formats have one way to keep pictures");
+    if set.image_format != ImageFormat::default() && !is_lerobot {
+        anyhow::bail!("--pictures is for lerobot; the other formats have one way to store images");
     }
     let format: Box<dyn Format> = match name {
         FormatName::WheelarmSim => Box::new(WheelarmSim {
@@ -283,23 +283,23 @@ pub fn export(
     Ok(code_of(&results, several))
 }
 
-/// Files without those whose label another one has, which are told: processes that work
+/// Files without those whose label another one has, which are reported: processes that work
 /// side by side would not know of each other's.
 fn once_each(files: Vec<PathBuf>) -> (Vec<PathBuf>, bool) {
-    let mut seen: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let mut labels: BTreeMap<String, PathBuf> = BTreeMap::new();
     let (mut once, mut twice) = (Vec::new(), false);
     for file in files {
-        // What cannot be read is told by who exports it.
+        // The export reports files that cannot be read.
         let label = Episode::open(&file).and_then(|episode| episode.label());
         match label
             .ok()
-            .and_then(|label| seen.insert(label, file.clone()))
+            .and_then(|label| labels.insert(label, file.clone()))
         {
             None => once.push(file),
             Some(other) => {
                 twice = true;
                 eprintln!(
-                    "{} and {} are recordings of the same label: say another --out for one of them",
+                    "{} and {} are recordings of the same label: give another --out for one of them",
                     other.display(),
                     file.display()
                 );
@@ -349,7 +349,7 @@ pub fn validate(input: &Files) -> anyhow::Result<u8> {
 }
 
 pub fn stats(input: &Files, plot: Option<&Path>, csv: Option<&Path>) -> anyhow::Result<u8> {
-    plot.map_or(Ok(()), is_picture)?;
+    plot.map_or(Ok(()), check_image_path)?;
     let files = recordings(input)?;
     let results = each(&files, jobs(input), |_, file| composition::figures(file));
     let figures: Vec<_> = results
@@ -411,7 +411,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stream_that_is_too_short_is_told_as_that_and_not_as_a_limit_of_zero() {
+    fn a_stream_that_is_too_short_is_reported_as_that_and_not_as_a_limit_of_zero() {
         let of = |samples, limit| {
             let coverage = align::Coverage {
                 span: (0, 0),

@@ -22,41 +22,41 @@ use wheelarm_dataset::read;
 use super::arguments::{BROKEN, FAILED, FINE, PARTIAL};
 use super::children::{self, end_with, list, paths};
 
-/// Tells a process that it is to do the work, as `PARENT/BEGAN/COUNT/ALONE/JOURNAL`: the
-/// process that asks for it; when the command began, microseconds of Unix time; how many
-/// files it leaves out, which come by its standard input; 1 where it reads one file at a
-/// time; and where it tells which ones it reads.
+/// Work order of a worker process, `PARENT/BEGAN/COUNT/ALONE/JOURNAL`: the supervisor's
+/// process ID; start of the command, microseconds of Unix time; number of files to leave
+/// out, whose paths arrive on standard input; 1 to read one file at a time; and the path of
+/// the journal of files that are being read.
 const VARIABLE: &str = "WHEELARM_DATASET_WORK";
 /// A call of HDF5 that lasts longer has no end, seconds: the longest write a few MB. Where a
 /// drive can be silent for longer, this variable gives it more.
 const PATIENCE_VARIABLE: &str = "WHEELARM_DATASET_PATIENCE";
 const PATIENCE: u32 = 60;
-/// Ends a process that waits for HDF5 without end; nobody else sends it.
+/// Ends a process that waits for HDF5 without end; no other process sends it.
 const STUCK: Signal = Signal::ALARM;
 
-/// What a process is asked for that does the work.
-pub struct Asked {
+/// Work order of a worker process.
+pub struct WorkOrder {
     /// Files that it leaves out.
     pub left_out: Vec<PathBuf>,
     /// It reads one file at a time.
     pub alone: bool,
 }
 
-/// What this process is asked for, and `None` where it is the one that supervises.
+/// The work order of this process; `None` for the supervisor.
 ///
 /// # Errors
-/// When what it was told cannot be read.
-pub fn told() -> anyhow::Result<Option<Asked>> {
-    let Some(told) = std::env::var_os(VARIABLE) else {
+/// When the variable is malformed.
+pub fn work_order() -> anyhow::Result<Option<WorkOrder>> {
+    let Some(value) = std::env::var_os(VARIABLE) else {
         return Ok(None);
     };
-    let told = told.to_string_lossy();
-    let parts: Vec<&str> = told.splitn(5, '/').collect();
+    let value = value.to_string_lossy();
+    let parts: Vec<&str> = value.splitn(5, '/').collect();
     let [Ok(parent), Ok(began), Ok(count), Ok(alone)] = [0, 1, 2, 3].map(|i| {
         let number = parts.get(i).copied().unwrap_or_default().parse::<u64>();
         number.map_err(drop)
     }) else {
-        bail!("{VARIABLE} is {told:?}; it is set by this program for its own processes: unset it")
+        bail!("{VARIABLE} is {value:?}; it is set by this program for its own processes: unset it")
     };
     end_with(usize::try_from(parent)?)?;
     begin(UNIX_EPOCH + Duration::from_micros(began));
@@ -65,16 +65,16 @@ pub fn told() -> anyhow::Result<Option<Asked>> {
     if count > 0 {
         std::io::stdin().lock().read_to_end(&mut bytes)?;
     }
-    Ok(Some(Asked {
+    Ok(Some(WorkOrder {
         left_out: paths(&bytes).collect(),
         alone: alone == 1,
     }))
 }
 
-/// Tells which files are read, in this process as in those that it starts.
+/// Journals which files are read, in this process as in those that it starts.
 pub fn keep_the_journal_of_parts() {
-    if let Some(told) = std::env::var_os(VARIABLE) {
-        keep_the_journal(&told.to_string_lossy().splitn(5, '/').collect::<Vec<_>>());
+    if let Some(value) = std::env::var_os(VARIABLE) {
+        keep_the_journal(&value.to_string_lossy().splitn(5, '/').collect::<Vec<_>>());
     }
 }
 
@@ -88,21 +88,21 @@ fn keep_the_journal(parts: &[&str]) {
 
 /// Seconds that a call of HDF5 may last.
 fn patience() -> anyhow::Result<u32> {
-    let Some(told) = std::env::var_os(PATIENCE_VARIABLE) else {
+    let Some(value) = std::env::var_os(PATIENCE_VARIABLE) else {
         return Ok(PATIENCE);
     };
-    let told = told.to_string_lossy();
-    let seconds = told.parse().ok().filter(|seconds| *seconds > 0);
+    let value = value.to_string_lossy();
+    let seconds = value.parse().ok().filter(|seconds| *seconds > 0);
     seconds.with_context(|| {
-        format!("{PATIENCE_VARIABLE} is {told:?}: give it whole seconds, 1 or more, or unset it")
+        format!("{PATIENCE_VARIABLE} is {value:?}: give it whole seconds, 1 or more, or unset it")
     })
 }
 
 /// Ends this process when HDF5 is in one call for longer than any takes, so that the one
-/// that supervises hears of it. Counts seconds in which this process ran.
+/// that supervises notices. Counts seconds in which this process ran.
 ///
 /// # Errors
-/// When the time that it may take is none.
+/// When the limit is invalid.
 pub fn end_when_stuck() -> anyhow::Result<()> {
     let patience = patience()?;
     static CALLS: AtomicU64 = AtomicU64::new(0);
@@ -114,14 +114,14 @@ pub fn end_when_stuck() -> anyhow::Result<()> {
         }
     });
     std::thread::spawn(move || {
-        let (mut seen, mut unchanged) = (0, 0);
+        let (mut last, mut unchanged) = (0, 0);
         while unchanged < patience {
             std::thread::sleep(Duration::from_secs(1));
             let now = CALLS.load(Ordering::Relaxed);
-            unchanged = if now == seen { unchanged + 1 } else { 0 };
-            seen = now;
+            unchanged = if now == last { unchanged + 1 } else { 0 };
+            last = now;
         }
-        // Nothing of the library can be waited for.
+        // A call of the library cannot be interrupted.
         let _ = kill_process(getpid(), STUCK);
     });
     Ok(())
@@ -133,7 +133,7 @@ pub fn end_when_stuck() -> anyhow::Result<()> {
 /// # Errors
 /// When the work breaks, and no file by itself is the cause.
 pub fn supervised(mut files: impl FnMut() -> anyhow::Result<Vec<PathBuf>>) -> anyhow::Result<u8> {
-    let mut asks = Asks {
+    let mut asks = Work {
         began: SystemTime::now(),
         damaged: BTreeSet::new(),
         journal: Journal::new(),
@@ -165,7 +165,7 @@ pub fn supervised(mut files: impl FnMut() -> anyhow::Result<Vec<PathBuf>>) -> an
                 }
                 anyhow::ensure!(
                     !found.is_empty(),
-                    "the work {how}, which no file brings out alone: run it again, and please report it"
+                    "the work {how}, which no single file reproduces: run it again, and please report it"
                 );
                 found
             }
@@ -188,34 +188,35 @@ pub fn supervised(mut files: impl FnMut() -> anyhow::Result<Vec<PathBuf>>) -> an
     }
 }
 
-/// What is asked of the process that does the work.
-struct Asks {
+/// Parameters of the worker process.
+struct Work {
     began: SystemTime,
     damaged: BTreeSet<PathBuf>,
     journal: Journal,
     alone: bool,
 }
 
-impl Asks {
+impl Work {
     /// Runs this program until it ends.
     fn work(&self) -> anyhow::Result<ExitStatus> {
         self.journal.empty();
         let began = self.began.duration_since(UNIX_EPOCH).unwrap_or_default();
-        let mut command = asked(began, self.damaged.len(), self.alone, &self.journal.path)?;
+        let mut command =
+            worker_command(began, self.damaged.len(), self.alone, &self.journal.path)?;
         command.args(std::env::args_os().skip(1));
         if self.damaged.is_empty() {
             return command.status().context("starting this program");
         }
         let child = command.stdin(Stdio::piped()).spawn();
         let mut child = child.context("starting this program")?;
-        // One that ended at once says why by its exit.
+        // A process that ended at once gives the reason by its exit code.
         let all = list(self.damaged.iter());
         let _ = child.stdin.take().map(|mut to| to.write_all(&all));
         child.wait().context("waiting for the work")
     }
 }
 
-/// A file in which the work tells what it reads.
+/// A file in which the worker lists the files that it reads.
 struct Journal {
     path: PathBuf,
 }
@@ -264,10 +265,10 @@ impl Drop for Journal {
     }
 }
 
-/// Files that break who reads them, each read by a process of its own.
+/// Files that crash their reader, each read by its own process.
 fn probe(files: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
     let ended = batch::parallel(files.len(), batch::threads(), |index| {
-        let mut command = asked(Duration::ZERO, 0, true, Path::new(""))?;
+        let mut command = worker_command(Duration::ZERO, 0, true, Path::new(""))?;
         let (input, output, errors) = (Stdio::null(), Stdio::null(), Stdio::null());
         command
             .args(["validate", "--jobs", "1", "--"])
@@ -279,15 +280,20 @@ fn probe(files: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, String)>> {
     Ok(found.filter_map(|(file, how)| Some((file, how?))).collect())
 }
 
-fn asked(began: Duration, without: usize, alone: bool, journal: &Path) -> anyhow::Result<Command> {
+fn worker_command(
+    began: Duration,
+    without: usize,
+    alone: bool,
+    journal: &Path,
+) -> anyhow::Result<Command> {
     let mut command = children::this_program()?;
     let (own, began, alone) = (std::process::id(), began.as_micros(), u8::from(alone));
-    let told = format!("{own}/{began}/{without}/{alone}/{}", journal.display());
-    command.env(VARIABLE, told);
+    let value = format!("{own}/{began}/{without}/{alone}/{}", journal.display());
+    command.env(VARIABLE, value);
     Ok(command)
 }
 
-/// How a process broke; `None` when it ended by itself or by another's will.
+/// How a process crashed; `None` when it exited or was terminated.
 fn broke(status: ExitStatus) -> Option<String> {
     const CRASHES: [Signal; 5] = [
         Signal::SEGV,
@@ -300,7 +306,7 @@ fn broke(status: ExitStatus) -> Option<String> {
         None => (status.code() == Some(i32::from(BROKEN)))
             .then(|| "broke a process of the export".to_owned()),
         Some(signal) if signal == STUCK.as_raw() => Some(format!(
-            "came to no end within {} s ({PATIENCE_VARIABLE} gives a slow drive more)",
+            "did not end within {} s ({PATIENCE_VARIABLE} gives a slow drive more)",
             patience().unwrap_or(PATIENCE)
         )),
         Some(signal) => CRASHES
@@ -310,7 +316,7 @@ fn broke(status: ExitStatus) -> Option<String> {
     }
 }
 
-/// What this process ends with when the work ended like that.
+/// Exit code of this process for the worker's exit status.
 fn exit_code(status: ExitStatus) -> u8 {
     if status.signal() == Some(Signal::KILL.as_raw()) {
         eprintln!(

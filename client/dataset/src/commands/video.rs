@@ -1,4 +1,4 @@
-//! The command that makes a moving picture of an episode.
+//! The command that makes a video of an episode.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use wheelarm_dataset::video::{self as videos, VideoOptions};
 
 use super::arguments::FINE;
 
-/// What is shown, and how.
+/// Arguments of `wheelarm dataset video`.
 #[derive(Args)]
 pub struct Video {
     /// The episode file.
@@ -17,7 +17,7 @@ pub struct Video {
     /// The video, ending in .mp4 or .gif; FILE with the ending .mp4 without it.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// Camera or picture sensor; several stand side by side. Every camera of the
+    /// Camera or image sensor; several are shown side by side. Every camera of the
     /// recording without it.
     #[arg(long = "camera", value_name = "NAME")]
     cameras: Vec<String>,
@@ -28,7 +28,7 @@ pub struct Video {
     /// GIF 10.
     #[arg(long, value_name = "N")]
     fps: Option<f64>,
-    /// Width of the whole, pixels; without it that of the pictures side by side, at
+    /// Width of the whole, pixels; without it that of the images side by side, at
     /// most 1920, in a GIF 800.
     #[arg(long, value_name = "PIXELS")]
     width: Option<usize>,
@@ -38,7 +38,7 @@ pub struct Video {
     /// Last moment, seconds from the beginning of the episode.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
-    /// Pictures alone: no instruction, phase, time and names.
+    /// Images alone: no instruction, phase, time and names.
     #[arg(long)]
     plain: bool,
 }
@@ -46,22 +46,22 @@ pub struct Video {
 /// Parses a moment.
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|s| (0.0..1e6).contains(s));
-    seconds.ok_or_else(|| format!("{text:?} are no seconds; write them as 2.5, 0 or more"))
+    seconds.ok_or_else(|| format!("invalid seconds {text:?}: write them as 2.5, 0 or more"))
 }
 
-pub fn video(asked: Video) -> anyhow::Result<u8> {
-    let out = asked.out.as_deref();
-    let out = out.map_or_else(|| asked.file.with_extension("mp4"), Path::to_owned);
+pub fn video(arguments: Video) -> anyhow::Result<u8> {
+    let out = arguments.out.as_deref();
+    let out = out.map_or_else(|| arguments.file.with_extension("mp4"), Path::to_owned);
     let options = VideoOptions {
-        cameras: asked.cameras,
-        speed: Some(asked.speed),
-        frames_per_second: asked.fps,
-        width: asked.width,
-        from: asked.from,
-        to: asked.to,
-        is_plain: asked.plain,
+        cameras: arguments.cameras,
+        speed: Some(arguments.speed),
+        frames_per_second: arguments.fps,
+        width: arguments.width,
+        from: arguments.from,
+        to: arguments.to,
+        is_plain: arguments.plain,
     };
-    let episode = Episode::open(&asked.file)?;
+    let episode = Episode::open(&arguments.file)?;
     let bar = batch::bar("frames");
     let made = videos::video(
         &episode,

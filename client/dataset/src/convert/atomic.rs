@@ -14,10 +14,10 @@ use parking_lot::Mutex;
 
 use crate::publish;
 
-/// Counts what was made under another name.
+/// Counter of temporary names.
 static MADE: AtomicU64 = AtomicU64::new(0);
 
-/// What is to be written is there already.
+/// The output exists already.
 #[derive(Debug, thiserror::Error)]
 pub enum AlreadyThere {
     /// From before.
@@ -30,7 +30,7 @@ pub enum AlreadyThere {
     Again(PathBuf),
     /// For another input, or by another program.
     #[error(
-        "{} was written meanwhile by another recording of the same label, or by another export: say another --out for one of them", .0.display()
+        "{} was written meanwhile by another recording of the same label, or by another export: give another --out for one of them", .0.display()
     )]
     Meanwhile(PathBuf),
 }
@@ -38,21 +38,21 @@ pub enum AlreadyThere {
 /// When the command began, and when this process began to work on it.
 static BEGAN: OnceLock<[SystemTime; 2]> = OnceLock::new();
 
-/// Tells when the command began that this process works on from now.
+/// Sets the start time of the command that this process executes.
 pub fn begin(command: SystemTime) {
-    // The first to say so is right.
+    // The first value counts.
     let _ = BEGAN.set([command, SystemTime::now()]);
 }
 
-/// Who wrote what is there.
+/// Determines who wrote the existing output.
 fn written_by(target: &Path, there: &Metadata) -> AlreadyThere {
-    /// What this process was asked for already.
-    static ASKED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    /// Files that this process has written already.
+    static WRITTEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let target = target.to_owned();
-    let is_asked_twice = !ASKED.lock().insert(target.clone());
+    let is_repeated = !WRITTEN.lock().insert(target.clone());
     let written = there.modified().unwrap_or(SystemTime::UNIX_EPOCH);
     match BEGAN.get() {
-        _ if is_asked_twice => AlreadyThere::Meanwhile(target),
+        _ if is_repeated => AlreadyThere::Meanwhile(target),
         Some([_, work]) if written > *work => AlreadyThere::Meanwhile(target),
         Some([command, _]) if written > *command => AlreadyThere::Again(target),
         _ => AlreadyThere::Before(target),
@@ -71,8 +71,8 @@ fn beside(target: &Path) -> anyhow::Result<PathBuf> {
     Ok(hidden(target))
 }
 
-/// A name in the target's folder that nobody else takes, and by which it is found what
-/// processes that are no more left behind.
+/// A name in the target's folder that is unique, and that identifies leftovers of
+/// ended processes.
 fn hidden(target: &Path) -> PathBuf {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     let (process, count) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
@@ -80,13 +80,13 @@ fn hidden(target: &Path) -> PathBuf {
 }
 
 /// Changes a file that has its final name already: `edit` gets a copy of it, which
-/// takes its place, durably and in one step. Whoever is killed meanwhile leaves the file
-/// as it was. For recordings that is a copy of gigabytes.
+/// takes its place, durably and in one step. A process killed meanwhile leaves the file
+/// unchanged. For recordings that is a copy of gigabytes.
 ///
 /// # Errors
-/// Those of `edit`, and what the disk says: the file is as it was then.
+/// Those of `edit`, and those of the disk: then the file is unchanged.
 pub fn change(file: &Path, edit: impl FnOnce(&Path) -> anyhow::Result<()>) -> anyhow::Result<()> {
-    // Behind a link lies the file itself.
+    // A link leads to the file itself.
     let file = &file.canonicalize()?;
     let copy = hidden(file);
     let changed = || {
@@ -117,41 +117,41 @@ fn make_folder(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Tells where process numbers mean the same: on this machine, outside of other containers.
+/// Identifies the PID namespace: this machine, outside of other containers.
 static HOST: LazyLock<String> = LazyLock::new(|| {
     let own = std::fs::read_link("/proc/self/ns/pid").unwrap_or_default();
     let name = rustix::system::uname();
     let machine = std::fs::read_to_string("/etc/machine-id").unwrap_or_default();
-    let told = format!(
+    let identity = format!(
         "{machine} {} {}",
         name.nodename().to_string_lossy(),
         own.display()
     );
-    format!("{:08x}", crc32fast::hash(told.as_bytes()))
+    format!("{:08x}", crc32fast::hash(identity.as_bytes()))
 });
 
-/// Removes what processes of this machine began in a folder that are no more.
+/// Removes partial files of ended processes of this machine from a folder.
 fn remove_left_behind(folder: &Path) {
-    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    if !SEEN.lock().insert(folder.to_owned()) {
+    static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    if !CLEANED.lock().insert(folder.to_owned()) {
         return;
     }
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if process_of(&entry.file_name().to_string_lossy()).is_some_and(is_gone) {
-            // What cannot be removed does no harm.
+            // A remaining file does no harm.
             let _ = std::fs::remove_file(entry.path());
             let _ = std::fs::remove_dir_all(entry.path());
         }
     }
 }
 
-/// Process of this machine that began what has this name.
+/// Process of this machine that created the partial file of this name.
 fn process_of(name: &str) -> Option<i32> {
-    let (_, told) = name
+    let (_, suffix) = name
         .strip_prefix('.')?
         .strip_suffix(".part")?
         .rsplit_once('.')?;
-    let (process, _count) = told
+    let (process, _count) = suffix
         .strip_prefix(&*HOST)?
         .strip_prefix('-')?
         .split_once('-')?;
@@ -187,13 +187,13 @@ impl PendingFile {
         })
     }
 
-    /// Where to write.
+    /// Path to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.temporary
     }
 
-    /// Makes it durable and gives it its name.
+    /// Makes it durable and renames it to its final name.
     ///
     /// # Errors
     /// When the name was taken meanwhile.
@@ -212,7 +212,7 @@ impl Drop for PendingFile {
     }
 }
 
-/// What came of giving it its name.
+/// Handles the result of the rename.
 fn placed(named: std::io::Result<publish::Published>, target: &Path) -> anyhow::Result<()> {
     match named {
         Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
@@ -223,10 +223,10 @@ fn placed(named: std::io::Result<publish::Published>, target: &Path) -> anyhow::
     }
 }
 
-/// Writes a file, which may be there as it is to be.
+/// Writes a file, which may exist with the same content.
 ///
 /// # Errors
-/// When there is another one, or it cannot be written.
+/// When it exists with other content, or cannot be written.
 pub fn hold(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     if std::fs::read(path).is_ok_and(|there| there == bytes) {
         return Ok(());
@@ -246,7 +246,7 @@ pub struct PendingFolder {
 }
 
 impl PendingFolder {
-    /// Makes a folder to fill for `target`.
+    /// Creates a temporary folder for `target`.
     ///
     /// # Errors
     /// When `target` exists already or no folder can be made.
@@ -262,7 +262,7 @@ impl PendingFolder {
         })
     }
 
-    /// Where to write.
+    /// Path to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.temporary
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_process_left_behind_that_is_no_more_is_removed_and_nothing_else() {
+    fn only_leftovers_of_ended_processes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let mut child = std::process::Command::new("true").spawn().unwrap();
         let gone = child.id();
@@ -350,16 +350,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "").unwrap();
-        let told = PendingFile::new(&file.join("inner/a.csv")).unwrap_err();
-        let told = format!("{told:#}");
+        let error = PendingFile::new(&file.join("inner/a.csv")).unwrap_err();
+        let error = format!("{error:#}");
         assert!(
-            told.contains(&format!("{} is a file", file.display())),
-            "{told}"
+            error.contains(&format!("{} is a file", file.display())),
+            "{error}"
         );
     }
 
     #[test]
-    fn what_was_there_before_is_told_from_what_came_meanwhile() {
+    fn older_files_are_distinguished_from_concurrent_ones() {
         let folder = tempfile::tempdir().unwrap();
         let (first, second) = (folder.path().join("first"), folder.path().join("second"));
         let kind = |path: &Path| {

@@ -1,5 +1,5 @@
 //! Several files at once: one that cannot be read is reported and the rest
-//! goes on, even where this program has a fault; long work shows how far it is.
+//! continues, even after a panic; long work shows its progress.
 
 use std::any::Any;
 use std::fs::File;
@@ -17,13 +17,13 @@ use super::{AlreadyThere, Format, ReadOptions, Recording, Written};
 /// The result for every file, in the order of the files.
 pub type Results<T> = Vec<(PathBuf, anyhow::Result<T>)>;
 
-/// Where it is told which files are read.
+/// Journal of the files that are being read.
 static JOURNAL: OnceLock<Mutex<File>> = OnceLock::new();
 
 /// Has it written into `file` when the reading of a recording begins and ends: `+` or `-`,
 /// its path, and a zero byte.
 pub fn keep_journal(file: File) {
-    // The first to say so is right.
+    // The first value counts.
     let _ = JOURNAL.set(Mutex::new(file));
 }
 
@@ -96,14 +96,14 @@ pub fn parallel<T: Send>(
     done.into_iter().map(|d| d.1).collect()
 }
 
-/// What `work` comes to; a panic in it is an error like others. What it shares with
+/// The result of `work`; a panic in it is an error like others. What it shares with
 /// other files is locked for single steps alone.
 fn whole<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
     let panicked = |cause: Box<dyn Any + Send>| {
         let words = cause.downcast_ref::<String>().map(String::as_str);
         let words = words.or_else(|| cause.downcast_ref::<&str>().copied());
         Err(anyhow::anyhow!(
-            "the program has a fault that this file brings out ({}); leave the file out, and please report it",
+            "this file causes an internal error ({}): leave the file out, and please report it",
             words.unwrap_or("a panic without words")
         ))
     };
@@ -142,7 +142,7 @@ impl Numbers {
     pub const ALL: Self = Self { first: 1, step: 1 };
 }
 
-/// Exports files and returns what became of each; the last entry of a format
+/// Exports files and returns the result of each; the last entry of a format
 /// that collects is the data set itself.
 pub fn export(
     files: &[PathBuf],
@@ -151,14 +151,14 @@ pub fn export(
     options: &ReadOptions,
     format: Box<dyn Format>,
 ) -> Results<Written> {
-    // Who has a part only is one of many, and its bar would be too.
+    // A worker process shows no bar, because it is one of several.
     let bar = match numbers {
         Numbers::ALL => bar("rows"),
         _ => ProgressBar::hidden(),
     };
     let jobs = if format.collects() { 1 } else { jobs };
     let mut results = each(files, jobs, |index, file| {
-        let needs = format.needs_pictures();
+        let needs = format.needs_images();
         let mut recording = Recording::open_for(file, options, &|s| format.wants(s), needs)?;
         recording.number = numbers.first + index * numbers.step;
         bar.inc_length(recording.aligned.stamps.len() as u64);
@@ -211,7 +211,7 @@ fn named(file: &Path, problem: &str) -> String {
 }
 
 /// Prints the failures and says whether there were any. Of several files, what was written
-/// before is none: an interrupted command goes on when it is started again.
+/// before is not a failure: an interrupted command resumes when it is started again.
 pub fn failures<T>(results: &Results<T>, several: bool) -> bool {
     let (mut any, mut there) = (false, 0);
     for (file, result) in results {
@@ -241,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_brings_out_a_panic_is_reported_and_the_rest_goes_on() {
+    fn a_file_that_causes_a_panic_is_reported_and_the_others_are_processed() {
         let files = ["a.h5", "b.h5", "c.h5"].map(PathBuf::from);
         let results = each(&files, 2, |index, _| {
             let row = [0, 1].get(index).copied().expect("a row");
@@ -249,10 +249,10 @@ mod tests {
         });
         let fine: Vec<bool> = results.iter().map(|r| r.1.is_ok()).collect();
         assert_eq!(fine, [true, true, false]);
-        let told = results[2].1.as_ref().unwrap_err().to_string();
+        let error = results[2].1.as_ref().unwrap_err().to_string();
         assert!(
-            told.contains("a row") && told.contains("report it"),
-            "{told}"
+            error.contains("a row") && error.contains("report it"),
+            "{error}"
         );
         let inner = parallel(3, 2, |i| Ok([7, 8].get(i).copied().expect("two")));
         assert!(inner.unwrap_err().to_string().contains("two"));

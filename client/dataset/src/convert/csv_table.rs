@@ -1,10 +1,10 @@
 //! WheelArm-Sim's final table, 117 columns in its order, and the folders of
-//! numbered pictures beside it.
+//! numbered images beside it.
 //!
 //! Differences that help: velocities are the simulated ones instead of
 //! differences of positions, orientations are interpolated by slerp, and metric
-//! 16-bit depth (millimetres) lies beside the grey pictures. What a policy learns
-//! from stands in a table of its own, `rows.csv`.
+//! 16-bit depth (millimetres) is stored beside the grey images. What a policy learns
+//! from is stored in a table of its own, `rows.csv`.
 
 use std::path::{Path, PathBuf};
 
@@ -23,15 +23,15 @@ use crate::ending::PHYSICS;
 pub struct CsvTable {
     /// Folder of the folders.
     pub out: PathBuf,
-    /// What the rows of `rows.csv` are.
+    /// Options of the rows of `rows.csv`.
     pub rows: RowOptions,
-    /// Threads that compress pictures.
+    /// Threads that compress images.
     pub threads: usize,
 }
 
 /// Streams whose values a row must have.
 const STREAMS: [&str; 3] = ["joint_state", "pose", "imu"];
-/// Rows whose pictures are compressed together.
+/// Rows whose images are compressed together.
 const BLOCK: usize = 8;
 
 /// A body of the table: prefix of its columns and its place in `PoseSet`.
@@ -42,7 +42,7 @@ fn bodies(robot: &v1::RobotDescription) -> Vec<(String, usize)> {
         .enumerate()
         .map(|(i, frame)| (frame.role() == v1::FrameRole::Chair, frame, i))
         .collect();
-    // Alphabetical, as WheelArm-Sim's; the chair comes last.
+    // Alphabetical, as WheelArm-Sim's; the chair is last.
     all.sort_unstable_by_key(|(chair, frame, _)| (*chair, frame.name.clone()));
     all.into_iter()
         .map(|(chair, frame, i)| match chair {
@@ -112,7 +112,7 @@ impl<'a> State<'a> {
     ///
     /// # Errors
     /// When the recording lacks one.
-    pub fn of(recording: &'a Recording) -> anyhow::Result<Self> {
+    pub fn read(recording: &'a Recording) -> anyhow::Result<Self> {
         let bodies = bodies(&recording.robot).into_iter();
         Ok(Self {
             bodies: bodies.map(|(_, i)| i).collect(),
@@ -203,7 +203,7 @@ impl Format for CsvTable {
 }
 
 fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<()> {
-    let state = State::of(recording)?;
+    let state = State::read(recording)?;
     let mut table = csv::Writer::from_path(path)?;
     table.write_record(columns(&recording.robot))?;
     let stamps = &recording.aligned.stamps;
@@ -221,7 +221,7 @@ fn table(path: &Path, recording: &Recording, rows: &[usize]) -> anyhow::Result<(
     Ok(())
 }
 
-/// Writes state and action of the same pictures, and returns words about those
+/// Writes state and action of the same images, and returns a note about those
 /// that are left out.
 fn policy_rows(
     path: &Path,
@@ -236,7 +236,7 @@ fn policy_rows(
     }
     let whole = recording.aligned.whole_rows(&learning::STREAMS, &[]);
     let wanted: Vec<usize> = rows.iter().copied().filter(|r| whole.contains(r)).collect();
-    let all = Learning::of(recording, wanted, options)?;
+    let all = Learning::from_recording(recording, wanted, options)?;
     let mut table = csv::Writer::from_path(path)?;
     let mut header = vec!["image_frame_id".to_owned(), "sim_time".to_owned()];
     header.extend(
@@ -251,8 +251,8 @@ fn policy_rows(
     let stamps = &recording.aligned.stamps;
     let start = rows.first().map_or(0, |&r| stamps[r]);
     let incidents = all.incidents.iter();
-    let told = all.rows.iter().zip(&all.states).zip(&all.actions);
-    for (((&row, state), action), incident) in told.zip(incidents) {
+    let records = all.rows.iter().zip(&all.states).zip(&all.actions);
+    for (((&row, state), action), incident) in records.zip(incidents) {
         let frame = rows.iter().position(|&r| r == row).map_or(0, |at| at + 1);
         let time = (stamps[row] - start) as f64 * 1e-9;
         let mut line = vec![frame.to_string(), time.to_string()];
@@ -263,7 +263,7 @@ fn policy_rows(
     table.flush()?;
     let lost = rows.len() - all.rows.len();
     let note = format!(
-        "rows.csv has no row for {lost} of the {} pictures",
+        "rows.csv has no row for {lost} of the {} images",
         rows.len()
     );
     Ok((lost > 0).then_some(note).into_iter().collect())
@@ -274,7 +274,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_columns_stand_where_wheelarm_sim_has_them() {
+    fn the_columns_have_the_order_of_wheelarm_sim() {
         let robot = crate::read::first_robot().unwrap();
         let all = columns(&robot);
         assert_eq!(all.len(), 117);

@@ -1,5 +1,5 @@
 //! Bytes as 64-bit little-endian integers, compressed for zlib: the layout in
-//! which WheelArm-Sim keeps pictures is seven eighths zeros.
+//! which WheelArm-Sim keeps images is seven eighths zeros.
 //!
 //! A compressor that knows this looks at the bytes only, an eighth of the data.
 //! A byte is a literal and one match for its zeros; the match goes on over bytes
@@ -78,7 +78,7 @@ struct Run {
     far: bool,
 }
 
-/// Compresses pieces of pictures; one per thread.
+/// Compresses pieces of images; one per thread.
 #[derive(Debug, Default)]
 pub struct DeflateInt64 {
     bytes: Vec<u8>,
@@ -221,7 +221,7 @@ fn length_symbol(length: usize) -> (usize, u32, u32) {
     (257 + at, length.saturating_sub(first) as u32, width)
 }
 
-/// Lengths of Huffman's codes; 0 for what does not occur.
+/// Lengths of Huffman codes; 0 for values that do not occur.
 fn code_lengths(counts: &[u32; SYMBOLS]) -> [u8; SYMBOLS] {
     let mut counts = *counts;
     loop {
@@ -394,7 +394,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_compressed_comes_back_as_integers(
+        fn compressed_bytes_are_read_back_as_integers(
             bytes in pieces(), zeros in 0_usize..300, pixel in 3_usize..5,
         ) {
             let count = bytes.len() + zeros;
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn codes_stay_within_their_longest_when_counts_grow_like_fibonaccis() {
-        // Byte k comes as often as the k-th Fibonacci number.
+        // Byte k occurs as often as the k-th Fibonacci number.
         let mut bytes = Vec::new();
         let (mut a, mut b) = (1_usize, 1_usize);
         for k in 0..22_u8 {

@@ -13,7 +13,7 @@ use anyhow::{Context, bail, ensure};
 
 /// Names the program; without it `ffmpeg` is looked for on PATH.
 pub const PROGRAM: &str = "WHEELARM_FFMPEG";
-/// How to come by the program.
+/// How to install the program.
 const CURE: &str =
     "install it (Debian: apt-get install -y ffmpeg), name another one in WHEELARM_FFMPEG";
 
@@ -30,7 +30,7 @@ pub(crate) fn argument(path: &Path) -> std::io::Result<OsString> {
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     path: PathBuf,
-    /// How to come by it, or do without.
+    /// How to install it, or the alternative without it.
     cure: String,
 }
 
@@ -39,11 +39,11 @@ impl Program {
     /// do without it.
     pub fn named(or: &str) -> Self {
         let path = std::env::var_os(PROGRAM).filter(|name| !name.is_empty());
-        Self::at(path.map_or_else(|| "ffmpeg".into(), PathBuf::from), or)
+        Self::from_path(path.map_or_else(|| "ffmpeg".into(), PathBuf::from), or)
     }
 
     /// The one at `path`.
-    pub fn at(path: PathBuf, or: &str) -> Self {
+    pub fn from_path(path: PathBuf, or: &str) -> Self {
         Self {
             path,
             cure: format!("{CURE}, or {or}"),
@@ -58,10 +58,10 @@ impl Program {
         &self.cure
     }
 
-    /// What it says of itself.
+    /// Runs the program with the arguments `question` and returns its standard output.
     ///
     /// # Errors
-    /// When there is none or it does not answer, with the cure.
+    /// When it is missing or does not answer, with the fix.
     pub fn request(&self, question: &[&str]) -> anyhow::Result<String> {
         let (name, cure) = (self.name(), &self.cure);
         let output = Command::new(&self.path)
@@ -74,11 +74,11 @@ impl Program {
                 Ok(String::from_utf8_lossy(&output.stdout).into_owned())
             }
             Ok(output) => bail!(
-                "{name} does not tell what it can do ({}): {cure}",
+                "cannot query the capabilities of {name} ({}): {cure}",
                 output.status
             ),
             Err(problem) if problem.kind() == ErrorKind::NotFound => {
-                bail!("{name} is not found, and pictures become video by it: {cure}")
+                bail!("cannot find {name}, which encodes images as video: {cure}")
             }
             Err(problem) => bail!("{name}: {problem}: {cure}"),
         }
@@ -104,17 +104,17 @@ impl Program {
             .with_context(|| self.no_start())
     }
 
-    /// Starts it to make `path` out of frames that are still to come.
+    /// Starts it to encode frames, which follow, into `path`.
     ///
     /// # Errors
     /// When it does not start.
     pub fn begin(&self, arguments: &[OsString], path: &Path) -> anyhow::Result<Stream> {
-        let said = path.with_extension("log");
+        let errors = path.with_extension("log");
         let mut child = Command::new(&self.path)
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
-            .stderr(File::create(&said)?)
+            .stderr(File::create(&errors)?)
             .spawn()
             .with_context(|| self.no_start())?;
         let input = child.stdin.take();
@@ -123,7 +123,7 @@ impl Program {
             child,
             input,
             path: path.to_owned(),
-            said,
+            errors,
             frames: 0,
         })
     }
@@ -133,16 +133,16 @@ impl Program {
     }
 }
 
-/// What the program lists as its encoders.
+/// Encoders that the program lists.
 pub(crate) struct Encoders(String);
 
 impl Encoders {
     #[cfg(test)]
-    pub fn of(text: &str) -> Self {
+    pub fn parse(text: &str) -> Self {
         Self(text.to_owned())
     }
 
-    /// Whether there is one of this name.
+    /// Whether one of this name exists.
     pub fn has(&self, encoder: &str) -> bool {
         // A line is `V....D libx264   libx264 H.264 …`.
         let mut lines = self.0.lines().map(str::split_whitespace);
@@ -156,7 +156,7 @@ pub(crate) struct Stream {
     child: Child,
     input: Option<ChildStdin>,
     path: PathBuf,
-    said: PathBuf,
+    errors: PathBuf,
     frames: usize,
 }
 
@@ -164,46 +164,46 @@ impl Stream {
     /// Appends a frame of as many bytes as its pixels need.
     ///
     /// # Errors
-    /// When the program has ended, with what it said.
+    /// When the program has ended, with its output.
     pub fn put(&mut self, frame: &[u8]) -> anyhow::Result<()> {
         let written = self.input.as_mut().map(|input| input.write_all(frame));
         if let Some(Ok(())) = written {
             self.frames += 1;
             return Ok(());
         }
-        // It closed its input: what it said is the reason.
+        // It closed its input: its output is the reason.
         self.input = None;
         let status = self.child.wait()?;
         bail!(self.words(status))
     }
 
-    /// Waits until all frames are written, and returns how many bytes they take.
+    /// Waits until all frames are written, and returns the size, bytes.
     ///
     /// # Errors
-    /// When the program fails, with what it said.
+    /// When the program fails, with its output.
     pub fn finish(mut self) -> anyhow::Result<u64> {
         self.input = None;
         let status = self.child.wait()?;
         ensure!(status.success(), self.words(status));
-        std::fs::remove_file(&self.said)?;
+        std::fs::remove_file(&self.errors)?;
         Ok(std::fs::metadata(&self.path)?.len())
     }
 
     fn words(&self, status: std::process::ExitStatus) -> String {
-        let said = std::fs::read_to_string(&self.said).unwrap_or_default();
+        let errors = std::fs::read_to_string(&self.errors).unwrap_or_default();
         format!(
             "{} ended ({status}) after {} frames of {}: {}",
             self.program.display(),
             self.frames,
             self.path.display(),
-            said.trim()
+            errors.trim()
         )
     }
 }
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        // Nothing happens to one that has ended and was waited for.
+        // No effect on a process that has ended and was reaped.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -215,10 +215,10 @@ mod tests {
 
     #[test]
     fn an_encoder_is_known_by_its_whole_name() {
-        let told =
-            Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
-        assert!(told.has("libsvtav1") && told.has("libx264rgb"));
-        assert!(!told.has("libx264"));
+        let encoders =
+            Encoders::parse(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264\n");
+        assert!(encoders.has("libsvtav1") && encoders.has("libx264rgb"));
+        assert!(!encoders.has("libx264"));
     }
 
     #[test]
@@ -231,27 +231,27 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_is_not_there_is_answered_with_the_cure() {
-        let nowhere = Program::at("/nowhere/ffmpeg".into(), "take --pictures png");
-        let told = nowhere.request(&["-encoders"]).unwrap_err().to_string();
+    fn a_missing_program_is_an_error_with_the_fix() {
+        let nowhere = Program::from_path("/nowhere/ffmpeg".into(), "take --pictures png");
+        let error = nowhere.request(&["-encoders"]).unwrap_err().to_string();
         for words in [
             "/nowhere/ffmpeg",
             "apt-get install",
             PROGRAM,
             "or take --pictures png",
         ] {
-            assert!(told.contains(words), "{told}");
+            assert!(error.contains(words), "{error}");
         }
     }
 
     #[test]
     fn a_program_that_ends_early_is_an_error_and_not_a_hang() {
         let folder = tempfile::tempdir().unwrap();
-        let ends = Program::at("false".into(), "do without");
+        let ends = Program::from_path("false".into(), "do without");
         let mut stream = ends.begin(&[], &folder.path().join("0.mp4")).unwrap();
         let frame = vec![0; 3 * 96 * 64];
-        let told = (0..100).find_map(|_| stream.put(&frame).err());
-        let told = told.expect("it took all frames").to_string();
-        assert!(told.contains("false ended (exit status: 1)"), "{told}");
+        let error = (0..100).find_map(|_| stream.put(&frame).err());
+        let error = error.expect("it took all frames").to_string();
+        assert!(error.contains("false ended (exit status: 1)"), "{error}");
     }
 }

@@ -1,10 +1,10 @@
-//! Pictures as other programs take them: scaled, PNG, depth in millimetres.
+//! Images for other programs: scaled, PNG, depth in millimetres.
 
 use std::str::FromStr;
 
 use png::{BitDepth, ColorType, Compression};
 
-/// Size of pictures, pixels.
+/// Size of images, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
     /// Pixels from left to right.
@@ -25,7 +25,7 @@ impl FromStr for Size {
                     height: parse(h)?,
                 })
             })
-            .ok_or_else(|| format!("{text:?} is no size; write it as 320x180, at most 8192x8192"))
+            .ok_or_else(|| format!("invalid size {text:?}: write it as 320x180, at most 8192x8192"))
     }
 }
 
@@ -112,7 +112,7 @@ pub fn png_depth(metres: &[f32], size: Size) -> anyhow::Result<Vec<u8>> {
 }
 
 /// Depth as grey 8-bit PNG stretched between the least and greatest finite depth
-/// of the picture, as WheelArm-Sim's script saves it; white where nothing was
+/// of the image, as WheelArm-Sim's script saves it; white where nothing was
 /// hit.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
-//! What a policy learns from, the same for every format that trains one: rows of
+//! Training rows, identical in every training format: rows of
 //! observed state and of action, success, on an exact time grid. The rows
-//! themselves are made in `wheelarm-policy`; here stands where their numbers lie
+//! themselves are made in `wheelarm-policy`; this module locates their numbers
 //! in a recording.
 
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ use crate::urdf::Robot;
 
 /// Streams that a row must have.
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
-/// Streams of sensor models that stand in a row in the place of what is exact.
+/// Streams of sensor models that a row contains instead of exact values.
 const SENSED: [&str; 2] = ["sensed_joint", "sensed_odometry"];
 /// Deviation that the statistics tell at least of a value of state or action, and
 /// half the range that scaling to [-1, 1] takes at least; in the value's own unit
@@ -39,10 +39,10 @@ pub fn reads(stream: &str) -> bool {
     STREAMS.contains(&stream) || SENSED.contains(&stream)
 }
 
-/// What is made into rows.
+/// Options of the rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RowOptions {
-    /// What the numbers of an action are.
+    /// Kind of the actions.
     pub action: ActionKind,
     /// Seconds of idleness that stay at either end of an episode; all without it.
     pub trim_idle: Option<f64>,
@@ -59,9 +59,9 @@ pub struct Learning<'a> {
     /// The error on purpose that is under way in a row and not yet put right, a code of
     /// `v1::Incident` (1 to 3); 0 for none.
     pub incidents: Vec<usize>,
-    /// Whether a policy commanded in a row: what it did is no example.
+    /// Whether a policy commanded in a row: its actions are not demonstrations.
     pub by_policy: Vec<bool>,
-    /// Words about rows that are left out.
+    /// Notes about skipped rows.
     pub notes: Vec<String>,
     position: &'a Signal,
     velocity: &'a Signal,
@@ -80,11 +80,11 @@ pub struct Learning<'a> {
 }
 
 impl<'a> Learning<'a> {
-    /// Makes rows of those of the alignment whose places are given, in order.
+    /// Reads the rows of the alignment with these indices, in order.
     ///
     /// # Errors
     /// When the recording lacks a column, or the simulation broke in it.
-    pub fn of(
+    pub fn from_recording(
         recording: &'a Recording,
         rows: Vec<usize>,
         options: &RowOptions,
@@ -94,7 +94,7 @@ impl<'a> Learning<'a> {
         }
         let position = recording.need("joint_state", "position")?;
         let pose = recording.need("pose", "pose")?;
-        // Columns of streams that nothing was published on are empty.
+        // Columns of streams without samples are empty.
         let is_on = |stream| !recording.aligned.whole_rows(&[stream], &[]).is_empty();
         let sensed = |stream, column| {
             let signal = recording.aligned.signal(stream, column);
@@ -103,7 +103,7 @@ impl<'a> Learning<'a> {
         let roles = &recording.roles;
         let joints = roles.arm.iter().copied().chain([roles.knuckle]).collect();
         let Values::Flag(success) = &recording.need("evaluation", "success")?.values else {
-            anyhow::bail!("evaluation/success holds no truth values");
+            anyhow::bail!("evaluation/success does not contain truth values");
         };
         let mut all = Self {
             rows,
@@ -138,9 +138,9 @@ impl<'a> Learning<'a> {
                 all.rows = all.rows[kept].to_vec();
             }
         }
-        let told = incidents(recording);
+        let reported = incidents(recording);
         let stamped = all.rows.iter().map(|&row| stamps[row]);
-        all.incidents = stamped.map(|stamp| under_way(&told, stamp)).collect();
+        all.incidents = stamped.map(|stamp| under_way(&reported, stamp)).collect();
         let devices = devices(recording);
         let stamped = all.rows.iter().map(|&row| stamps[row]);
         let is_policy = |stamp| device(&devices, stamp) == Some(v1::Device::Policy);
@@ -148,10 +148,10 @@ impl<'a> Learning<'a> {
         let Some(&start) = all.rows.first() else {
             return Ok(all);
         };
-        let start = all.told_pose(start);
+        let start = all.sensed_pose(start);
         for (i, &row) in all.rows.iter().enumerate() {
-            let seen = all.observed(row, start);
-            all.states.push(state(&seen).to_vec());
+            let observed = all.observed(row, start);
+            all.states.push(state(&observed).to_vec());
             let next = all.rows.get(i + 1).map(|&next| seconds(stamps[next]));
             let action = applied.action(options.action, seconds(stamps[row]), next);
             all.actions
@@ -160,17 +160,17 @@ impl<'a> Learning<'a> {
         Ok(all)
     }
 
-    /// The longest run of whole rows that lie on an exact grid, and its rate.
+    /// The longest run of whole rows on an exact grid, and its rate.
     ///
     /// # Errors
-    /// As [`Learning::of`]; when no two rows lie on a grid.
+    /// As [`Learning::from_recording`]; when no two rows are on a grid.
     pub fn on_grid(
         recording: &'a Recording,
         options: &RowOptions,
         sees: Sees,
     ) -> anyhow::Result<(u32, Self)> {
         let (rate, rows, mut notes) = grid(recording, sees)?;
-        let mut all = Self::of(recording, rows, options)?;
+        let mut all = Self::from_recording(recording, rows, options)?;
         notes.append(&mut all.notes);
         all.notes = notes;
         Ok((rate, all))
@@ -179,23 +179,23 @@ impl<'a> Learning<'a> {
     fn observed(&self, row: usize, start: Pose) -> Observed {
         let (joints, speeds) = (self.joints(row), self.speeds(row));
         let arm = |all: &[f64]| std::array::from_fn(|k| all[k]);
-        let [told, told_speeds] = match self.sensed_arm {
+        let [sensed, sensed_speeds] = match self.sensed_arm {
             Some(sensed) => sensed.map(|signal| arm(signal.row(row))),
             None => [arm(&joints), arm(&speeds)],
         };
         Observed {
-            joints: told,
-            velocities: told_speeds,
+            joints: sensed,
+            velocities: sensed_speeds,
             knuckle: [joints[ARM_JOINTS], speeds[ARM_JOINTS]],
-            hand: crate::pose::of(self.effector(row)),
-            odometry: self.told_pose(row),
+            hand: crate::pose::from_row(self.effector(row)),
+            odometry: self.sensed_pose(row),
             start,
         }
     }
 
     /// Pose by odometry: that of the sensor model where one was on.
-    fn told_pose(&self, row: usize) -> Pose {
-        crate::pose::of(self.sensed_odometry.unwrap_or(self.odometry).row(row))
+    fn sensed_pose(&self, row: usize) -> Pose {
+        crate::pose::from_row(self.sensed_odometry.unwrap_or(self.odometry).row(row))
     }
 
     /// Positions of the six arm joints and the knuckle, rad.
@@ -241,7 +241,7 @@ impl<'a> Learning<'a> {
         self.knuckle.row(row).first().copied().unwrap_or(f64::NAN)
     }
 
-    /// Whether the task's conditions hold.
+    /// Whether the task's conditions are met.
     #[must_use]
     pub fn success(&self, row: usize) -> bool {
         self.success.get(row).is_some_and(|&s| s != 0)
@@ -272,7 +272,7 @@ fn applied(recording: &Recording) -> anyhow::Result<Applied> {
     let wheels: Vec<[f64; 2]> = each(column("wheel_velocity")?);
     out.wheels = [0, 1].map(|side| wheels.iter().map(|w| w[side]).collect());
     out.knuckle = column("knuckle")?;
-    let urdf = Robot::of(&episode.snapshot()?.assets);
+    let urdf = Robot::from_assets(&episode.snapshot()?.assets);
     let ends = [&robot.arm_base_link, &robot.end_effector_link];
     let chain = urdf.as_ref().and_then(|urdf| urdf.chain(ends[0], ends[1]));
     out.hand = match chain {
@@ -286,7 +286,7 @@ fn applied(recording: &Recording) -> anyhow::Result<Applied> {
             };
             out.joints.iter().map(place).collect()
         }
-        // Without the robot's description every desired pose is taken as it is.
+        // Without the robot's description every desired pose is used unchanged.
         None => out.desired.clone(),
     };
     let count = out.stamps.len();
@@ -337,7 +337,7 @@ fn busy(applied: &Applied, rows: &[usize], stamps: &[u64], keep: f64) -> std::op
     start..end + 1
 }
 
-/// What must be the same in all episodes of one set: the robot's joints in their
+/// Properties that are equal in all episodes of one set: the robot's joints in their
 /// order, with their limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
@@ -350,7 +350,7 @@ pub struct Body {
 impl Body {
     /// That of a recording.
     #[must_use]
-    pub fn of(robot: &v1::RobotDescription) -> Self {
+    pub fn from_description(robot: &v1::RobotDescription) -> Self {
         let joints = robot.joints.iter();
         Self {
             robot: robot.name.clone(),
@@ -358,7 +358,7 @@ impl Body {
         }
     }
 
-    /// Refuses another robot in the same set.
+    /// Rejects another robot in the same set.
     ///
     /// # Errors
     /// With the first joint that differs.
@@ -388,23 +388,24 @@ fn limits((name, lower, upper): &(String, Option<f64>, Option<f64>)) -> String {
     format!("{name} from {} to {}", word(lower), word(upper))
 }
 
-/// What went wrong or right again, with its time, nanoseconds.
+/// Incidents and their ends, with their times, nanoseconds.
 fn incidents(recording: &Recording) -> Vec<(u64, v1::Incident)> {
-    // Without commands, or in a file of before, nothing was told.
+    // Without commands, or in an older file, the list is empty.
     let commands = recording.episode.commands().unwrap_or_default();
-    let told = commands.into_iter().filter_map(|log| {
+    let reported = commands.into_iter().filter_map(|log| {
         let stamp = log.header?.stamp_nanos;
         Some((stamp, log.command?.incident()))
     });
-    told.filter(|(_, incident)| *incident != v1::Incident::Unspecified)
+    reported
+        .filter(|(_, incident)| *incident != v1::Incident::Unspecified)
         .collect()
 }
 
-/// The error on purpose that is under way at a time: from when it is told until the
-/// thing is in the hand again.
-fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
+/// The error on purpose that is under way at a time: from its report until the
+/// object is in the hand again.
+fn under_way(reported: &[(u64, v1::Incident)], stamp: u64) -> usize {
     use v1::Incident::{ForcedDrop, ForcedWrongGrasp, ForcedWrongObject, Recovered};
-    let before = told.iter().take_while(|(at, _)| *at <= stamp);
+    let before = reported.iter().take_while(|(at, _)| *at <= stamp);
     before.fold(0, |code, (_, incident)| match incident {
         ForcedWrongGrasp | ForcedWrongObject | ForcedDrop => *incident as usize,
         Recovered => 0,
@@ -412,26 +413,27 @@ fn under_way(told: &[(u64, v1::Incident)], stamp: u64) -> usize {
     })
 }
 
-/// With what was commanded, with its time, nanoseconds.
+/// Devices of the commands, with their times, nanoseconds.
 fn devices(recording: &Recording) -> Vec<(u64, v1::Device)> {
     let commands = recording.episode.commands().unwrap_or_default();
-    let told = commands.into_iter().filter_map(|log| {
+    let reported = commands.into_iter().filter_map(|log| {
         let stamp = log.header?.stamp_nanos;
         Some((stamp, log.command?.device()))
     });
-    told.filter(|(_, device)| *device != v1::Device::Unspecified)
+    reported
+        .filter(|(_, device)| *device != v1::Device::Unspecified)
         .collect()
 }
 
-/// With what the row of a picture was commanded: the answer to the picture comes
+/// Device that commanded the row of an image: the answer to the image arrives
 /// within a control tick.
-fn device(told: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
+fn device(devices: &[(u64, v1::Device)], stamp: u64) -> Option<v1::Device> {
     let until = stamp + 1_000_000_000 / wheelarm_proto::CONTROL_HZ;
-    let behind = told.partition_point(|(at, _)| *at <= until);
-    Some(told.get(behind.checked_sub(1)?)?.1)
+    let behind = devices.partition_point(|(at, _)| *at <= until);
+    Some(devices.get(behind.checked_sub(1)?)?.1)
 }
 
-/// The cameras that have pictures, with the size that these get: `size` where it
+/// The cameras that have images, with the size that these get: `size` where it
 /// is given, else their own.
 pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Size> {
     let cameras = recording.cameras.iter();
@@ -443,16 +445,16 @@ pub fn cameras(recording: &Recording, size: Option<Size>) -> BTreeMap<String, Si
         .collect()
 }
 
-/// Pictures per second and the longest run of whole rows that lie on the exact
-/// grid of that rate, with words about the rest.
+/// Images per second and the longest run of whole rows on the exact
+/// grid of that rate, with notes about the rest.
 ///
 /// # Errors
-/// When no two rows lie on a grid.
+/// When no two rows are on a grid.
 fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, Vec<String>)> {
     let (rows, mut notes) = recording.rows(&STREAMS, sees)?;
     if rows.len() < 2 {
         anyhow::bail!(
-            "{}: a policy learns from two pictures and more, and this episode has {}: it ended at once; leave it out",
+            "{}: a policy learns from two images or more, and this episode has {}: it ended at once; leave it out",
             recording.summary.label,
             rows.len()
         );
@@ -476,7 +478,7 @@ fn grid(recording: &Recording, sees: Sees) -> anyhow::Result<(u32, Vec<usize>, V
     }
     if best.len() < 2 {
         anyhow::bail!(
-            "{}: no rows lie on a grid of {rate} Hz",
+            "{}: no rows are on a grid of {rate} Hz",
             recording.summary.label
         );
     }
@@ -494,20 +496,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_on_purpose_lasts_until_it_is_put_right() {
+    fn a_deliberate_error_lasts_until_it_is_corrected() {
         use v1::Incident::{ForcedWrongObject, Missed, Recovered};
-        let told = [
+        let reported = [
             (10, ForcedWrongObject),
             (20, Missed),
             (30, Recovered),
             (40, Missed),
         ];
-        let codes = [5, 10, 25, 29, 30, 50].map(|stamp| under_way(&told, stamp));
+        let codes = [5, 10, 25, 29, 30, 50].map(|stamp| under_way(&reported, stamp));
         assert_eq!(codes, [0, 2, 2, 2, 0, 0]);
     }
 
     #[test]
-    fn idle_ends_are_cut_and_what_is_asked_of_them_stays() {
+    fn idle_ends_are_cut_to_the_requested_rest() {
         let count = 61;
         let mut applied = Applied {
             stamps: (0..count).map(|k| f64::from(k) / 60.0).collect(),
@@ -534,7 +536,7 @@ mod tests {
             ..Default::default()
         };
         let robot = |name: &str, joints: &[v1::RobotJoint]| {
-            Body::of(&v1::RobotDescription {
+            Body::from_description(&v1::RobotDescription {
                 name: name.to_owned(),
                 joints: joints.to_vec(),
                 ..Default::default()

@@ -1,4 +1,4 @@
-//! The tree of frames of a recording, for formats that tell one.
+//! The tree of frames of a recording, for formats with one.
 
 use super::Recording;
 use crate::urdf::{Joint, Robot};
@@ -19,8 +19,8 @@ pub(super) fn moving<'a>(robot: &'a Robot, recorded: &[String]) -> Vec<(usize, &
         .collect()
 }
 
-/// Frames whose recorded poses stand in the tree, as parent, link and place among
-/// the frames: the chair, or all of them where the recording tells no links.
+/// Frames whose recorded poses are in the tree, as parent, link and place among
+/// the frames: the chair, or all of them where the recording has no links.
 pub(super) fn posed<'a>(
     recording: &'a Recording,
     robot: Option<&Robot>,

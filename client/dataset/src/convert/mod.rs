@@ -1,8 +1,7 @@
 //! From recordings to files that other programs read: one [`Recording`] (the
 //! native file, aligned and labelled), one [`Format`] per target. Everything
-//! streams picture by picture; nothing half-made stands under a final name.
+//! streams image by image; no partial file has a final name.
 
-pub mod aims;
 mod atomic;
 pub mod batch;
 pub mod csv_table;
@@ -10,6 +9,7 @@ mod deflate_int64;
 pub(crate) mod ffmpeg;
 mod image;
 mod intrinsics;
+pub mod keypoint_targets;
 pub mod learning;
 pub mod lerobot;
 mod links;
@@ -36,7 +36,7 @@ use crate::label::{self, Corrections};
 use crate::pose::Pose;
 use crate::read::{Camera, Episode, Summary};
 
-/// How recordings are read for any format.
+/// Options for reading recordings, for every format.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
     /// Rows and age limits.
@@ -50,19 +50,19 @@ pub struct ReadOptions {
 pub struct Recording {
     /// The native file.
     pub episode: Episode,
-    /// What it says of itself.
+    /// Its summary.
     pub summary: Summary,
     /// Its streams at the reference camera's stamps.
     pub aligned: Aligned,
     /// Its robot.
     pub robot: v1::RobotDescription,
-    /// Where the robot's joints and frames stand in the streams.
+    /// Indices of the robot's joints and frames in the streams.
     pub roles: Roles,
     /// Label 0 to 3 of every row.
     pub labels: Vec<u8>,
-    /// Its cameras that have pictures.
+    /// Its cameras that have images.
     pub cameras: BTreeMap<String, Camera>,
-    /// Its picture sensors that have pictures.
+    /// Its image sensors that have images.
     pub sensors: BTreeMap<String, Camera>,
     /// Its place among the files, from 1: WheelArm-Sim's trial number.
     pub number: usize,
@@ -72,7 +72,7 @@ impl Recording {
     /// Opens a file and aligns the streams that `wanted` accepts.
     ///
     /// # Errors
-    /// When it is no episode or cannot be aligned.
+    /// When it is not an episode or cannot be aligned.
     pub fn open(
         path: &Path,
         options: &ReadOptions,
@@ -82,7 +82,7 @@ impl Recording {
     }
 
     /// As [`Recording::open`]; one that was recorded without cameras has no rows
-    /// unless that `needs_pictures`.
+    /// unless that `needs_images`.
     ///
     /// # Errors
     /// As [`Recording::open`].
@@ -90,19 +90,19 @@ impl Recording {
         path: &Path,
         options: &ReadOptions,
         wanted: &dyn Fn(&str) -> bool,
-        needs_pictures: bool,
+        needs_images: bool,
     ) -> anyhow::Result<Self> {
         let episode = Episode::open(path)?;
         let summary = episode.summary()?;
         let aligned = match align(&episode, &options.align, wanted) {
-            Err(AlignError::NoPictures { .. }) if !needs_pictures => Aligned::empty(),
+            Err(AlignError::NoImages { .. }) if !needs_images => Aligned::empty(),
             aligned => aligned?,
         };
         let (robot, roles) = episode.roles()?;
         let found = label::segments(&episode)?;
         let start = summary.span_nanos.0;
         let segments = options.corrections.apply(&summary.label, start, found);
-        let labels = label::at(&segments, &aligned.stamps);
+        let labels = label::labels_at(&segments, &aligned.stamps);
         let mut cameras = BTreeMap::new();
         for name in episode.cameras()? {
             let camera = episode.camera(&name)?;
@@ -136,12 +136,12 @@ impl Recording {
         self.cameras.keys().cloned().collect()
     }
 
-    /// A picture of a row.
+    /// An image of a row.
     ///
     /// # Errors
     /// When the row has none or it cannot be read.
     pub fn rgb(&self, camera: &str, row: usize) -> anyhow::Result<Vec<u8>> {
-        let (camera, index) = self.picture(camera, row)?;
+        let (camera, index) = self.image(camera, row)?;
         Ok(camera.rgb(&self.episode, index)?)
     }
 
@@ -150,66 +150,63 @@ impl Recording {
     /// # Errors
     /// When the row has none or it cannot be read.
     pub fn depth(&self, camera: &str, row: usize) -> anyhow::Result<Vec<f32>> {
-        let (camera, index) = self.picture(camera, row)?;
+        let (camera, index) = self.image(camera, row)?;
         Ok(camera.depth(&self.episode, index)?)
     }
 
-    /// The camera and the number of its picture in a row.
+    /// The camera and the number of its image in a row.
     ///
     /// # Errors
-    /// When there is none.
-    pub fn picture(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+    /// When it does not exist.
+    pub fn image(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         let frames = self.aligned.frames.get(camera);
         match (
             self.cameras.get(camera),
             frames.and_then(|f| f.get(row).copied().flatten()),
         ) {
             (Some(camera), Some(index)) => Ok((camera, index)),
-            _ => anyhow::bail!(
-                "{}: row {row} has no picture of {camera}",
-                self.summary.label
-            ),
+            _ => anyhow::bail!("{}: row {row} has no image of {camera}", self.summary.label),
         }
     }
 
-    /// What the robot saw of a camera in a row: the newest picture of its colour
-    /// sensor where there is one, else the exact picture.
+    /// The robot's observation of a camera in a row: the newest image of its colour
+    /// sensor where there is one, else the exact image.
     ///
     /// # Errors
-    /// When there is none.
-    pub fn seen(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
+    /// When it does not exist.
+    pub fn observed(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         match self.sensor_of(camera, Camera::has_rgb) {
             Some(name) => self.sensed(name, row),
-            None => self.picture(camera, row),
+            None => self.image(camera, row),
         }
     }
 
-    /// The exact picture that shows what the robot saw of a camera in a row: that of
-    /// the exposure where a colour sensor gave the row's picture. `None` where the
+    /// The exact image behind the robot's observation of a camera in a row: that of
+    /// the exposure where a colour sensor gave the row's image. `None` where the
     /// recording does not have it.
     ///
     /// # Errors
-    /// When the row has no picture.
+    /// When the row has no image.
     pub fn shown(&self, camera: &str, row: usize) -> anyhow::Result<Option<(&Camera, usize)>> {
-        let (seen, index) = self.seen(camera, row)?;
+        let (observed, index) = self.observed(camera, row)?;
         let exact = self.cameras.get(camera);
-        let Some((exact, exposed)) = exact.zip(seen.exposures().get(index)) else {
-            return Ok(Some((seen, index)));
+        let Some((exact, exposed)) = exact.zip(observed.exposures().get(index)) else {
+            return Ok(Some((observed, index)));
         };
         let at = exact.stamps().binary_search(exposed);
         Ok(at.ok().map(|index| (exact, index)))
     }
 
-    /// The newest picture of a camera's depth sensor in a row.
+    /// The newest image of a camera's depth sensor in a row.
     ///
     /// # Errors
-    /// When there is none.
+    /// When it does not exist.
     pub fn sensed_depth(&self, camera: &str, row: usize) -> anyhow::Result<(&Camera, usize)> {
         let name = self.sensor_of(camera, Camera::has_depth);
         self.sensed(name.unwrap_or_default(), row)
     }
 
-    /// Cameras that have a depth sensor, with the size of its pictures.
+    /// Cameras that have a depth sensor, with the size of its images.
     #[must_use]
     pub fn depth_sensors(&self) -> BTreeMap<String, Size> {
         let sensors = self.sensors.values().filter(|sensor| sensor.has_depth());
@@ -234,7 +231,7 @@ impl Recording {
         ) {
             (Some(camera), Some(index)) => Ok((camera, index)),
             _ => anyhow::bail!(
-                "{}: row {row} has no picture of the sensor {sensor:?}",
+                "{}: row {row} has no image of the sensor {sensor:?}",
                 self.summary.label
             ),
         }
@@ -243,7 +240,7 @@ impl Recording {
     /// A column of the alignment that the format cannot do without.
     ///
     /// # Errors
-    /// When the file does not hold it.
+    /// When the file does not have it.
     pub fn need(&self, stream: &str, column: &str) -> anyhow::Result<&crate::align::Signal> {
         self.aligned.signal(stream, column).ok_or_else(|| {
             anyhow::anyhow!(
@@ -256,15 +253,15 @@ impl Recording {
     /// The arm's base in the chair, by the robot's description.
     ///
     /// # Errors
-    /// When it tells none.
+    /// When it has none.
     pub fn arm_mount(&self) -> anyhow::Result<Pose> {
         let ([x, y, z], [qx, qy, qz, qw]) = check::pose("arm mount", self.robot.arm_mount.as_ref())
             .with_context(|| self.episode.path().display().to_string())?;
         Ok([x, y, z, qx, qy, qz, qw])
     }
 
-    /// Rows that have all of `streams`, every camera, and a picture of every sensor
-    /// that the format uses, and words about those that do not.
+    /// Rows that have all of `streams`, every camera, and an image of every sensor
+    /// that the format uses, and notes about those that do not.
     ///
     /// # Errors
     /// When no row is left.
@@ -287,7 +284,7 @@ impl Recording {
         if rows.len() < all {
             notes.push(format!("{} of {all} rows are left out", all - rows.len()));
             if early > 0 {
-                notes.push(format!("{early} before every sensor had given a picture"));
+                notes.push(format!("{early} before every sensor had an image"));
             }
             for stream in streams {
                 let lost = self
@@ -311,7 +308,7 @@ impl Recording {
     }
 }
 
-/// Which pictures a format uses where there are sensors.
+/// The images that a format uses where sensors exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sees {
     /// The exact ones.
@@ -322,14 +319,14 @@ pub enum Sees {
     ColourAndDepth,
 }
 
-/// What became of one recording.
+/// Result of one recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Written {
     /// File or folder.
     pub path: PathBuf,
     /// Rows, samples or messages.
     pub samples: usize,
-    /// What a person should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -338,19 +335,19 @@ pub trait Format: Sync {
     /// Streams that it reads, as [`Recording::open`] aligns them.
     fn wants(&self, stream: &str) -> bool;
     /// Whether it makes rows, which are those of a camera.
-    fn needs_pictures(&self) -> bool {
+    fn needs_images(&self) -> bool {
         true
     }
     /// Whether all recordings become one data set, in their order.
     fn collects(&self) -> bool {
         false
     }
-    /// Takes a recording; `tick` is told of every row.
+    /// Adds a recording; `tick` is called for every row.
     ///
     /// # Errors
-    /// When it cannot be read or written; nothing of it is left then.
+    /// When it cannot be read or written; then no partial output is left.
     fn add(&self, recording: &Recording, tick: &(dyn Fn() + Sync)) -> anyhow::Result<Written>;
-    /// Puts a collected data set in its place; `None` when there is none.
+    /// Publishes a collected data set; `None` without one.
     ///
     /// # Errors
     /// When it cannot be written.

@@ -1,4 +1,4 @@
-//! Messages over time for formats that are logs: what is known of them before the
+//! Messages over time for log formats: metadata that is known before the
 //! first is made, and all of them in the order of time.
 
 use super::batch::parallel;
@@ -6,14 +6,14 @@ use super::batch::parallel;
 /// Messages that are made together: about half a second.
 const BLOCK: usize = 512;
 
-/// What makes the encoded message of a sample of a stamp.
+/// Encodes the message of a sample with a stamp.
 type Make<'a> = Box<dyn Fn(usize, u64) -> anyhow::Result<Vec<u8>> + Sync + 'a>;
 
-/// Messages of one source; `K` says what a format has to know of them.
+/// Messages of one source; `K` is the metadata of a format.
 pub(super) struct Series<'a, K> {
     /// Topic.
     pub topic: String,
-    /// What kind of messages they are.
+    /// Metadata of the messages.
     pub kind: K,
     /// Stamps of the messages, nanoseconds of simulation time.
     pub stamps: Vec<u64>,
@@ -93,19 +93,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_come_in_the_order_of_time_and_of_their_series() {
+    fn messages_are_ordered_by_time_and_then_by_series() {
         let series = |name: &'static str, stamps: &[u64]| {
             let make = move |i: usize, stamp: u64| Ok(format!("{name}{i}@{stamp}").into_bytes());
             Series::new(name, (), stamps.to_vec(), make)
         };
         let all = [series("a", &[1, 3, 3]), series("b", &[0, 3])];
-        let mut seen = Vec::new();
+        let mut collected = Vec::new();
         let count = in_order(&all, 2, |m| {
             assert_eq!(m.sample, usize::from(m.bytes[1] - b'0'));
-            seen.push(String::from_utf8(m.bytes.to_vec())?);
+            collected.push(String::from_utf8(m.bytes.to_vec())?);
             Ok(())
         });
         assert_eq!(count.unwrap(), 5);
-        assert_eq!(seen, ["b0@0", "a0@1", "a1@3", "a2@3", "b1@3"]);
+        assert_eq!(collected, ["b0@0", "a0@1", "a1@3", "a2@3", "b1@3"]);
     }
 }

@@ -1,5 +1,5 @@
-//! What a trainer reads fastest: a safetensors file per episode, with the rows of
-//! a policy and the pictures as they lie in memory, neither compressed nor scaled
+//! The fastest format for training: a safetensors file per episode, with the rows of
+//! a policy and the images as they are in memory, neither compressed nor scaled
 //! to a range. Episodes are independent, so all processors write, and a trainer
 //! maps the files and copies them to the GPU.
 
@@ -13,7 +13,7 @@ use super::batch::parallel;
 use super::csv_table::{State, state_columns};
 use super::learning::{self, Learning, RowOptions};
 use super::{Format, PendingFile, Recording, Sees, Size, Written, scaled};
-use super::{aims, intrinsics};
+use super::{intrinsics, keypoint_targets};
 
 /// Version of the layout.
 pub const LAYOUT: &str = "wheelarm-tensors/1";
@@ -28,27 +28,27 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `actions` | N × 9 or 12, f32 | rows of action |
 /// | `seconds` | N, f64 | simulation time |
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
-/// | `expert` | N, u8 | 0 where a policy commanded, whose deeds are no example |
-/// | `aims` | N × 2 (3 + 2 cameras), f32 | where the task's thing and goal are ([`super::aims`]); only where objects are recorded |
-/// | `things` | N × things (3 + 2 cameras), f32 | where every object and slide of the home is, in the order of `thing_names`; with `aims` |
-/// | `table` | N × 112, f32 | WheelArm-Sim's columns, not a number where there is no sample; only with an IMU in the recording |
-/// | `pictures.CAMERA` | N × height × width × 3, u8 | what the robot saw, sRGB |
+/// | `expert` | N, u8 | 0 where a policy commanded, whose actions are not demonstrations|
+/// | `aims` | N × 2 (3 + 2 cameras), f32 | positions of the task's object and goal ([`super::keypoint_targets`]); only where objects are recorded |
+/// | `things` | N × things (3 + 2 cameras), f32 | positions of every object and slide of the home, in the order of `thing_names`; with `aims` |
+/// | `table` | N × 112, f32 | WheelArm-Sim's columns, NaN without a sample; only with an IMU in the recording |
+/// | `pictures.CAMERA` | N × height × width × 3, u8 | the robot's observation, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |
 ///
 /// The metadata has one key, `wheelarm`, whose text is JSON: the layout, label,
-/// instruction, task, seed, success, rate, names and units, cameras; `thing` is that of
+/// instruction, task, seed, success, rate, names and units, cameras; `thing` is the target of
 /// `thing_names` that the task is about.
 #[derive(Clone, Debug)]
 pub struct Tensors {
     /// Folder of the files.
     pub out: PathBuf,
-    /// Pictures are scaled to this size; as recorded without it.
+    /// Images are scaled to this size; as recorded without it.
     pub size: Option<Size>,
-    /// With depth: what a depth sensor gave, else the exact one.
+    /// With depth: of a depth sensor if present, else exact.
     pub depth: bool,
-    /// What the rows are.
+    /// Options of the rows.
     pub rows: RowOptions,
-    /// Threads that read the pictures of one episode.
+    /// Threads that read the images of one episode.
     pub threads: usize,
 }
 
@@ -91,14 +91,14 @@ impl Format for Tensors {
         ];
         let has_table = !recording.aligned.whole_rows(&TABLE, &[]).is_empty();
         if has_table {
-            let state = State::of(recording)?;
+            let state = State::read(recording)?;
             let table: Vec<Vec<f64>> = rows.iter().map(|&row| state.row(row)).collect();
             tensors.push(of_f32("table", &table, table[0].len()));
         }
         let cameras = learning::cameras(recording, self.size);
         for (number, (camera, to)) in cameras.iter().enumerate() {
-            let pictures = parallel(count, self.threads, |i| {
-                let (source, index) = recording.seen(camera, rows[i])?;
+            let images = parallel(count, self.threads, |i| {
+                let (source, index) = recording.observed(camera, rows[i])?;
                 let (width, height) = source.size().unwrap_or_default();
                 let rgb = source.rgb(&recording.episode, index)?;
                 if number == 0 {
@@ -110,7 +110,7 @@ impl Format for Tensors {
                 name: format!("pictures.{camera}"),
                 dtype: Dtype::U8,
                 shape: vec![count, to.height, to.width, 3],
-                bytes: pictures.concat(),
+                bytes: images.concat(),
             });
             if self.depth {
                 tensors.push(self.depths(recording, camera, rows, *to)?);
@@ -118,18 +118,18 @@ impl Format for Tensors {
         }
         let names: Vec<&str> = cameras.keys().map(String::as_str).collect();
         let mut notes = learning.notes;
-        let aims = aims::read(recording, rows, &names)
-            .inspect_err(|problem| notes.push(format!("no places of things (aims): {problem}")))
+        let keypoints = keypoint_targets::read(recording, rows, &names)
+            .inspect_err(|problem| notes.push(format!("no keypoint targets (aims): {problem}")))
             .ok();
-        if let Some(aims) = &aims {
-            let width = aims::names(names.iter().copied()).len();
-            tensors.push(of_f32("aims", &aims.rows, width));
-            let width = width / aims::POINTS.len() * aims.things.len();
-            tensors.push(of_f32("things", &aims.of_things, width));
+        if let Some(keypoints) = &keypoints {
+            let width = keypoint_targets::names(names.iter().copied()).len();
+            tensors.push(of_f32("aims", &keypoints.rows, width));
+            let width = width / keypoint_targets::POINTS.len() * keypoints.objects.len();
+            tensors.push(of_f32("things", &keypoints.of_objects, width));
         }
         let has = Has {
             table: has_table,
-            aims,
+            keypoints,
         };
         let about = self.about(recording, rate, &has).to_string();
         let views = tensors.iter().map(|t| {
@@ -148,7 +148,7 @@ impl Format for Tensors {
 }
 
 impl Tensors {
-    /// Depth of one camera in every row, from the nearest pixel of the picture.
+    /// Depth of one camera in every row, from the nearest pixel of the image.
     fn depths(
         &self,
         recording: &Recording,
@@ -157,10 +157,10 @@ impl Tensors {
         to: Size,
     ) -> anyhow::Result<Tensor> {
         let is_sensed = recording.depth_sensors().contains_key(camera);
-        let pictures = parallel(rows.len(), self.threads, |i| {
+        let images = parallel(rows.len(), self.threads, |i| {
             let (source, index) = match is_sensed {
                 true => recording.sensed_depth(camera, rows[i])?,
-                false => recording.picture(camera, rows[i])?,
+                false => recording.image(camera, rows[i])?,
             };
             let (width, height) = source.size().unwrap_or_default();
             let metres = source.depth(&recording.episode, index)?;
@@ -168,11 +168,11 @@ impl Tensors {
             for y in 0..to.height {
                 let row = (2 * y + 1) * height / (2 * to.height) * width;
                 for x in 0..to.width {
-                    let told = metres[row + (2 * x + 1) * width / (2 * to.width)];
-                    // Beyond what 16 bits hold, and where nothing is: 0.
-                    let millimetres = (told * 1e3).round();
-                    let is_told = (0.0..=f32::from(u16::MAX)).contains(&millimetres);
-                    let stored = if is_told { millimetres as u16 } else { 0 };
+                    let metres_here = metres[row + (2 * x + 1) * width / (2 * to.width)];
+                    // Beyond 16 bits, and without a hit: 0.
+                    let millimetres = (metres_here * 1e3).round();
+                    let is_valid = (0.0..=f32::from(u16::MAX)).contains(&millimetres);
+                    let stored = if is_valid { millimetres as u16 } else { 0 };
                     out.extend(stored.to_le_bytes());
                 }
             }
@@ -182,7 +182,7 @@ impl Tensors {
             name: format!("depth.{camera}"),
             dtype: Dtype::U16,
             shape: vec![rows.len(), to.height, to.width],
-            bytes: pictures.concat(),
+            bytes: images.concat(),
         })
     }
 
@@ -192,7 +192,10 @@ impl Tensors {
         let table = has.table.then(|| state_columns(&recording.robot));
         let cameras = learning::cameras(recording, self.size);
         let cameras = cameras.keys().map(String::as_str);
-        let names = has.aims.as_ref().map(|_| aims::names(cameras));
+        let names = has
+            .keypoints
+            .as_ref()
+            .map(|_| keypoint_targets::names(cameras));
         json!({
             "layout": LAYOUT,
             "label": summary.label,
@@ -209,8 +212,8 @@ impl Tensors {
             "action_units": kind.units().collect::<Vec<_>>(),
             "table_names": table,
             "aim_names": names,
-            "thing": has.aims.as_ref().map(|aims| &aims.thing),
-            "thing_names": has.aims.as_ref().map(|aims| &aims.things),
+            "thing": has.keypoints.as_ref().map(|keypoints| &keypoints.object),
+            "thing_names": has.keypoints.as_ref().map(|keypoints| &keypoints.objects),
             "calibration": intrinsics::cameras(recording, self.size),
         })
     }
@@ -219,7 +222,7 @@ impl Tensors {
 /// Tensors that not every episode has.
 struct Has {
     table: bool,
-    aims: Option<aims::Aims>,
+    keypoints: Option<keypoint_targets::KeypointTargets>,
 }
 
 struct Tensor {

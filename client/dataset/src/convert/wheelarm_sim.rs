@@ -2,8 +2,8 @@
 //! shapes, types, order and units as its scripts read them.
 //!
 //! Every topic's value is its last sample up to the row's stamp, with its own
-//! stamp, which is what WheelArm-Sim's recorder kept. Values are not resampled:
-//! WheelArm-Sim's scripts do that. Pictures are 64-bit integers, one per byte,
+//! stamp, as WheelArm-Sim's recorder kept. Values are not resampled:
+//! WheelArm-Sim's scripts do that. Images are 64-bit integers, one per byte,
 //! gzip with the level 4 in the file's filter; they are compressed here by
 //! `super::deflate_int64` and written as whole chunks.
 
@@ -26,7 +26,7 @@ const LEVEL: u8 = 4;
 pub struct WheelarmSim {
     /// Folder of the files.
     pub out: PathBuf,
-    /// Threads that compress pictures.
+    /// Threads that compress images.
     pub threads: usize,
 }
 
@@ -44,7 +44,7 @@ impl Track {
             anyhow::anyhow!("{} has no {stream}/{column}", episode.path().display())
         })?;
         let Values::F64(values) = episode.values(meta)? else {
-            anyhow::bail!("{stream}/{column} holds no numbers");
+            anyhow::bail!("{stream}/{column} does not contain numbers");
         };
         Ok(Self {
             stamps: episode.stamps(stream)?,
@@ -124,7 +124,7 @@ impl Format for WheelarmSim {
         for needed in ["gen3", "wheelchair"] {
             anyhow::ensure!(
                 cameras.iter().any(|c| c == needed),
-                "the episode has no pictures of the camera {needed:?}, which WheelArm-Sim's layout needs"
+                "the episode has no images of the camera {needed:?}, which WheelArm-Sim's layout needs"
             );
         }
         let samples = write(pending.path(), recording, &tracks, self.threads, tick)?;
@@ -132,7 +132,7 @@ impl Format for WheelarmSim {
         let mut notes = Vec::new();
         if samples < rows {
             notes.push(format!(
-                "{} of {rows} rows are left out: not every topic had spoken",
+                "{} of {rows} rows are left out: not every topic had a sample",
                 rows - samples
             ));
         }
@@ -148,7 +148,7 @@ impl Format for WheelarmSim {
     }
 }
 
-/// Refuses a robot without the joints and frames that stand in the names of
+/// Rejects a robot without the joints and frames in the names of
 /// WheelArm-Sim's datasets.
 fn check_robot(robot: &v1::RobotDescription) -> anyhow::Result<()> {
     let needed = first_robot()?;
@@ -190,17 +190,17 @@ fn write(
     let data = file.create_group("data")?;
     let stamps = &recording.aligned.stamps;
     let whole = |row: &usize| {
-        let pictures = recording.aligned.frames.values().all(|f| f[*row].is_some());
-        pictures && tracks.ready(stamps[*row])
+        let images = recording.aligned.frames.values().all(|f| f[*row].is_some());
+        images && tracks.ready(stamps[*row])
     };
     let rows: Vec<usize> = (0..stamps.len()).filter(whole).collect();
     (rows.len()..stamps.len()).for_each(|_| tick());
     let mut number = 0;
     for block in rows.chunks(threads.max(2)) {
-        // A picture is read, widened and compressed by one thread.
-        let mut pictures = parallel(PICTURES.len() * block.len(), threads, |i| {
-            let (camera, kind) = PICTURES[i % PICTURES.len()];
-            Picture::read(recording, block[i / PICTURES.len()], camera, kind)
+        // An image is read, widened and compressed by one thread.
+        let mut images = parallel(IMAGES.len() * block.len(), threads, |i| {
+            let (camera, kind) = IMAGES[i % IMAGES.len()];
+            CompressedImage::read(recording, block[i / IMAGES.len()], camera, kind)
         })?
         .into_iter();
         for &row in block {
@@ -208,10 +208,10 @@ fn write(
             let group = data.create_group(&number.to_string())?;
             states(&group, &recording.robot, tracks, stamps[row])?;
             text(&group, "instructions", &recording.summary.instruction)?;
-            for ((camera, kind), picture) in PICTURES.iter().zip(pictures.by_ref()) {
+            for ((camera, kind), image) in IMAGES.iter().zip(images.by_ref()) {
                 let name = format!("processed_data_cameras_{kind}_{camera}");
-                picture.write(&group, &name)?;
-                scalar(&group, &format!("{name}time"), picture.stamp)?;
+                image.write(&group, &name)?;
+                scalar(&group, &format!("{name}time"), image.stamp)?;
             }
             tick();
         }
@@ -221,16 +221,16 @@ fn write(
     Ok(number)
 }
 
-/// The pictures of a sample: camera and kind.
-const PICTURES: [(&str, &str); 4] = [
+/// The images of a sample: camera and kind.
+const IMAGES: [(&str, &str); 4] = [
     ("gen3", "rgb"),
     ("gen3", "depth"),
     ("wheelchair", "rgb"),
     ("wheelchair", "depth"),
 ];
 
-/// A compressed picture.
-struct Picture {
+/// A compressed image.
+struct CompressedImage {
     /// Seconds.
     stamp: f64,
     length: usize,
@@ -238,11 +238,11 @@ struct Picture {
     chunks: Vec<Vec<u8>>,
 }
 
-impl Picture {
+impl CompressedImage {
     /// One 64-bit integer per byte, in chunks of the length that h5py would
     /// choose.
     fn read(recording: &Recording, row: usize, camera: &str, kind: &str) -> anyhow::Result<Self> {
-        let (source, index) = recording.picture(camera, row)?;
+        let (source, index) = recording.image(camera, row)?;
         let (bytes, pixel) = if kind == "rgb" {
             (source.rgb(&recording.episode, index)?, 3)
         } else {
@@ -381,8 +381,8 @@ mod tests {
         assert!(check_robot(&robot).is_ok());
         robot.joints[4].name = "elbow".to_owned();
         robot.frames[6].name = "tool".to_owned();
-        let told = check_robot(&robot).unwrap_err().to_string();
-        assert!(told.contains("(joint_1, end_effector)"), "{told}");
+        let error = check_robot(&robot).unwrap_err().to_string();
+        assert!(error.contains("(joint_1, end_effector)"), "{error}");
     }
 
     #[test]

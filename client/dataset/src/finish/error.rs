@@ -1,10 +1,10 @@
-//! Why no file was made of a log.
+//! Errors of the conversion of a log into a file.
 
 use std::path::PathBuf;
 
 use crate::log::LogError;
 
-/// Why no file was made. The log stays.
+/// Why no file was written. The log stays.
 #[derive(Debug, thiserror::Error)]
 pub enum FinishError {
     /// The log cannot be read.
@@ -32,20 +32,20 @@ pub enum FinishError {
         /// The reason.
         source: std::io::Error,
     },
-    /// HDF5 refused something.
+    /// An HDF5 call failed.
     #[error("HDF5: {0}")]
     Hdf5(#[from] hdf5::Error),
-    /// A sample in the log is not what its stream carries.
+    /// A sample in the log is not a valid message of its stream.
     #[error("{stream}, sample {sequence}: {reason}")]
     Content {
         /// The stream.
         stream: String,
         /// Sequence number of the sample.
         sequence: u64,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
-    /// The written file does not hold what the log holds.
+    /// The written file does not match the log.
     #[error("{dataset} has {got} samples in the written file, expected {expected}")]
     Verify {
         /// The dataset.

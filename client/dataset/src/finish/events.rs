@@ -1,4 +1,4 @@
-//! `/events`: what happened, from several sources, in the order of time.
+//! `/events`: events of several sources in the order of time.
 
 use hdf5::Group;
 use prost::Message;
@@ -28,7 +28,7 @@ impl Row {
         }
     }
 
-    /// A sample of the event stream; `None` when it is none.
+    /// A sample of the event stream; `None` when it cannot be decoded.
     pub fn event(payload: &[u8]) -> Option<Self> {
         let event = v1::Event::decode(payload).ok()?;
         let kind = event.kind().word();

@@ -1,5 +1,5 @@
-//! From a log to an episode file: written beside its final name, checked,
-//! synced, put in place without ever replacing a file; only then the log goes.
+//! Converts a log into an episode file: written beside its final name, checked,
+//! synced and renamed without replacing a file; only then the log is removed.
 
 mod error;
 mod events;
@@ -29,36 +29,36 @@ use crate::writer::file_path;
 use events::{Phases, Row};
 use visibility::Visibility;
 
-/// Pause between two syncs of a file in the making, so that the last one finds
+/// Pause between two syncs of a file while it is written, so that the last one has
 /// little to do.
 const SYNC_PERIOD: Duration = Duration::from_millis(40);
 
-/// How often a name is claimed that somebody else gives up meanwhile.
+/// Attempts to claim a name that another process gives up meanwhile.
 const CLAIMS: usize = 8;
 
 /// A finished file.
 #[derive(Clone, Debug)]
 pub struct Finished {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
     /// Its size, bytes.
     pub bytes: u64,
-    /// What it holds and lacks.
+    /// Its recorded and missing samples.
     pub account: Account,
-    /// What else there is to know, for people; the file is good.
+    /// Notes for the user; the file is usable.
     pub notes: Vec<String>,
 }
 
 /// Makes the episode file of a log, in `out` or else beside the log.
 ///
 /// # Errors
-/// [`FinishError`]; the log stays and nothing half-written is left behind.
+/// [`FinishError`]; the log stays and no partial file is left.
 pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
-    // Before it is read: what a recorder appends meanwhile would be left out, and go
+    // Lock before reading: samples that a recorder appends meanwhile would be lost
     // with the log.
     let _held = hold(log)?;
     // A log that was closed in order is read once: whether a record is damaged
-    // shows when it is copied, and then the whole log is looked at first.
+    // shows when it is copied, and then the whole log is scanned first.
     if let Some(outline) = outline(log)? {
         match make(log, out, outline) {
             Err(FinishError::Log(LogError::Damaged { .. })) => {}
@@ -68,7 +68,7 @@ pub fn finish(log: &Path, out: Option<&Path>) -> Result<Finished, FinishError> {
     make(log, out, scan(log)?)
 }
 
-/// Makes the file of what `scan` found in the log.
+/// Writes the file of the samples that `scan` found.
 fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishError> {
     let label = scan.preamble.started.as_ref().map_or("", |s| &s.label);
     if let Err(invalid) = wheelarm_proto::check::label(label) {
@@ -91,9 +91,9 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
     if let Some(out) = out {
         std::fs::create_dir_all(out).map_err(io(out))?;
     }
-    let account = Account::of(&scan);
+    let account = Account::from_scan(&scan);
     if target.exists() && !is_placeholder(&target, log) {
-        // The file was published, and the log stayed: a crash between the two.
+        // A crash between publishing the file and removing the log.
         return match is_made_of(&target, &scan, &account) {
             true => Ok(published(
                 log,
@@ -128,8 +128,8 @@ fn make(log: &Path, out: Option<&Path>, scan: Scan) -> Result<Finished, FinishEr
     }
 }
 
-/// The file has its name: nothing behind this is an error. A log that cannot be removed
-/// costs only space, and one stays where a loss of power may undo the name of the file.
+/// The file has its name, so later failures are not errors. A log that cannot be removed
+/// costs only space; it is kept where a loss of power may undo the rename.
 fn published(
     log: &Path,
     path: PathBuf,
@@ -149,7 +149,7 @@ fn published(
             log.display()
         )),
     }
-    // The system takes a long log apart when the last who holds it lets go.
+    // The system takes a long log apart when its last handle is closed.
     std::thread::spawn(move || drop(scan));
     Finished {
         bytes: std::fs::metadata(&path).map_or(0, |metadata| metadata.len()),
@@ -160,7 +160,7 @@ fn published(
 }
 
 /// Whether `file` was made of this log: the same episode with the same digests of all
-/// streams. Without digests nothing is known.
+/// streams. `false` without digests.
 fn is_made_of(file: &Path, scan: &Scan, account: &Account) -> bool {
     let header = scan
         .preamble
@@ -186,7 +186,7 @@ fn is_made_of(file: &Path, scan: &Scan, account: &Account) -> bool {
 
 /// Locks the name under which a file is made: a log of the same name may be made into
 /// a file of the same folder at the same time. Unlike HDF5's own lock this one does not
-/// go over to programs that are started.
+/// get inherited by child processes.
 fn claim(temporary: &Path) -> std::io::Result<Locked> {
     for _ in 0..CLAIMS {
         let mut opening = File::options();
@@ -195,7 +195,7 @@ fn claim(temporary: &Path) -> std::io::Result<Locked> {
         let Ok(file) = Locked::lock(file) else {
             break;
         };
-        // Whoever had it may have given it another name just now.
+        // Its owner may have renamed it just now.
         if is_at(&file, temporary) {
             return Ok(file);
         }
@@ -215,7 +215,7 @@ fn is_placeholder(target: &Path, log: &Path) -> bool {
     own && found.is_ok_and(|found| found.is_file() && found.len() == 0)
 }
 
-/// Writes the file, and begins to bring it to the disk while it is written.
+/// Writes the file and syncs it meanwhile.
 fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError> {
     let io = |source| FinishError::Io {
         path: path.to_owned(),
@@ -226,8 +226,8 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     let syncing = File::open(path).map_err(io)?;
     let (done, ended) = crossbeam_channel::bounded(0);
     std::thread::scope(|scope| {
-        // What the disk refuses is told to one sync alone, so that this one's
-        // answer counts as much as that of the last.
+        // The kernel reports a disk error to one sync only, so that this one's
+        // result matters as much as that of the last.
         let synced = scope.spawn(move || sync(&syncing, &ended));
         let filled = fill(file, path, scan, account);
         drop(done);
@@ -237,7 +237,7 @@ fn write(path: &Path, scan: &Scan, account: &Account) -> Result<(), FinishError>
     })
 }
 
-/// Syncs again and again until `ended` is closed.
+/// Syncs periodically until `ended` is closed.
 fn sync(file: &File, ended: &Receiver<()>) -> std::io::Result<()> {
     while ended.recv_timeout(SYNC_PERIOD) == Err(RecvTimeoutError::Timeout) {
         publish::sync_data(file)?;
@@ -256,7 +256,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
         furniture_joints: started.joints.clone(),
         vertices: vertices(scan, index(scan, "deformable"))?,
         conditions: conditions(scan, evaluation_stream)?,
-        ..Context::of(&robot)
+        ..Context::from_description(&robot)
     };
     root::attributes(&file, scan, account, last.as_ref(), &context)?;
     root::scenario(&file, scan)?;
@@ -304,10 +304,10 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
             stream
         } else {
             let stream = group.create_group(name)?;
-            match columns::of(&id) {
+            match columns::for_stream(&id) {
                 Some(table) => {
                     let irregular = streams::state(&stream, table, &context, scan, &samples)?;
-                    Attributes::of(&stream).set("irregular_samples", irregular as u64)?;
+                    Attributes::for_object(&stream).set("irregular_samples", irregular as u64)?;
                 }
                 None => streams::unknown(&stream, scan, &samples)?,
             }
@@ -335,7 +335,7 @@ fn fill(file: hdf5::File, path: &Path, scan: &Scan, account: &Account) -> Result
     verify(path, &counts)
 }
 
-/// How the episode began, as rows of `/events`.
+/// Rows of `/events` for the start of the episode.
 fn begun(started: &v1::EpisodeStarted) -> Vec<Row> {
     let row = |kind, text: &str| Row::new(started.header.clone(), "episode", kind, text);
     vec![
@@ -344,7 +344,7 @@ fn begun(started: &v1::EpisodeStarted) -> Vec<Row> {
     ]
 }
 
-/// How it ended, where the server told it.
+/// How it ended, if the server reported it.
 fn ended(scan: &Scan) -> Option<Row> {
     let stopped = scan.closing.as_ref()?.stopped.as_ref()?;
     let success = stopped.evaluation.as_ref().is_some_and(|e| e.success);
@@ -363,7 +363,7 @@ fn verify(path: &Path, counts: &BTreeMap<String, usize>) -> Result<(), FinishErr
     for (name, &expected) in counts {
         for data in file.group(name)?.datasets()? {
             let samples = data.shape().first().copied().unwrap_or(0);
-            // Pictures have one chunk per sample; one that was not written
+            // Images have one chunk per sample; one that was not written
             // would read as zeros.
             let chunks = match data.chunk() {
                 Some(chunk) if chunk.len() > 2 && chunk[0] == 1 => data.num_chunks(),
@@ -406,7 +406,7 @@ fn last_evaluation(
     Ok(v1::Evaluation::decode(scan.payload(last, &mut Vec::new())?).ok())
 }
 
-/// Vertices of the soft object in the first sample that shows it.
+/// Vertices of the deformable object in the first sample that has it.
 fn vertices(scan: &Scan, stream: Option<usize>) -> Result<usize, FinishError> {
     let first = stream.and_then(|stream| streams::samples(scan, stream).into_iter().next());
     let Some(first) = first else {

@@ -27,7 +27,7 @@ pub(super) fn attributes(
     let scenario = started.scenario.clone().unwrap_or_default();
     let header = started.header.clone().unwrap_or_default();
     let stopped = scan.closing.as_ref().and_then(|c| c.stopped.as_ref());
-    let at = Attributes::of(file);
+    let at = Attributes::for_object(file);
     at.text("format", "wheelarm episode")?
         .text("schema_version", wheelarm_proto::SCHEMA_VERSION)?
         .text("label", &started.label)?
@@ -88,8 +88,8 @@ pub(super) fn attributes(
         .texts("anomalies", anomalies)?
         .texts("anomaly_kinds", &kinds)?;
 
-    // Without an evaluation nobody knows whether the task succeeded, and of a
-    // simulation that broke nothing can be believed.
+    // Without an evaluation the success of the task is unknown, and of an
+    // unstable simulation no result is valid.
     let sound = cause != v1::EndCause::Physics;
     at.set("success", sound && evaluation.is_some_and(|e| e.success))?
         .text(
@@ -119,7 +119,7 @@ pub(super) fn attributes(
 
 /// Sets one stream's account on its group.
 pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()> {
-    let at = Attributes::of(group);
+    let at = Attributes::for_object(group);
     counts(
         &at,
         ["expected", "missed"],
@@ -133,8 +133,8 @@ pub(super) fn account(group: &Group, stream: &StreamAccount) -> hdf5::Result<()>
     Ok(())
 }
 
-/// Counts that are the server's word; without it they are -1, for unknown, and
-/// what is known at least stands in `NAME_at_least`.
+/// Counts of the server's manifest; without it they are -1 for unknown, and
+/// the lower bound is stored in `NAME_at_least`.
 fn counts(
     at: &Attributes<'_>,
     names: [&str; 2],
@@ -160,7 +160,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
     hdf::bytes(&group, "message", &scenario.encode_to_vec())?;
     let text = format!("{:#}", scenario_json(&scenario));
     hdf::text(&group, "text", &text)?;
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .text("message", "wheelarm.v1.Scenario")?
         .text("scene", &scenario.scene)?
         .text("task", scenario.task())?
@@ -171,7 +171,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
         .set("imu_rate_hz", scenario.imu_rate_hz())?
         .set("imu_noise", scenario.imu_noise())?;
     if let Some(appearance) = &scenario.appearance {
-        Attributes::of(&group).text("look", &appearance.to_string())?;
+        Attributes::for_object(&group).text("look", &appearance.to_string())?;
     }
     hdf::bytes(&group, "episode_started", &started.encode_to_vec())?;
     if let Some(stopped) = scan.closing.as_ref().and_then(|c| c.stopped.as_ref()) {
@@ -180,7 +180,7 @@ pub(super) fn scenario(file: &File, scan: &Scan) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Writes `/robot`: the description as it was told, and what people look for in
+/// Writes `/robot`: the received description, and what users look for in
 /// it as attributes.
 pub(super) fn robot(file: &File, robot: &v1::RobotDescription) -> hdf5::Result<()> {
     let group = file.create_group("robot")?;
@@ -198,7 +198,7 @@ pub(super) fn robot(file: &File, robot: &v1::RobotDescription) -> hdf5::Result<(
         mount.position.unwrap_or_default(),
         mount.orientation.unwrap_or_default(),
     );
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .text("message", "wheelarm.v1.RobotDescription")?
         .text("name", &robot.name)?
         .texts("joints", &joints)?
@@ -231,7 +231,7 @@ pub(super) fn initial_state(file: &File, preamble: &Preamble) -> hdf5::Result<()
     let state = preamble.snapshot.as_ref().unwrap_or(&default);
     let header = state.header.clone().unwrap_or_default();
     hdf::bytes(&group, "snapshot", &state.snapshot)?;
-    Attributes::of(&group)
+    Attributes::for_object(&group)
         .text("run_id", &header.run_id)?
         .set("episode", header.episode)?
         .set("sequence", header.sequence)?

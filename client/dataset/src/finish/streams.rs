@@ -1,4 +1,4 @@
-//! From the log's samples to `/streams`: columns of numbers, pictures.
+//! Converts the log's samples into `/streams`: columns of numbers, images.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ const fn number(name: &'static str, unit: &'static str) -> ColumnInfo {
     }
 }
 
-/// What every stream has: when a sample was taken, and which one it is.
+/// Columns of every stream: time and number of each sample.
 pub(super) const HEADER_COLUMNS: [ColumnInfo; 3] = [
     number("stamp_nanos", "ns of simulation time"),
     number("sequence", "1 (counts up by one per sample and run)"),
@@ -37,7 +37,7 @@ pub(super) const HEADER_COLUMNS: [ColumnInfo; 3] = [
 const INTRINSICS: ColumnInfo = ColumnInfo {
     name: "intrinsics",
     unit: "pixels",
-    frame: "picture, from its left and top edge",
+    frame: "image, from its left and top edge",
     axes: &[Axis::Components(&[
         "width", "height", "fx", "fy", "cx", "cy",
     ])],
@@ -69,7 +69,7 @@ pub(super) fn samples<'a>(scan: &'a Scan, stream: usize) -> Vec<&'a Entry> {
 }
 
 /// Writes a state stream and returns the number of irregular samples, whose
-/// lists had another length than their columns.
+/// lists have another length than their columns.
 pub(super) fn state(
     group: &Group,
     stream: &dyn Stream,
@@ -105,7 +105,7 @@ pub(super) fn state(
     Ok(irregular)
 }
 
-/// Columns to be filled with `rows` rows.
+/// Empty columns for `rows` rows.
 fn create<'a>(
     group: &Group,
     columns: impl Iterator<Item = &'a ColumnInfo>,
@@ -116,7 +116,7 @@ fn create<'a>(
     made.collect()
 }
 
-/// Writes a camera's pictures chunk by chunk as they stand in the log; `payloads`
+/// Writes a camera's images chunk by chunk unchanged from the log; `payloads`
 /// are those of `entries`.
 pub(super) fn camera(
     group: &Group,
@@ -130,10 +130,10 @@ pub(super) fn camera(
     let all = HEADER_COLUMNS.iter().chain([&INTRINSICS, &CAMERA_POSE]);
     let mut columns = create(group, all, &context, entries.len())?;
     let calibration = group.dataset(INTRINSICS.name)?;
-    Attributes::of(&calibration)
+    Attributes::for_object(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
-    let mut pictures = None;
+    let mut images = None;
     for (index, entry) in entries.iter().enumerate() {
         let bad = |reason: &str| FinishError::Content {
             stream: StreamId::camera(name).to_string(),
@@ -145,18 +145,24 @@ pub(super) fn camera(
         let meta = v1::CameraFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
         let each = ids::bytes(&meta);
-        let pictures = match &pictures {
+        let images = match &images {
             Some(p) => p,
-            None => pictures.insert(Pictures::create(group, depth, entries.len(), &i, each)?),
+            None => images.insert(ImageDatasets::create(
+                group,
+                depth,
+                entries.len(),
+                &i,
+                each,
+            )?),
         };
-        if pictures.id_bytes != each {
+        if images.id_bytes != each {
             return Err(bad("its ids have another width than those before"));
         }
-        pictures.rgb.write(index, parts.rgb)?;
-        if let Some(depth) = &pictures.depth {
+        images.rgb.write(index, parts.rgb)?;
+        if let Some(depth) = &images.depth {
             depth.write(index, parts.depth)?;
         }
-        pictures.ids.write(index, parts.ids)?;
+        images.ids.write(index, parts.ids)?;
 
         let h = &entry.header;
         let cells = header_cells(h.stamp_nanos, h.sequence, h.tick)
@@ -175,7 +181,7 @@ pub(super) fn camera(
     Ok(())
 }
 
-/// Columns of a sensor's pictures beside those of a camera.
+/// Columns of a sensor's images beside those of a camera.
 const EXPOSURE: [ColumnInfo; 2] = [
     number(
         "exposure_nanos",
@@ -184,7 +190,7 @@ const EXPOSURE: [ColumnInfo; 2] = [
     number("exposure_tick", "ticks of 1/240 s"),
 ];
 
-/// Writes the pictures of a sensor model, colour or depth, chunk by chunk.
+/// Writes the images of a sensor model, colour or depth, chunk by chunk.
 pub(super) fn sensor(
     group: &Group,
     name: &str,
@@ -197,10 +203,10 @@ pub(super) fn sensor(
     let all = HEADER_COLUMNS.iter().chain(own);
     let mut columns = create(group, all, &context, entries.len())?;
     let calibration = group.dataset(INTRINSICS.name)?;
-    Attributes::of(&calibration)
+    Attributes::for_object(&calibration)
         .set("pixel_centre", PIXEL_CENTRE)?
         .text("convention", CONVENTION)?;
-    let mut picture = None;
+    let mut image = None;
     for (index, entry) in entries.iter().enumerate() {
         let bad = |reason: &str| FinishError::Content {
             stream: StreamId::sensor(name).to_string(),
@@ -212,16 +218,16 @@ pub(super) fn sensor(
         let meta = v1::SensorFrame::decode(parts.meta).map_err(|e| bad(&e.to_string()))?;
         let i = meta.intrinsics.ok_or_else(|| bad("it has no intrinsics"))?;
         let colour = parts.depth.is_empty();
-        let (of_colour, chunks) = match &picture {
+        let (of_colour, chunks) = match &image {
             Some(made) => made,
             None => {
-                Attributes::of(group).text("camera", &meta.camera)?;
+                Attributes::for_object(group).text("camera", &meta.camera)?;
                 let size = [i.height as usize, i.width as usize];
                 let made = match colour {
                     true => rgb_dataset(group, entries.len(), size)?,
                     false => millimetres_dataset(group, entries.len(), size, "0 for no return")?,
                 };
-                picture.insert((colour, made))
+                image.insert((colour, made))
             }
         };
         if *of_colour != colour {
@@ -273,14 +279,14 @@ fn millimetres_dataset(
     let shuffle = Filters::ShuffleDeflate;
     let d = Chunked::create::<u16>(group, "depth", count, &[h, w], 1, shuffle)?;
     describe(d.dataset(), "mm")?;
-    Attributes::of(d.dataset())
+    Attributes::for_object(d.dataset())
         .set("scale", 0.001)?
         .set("invalid", 0_u16)?
         .text("note", &format!("metres = value * scale; {note}"))?;
     Ok(d)
 }
 
-struct Pictures {
+struct ImageDatasets {
     rgb: Chunked,
     depth: Option<Chunked>,
     ids: Chunked,
@@ -288,7 +294,7 @@ struct Pictures {
     id_bytes: usize,
 }
 
-impl Pictures {
+impl ImageDatasets {
     fn create(
         group: &Group,
         format: Depth,
@@ -304,7 +310,7 @@ impl Pictures {
                 let d = Chunked::create::<f32>(group, "depth", count, &[h, w], 1, shuffle)?;
                 describe(d.dataset(), "m")?;
                 let note = "+inf where nothing is hit";
-                Attributes::of(d.dataset())
+                Attributes::for_object(d.dataset())
                     .set("scale", 1.0)?
                     .text("note", note)?;
                 Some(d)
@@ -333,14 +339,14 @@ impl Pictures {
 }
 
 fn describe(data: &Dataset, units: &str) -> hdf5::Result<()> {
-    Attributes::of(data).text("units", units)?.text(
+    Attributes::for_object(data).text("units", units)?.text(
         "frame",
         "row-major from the top left; depth along the optical axis",
     )?;
     Ok(())
 }
 
-/// Writes a stream that this version does not know: its messages as they came.
+/// Writes the unchanged messages of a stream that this version does not know.
 pub(super) fn unknown(group: &Group, scan: &Scan, entries: &[&Entry]) -> Result<(), FinishError> {
     const MESSAGE: ColumnInfo = ColumnInfo {
         name: "message",

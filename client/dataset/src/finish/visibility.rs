@@ -46,17 +46,17 @@ impl Visibility {
         }
         let first = ids.read_slice::<u16, _, ndarray::Ix2>(s![0, .., ..])?;
         let pixels = first.iter().filter(|found| **found == id).count();
-        Attributes::of(camera).set("target_pixels_in_first_image", pixels as u64)?;
+        Attributes::for_object(camera).set("target_pixels_in_first_image", pixels as u64)?;
         self.first.push(pixels);
         Ok(())
     }
 
-    /// Says on the file whether any first image shows the target; nothing where no camera
+    /// Writes whether any first image shows the target; nothing where no camera
     /// has instance IDs or the scenario no target.
     pub(super) fn finish(&self, file: &File) -> hdf5::Result<()> {
         if !self.first.is_empty() {
-            let seen = self.first.iter().any(|pixels| *pixels >= VISIBLE_PIXELS);
-            Attributes::of(file).set("target_in_first_images", seen)?;
+            let visible = self.first.iter().any(|pixels| *pixels >= VISIBLE_PIXELS);
+            Attributes::for_object(file).set("target_in_first_images", visible)?;
         }
         Ok(())
     }

@@ -10,7 +10,7 @@ pub struct Attributes<'a>(&'a Location);
 
 impl<'a> Attributes<'a> {
     /// Attributes of `place`.
-    pub fn of(place: &'a Location) -> Self {
+    pub fn for_object(place: &'a Location) -> Self {
         Self(place)
     }
 

@@ -59,7 +59,7 @@ impl ColumnWriter {
                 (Target::Blobs(data.clone(), Vec::new()), data)
             }
         };
-        let attributes = Attributes::of(&data);
+        let attributes = Attributes::for_object(&data);
         attributes
             .text("units", column.unit)?
             .text("frame", column.frame)?;
@@ -99,7 +99,7 @@ impl ColumnWriter {
             (Target::Nothing, _) => {}
             (_, cell) => {
                 return Err(hdf5::Error::Internal(format!(
-                    "a column got {cell:?}, which is of another kind"
+                    "a column received {cell:?}, which has another type"
                 )));
             }
         }

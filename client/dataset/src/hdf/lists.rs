@@ -31,7 +31,7 @@ impl List for VarLenUnicode {
 
 /// Reads a one-dimensional dataset of lists from a file of `length` bytes. Many rows can
 /// refer to the same stored list, so it is read in blocks, and rejected where its lists
-/// need more memory than the file has bytes. A single list lies in the file as it is.
+/// need more memory than the file has bytes. A single list is stored unchanged.
 ///
 /// # Errors
 /// Those of HDF5, and where the lists are too long.

@@ -36,17 +36,17 @@ pub(crate) fn unlocked() -> hdf5::FileBuilder {
 /// knows.
 ///
 /// # Errors
-/// Those of HDF5, also where an attribute is there already.
+/// Those of HDF5, also where an attribute exists already.
 pub fn add_texts(file: &std::path::Path, texts: &[(&str, &str)]) -> hdf5::Result<()> {
     let file = unlocked().open_rw(file)?;
-    let attributes = Attributes::of(&file);
+    let attributes = Attributes::for_object(&file);
     for (name, text) in texts {
         attributes.text(name, text)?;
     }
     file.close()
 }
 
-/// UTF-8 of variable length; NUL, which HDF5 takes for the end, becomes U+FFFD.
+/// UTF-8 of variable length; NUL, which ends text in HDF5, becomes U+FFFD.
 #[must_use]
 pub fn unicode(text: &str) -> VarLenUnicode {
     text.replace('\0', "\u{fffd}")

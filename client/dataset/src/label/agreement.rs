@@ -25,8 +25,8 @@ impl Agreement {
     }
 }
 
-/// Compares segments with the published phases; `None` when nobody published
-/// any.
+/// Compares segments with the published phases; `None` without
+/// published phases.
 ///
 /// # Errors
 /// When the phase stream cannot be read.

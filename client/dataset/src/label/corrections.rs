@@ -26,7 +26,7 @@ pub struct Corrections(BTreeMap<String, Own>);
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Own {
     segments: Vec<Segment>,
-    /// Where the episode is named first: table and line.
+    /// First occurrence of the episode: table and line.
     place: String,
 }
 
@@ -71,14 +71,14 @@ impl Corrections {
             let [episode, seconds, label] = cells;
             let from: f64 = seconds
                 .parse()
-                .with_context(|| format!("{place}: {seconds:?} is no time in seconds"))?;
+                .with_context(|| format!("{place}: invalid time {seconds:?}: write seconds"))?;
             let label: u8 = label
                 .parse()
                 .ok()
                 .filter(|&l| usize::from(l) < NAMES.len())
-                .with_context(|| format!("{place}: {label:?} is no label from 0 to 3"))?;
+                .with_context(|| format!("{place}: invalid label {label:?}: use 0 to 3"))?;
             if !(0.0..1e7).contains(&from) {
-                bail!("{place}: {from} s lies outside of any episode");
+                bail!("{place}: {from} s is outside of every episode");
             }
             let own = all.entry(episode.to_owned()).or_insert_with(|| Own {
                 segments: Vec::new(),
@@ -111,7 +111,7 @@ impl Corrections {
             let short = name.strip_suffix(ENDING);
             ensure!(
                 is_known(name) || short.is_some_and(&is_known),
-                "{}: there is no recording {name:?} among the files or beside them: correct the \
+                "{}: no recording named {name:?} among the files or beside them: correct the \
                  name, or remove its lines",
                 own.place
             );
@@ -119,7 +119,7 @@ impl Corrections {
         Ok(())
     }
 
-    /// Whether there are none.
+    /// Whether the camera has no frames.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -142,7 +142,7 @@ impl Corrections {
     }
 }
 
-/// The text of a table, without the mark that spreadsheets put before UTF-8.
+/// The text of a table, without the byte order mark of spreadsheets.
 fn decode(bytes: &[u8]) -> anyhow::Result<&str> {
     let is_wide = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
     ensure!(
@@ -159,7 +159,7 @@ fn decode(bytes: &[u8]) -> anyhow::Result<&str> {
     }
 }
 
-/// Where the required columns are in a table with this header.
+/// Indices of the required columns in a table with this header.
 fn header(line: &str) -> anyhow::Result<[usize; REQUIRED.len()]> {
     let names: Vec<&str> = line
         .split(',')
@@ -170,14 +170,14 @@ fn header(line: &str) -> anyhow::Result<[usize; REQUIRED.len()]> {
         let mut found = (0..names.len()).filter(|&at| names[at] == name);
         *column = match (found.next(), found.next()) {
             (Some(at), None) => at,
-            (Some(_), Some(_)) => bail!("the column {name:?} is there twice: rename one of them"),
+            (Some(_), Some(_)) => bail!("the column {name:?} occurs twice: rename one of them"),
             (None, _) => {
                 let separator = [";", "\t", "|"].into_iter().find(|s| line.contains(s));
                 if let Some(separator) = separator {
                     bail!("the columns are separated by {separator:?}: save the table with commas");
                 }
                 bail!(
-                    "there is no column {name:?}: begin the table with the line `{}`",
+                    "no column named {name:?}: begin the table with the line `{}`",
                     COLUMNS.join(",")
                 )
             }
@@ -241,7 +241,7 @@ mod tests {
             ("episode,from_seconds,label\na,0,7\n", "line 2"),
             ("episode,from_seconds,label\na,2,0\na,1,1\n", "line 3"),
             ("episode,from_seconds,label\na,soon,0\n", "no time"),
-            ("a,0,0\na,2,1\n", "line 1: there is no column \"episode\""),
+            ("a,0,0\na,2,1\n", "line 1: no column named \"episode\""),
             (
                 "# x\nepisode;from_seconds;label\na;0;0\n",
                 "line 2: the columns are separated by \";\"",
@@ -253,7 +253,7 @@ mod tests {
             ("episode,from_seconds\na,0\n", "no column \"label\""),
             (
                 "label,episode,from_seconds,label\n0,a,0,0\n",
-                "is there twice",
+                "occurs twice",
             ),
             (
                 "episode,from_seconds,label\na,0\n",
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_of_corrections_go_by_their_names() {
+    fn columns_of_corrections_are_found_by_name() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("labels.csv");
         let read = |text: &[u8]| {
@@ -297,22 +297,22 @@ mod tests {
             let read = read(text.as_bytes()).unwrap();
             assert_eq!(read.apply("a", 0, Vec::new()), wanted, "{text}");
             read.check_episodes(|label| label == "a").unwrap();
-            let told = read
+            let error = read
                 .check_episodes(|label| label == "b")
                 .unwrap_err()
                 .to_string();
-            assert!(told.contains("line 2: there is no recording \"a"), "{told}");
+            assert!(error.contains("line 2: no recording named \"a"), "{error}");
         }
         let wide: Vec<u8> = "\u{feff}episode,from_seconds,label\n"
             .encode_utf16()
             .flat_map(u16::to_le_bytes)
             .collect();
-        let told = format!("{:#}", read(&wide).unwrap_err());
-        assert!(told.contains("line 1: the text is UTF-16"), "{told}");
-        let told = format!(
+        let error = format!("{:#}", read(&wide).unwrap_err());
+        assert!(error.contains("line 1: the text is UTF-16"), "{error}");
+        let error = format!(
             "{:#}",
             read(b"episode,from_seconds,label\na,0,0\n#\xe9\n").unwrap_err()
         );
-        assert!(told.contains("line 3: the text is not UTF-8"), "{told}");
+        assert!(error.contains("line 3: the text is not UTF-8"), "{error}");
     }
 }

@@ -1,6 +1,6 @@
 //! WheelArm-Sim's four labels by a rule that reads only recorded signals: speed
 //! of the chair, speed of the arm, angle of the knuckle, force at the finger
-//! tips, position of drawers. What an operator published is never looked at;
+//! tips, position of drawers. Published phases are never used;
 //! [`agreement`] compares with it.
 //!
 //! The rule walks through time:
@@ -16,8 +16,8 @@
 //!
 //! The paper ends navigating when the chair's speed falls to zero; the scripted
 //! operator publishes reaching about a second later, when the arm moves, and
-//! the rule follows that. `docs/train-and-evaluate/process.md` says on which episodes the
-//! rule was chosen and how it did on episodes that were recorded afterwards.
+//! the rule follows that. `docs/train-and-evaluate/process.md` lists the episodes on which the
+//! rule was chosen, and its results on episodes recorded afterwards.
 
 mod agreement;
 mod corrections;
@@ -46,9 +46,9 @@ const KNUCKLE_MOVES: f64 = 0.1;
 /// Window of the knuckle's speed, nanoseconds: its angle counts, a contact
 /// shakes its speed. A closing is found up to this much too early.
 const WINDOW: u64 = 100_000_000;
-/// A closing or opening by less than this is none, rad.
+/// A closing or opening by less than this is ignored, rad.
 const STROKE: f64 = 0.05;
-/// A finger tip touches from this force, N: what the pads weigh is far below.
+/// A finger tip touches from this force, N; the weight of the pads is far below.
 const TOUCH: f64 = 2.0;
 /// A touch belongs to a closing until so long after it, nanoseconds.
 const TOUCH_LATE: u64 = 500_000_000;
@@ -61,13 +61,13 @@ const PULL: f64 = 0.02;
 /// A label from a time on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Segment {
-    /// Simulation time from which it holds, nanoseconds.
+    /// Simulation time from which it applies, nanoseconds.
     pub from: u64,
     /// 0 to 3.
     pub label: u8,
 }
 
-/// What the rule reads, sampled together.
+/// Inputs of the rule, sampled together.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
     /// Stamps, nanoseconds.
@@ -80,9 +80,9 @@ pub struct Motion {
     pub knuckle: Vec<f64>,
     /// Whether the pads are closer than any object is thick.
     pub shut: Vec<bool>,
-    /// Whether a finger tip touches; true throughout where nobody recorded it.
+    /// Whether a finger tip touches; true throughout where it was not recorded.
     pub touch: Vec<bool>,
-    /// How far all drawers are open together, metres.
+    /// Sum of the openings of all drawers, metres.
     pub drawn: Vec<f64>,
 }
 
@@ -206,7 +206,7 @@ fn strokes(motion: &Motion, sign: f64) -> Vec<(usize, usize)> {
     out
 }
 
-/// Where the chair's drives draw furniture.
+/// Intervals in which the chair's drives pull furniture.
 fn pulls(motion: &Motion) -> Vec<bool> {
     let mut out = vec![false; motion.chair.len()];
     let mut from = 0;
@@ -278,9 +278,9 @@ pub fn runs(stamps: &[u64], labels: &[u8]) -> Vec<Segment> {
     out
 }
 
-/// The labels of rows at `stamps`; the first segment also holds before itself.
+/// The labels of rows at `stamps`; the first segment also applies before its start.
 #[must_use]
-pub fn at(segments: &[Segment], stamps: &[u64]) -> Vec<u8> {
+pub fn labels_at(segments: &[Segment], stamps: &[u64]) -> Vec<u8> {
     let find = |&t: &u64| {
         let after = segments.partition_point(|s| s.from <= t);
         segments.get(after.max(1) - 1).map_or(0, |s| s.label)

@@ -1,21 +1,21 @@
-//! Payloads of a log that a thread of its own reads while their user is busy with
-//! those before.
+//! Reads payloads of a log ahead on its own thread while the caller processes
+//! earlier ones.
 
 use crossbeam_channel::{Receiver, Sender};
 
 use super::{Entry, LogError, RECORD_HEADER, Scan};
 
-/// Payloads that may wait.
+/// Limit of payloads read ahead.
 const WAITING: usize = 3;
 
-/// Payloads in the order that was asked for.
+/// Payloads in the requested order.
 pub struct Ahead {
     ready: Receiver<Result<Record, LogError>>,
     used: Sender<Vec<u8>>,
     now: Record,
 }
 
-/// A record as it stands in the log, in memory that may be longer.
+/// A record of the log, in a buffer that may be longer.
 #[derive(Default)]
 struct Record {
     memory: Vec<u8>,
@@ -23,12 +23,12 @@ struct Record {
 }
 
 impl Ahead {
-    /// The next payload; nothing behind the last one and behind a failure.
+    /// The next payload; `None` after the last one and after a failure.
     ///
     /// # Errors
     /// Those of [`Scan::payload`].
     pub fn read(&mut self) -> Option<Result<&[u8], LogError>> {
-        // Whoever reads has ended when nobody takes it.
+        // The reader has ended when the receiver is dropped.
         let _ = self.used.send(std::mem::take(&mut self.now.memory));
         match self.ready.recv().ok()? {
             Ok(record) => {
@@ -41,7 +41,7 @@ impl Ahead {
     }
 }
 
-/// Calls `work` with the payloads of `entries`, one after the other.
+/// Calls `work` with the payloads of `entries` in order.
 pub fn read_ahead<T>(scan: &Scan, entries: &[&Entry], work: impl FnOnce(&mut Ahead) -> T) -> T {
     let (to_user, ready) = crossbeam_channel::bounded(WAITING);
     let (used, free) = crossbeam_channel::unbounded();

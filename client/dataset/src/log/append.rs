@@ -1,4 +1,4 @@
-//! Appending: a record is in the log entirely or not at all.
+//! Appends records: a record is in the log entirely or not at all.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -10,7 +10,7 @@ use super::format::{FILE_MAGIC, Preamble};
 use super::locked::Locked;
 use super::{LogError, MAX_MESSAGE, MAX_PAYLOAD, MAX_SNAPSHOT};
 
-/// A file to which a log is appended. Tests put a full disk here.
+/// The file of a log. Tests substitute a full disk.
 pub trait LogFile: Send {
     /// Appends all bytes with `write(2)`.
     ///
@@ -58,7 +58,7 @@ pub(crate) fn create_file(path: &Path) -> Result<Locked, LogError> {
         .create_new(true)
         .open(path)
         .map_err(io)?;
-    // Nobody else has it: `create_new` lets only one in.
+    // The file is exclusively ours: `create_new` succeeds only once.
     Locked::lock(file).map_err(|_| LogError::InUse(path.display().to_string()))
 }
 
@@ -117,7 +117,7 @@ impl<F: LogFile> Appender<F> {
     ///
     /// # Errors
     /// The first failure cuts the log back to the last good record; from then
-    /// on every append fails with the same words.
+    /// on every append fails with the same error.
     pub fn append(&mut self, records: &[u8]) -> Result<(), String> {
         if let Some(failure) = &self.failure {
             return Err(failure.clone());

@@ -15,18 +15,18 @@ pub const RECORD_HEADER: usize = 40;
 /// has 128 MiB before compression.
 pub const MAX_PAYLOAD: usize = 1 << 30;
 
-/// Greatest snapshot of an episode, bytes; of the homes that ship it has about 1 MB.
+/// Greatest snapshot of an episode, bytes; the shipped homes have about 1 MB.
 pub const MAX_SNAPSHOT: usize = 256 << 20;
 /// Greatest message that describes an episode (start, end, scenario, robot), bytes.
 pub const MAX_MESSAGE: usize = 16 << 20;
 
-/// What stands first in a log: everything but the samples.
+/// The preamble of a log: everything but the samples.
 #[derive(Clone, PartialEq, Message)]
 pub struct Preamble {
     /// The episode.
     #[prost(message, optional, tag = "1")]
     pub started: Option<v1::EpisodeStarted>,
-    /// What replay starts from.
+    /// Initial state of a replay.
     #[prost(message, optional, tag = "2")]
     pub snapshot: Option<v1::SnapshotReply>,
     /// Name of the recorder.
@@ -58,7 +58,7 @@ impl Preamble {
     }
 }
 
-/// Samples of one stream that arrived out of order because they were sent again.
+/// Retransmitted samples of one stream, which arrived out of order.
 #[derive(Clone, PartialEq, Message)]
 pub struct Recovered {
     /// Stream name.
@@ -69,7 +69,7 @@ pub struct Recovered {
     pub count: u64,
 }
 
-/// What a recorder received of one stream.
+/// Received messages of one stream.
 #[derive(Clone, PartialEq, Message)]
 pub struct Received {
     /// Stream name.
@@ -78,10 +78,10 @@ pub struct Received {
     /// Digest of the messages in order, as in `StreamCount` of the manifest.
     #[prost(bytes = "vec", tag = "2")]
     pub digest: Vec<u8>,
-    /// Sequence numbers that came with two contents.
+    /// Sequence numbers that arrived with two contents.
     #[prost(uint64, tag = "3")]
     pub doubtful: u64,
-    /// Digest of the compressed messages, where every sample came as one; empty
+    /// Digest of the compressed messages, if every sample arrived as one; empty
     /// otherwise.
     #[prost(bytes = "vec", tag = "4")]
     pub compressed: Vec<u8>,
@@ -90,21 +90,21 @@ pub struct Received {
 /// Last record of a log that was closed in order.
 #[derive(Clone, PartialEq, Message)]
 pub struct Closing {
-    /// The server's closing message with the manifest, if it came.
+    /// The server's closing message with the manifest, if it arrived.
     #[prost(message, optional, tag = "1")]
     pub stopped: Option<v1::EpisodeStopped>,
     /// Why the recording ended early; empty when it did not.
     #[prost(string, tag = "2")]
     pub reason: String,
-    /// Samples that were sent again, by stream.
+    /// Retransmitted samples, by stream.
     #[prost(message, repeated, tag = "3")]
     pub recovered: Vec<Recovered>,
-    /// What came, by stream.
+    /// Received messages, by stream.
     #[prost(message, repeated, tag = "4")]
     pub received: Vec<Received>,
 }
 
-/// What a record holds.
+/// Kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A message of a state stream as it was encoded.
@@ -137,7 +137,7 @@ impl Kind {
 /// A record without its payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RecordHeader {
-    /// What the payload is.
+    /// Kind of the payload.
     pub kind: Kind,
     /// Number of the stream in [`Preamble::streams`].
     pub stream: u16,
@@ -149,13 +149,13 @@ pub struct RecordHeader {
     pub tick: u64,
 }
 
-/// Starts a record: reserves its header; the payload is appended by the caller.
+/// Starts a record: reserves its header; the caller appends the payload.
 #[must_use]
 pub fn begin_record(capacity: usize) -> Vec<u8> {
     begin_record_in(Vec::new(), capacity)
 }
 
-/// The same in memory that is there already, whatever it holds.
+/// The same in an existing buffer, whose content is dropped.
 #[must_use]
 pub fn begin_record_in(mut out: Vec<u8>, capacity: usize) -> Vec<u8> {
     out.clear();
@@ -180,14 +180,14 @@ pub fn finish_record(record: &mut [u8], header: &RecordHeader) {
     record[4..8].copy_from_slice(&crc.to_le_bytes());
 }
 
-/// A record header as it was read: with its CRC and the payload's length.
+/// A parsed record header with its CRC and the payload's length.
 pub(super) struct RawHeader {
     pub header: RecordHeader,
     pub crc: u32,
     pub length: usize,
 }
 
-/// Reads a record header; `None` when it is none.
+/// Parses a record header; `None` when it is invalid.
 pub(super) fn parse_header(bytes: &[u8; RECORD_HEADER]) -> Option<RawHeader> {
     let u32_at = |i: usize| {
         let mut b = [0; 4];
@@ -216,12 +216,12 @@ pub(super) fn parse_header(bytes: &[u8; RECORD_HEADER]) -> Option<RawHeader> {
     })
 }
 
-/// A camera payload: the message without its pictures, then the compressed
-/// pictures, each after its u32 length.
+/// A camera payload: the message without its images, then the compressed
+/// images, each after its u32 length.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraParts<'a> {
     /// `CameraFrame` whose `rgb`, `depth` and `ids` are empty, or `SensorFrame`
-    /// without `rgb` and `depth`: what it did not give is empty below.
+    /// without `rgb` and `depth`; images that it does not have are empty below.
     pub meta: &'a [u8],
     /// zlib stream of RGB8.
     pub rgb: &'a [u8],
@@ -232,7 +232,7 @@ pub struct CameraParts<'a> {
 }
 
 impl<'a> CameraParts<'a> {
-    /// Takes a payload apart; `None` when its lengths do not add up.
+    /// Parses a payload; `None` when its lengths do not add up.
     #[must_use]
     pub fn parse(payload: &'a [u8]) -> Option<Self> {
         let (meta, rest) = part(payload)?;

@@ -1,17 +1,17 @@
-//! Files that are locked for as long as this program has them.
+//! Files that are locked while this program has them open.
 
 use std::fs::{File, TryLockError};
 use std::io;
 use std::ops::{Deref, DerefMut};
 
-/// A locked file. It is unlocked by a call and not by being closed alone: a program that
-/// is being started has a copy of it for a moment, and whoever locks it then, this
+/// A locked file. It is unlocked explicitly and not only by closing it: a program that
+/// is being started has a copy of it for a moment, and a process that locks it then, this
 /// program itself, would be refused.
 #[derive(Debug)]
 pub struct Locked(File);
 
 impl Locked {
-    /// Locks a file; on file systems without locks it is merely held.
+    /// Locks a file; on file systems without locks it is only kept open.
     ///
     /// # Errors
     /// The file, where another program has locked it.
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_locked_is_free_although_a_started_program_still_has_it() {
+    fn a_lock_is_released_although_a_child_process_inherited_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log");
         let locked = Locked::lock(File::create(&path).unwrap()).unwrap();

@@ -1,6 +1,6 @@
 //! Write-ahead log of one episode: already compressed chunks, each with its
 //! length and CRC-32. What was appended survives the death of the process;
-//! what was synced survives the loss of power. Knows neither HDF5 nor threads.
+//! what was synced survives the loss of power. This module uses neither HDF5 nor threads.
 //!
 //! ```text
 //! file    magic[8] · length u32 · crc32 u32 · Preamble (protobuf) · record*
@@ -27,7 +27,7 @@ pub use locked::Locked;
 pub(crate) use scan::is_at;
 pub use scan::{Entry, Scan, hold, outline, scan};
 
-/// What is wrong with a log.
+/// Errors of a log.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be read or written.
@@ -38,28 +38,28 @@ pub enum LogError {
         /// The reason.
         source: std::io::Error,
     },
-    /// There is no file that could be read.
+    /// The file does not exist or cannot be read.
     #[error("{path}: {reason}")]
     Absent {
         /// The path.
         path: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
-    /// The file is no log, or its beginning is damaged.
-    #[error("{path} is no WheelArm log: {reason}")]
+    /// The file is not a log, or its beginning is damaged.
+    #[error("{path} is not a WheelArm log: {reason}")]
     NoLog {
         /// The file.
         path: String,
-        /// What was found.
+        /// The reason.
         reason: String,
     },
-    /// A record is not what its checksum says.
+    /// A record does not match its checksum.
     #[error("log {path}: the checksum of the record at byte {at} is wrong")]
     Damaged {
         /// The file.
         path: String,
-        /// Where the record begins, bytes.
+        /// Offset of the record, bytes.
         at: u64,
     },
     /// A recorder still writes to it.

@@ -1,5 +1,5 @@
 //! Reading a log that may end anywhere: the valid prefix is kept, the rest is
-//! told. Nothing in here panics, whatever the bytes.
+//! reported. No input bytes cause a panic.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -16,11 +16,11 @@ use super::{Closing, Kind, Locked, LogError, MAX_PAYLOAD, Preamble, RECORD_HEADE
 pub struct Entry {
     /// Its header.
     pub header: RecordHeader,
-    /// Where its payload begins in the file, bytes.
+    /// Offset of its payload in the file, bytes.
     pub offset: u64,
     /// Length of its payload, bytes.
     pub length: usize,
-    /// Checksum of the record, as it stands in its header.
+    /// Checksum of the record, from its header.
     crc: u32,
 }
 
@@ -29,7 +29,7 @@ pub struct Entry {
 pub struct Scan {
     file: File,
     path: PathBuf,
-    /// What stands first.
+    /// The preamble.
     pub preamble: Preamble,
     /// Samples in the order in which they were written.
     pub entries: Vec<Entry>,
@@ -39,13 +39,13 @@ pub struct Scan {
     pub good: u64,
     /// Bytes behind it that are lost.
     pub lost: u64,
-    /// Why reading stopped there; `None` when nothing is lost.
+    /// Why reading stopped there; `None` for an undamaged log.
     pub damage: Option<String>,
 }
 
 impl Scan {
-    /// Reads a record's payload into `buffer`, which may hold anything before and
-    /// is best kept for the next one, and compares its checksum.
+    /// Reads a record's payload into `buffer`, whose content is dropped and which
+    /// is best reused for the next one, and compares its checksum.
     ///
     /// # Errors
     /// [`LogError::Io`]; [`LogError::Damaged`].
@@ -81,8 +81,8 @@ impl Scan {
 }
 
 /// Locks a log for as long as the file that it gives lives, so that no recorder writes
-/// it and nobody else makes a file of it. `None` where there is nothing that could be
-/// locked; reading it tells why.
+/// it and no other process makes a file of it. `None` without anything that could be
+/// locked; reading it returns the reason.
 ///
 /// # Errors
 /// [`LogError::InUse`].
@@ -111,14 +111,14 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
 ///
 /// # Errors
 /// [`LogError::NoLog`] when the beginning is not readable; damage behind it is
-/// no error but told in [`Scan::damage`].
+/// not an error but reported in [`Scan::damage`].
 pub fn scan(path: &Path) -> Result<Scan, LogError> {
     read(path, Payloads::Checked)
 }
 
 /// The index of a log that was closed in order, by the headers of its records;
-/// nothing when it ends otherwise, which [`scan`] looks into. Whether payloads
-/// are what was written shows when they are read ([`Scan::payload`]), so that
+/// `None` when it ends otherwise; use [`scan`] then. Damage of payloads
+/// shows when they are read ([`Scan::payload`]), so that
 /// nothing is read twice.
 ///
 /// # Errors
@@ -128,7 +128,7 @@ pub fn outline(path: &Path) -> Result<Option<Scan>, LogError> {
     Ok((found.closing.is_some() && found.damage.is_none()).then_some(found))
 }
 
-/// What becomes of payloads while the index is made.
+/// How payloads are checked while the index is built.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Payloads {
     Checked,
@@ -148,7 +148,7 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
         path: path.display().to_string(),
         reason: reason.to_owned(),
     };
-    // To open a pipe is to wait for whoever writes it.
+    // Opening a pipe would block until it has a writer.
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
         return Err(absent(
             "it is a pipe, a socket or a device; name a regular file, LABEL.h5.wal",
@@ -156,7 +156,7 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
     }
     let file = match File::open(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            return Err(absent("there is no such file"));
+            return Err(absent("the file does not exist"));
         }
         other => other.map_err(io)?,
     };
@@ -207,7 +207,7 @@ fn read(path: &Path, payloads: Payloads) -> Result<Scan, LogError> {
     Ok(out)
 }
 
-/// What a file is that does not begin like a log, and what to do with it.
+/// Describes a file that does not begin like a log, with the fix.
 fn foreign(path: &Path, head: &[u8]) -> String {
     const NAME: &str = "a log is named LABEL.h5.wal and stands where the file will be";
     if head.starts_with(crate::hdf::SIGNATURE) {
@@ -215,7 +215,7 @@ fn foreign(path: &Path, head: &[u8]) -> String {
         let beside = if log.is_file() {
             format!("its log is {}", log.display())
         } else {
-            format!("{NAME}; there is none beside it, so nothing is left to recover")
+            format!("{NAME}; no log exists beside it, so it cannot be recovered")
         };
         return format!(
             "it is an HDF5 file, `wheelarm dataset info {}` shows what it holds; {beside}",
@@ -230,7 +230,7 @@ fn foreign(path: &Path, head: &[u8]) -> String {
             char::from(version[0])
         );
     }
-    format!("it does not begin like one; {NAME}")
+    format!("it does not begin like a log; {NAME}")
 }
 
 /// Reads records up to the end or the first bad one, which it describes.
@@ -281,7 +281,7 @@ fn records(
         }
         if raw.header.kind == Kind::Closing {
             let message = Closing::decode(closing.as_slice())
-                .map_err(|e| format!("the closing record at byte {at} is no message: {e}"))?;
+                .map_err(|e| format!("the closing record at byte {at} cannot be decoded: {e}"))?;
             out.closing = Some(message);
         } else if usize::from(raw.header.stream) >= out.preamble.streams.len() {
             return Err(format!(

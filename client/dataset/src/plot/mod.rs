@@ -1,5 +1,5 @@
-//! Plots of an episode: everything that moved, and how the rows of the
-//! reference camera lie among the recorded samples.
+//! Plots of an episode: all moving parts, and how the rows of the
+//! reference camera are located among the recorded samples.
 
 mod synchronisation;
 
@@ -22,10 +22,10 @@ const PANEL: (u32, u32) = (880, 500);
 const STILL: f64 = 1e-3;
 
 fn drawn(problem: DrawError) -> anyhow::Error {
-    anyhow::anyhow!("the plot cannot be drawn: {problem}")
+    anyhow::anyhow!("cannot draw the plot: {problem}")
 }
 
-/// What a panel shows.
+/// Content of a panel.
 enum Panel<'a> {
     /// Lines with one axis.
     Lines(&'a str, Vec<Line>),
@@ -39,9 +39,9 @@ enum Panel<'a> {
 /// effector, gripper, IMU, drawers that moved, over time with the phases behind.
 ///
 /// # Errors
-/// When the episode cannot be read or the picture cannot be written.
+/// When the episode cannot be read or the image cannot be written.
 pub fn movement(episode: &Episode, out: &Path) -> anyhow::Result<()> {
-    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    anyhow::ensure!(style::register(), "cannot use the built-in fonts");
     let start = episode.summary()?.span_nanos.0;
     let bands = if episode.has("phase") {
         phases(episode, start)?

@@ -1,5 +1,5 @@
-//! When each stream was sampled, where the rows of the reference camera lie
-//! among the samples, and what rows at that rate cannot show.
+//! When each stream was sampled, where the rows of the reference camera are
+//! among the samples, and the motion that rows at that rate cannot show.
 
 use std::path::Path;
 use wheelarm_proto::StreamId;
@@ -27,7 +27,7 @@ struct Beat {
     name: String,
     /// Times of its samples, seconds.
     times: Vec<f64>,
-    /// What there is to say about it.
+    /// Notes about it.
     words: String,
 }
 
@@ -42,25 +42,25 @@ struct Curve {
 /// second in which they move, as in the paper's figures.
 ///
 /// # Errors
-/// When the episode cannot be read or aligned or the picture cannot be written.
+/// When the episode cannot be read or aligned or the image cannot be written.
 pub fn synchronisation(
     episode: &Episode,
     options: &AlignOptions,
     out: &Path,
 ) -> anyhow::Result<()> {
-    anyhow::ensure!(style::register(), "the built-in fonts cannot be used");
+    anyhow::ensure!(style::register(), "cannot use the built-in fonts");
     let aligned = align(episode, options, &|_| true)?;
     let start = episode.summary()?.span_nanos.0;
     let seconds = |t: &u64| (*t as f64 - start as f64) * 1e-9;
     let rows: Vec<f64> = aligned.stamps.iter().map(seconds).collect();
     let mut beats = Vec::new();
     for stream in episode.streams()? {
-        // A hash stands for its own tick: nothing lies between two.
+        // A hash describes its own tick: there is nothing between two.
         if stream == "state_hash" {
             continue;
         }
         let stamps = episode.stamps(&stream)?;
-        if let Some(words) = said(&aligned, &stream, &stamps) {
+        if let Some(words) = summary_of(&aligned, &stream, &stamps) {
             let times = stamps.iter().map(seconds).collect();
             beats.push(Beat {
                 name: stream,
@@ -83,17 +83,17 @@ pub fn synchronisation(
     })
 }
 
-/// How the samples of a stream lie around the rows; nothing is said of streams
+/// Distances of a stream's samples from the rows; `None` for streams
 /// that are not aligned.
-fn said(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
+fn summary_of(aligned: &Aligned, stream: &str, stamps: &[u64]) -> Option<String> {
     let rate = 1e9 / usual_distance(stamps)?.max(1) as f64;
     let place = match StreamId::parse(stream).camera_name() {
         Some(camera) => {
             let frames = aligned.frames.get(camera)?;
             let without = frames.iter().filter(|f| f.is_none()).count();
             match without {
-                0 => "a picture for every row".to_owned(),
-                n => format!("{} without a picture", count(n)),
+                0 => "an image for every row".to_owned(),
+                n => format!("{} without an image", count(n)),
             }
         }
         None => around(aligned.coverage.get(stream)?),
@@ -186,7 +186,7 @@ fn raster(
         [first, .., last] => (last - first) / (rows.len() - 1) as f64,
         _ => 0.1,
     };
-    // The first row at or after the lively second; rows stand inside.
+    // The first row at or after the lively second; rows are inside.
     let at = rows
         .partition_point(|r| *r < middle)
         .min(rows.len().saturating_sub(1));
@@ -319,7 +319,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_rows_miss_is_the_bow_above_the_chord() {
+    fn the_interpolation_error_is_the_arc_above_the_chord() {
         let recorded: Vec<(f64, f64)> = (0..=60)
             .map(|i| f64::from(i) / 60.0)
             .map(|t| (t, t * t))

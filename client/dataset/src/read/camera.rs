@@ -1,4 +1,4 @@
-//! Pictures of one camera, one frame at a time.
+//! Images of one camera, one frame at a time.
 
 use hdf5::Dataset;
 use hdf5::types::{IntSize, TypeDescriptor};
@@ -38,7 +38,7 @@ struct Sensor {
     exposure_ticks: Vec<u64>,
 }
 
-/// One picture.
+/// One image.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Simulation time, nanoseconds.
@@ -64,19 +64,19 @@ pub struct Frame {
 }
 
 impl Episode {
-    /// A camera's pictures.
+    /// A camera's images.
     ///
     /// # Errors
-    /// When there is no such camera.
+    /// When no such camera exists.
     pub fn camera(&self, name: &str) -> Result<Camera, ReadError> {
         Camera::open(self, StreamId::camera(name).to_string())
     }
 
-    /// A picture sensor's pictures: colour without depth or depth without colour,
+    /// Images of an image sensor: colour without depth or depth without colour,
     /// and no ids.
     ///
     /// # Errors
-    /// When there is no such sensor.
+    /// When no such sensor exists.
     pub fn sensor(&self, name: &str) -> Result<Camera, ReadError> {
         let stream = StreamId::sensor(name).to_string();
         let camera = super::text(&*self.group(&stream)?, "camera").unwrap_or_default();
@@ -92,7 +92,7 @@ impl Episode {
     }
 }
 
-/// Refuses planes of a picture that do not cover each other: three bytes of colour,
+/// Refuses planes of an image that do not cover each other: three bytes of colour,
 /// one depth, one id at every pixel of the same rows and columns.
 fn same_size(
     episode: &Episode,
@@ -113,7 +113,7 @@ fn same_size(
             None => "rows and columns".to_owned(),
         };
         if size.len() != 2 || first.as_ref().is_some_and(|first| *first != size) {
-            let found = format!("pictures of {:?}", shape.get(1..).unwrap_or_default());
+            let found = format!("images of {:?}", shape.get(1..).unwrap_or_default());
             return Err(episode.shape(&place(stream, name), found, expected));
         }
         first.get_or_insert(size);
@@ -124,8 +124,8 @@ fn same_size(
 impl Camera {
     fn open(episode: &Episode, stream: String) -> Result<Self, ReadError> {
         let column = |c: &str| episode.u64s(&stream, c);
-        // A camera without a single frame has no pictures: their size is unknown.
-        let picture = |c: &str| -> Result<Option<Dataset>, ReadError> {
+        // A camera without a single frame has no images: their size is unknown.
+        let image = |c: &str| -> Result<Option<Dataset>, ReadError> {
             let Ok(data) = episode.column(&stream, c) else {
                 return Ok(None);
             };
@@ -133,12 +133,12 @@ impl Camera {
             episode.check_shape(&stream, c, &data)?;
             Ok(Some(data))
         };
-        let depth = picture("depth")?;
+        let depth = image("depth")?;
         let millimetres = depth
             .as_ref()
             .and_then(|d| d.dtype().and_then(|t| t.to_descriptor()).ok())
             == Some(TypeDescriptor::Unsigned(IntSize::U2));
-        let (rgb, ids) = (picture("rgb")?, picture("ids")?);
+        let (rgb, ids) = (image("rgb")?, image("ids")?);
         let planes = [("rgb", &rgb), ("depth", &depth), ("ids", &ids)];
         same_size(episode, &stream, &planes)?;
         let kind = ids.as_ref().and_then(|d| d.dtype().ok());
@@ -172,7 +172,7 @@ impl Camera {
         self.stamps.len()
     }
 
-    /// Whether there are none.
+    /// Whether the camera has no frames.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.stamps.is_empty()
@@ -184,7 +184,7 @@ impl Camera {
         &self.stamps
     }
 
-    /// Width and height of the pictures, pixels; `None` without any.
+    /// Width and height of the images, pixels; `None` without any.
     #[must_use]
     pub fn size(&self) -> Option<(usize, usize)> {
         match self
@@ -199,32 +199,32 @@ impl Camera {
         }
     }
 
-    /// Whether there is colour.
+    /// Whether the camera has colour.
     #[must_use]
     pub fn has_rgb(&self) -> bool {
         self.rgb.is_some()
     }
 
-    /// Whether there is depth.
+    /// Whether the camera has depth.
     #[must_use]
     pub fn has_depth(&self) -> bool {
         self.depth.is_some()
     }
 
-    /// Whether there are instance ids.
+    /// Whether the camera has instance IDs.
     #[must_use]
     pub fn has_ids(&self) -> bool {
         self.ids.is_some()
     }
 
-    /// Of a sensor: the camera whose exact pictures it was made from.
+    /// Of a sensor: the camera whose exact images it was made from.
     #[must_use]
     pub fn made_from(&self) -> Option<&str> {
         self.sensor.as_ref().map(|sensor| sensor.camera.as_str())
     }
 
-    /// When the pictures were exposed, nanoseconds of simulation time: of a sensor
-    /// before the stamps, which tell the arrival.
+    /// When the images were exposed, nanoseconds of simulation time: of a sensor
+    /// before the stamps, which are arrival times.
     #[must_use]
     pub fn exposures(&self) -> &[u64] {
         match &self.sensor {
@@ -246,9 +246,9 @@ impl Camera {
     }
 
     /// The datasets `rgb`, `depth`, `ids` with their chunks, where they are
-    /// stored one picture to a chunk.
+    /// stored one image to a chunk.
     #[must_use]
-    pub fn picture_chunks(&self) -> Vec<(&'static str, &Dataset, &ChunkMap)> {
+    pub fn image_chunks(&self) -> Vec<(&'static str, &Dataset, &ChunkMap)> {
         ["rgb", "depth", "ids"]
             .into_iter()
             .zip([&self.rgb, &self.depth, &self.ids])
@@ -258,11 +258,11 @@ impl Camera {
     }
 
     fn absent(&self, episode: &Episode, index: usize) -> ReadError {
-        let why = hdf5::Error::Internal("there is no such picture".into());
+        let why = hdf5::Error::Internal("no such image".into());
         episode.hdf5(&format!("{} frame {index}", self.name), why)
     }
 
-    /// Little-endian bytes of one picture of `which` (0 rgb, 1 depth, 2 ids).
+    /// Little-endian bytes of one image of `which` (0 rgb, 1 depth, 2 ids).
     fn bytes(&self, episode: &Episode, which: usize, index: usize) -> Result<Vec<u8>, ReadError> {
         let failed = |e: hdf5::Error| episode.hdf5(&format!("{} frame {index}", self.name), e);
         if index >= self.len() {
@@ -311,19 +311,19 @@ impl Camera {
         })
     }
 
-    /// RGB8 of one picture, row-major from the top left.
+    /// RGB8 of one image, row-major from the top left.
     ///
     /// # Errors
-    /// When there is no such picture or it cannot be read.
+    /// When no such image exists or it cannot be read.
     pub fn rgb(&self, episode: &Episode, index: usize) -> Result<Vec<u8>, ReadError> {
         self.bytes(episode, 0, index)
     }
 
-    /// Depth of one picture, metres along the optical axis; +inf where nothing
+    /// Depth of one image, metres along the optical axis; +inf where nothing
     /// is hit.
     ///
     /// # Errors
-    /// When there is no such picture or it cannot be read.
+    /// When no such image exists or it cannot be read.
     pub fn depth(&self, episode: &Episode, index: usize) -> Result<Vec<f32>, ReadError> {
         let bytes = self.bytes(episode, 1, index)?;
         Ok(if self.millimetres {
@@ -338,10 +338,10 @@ impl Camera {
         })
     }
 
-    /// Instance ids of one picture, 0 where nothing is hit.
+    /// Instance ids of one image, 0 where nothing is hit.
     ///
     /// # Errors
-    /// When there is no such picture or it cannot be read.
+    /// When no such image exists or it cannot be read.
     pub fn ids(&self, episode: &Episode, index: usize) -> Result<Vec<u16>, ReadError> {
         let bytes = self.bytes(episode, 2, index)?;
         Ok(ids::read(&bytes, self.id_bytes))
@@ -353,7 +353,7 @@ impl Camera {
         self.id_bytes
     }
 
-    /// Intrinsics of one picture: width, height, fx, fy, cx, cy in pixels.
+    /// Intrinsics of one image: width, height, fx, fy, cx, cy in pixels.
     #[must_use]
     pub fn intrinsics(&self, index: usize) -> [f64; 6] {
         std::array::from_fn(|k| {
@@ -373,7 +373,7 @@ impl Camera {
     /// Reads frame `index`.
     ///
     /// # Errors
-    /// When there is no such frame or it cannot be read.
+    /// When no such frame exists or it cannot be read.
     pub fn frame(&self, episode: &Episode, index: usize) -> Result<Frame, ReadError> {
         let (width, height) = self.size().ok_or_else(|| self.absent(episode, index))?;
         let one = |list: &[u64]| list.get(index).copied().unwrap_or(0);
@@ -402,8 +402,8 @@ impl Camera {
         })
     }
 
-    /// The message that frame `index` came in, as the server encoded it; `None`
-    /// when depth is not stored as it came.
+    /// The original message of frame `index`, as the server encoded it; `None`
+    /// when depth is stored in another format.
     ///
     /// # Errors
     /// As [`Camera::frame`].
@@ -418,8 +418,8 @@ impl Camera {
         let frame = self.frame(episode, index)?;
         let depth = frame.depth.iter().flat_map(|d| d.to_le_bytes());
         let [x, y, z, qx, qy, qz, qw] = frame.pose;
-        // Who sent 8 bits did not tell formats.
-        let told = |format: v1::PixelFormat| match self.id_bytes {
+        // Messages with 8-bit ids had no formats.
+        let stored = |format: v1::PixelFormat| match self.id_bytes {
             2 => format.into(),
             _ => v1::PixelFormat::Unspecified.into(),
         };
@@ -448,9 +448,9 @@ impl Camera {
             depth: depth.collect::<Vec<u8>>().into(),
             color: frame.rgb.into(),
             segmentation: ids::write(&frame.ids, self.id_bytes).into(),
-            color_format: told(v1::PixelFormat::Rgb8),
-            depth_format: told(v1::PixelFormat::DepthMetresF32),
-            segmentation_format: told(v1::PixelFormat::IdU16),
+            color_format: stored(v1::PixelFormat::Rgb8),
+            depth_format: stored(v1::PixelFormat::DepthMetresF32),
+            segmentation_format: stored(v1::PixelFormat::IdU16),
         };
         Ok(Some(message.encode_to_vec()))
     }

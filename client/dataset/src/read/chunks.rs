@@ -1,4 +1,4 @@
-//! Pictures as they lie in the file: one compressed chunk each, read beside
+//! Images as stored in the file: one compressed chunk each, read beside
 //! HDF5 and its one lock, so that several threads read at once.
 
 use std::fs::File;
@@ -11,7 +11,7 @@ use hdf5::filters::Filter;
 
 use crate::compress;
 
-/// Where the chunks of a dataset lie, one sample in each.
+/// File offsets of a dataset's chunks, one sample in each.
 #[derive(Clone, Debug)]
 pub struct ChunkMap {
     file: Arc<File>,

@@ -1,12 +1,12 @@
-//! Columns of a stream as the file holds them: nothing here knows which
-//! streams or columns there should be.
+//! Columns of a stream as stored in the file, without knowledge of the expected
+//! streams and columns.
 
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
 
 use super::error::ReadError;
 use super::{Episode, place, texts};
 
-/// A column and what it says of itself.
+/// A column with its metadata.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnMeta {
     /// Stream, `camera/NAME` for cameras.
@@ -40,7 +40,7 @@ pub enum ElementKind {
     Flag,
     /// UTF-8.
     Text,
-    /// Pictures, message bytes and whatever else is not a state.
+    /// Images, message bytes and everything else that is not a state.
     Other,
 }
 
@@ -70,7 +70,7 @@ impl Episode {
     /// sequence numbers and ticks.
     ///
     /// # Errors
-    /// When there is no such stream.
+    /// When no such stream exists.
     pub fn columns(&self, stream: &str) -> Result<Vec<ColumnMeta>, ReadError> {
         let group = self.group(stream)?;
         let mut members = group.member_names().map_err(|e| self.hdf5(stream, e))?;
@@ -128,7 +128,7 @@ impl Episode {
             ElementKind::Other => {
                 return Err(self.hdf5(
                     &place(stream, name),
-                    hdf5::Error::Internal("it holds no numbers, flags or texts".into()),
+                    hdf5::Error::Internal("it contains neither numbers, flags nor texts".into()),
                 ));
             }
         })
@@ -137,7 +137,7 @@ impl Episode {
     /// Stamps of a stream, nanoseconds of simulation time.
     ///
     /// # Errors
-    /// When there is no such stream.
+    /// When no such stream exists.
     pub fn stamps(&self, stream: &str) -> Result<Vec<u64>, ReadError> {
         self.raw(&place(stream, "stamp_nanos"))
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Why an episode file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// There is no file that could be read.
+    /// The file does not exist or cannot be read.
     #[error("{path}: {reason}")]
     Unreadable {
         /// The path.
@@ -13,12 +13,12 @@ pub enum ReadError {
         /// What is wrong, with the cure.
         reason: String,
     },
-    /// The file is no episode.
-    #[error("{path} is no WheelArm episode: {reason}")]
+    /// The file is not an episode.
+    #[error("{path} is not a WheelArm episode: {reason}")]
     NoEpisode {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
     /// Something in it is absent or has another type.
@@ -62,7 +62,7 @@ pub enum ReadError {
         path: PathBuf,
         /// What was looked for.
         what: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
 }

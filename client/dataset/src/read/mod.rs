@@ -1,5 +1,5 @@
 //! Reading an episode file: what it says of itself, the streams as arrays, the
-//! messages that replay needs, the pictures.
+//! messages that replay needs, the images.
 
 mod camera;
 mod chunks;
@@ -38,7 +38,7 @@ use crate::hdf::{Blob, List, read_lists};
 pub struct Episode {
     file: hdf5::File,
     path: PathBuf,
-    /// Names of the robot's joints and frames, once they were asked for.
+    /// Names of the robot's joints and frames, cached after the first request.
     context: OnceLock<Context>,
 }
 
@@ -93,7 +93,7 @@ impl Episode {
         &self.path
     }
 
-    /// Names of all streams; cameras as `camera/NAME`, picture sensors as
+    /// Names of all streams; cameras as `camera/NAME`, image sensors as
     /// `sensor/NAME`, events as `event`.
     ///
     /// # Errors
@@ -103,8 +103,8 @@ impl Episode {
         let names = group
             .and_then(|g| g.member_names())
             .map_err(|e| self.hdf5("streams", e))?;
-        let pictures = |name: &String| name == "camera" || name == "sensor";
-        let mut out: Vec<String> = names.into_iter().filter(|n| !pictures(n)).collect();
+        let images = |name: &String| name == "camera" || name == "sensor";
+        let mut out: Vec<String> = names.into_iter().filter(|n| !images(n)).collect();
         out.push(StreamId::EVENTS.to_string());
         out.extend(
             self.cameras()?
@@ -116,7 +116,7 @@ impl Episode {
         Ok(out)
     }
 
-    /// Names of the picture sensors: what sensor models made of the cameras.
+    /// Names of the image sensors: sensor models of the cameras.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -190,11 +190,11 @@ impl Episode {
         let list = |path: &str| self.texts_at(&format!("initial_state/{path}"));
         let ids = self.raw::<u32>("initial_state/instances/id")?;
         // The first recordings did not tell what an instance is.
-        let told = |column: &str| -> Vec<u32> {
+        let values = |column: &str| -> Vec<u32> {
             let all = self.raw(&format!("initial_state/instances/{column}"));
             all.unwrap_or_default()
         };
-        let (kinds, parts) = (told("kind"), told("part"));
+        let (kinds, parts) = (values("kind"), values("part"));
         let at = |all: &[u32], i: usize| -> i32 {
             let value = all.get(i).and_then(|&value| i32::try_from(value).ok());
             value.unwrap_or_default()
@@ -221,7 +221,7 @@ impl Episode {
         })
     }
 
-    /// What the robot was told, by control tick: exactly the messages that the
+    /// Commands to the robot by control tick: exactly the messages that the
     /// server published.
     ///
     /// # Errors
@@ -397,7 +397,7 @@ impl Episode {
     }
 }
 
-/// A recorded scenario with every field told: the first files left out what was
+/// A recorded scenario with every field set: the first files omitted what was
 /// zero, false or empty.
 fn whole(mut scenario: v1::Scenario) -> v1::Scenario {
     scenario.task.get_or_insert_default();

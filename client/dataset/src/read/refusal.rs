@@ -1,5 +1,5 @@
-//! Why a path is no episode file, in words that name the cure. HDF5 itself
-//! tells numbers of errors and addresses.
+//! Reasons why a path is not an episode file, with the fix. HDF5 itself
+//! reports only error numbers and addresses.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -9,10 +9,10 @@ use super::error::ReadError;
 /// Bytes of the superblock that hold the file's length.
 const HEAD: u64 = 48;
 
-/// What HDF5 says of a file that somebody else writes.
+/// HDF5's message for a file that another process writes.
 const LOCKED: [&str; 2] = ["unable to lock file", "Resource temporarily unavailable"];
 
-/// What to say of a file that HDF5 has refused with `source`.
+/// The error of a file that HDF5 rejected with `source`.
 pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     let path_of = || path.to_owned();
     match appearance(path) {
@@ -38,7 +38,7 @@ pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     }
 }
 
-/// What HDF5 reports where the file system cannot lock at all.
+/// HDF5's error where the file system does not support locks.
 pub(super) fn has_no_locks(source: &hdf5::Error) -> bool {
     let words = source.to_string();
     words.contains(LOCKED[0]) && !words.contains(LOCKED[1])
@@ -77,13 +77,13 @@ pub(super) fn check_path(path: &Path) -> Result<(), ReadError> {
     }
 }
 
-/// The log of a file, when it is there.
+/// The log of a file, if it exists.
 fn log_beside(path: &Path) -> Option<PathBuf> {
     let log = path.with_added_extension("wal");
     log.is_file().then_some(log)
 }
 
-/// The cure for a file that is not whole.
+/// The fix for a truncated file.
 fn cure(path: &Path) -> String {
     match log_beside(path) {
         Some(log) => format!(
@@ -94,8 +94,7 @@ fn cure(path: &Path) -> String {
     }
 }
 
-/// Looks at the path itself; `None` when nothing is wrong with its beginning
-/// and its length.
+/// Checks the path itself; `None` when its beginning and its length are valid.
 fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
     let unreadable = |reason: String| {
         Ok(Some(ReadError::Unreadable {
@@ -136,7 +135,7 @@ fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
         ));
     }
     if !head.starts_with(crate::hdf::SIGNATURE) {
-        return no_episode("it is no HDF5 file".to_owned());
+        return no_episode("it is not an HDF5 file".to_owned());
     }
     match stored_length(&head) {
         Some(stored) if stored > metadata.len() => unreadable(format!(
@@ -150,17 +149,14 @@ fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
 
 fn absent(path: &Path) -> String {
     if let Ok(target) = std::fs::read_link(path) {
-        return format!(
-            "it is a link to {}, and there is no such file",
-            target.display()
-        );
+        return format!("it is a link to {}, which does not exist", target.display());
     }
     match log_beside(path) {
         Some(log) => format!(
-            "there is no such file, but its log: `wheelarm dataset recover {}` makes the file of it",
+            "the file does not exist, but its log: `wheelarm dataset recover {}` makes the file of it",
             log.display()
         ),
-        None => "there is no such file".to_owned(),
+        None => "the file does not exist".to_owned(),
     }
 }
 
@@ -180,7 +176,7 @@ fn folder(path: &Path) -> String {
         ),
         None => match path.join("episodes") {
             episodes if episodes.is_dir() => format!(
-                "it is the folder of a campaign; its episodes lie in {}",
+                "it is the folder of a campaign; its episodes are in {}",
                 episodes.display()
             ),
             _ => "it is a folder without an episode file (*.h5)".to_owned(),
@@ -188,8 +184,7 @@ fn folder(path: &Path) -> String {
     }
 }
 
-/// Length of a whole file by its superblock, bytes; `None` for versions that
-/// are not known here.
+/// Length of an intact file by its superblock, bytes; `None` for unknown versions.
 fn stored_length(head: &[u8]) -> Option<u64> {
     // Sizes of addresses are 8 bytes in every file of ours.
     let (size, at) = match head.get(8)? {

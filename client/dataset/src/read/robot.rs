@@ -1,5 +1,5 @@
-//! The robot of a recording, and the one place that knows a robot by itself: the
-//! first recordings did not tell theirs, and there was only one.
+//! The robot of a recording, and the only built-in robot: the
+//! first recordings did not contain theirs, and only one existed.
 
 use prost::Message;
 use wheelarm_proto::robot::Roles;
@@ -14,7 +14,7 @@ const FIRST: &[u8] = include_bytes!("wheelarm.binpb");
 
 impl Episode {
     /// The robot that was recorded. A file without a description is of the
-    /// first version; its robot is the one that there was.
+    /// first version, which had only this robot.
     ///
     /// # Errors
     /// When the stored description cannot be read.
@@ -28,7 +28,7 @@ impl Episode {
 }
 
 impl Episode {
-    /// The robot, and where its joints and frames stand in the streams.
+    /// The robot, and indices of its joints and frames in the streams.
     ///
     /// # Errors
     /// When the description cannot be read, or lacks a role.
@@ -44,7 +44,7 @@ impl Episode {
 
 impl Episode {
     /// The camera whose stamps are the rows of an alignment, unless another one is
-    /// asked for: a recorded camera that rides on the arm, as in WheelArm-Sim, or
+    /// requested: a recorded camera that rides on the arm, as in WheelArm-Sim, or
     /// else the first one; `None` without cameras.
     ///
     /// # Errors

@@ -1,5 +1,5 @@
-//! The samples of a stream as the messages that they were, put together again
-//! by the one table of columns.
+//! Restores the samples of a stream as messages from columns,
+//! by the table of columns.
 
 use std::path::PathBuf;
 
@@ -17,13 +17,13 @@ pub struct Samples {
     stamps: Vec<u64>,
     sequences: Vec<u64>,
     ticks: Vec<u64>,
-    /// One per column of the table; `None` where the file does not hold it.
+    /// One per column of the table; `None` where the file does not have it.
     columns: Vec<Option<Stored>>,
 }
 
-/// What one column holds.
+/// Content of a column.
 enum Stored {
-    /// Values, so many per sample.
+    /// Values, with their number per sample.
     Values(Values, usize),
     /// Encoded messages.
     Messages(Vec<Vec<u8>>),
@@ -51,11 +51,12 @@ impl Episode {
     /// # Errors
     /// When the file does not hold the stream, or this version does not know it.
     pub fn samples(&self, stream: &str) -> Result<Samples, ReadError> {
-        let table = columns::of(&StreamId::parse(stream)).ok_or_else(|| ReadError::Content {
-            path: self.path().to_owned(),
-            what: stream.to_owned(),
-            reason: "this version knows no such state stream".to_owned(),
-        })?;
+        let table =
+            columns::for_stream(&StreamId::parse(stream)).ok_or_else(|| ReadError::Content {
+                path: self.path().to_owned(),
+                what: stream.to_owned(),
+                reason: "this version knows no such state stream".to_owned(),
+            })?;
         let stored = self.columns(stream)?;
         let mut messages = self.encoded(stream)?;
         let mut context = Context::default();
@@ -63,7 +64,7 @@ impl Episode {
         for column in table.columns() {
             columns.push(match (column.kind, &mut messages) {
                 (Kind::Bytes, Some(messages)) => Some(Stored::Messages(std::mem::take(messages))),
-                // The messages themselves tell what the other columns tell.
+                // The messages contain the values of the other columns.
                 (_, Some(_)) | (Kind::Bytes, None) => None,
                 (_, None) => match stored.iter().find(|meta| meta.name == column.name) {
                     Some(meta) => {
@@ -91,7 +92,7 @@ impl Episode {
     /// All samples of a topic with their ticks, oldest first.
     ///
     /// # Errors
-    /// When the file does not hold it.
+    /// When the file does not have it.
     pub fn messages_of<M: Topic>(&self) -> Result<Vec<(u64, M)>, ReadError> {
         let samples = self.samples(M::NAME)?;
         let all = samples.ticks.iter().enumerate();
@@ -117,7 +118,7 @@ impl Samples {
     /// sequence number and tick in its header where the file holds columns instead.
     ///
     /// # Errors
-    /// When there is no such sample, or its values make no message.
+    /// When no such sample exists, or its values make no message.
     pub fn encoded(&self, i: usize) -> Result<Vec<u8>, ReadError> {
         let content = |reason: String| ReadError::Content {
             path: self.path.clone(),

@@ -1,5 +1,5 @@
-//! Whether a dataset has the rows and the width that it must have. Whoever reads a
-//! column may count on both: nothing behind this looks for itself.
+//! Whether a dataset has the rows and the width that it must have. Readers of a
+//! column rely on both and do not check again.
 
 use hdf5::Dataset;
 use wheelarm_proto::StreamId;
@@ -8,9 +8,9 @@ use super::error::ReadError;
 use super::{Episode, place};
 use crate::columns::{self, Axis, Context};
 
-/// Numbers of a picture's calibration: width, height, fx, fy, cx, cy.
+/// Numbers of an image's calibration: width, height, fx, fy, cx, cy.
 const INTRINSICS: usize = 6;
-/// Numbers of a picture's pose: x y z, qx qy qz qw.
+/// Numbers of an image's pose: x y z, qx qy qz qw.
 const POSE: usize = 7;
 
 impl Episode {
@@ -44,7 +44,7 @@ impl Episode {
         let wanted = self.width(stream, column, data)?;
         let fits = |wanted: &[Option<usize>]| {
             let mut pairs = width.iter().zip(wanted);
-            width.len() == wanted.len() && pairs.all(|(&is, told)| told.is_none_or(|t| t == is))
+            width.len() == wanted.len() && pairs.all(|(&is, wanted)| wanted.is_none_or(|t| t == is))
         };
         if let Some(wanted) = wanted.filter(|wanted| !fits(wanted)) {
             let word = |n: &Option<usize>| n.map_or("any".to_owned(), |n| n.to_string());
@@ -73,7 +73,7 @@ impl Episode {
                 _ => None,
             });
         }
-        let known = columns::of(&id).map(|table| table.columns());
+        let known = columns::for_stream(&id).map(|table| table.columns());
         let known = known.and_then(|all| all.into_iter().find(|info| info.name == column));
         let Some(info) = known else {
             return Ok(None);
@@ -86,7 +86,7 @@ impl Episode {
                     Some(axis.len(self.robot_context()?))
                 }
                 Axis::Components(_) | Axis::Contacts => Some(axis.len(&Context::default())),
-                // What only the episode knows stands beside the numbers, and lists of
+                // Metadata of the episode is stored beside the numbers, and lists of
                 // names may grow from version to version.
                 Axis::Objects | Axis::FurnitureJoints | Axis::Conditions | Axis::Names(_) => names,
                 Axis::Vertices => None,
@@ -100,7 +100,7 @@ impl Episode {
         if let Some(context) = self.context.get() {
             return Ok(context);
         }
-        let context = Context::of(&self.robot()?);
+        let context = Context::from_description(&self.robot()?);
         Ok(self.context.get_or_init(|| context))
     }
 

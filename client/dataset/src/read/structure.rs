@@ -1,7 +1,7 @@
 //! Structure of a recording, checked before anything is read: all data are stored in
 //! the file itself, and no dataset claims more memory than the schema can need. A
 //! recording may come from a stranger, and HDF5 follows links and external storage
-//! without a question.
+//! without a check.
 
 use hdf5::dataset::Layout;
 use hdf5::{Dataset, File, Group, LinkType};
@@ -26,7 +26,7 @@ const MAX_IMAGE: u64 = 4 * MAX_SIDE as u64 * MAX_SIDE as u64;
 /// Checks every link and dataset of a file of `length` bytes.
 ///
 /// # Errors
-/// What is wrong, with the path of the object.
+/// The reason, with the path of the object.
 pub(super) fn check(file: &File, length: u64) -> Result<(), String> {
     let root: Group = file.as_group().map_err(|e| format!("/: {e}"))?;
     let mut pending = vec![(root, String::new(), 0)];
@@ -134,7 +134,7 @@ impl Size {
     }
 }
 
-/// Most bytes of a dataset that is no column, and which of its sizes counts.
+/// Most bytes of a dataset that is not a column, and which of its sizes counts.
 fn ceiling(path: &str) -> Option<(Size, u64)> {
     let is_image = |name| matches!(name, "rgb" | "depth" | "ids");
     let parts: Vec<&str> = path.split('/').collect();

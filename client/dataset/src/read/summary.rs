@@ -1,4 +1,4 @@
-//! What a file says of itself: its attributes, and the account of every stream.
+//! Summary of a file: its attributes, and the account of every stream.
 
 use hdf5::Location;
 
@@ -7,7 +7,7 @@ use super::{Episode, number, text, texts};
 use crate::account::StreamAccount;
 use crate::ending::PHYSICS;
 
-/// What a file says of itself.
+/// Summary of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Label of the episode.
@@ -23,9 +23,9 @@ pub struct Summary {
     /// Why it failed; empty when it did not.
     pub failure_reason: String,
     /// Why the episode ended: `asked`, `physics`, `recorders` or `shutdown`;
-    /// empty when that was not told.
+    /// empty when that is unknown.
     pub end_cause: String,
-    /// What was odd in the simulation, in words.
+    /// Text of irregularities of the simulation.
     pub anomalies: Vec<String>,
     /// Its codes in the same order, for example `escaped`; none in older files.
     pub anomaly_kinds: Vec<String>,
@@ -34,11 +34,11 @@ pub struct Summary {
     /// Whether the first image of a camera shows the target of the task; `None` in
     /// recordings without instance IDs or a target, and in older ones.
     pub target_in_first_images: Option<bool>,
-    /// Its states were shown from another recording, not computed.
+    /// Its states were played back from another recording, not computed.
     pub as_recorded: bool,
-    /// Everything that was published is there.
+    /// It contains every published sample.
     pub complete: bool,
-    /// Why not.
+    /// Reasons why it is not complete.
     pub problems: Vec<String>,
     /// One account per stream.
     pub streams: Vec<StreamAccount>,
@@ -48,14 +48,14 @@ pub struct Summary {
     pub wall_seconds: Option<f64>,
     /// Server version, adapter, recorder, recorder version, quality, pacing.
     pub origin: [String; 6],
-    /// Unit of the depth pictures.
+    /// Unit of the depth images.
     pub depth_unit: String,
     /// Version of the layout.
     pub schema_version: String,
 }
 
 impl Episode {
-    /// Label of the episode, as it stands there.
+    /// Label of the episode, as stored there.
     ///
     /// # Errors
     /// When the attribute is absent.
@@ -69,15 +69,15 @@ impl Episode {
     /// When an attribute is absent, or the label could not name a file.
     pub fn summary(&self) -> Result<Summary, ReadError> {
         let at: &Location = &self.file;
-        let told = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
-        let label = told("label")?;
-        // It names files and folders of whoever exports this.
+        let string = |name: &str| text(at, name).map_err(|e| self.hdf5(name, e));
+        let label = string("label")?;
+        // It names files and folders of the export.
         wheelarm_proto::check::label(&label).map_err(|problem| ReadError::Content {
             path: self.path.clone(),
             what: "the attribute `label`".to_owned(),
             reason: format!("{problem}; leave the file out, or give it such a label"),
         })?;
-        let instruction = told("instruction")?;
+        let instruction = string("instruction")?;
         wheelarm_proto::check::instruction(&instruction).map_err(|problem| ReadError::Content {
             path: self.path.clone(),
             what: "the attribute `instruction`".to_owned(),
@@ -104,8 +104,8 @@ impl Episode {
             let least = |what: &str| number::<u64>(&group, &format!("{what}_at_least")).ok();
             let digest = |what: &str| text(&group, what).unwrap_or_default();
             let unknown = least("expected").zip(least("missed"));
-            let told = || (count("expected"), count("missed"));
-            let (expected, missed) = unknown.unwrap_or_else(told);
+            let counts = || (count("expected"), count("missed"));
+            let (expected, missed) = unknown.unwrap_or_else(counts);
             streams.push(StreamAccount {
                 expected,
                 received: count("received"),
@@ -123,10 +123,10 @@ impl Episode {
         Ok(Summary {
             label,
             instruction,
-            task: [told("task")?, told("activity")?, told("area")?],
+            task: [string("task")?, string("activity")?, string("area")?],
             seed: number(at, "seed").map_err(|e| self.hdf5("seed", e))?,
             success: number(at, "success").map_err(|e| self.hdf5("success", e))?,
-            failure_reason: told("failure_reason")?,
+            failure_reason: string("failure_reason")?,
             end_cause: text(at, "end_cause").unwrap_or_default(),
             anomalies: texts(at, "anomalies").unwrap_or_default(),
             anomaly_kinds: texts(at, "anomaly_kinds").unwrap_or_default(),
@@ -139,19 +139,19 @@ impl Episode {
             span_nanos: span,
             wall_seconds: number(at, "wall_seconds").ok(),
             origin: [
-                told("server_version")?,
-                told("adapter")?,
-                told("recorder")?,
-                told("recorder_version")?,
-                told("quality")?,
-                told("pacing")?,
+                string("server_version")?,
+                string("adapter")?,
+                string("recorder")?,
+                string("recorder_version")?,
+                string("quality")?,
+                string("pacing")?,
             ],
-            depth_unit: told("depth_unit")?,
-            schema_version: told("schema_version")?,
+            depth_unit: string("depth_unit")?,
+            schema_version: string("schema_version")?,
         })
     }
 
-    /// Whether the simulation broke in it: it is no success and not fit for training.
+    /// Whether the simulation broke in it: it is neither a success nor fit for training.
     #[must_use]
     pub fn is_broken(&self) -> bool {
         text(&self.file, "end_cause").is_ok_and(|cause| cause == PHYSICS)

@@ -1,5 +1,5 @@
 //! Axes with round numbers: ticks at multiples of 1, 2 or 5 times a power of
-//! ten, and as many decimals as tell them apart.
+//! ten, with enough decimals to distinguish them.
 
 use std::ops::Range;
 
@@ -35,7 +35,7 @@ impl Axis {
     }
 
     fn with_step(range: Range<f64>, step: f64) -> Self {
-        // A hundredth of a step makes up for the rounding of the division.
+        // A hundredth of a step compensates the rounding of the division.
         let first = (range.start / step - 0.01).ceil() as i64;
         let last = (range.end / step + 0.01).floor() as i64;
         Self {
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_are_round_and_told_apart() {
+    fn ticks_are_round_and_distinct() {
         let axis = Axis::new(-0.038, 0.626, 5);
         assert_eq!(labels(&axis), ["0.0", "0.2", "0.4", "0.6"]);
         let axis = Axis::new(0.0, 15.8, 6);

@@ -1,5 +1,5 @@
-//! Charts of many episodes, as PNGs: squares that say how each one ended, shares over
-//! time, and bars of shares. What the colours mean is the caller's.
+//! Charts of many episodes, as PNGs: squares of the outcome of each one, shares over
+//! time, and bars of shares. The caller defines the meaning of colours.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ const BAR: i32 = 38;
 /// Height of a chart over time, pixels.
 const TIME: u32 = 520;
 
-/// Colour by place: 0 is green, for what is good; the last resort is grey.
+/// Colour by index: 0 is green, for good; the fallback is grey.
 fn colour(index: usize) -> RGBColor {
     const OTHERS: [RGBColor; 8] = [
         RED,
@@ -53,7 +53,7 @@ fn scale(place: usize, count: usize) -> RGBColor {
     RGBColor(mix(222, 18), mix(222, 120), mix(214, 74))
 }
 
-/// Squares of one name: what each stands for, and the place of its kind.
+/// Squares of one name: the meaning of each, and the index of its kind.
 pub type Squares = (String, Vec<(u64, usize)>);
 
 /// Draws a line of squares for each name, in the order of their seeds, coloured by
@@ -189,7 +189,7 @@ pub fn shares_over_time(title: &str, lines: &[Steps], out: &Path) -> Result<(), 
     })
 }
 
-/// Draws how often each difference came, and where 95 % of the mean's bootstraps lie.
+/// Draws the count of each difference, and the 95 % interval of the mean's bootstraps.
 ///
 /// # Errors
 /// [`SheetError`].
@@ -235,7 +235,7 @@ pub fn histogram(
     })
 }
 
-/// What fills a chart below its legend.
+/// Content of a chart below its legend.
 type Fill<'a> = &'a dyn Fn(&Area<'_>, i32) -> Result<(), SheetError>;
 
 /// Draws a title, a legend and what `fill` draws below them into a PNG.
@@ -256,7 +256,7 @@ fn save(
         .collect();
     let rows = legend_rows(&keys);
     let size = (WIDTH, height(rows * LEGEND).max(120) as u32);
-    let mut canvas = super::picture::Canvas::new(size.0 as usize, size.1 as usize, PAPER.rgb());
+    let mut canvas = super::raster::Canvas::new(size.0 as usize, size.1 as usize, PAPER.rgb());
     {
         let root = BitMapBackend::with_buffer(&mut canvas.pixels, size).into_drawing_area();
         label::heading(&root, title, &keys)?;
@@ -272,7 +272,7 @@ fn save(
     })
 }
 
-/// Lines that a legend of the chart's width takes, about.
+/// Approximate number of rows of a legend of the chart's width.
 fn legend_rows(keys: &[Key<'_>]) -> i32 {
     let wide = |key: &Key<'_>| label::width(key.name, 20) + 47;
     let (mut rows, mut x) = (i32::from(!keys.is_empty()), 0);
@@ -289,7 +289,7 @@ fn legend_rows(keys: &[Key<'_>]) -> i32 {
 mod tests {
     use super::*;
 
-    /// How many pixels of a PNG have a colour.
+    /// Number of pixels of a PNG with a colour.
     fn count(path: &Path, wanted: RGBColor) -> usize {
         let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn stairs_and_histograms_of_nothing_and_of_much_are_drawn() {
+    fn stairs_and_histograms_of_empty_and_large_data_are_drawn() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("chart.png");
         shares_over_time("Success", &[], &out).unwrap();

@@ -1,5 +1,5 @@
-//! Names beside dots that stand close together: where each name goes, so that
-//! none lies on another one or on a dot.
+//! Names beside dots that are close together: the position of each name, so that
+//! none overlaps another one or a dot.
 
 /// A rectangle in pixels: left, top, width, height.
 pub type Box4 = (i32, i32, i32, i32);
@@ -8,7 +8,7 @@ pub type Box4 = (i32, i32, i32, i32);
 const DOT: i32 = 8;
 /// Room between two names, pixels.
 const APART: i32 = 8;
-/// Distances from a dot at which its name may stand, pixels.
+/// Distances from a dot at which its name may be placed, pixels.
 const DISTANCES: [i32; 8] = [12, 24, 40, 60, 84, 112, 144, 180];
 /// Directions in which it may, in this order.
 const DIRECTIONS: [(i32, i32); 8] = [
@@ -27,7 +27,7 @@ fn overlap(a: Box4, b: Box4) -> bool {
 }
 
 /// Places of the names of `dots`, whose names have the sizes `sizes`, inside of
-/// `room`; `None` for a name that finds no place.
+/// `room`; `None` for a name without a free position.
 pub fn places(dots: &[(i32, i32)], sizes: &[(i32, i32)], room: (i32, i32)) -> Vec<Option<Box4>> {
     let taken: Vec<Box4> = dots
         .iter()
@@ -77,7 +77,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_name_lies_on_another_or_on_a_dot(
+        fn no_name_overlaps_another_or_a_dot(
             dots in prop::collection::vec((40..500_i32, 40..360_i32), 1..16),
             width in 20..90_i32,
         ) {

@@ -1,24 +1,24 @@
-//! Why there is no sheet.
+//! Errors of the contact sheet.
 
 use plotters::prelude::*;
 
 use crate::read::ReadError;
 
-/// What the drawing library says.
+/// Error of the plotting library.
 pub(crate) type DrawError =
     DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
 
-/// Why there is no sheet.
+/// Why no contact sheet was written.
 #[derive(Debug, thiserror::Error)]
 pub enum SheetError {
     /// The episode cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The drawing library failed.
-    #[error("the sheet cannot be drawn: {0}")]
+    #[error("cannot draw the sheet: {0}")]
     Draw(#[from] DrawError),
     /// The fonts in this program are not readable.
-    #[error("the built-in fonts cannot be used")]
+    #[error("cannot use the built-in fonts")]
     Fonts,
     /// The PNG cannot be written.
     #[error("{path} cannot be written: {source}")]

@@ -1,37 +1,37 @@
-//! A grid of pictures with words below them, as one PNG.
+//! A grid of images with text below them, as one PNG.
 
 use std::path::Path;
 
 use plotters::prelude::*;
 
 use super::error::SheetError;
-use super::picture::Canvas;
+use super::raster::Canvas;
 use super::style::{GREEN, GREY, INK, PAPER, RED};
 use super::{label, style};
 
-/// One picture of a grid.
+/// One image of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Picture width, pixels.
+    /// Image width, pixels.
     pub width: usize,
-    /// Picture height, pixels.
+    /// Image height, pixels.
     pub height: usize,
     /// RGB8, row-major from the top left; empty for none.
     pub rgb: Vec<u8>,
-    /// The words below it.
+    /// The text below it.
     pub title: String,
-    /// Smaller words beside them.
+    /// Smaller text beside it.
     pub note: String,
-    /// The mark beside the words: green or red.
+    /// The mark beside the text: green or red.
     pub is_good: bool,
 }
 
-/// Room around pictures, pixels.
+/// Room around images, pixels.
 const GAP: usize = 12;
-/// Room for the words, pixels.
+/// Room for the text, pixels.
 const WORDS: usize = 40;
 
-/// Draws `cells` in rows of `columns` into `out`. All pictures have one size.
+/// Draws `cells` in rows of `columns` into `out`. All images have one size.
 ///
 /// # Errors
 /// [`SheetError`].
@@ -56,12 +56,12 @@ pub fn grid(cells: &[Cell], columns: usize, out: &Path) -> Result<(), SheetError
             continue;
         }
         let (x, y) = corner(index);
-        let picture = Canvas {
+        let image = Canvas {
             width: cell.width,
             height: cell.height,
             pixels: cell.rgb.clone(),
         };
-        canvas.put(&picture, x, y);
+        canvas.put(&image, x, y);
     }
     {
         let size = (canvas.width as u32, canvas.height as u32);

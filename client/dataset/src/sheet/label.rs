@@ -1,4 +1,4 @@
-//! Words and their room on the sheet.
+//! Text and its room on the sheet.
 
 use std::borrow::Cow;
 use std::sync::LazyLock;
@@ -10,10 +10,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::error::DrawError;
 use super::style::{Area, GREY, INK, SANS_SERIF, text};
 
-/// Width of words, pixels.
+/// Width of a text, pixels.
 pub fn width(words: &str, size: u32) -> i32 {
     let font = ("sans-serif", size).into_font();
-    // Without a font nothing is drawn, so any number will do.
+    // Without a font no text is rendered, so any number works.
     font.box_size(&legible(words)).map_or(0, |(w, _)| w as i32)
 }
 
@@ -67,7 +67,7 @@ pub fn fitted(words: &str, room: i32, letters: u32) -> (String, u32) {
     (cut.unwrap_or_default(), least)
 }
 
-/// Draws words whose left end has its middle at (x, y); returns their width.
+/// Draws text whose left end has its middle at (x, y); returns its width, pixels.
 pub fn left(
     area: &Area<'_>,
     words: &str,
@@ -79,7 +79,7 @@ pub fn left(
     Ok(width(words, size))
 }
 
-/// Draws words whose right end has its middle at (x, y).
+/// Draws text whose right end has its middle at (x, y).
 pub fn right(
     area: &Area<'_>,
     words: &str,
@@ -90,7 +90,7 @@ pub fn right(
     put(area, words, at, size, colour, HPos::Right)
 }
 
-/// Draws words whose middle is at (x, y).
+/// Draws text whose middle is at (x, y).
 pub fn centre(
     area: &Area<'_>,
     words: &str,
@@ -113,7 +113,7 @@ fn put(
     area.draw(&Text::new(legible(words).into_owned(), at, style))
 }
 
-/// How a legend shows what a name stands for.
+/// How a legend shows the meaning of a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     Line,
@@ -137,7 +137,7 @@ impl<'a> Key<'a> {
     }
 }
 
-/// Size of the words of a legend.
+/// Text size of a legend.
 const WORDS: u32 = 20;
 /// Height of a row of a legend, pixels.
 const ROW: i32 = 27;
@@ -153,7 +153,7 @@ pub fn heading<'a>(area: &Area<'a>, title: &str, keys: &[Key<'_>]) -> Result<Are
     Ok(area.split_vertically(44 + ROW * rows).1)
 }
 
-/// Draws a legend within a width, in as many rows as it takes; returns how many.
+/// Draws a legend within a width; returns its number of rows.
 fn legend(
     area: &Area<'_>,
     (left_edge, mut y): (i32, i32),

@@ -1,4 +1,4 @@
-//! The contact sheet: one PNG that shows what an episode is like. Pictures of
+//! The contact sheet: one PNG that summarizes an episode. Images of
 //! every camera with depth over time, then plots of the movement.
 
 pub(crate) mod axis;
@@ -8,8 +8,8 @@ pub(crate) mod error;
 pub mod grid;
 pub(crate) mod label;
 mod mount;
-pub(crate) mod picture;
 pub(crate) mod plots;
+pub(crate) mod raster;
 pub(crate) mod style;
 
 use std::path::Path;
@@ -19,13 +19,13 @@ use plotters::prelude::*;
 pub use error::SheetError;
 
 use crate::read::{Episode, Frame, ReadError, Summary};
-use picture::Canvas;
+use raster::Canvas;
 use style::{
     AMBER, Area, COLUMNS, GAP, GREEN, GREY, GUTTER, HEADER, INK, MARGIN, PAPER, PLOTS, RED, TIMES,
     WIDTH,
 };
 
-/// One camera's pictures at the times of the columns.
+/// One camera's images at the times of the columns.
 struct Strip {
     camera: String,
     frames: Vec<Frame>,
@@ -33,7 +33,7 @@ struct Strip {
 }
 
 impl Strip {
-    /// Rows of pictures: colour, and depth where it was recorded.
+    /// Rows of images: colour, and depth where it was recorded.
     fn rows(&self) -> i32 {
         let colour_alone = |frame: &Frame| frame.depth.is_empty();
         match !self.frames.is_empty() && self.frames.iter().all(colour_alone) {
@@ -70,8 +70,8 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
         })
         .collect();
     let sizes = strips.iter().zip(&heights);
-    let pictures: i32 = sizes.map(|(strip, h)| strip.rows() * (h + GAP) + GAP).sum();
-    let height = HEADER + TIMES + pictures + PLOTS + MARGIN;
+    let images: i32 = sizes.map(|(strip, h)| strip.rows() * (h + GAP) + GAP).sum();
+    let height = HEADER + TIMES + images + PLOTS + MARGIN;
     let mut canvas = Canvas::new(WIDTH as usize, height as usize, PAPER.rgb());
 
     let mut rows = Vec::new();
@@ -80,10 +80,10 @@ pub fn sheet(episode: &Episode, out: &Path) -> Result<(), SheetError> {
         for (i, frame) in strip.frames.iter().enumerate() {
             let x = (MARGIN + GUTTER + i as i32 * (tile + GAP)) as usize;
             let (w, h) = (tile as usize, h as usize);
-            canvas.put(&picture::colour(frame, w, h), x, y as usize);
+            canvas.put(&raster::colour(frame, w, h), x, y as usize);
             let below = y as usize + h + GAP as usize;
             if strip.rows() > 1 {
-                canvas.put(&picture::depth(frame, strip.range, w, h), x, below);
+                canvas.put(&raster::depth(frame, strip.range, w, h), x, below);
             }
         }
         if strip.rows() > 1 && !strip.frames.is_empty() {
@@ -160,7 +160,7 @@ fn strip(episode: &Episode, name: &str, times: &[u64]) -> Result<Strip, ReadErro
             frames.push(camera.frame(episode, nearest)?);
         }
     }
-    let range = picture::depth_range(&frames);
+    let range = raster::depth_range(&frames);
     Ok(Strip {
         camera: name.to_owned(),
         frames,
@@ -226,7 +226,7 @@ fn header(root: &Area<'_>, summary: &Summary) -> Result<(), SheetError> {
     Ok(())
 }
 
-/// A coloured label; returns where the next one may stand.
+/// A coloured label; returns the position of the next one.
 fn badge(root: &Area<'_>, x: i32, words: &str, colour: RGBColor) -> Result<i32, SheetError> {
     let w = label::width(words, 22) + 32;
     let corners = [(x, 100), (x + w, 138)];
@@ -239,7 +239,7 @@ fn labels(root: &Area<'_>, strip: &Strip, y: i32, h: i32) -> Result<(), SheetErr
     label::left(root, &strip.camera, (MARGIN, y + 16), 27, INK)?;
     if strip.frames.is_empty() {
         let at = (MARGIN + GUTTER, y + 16);
-        label::left(root, "no pictures", at, 24, GREY)?;
+        label::left(root, "no images", at, 24, GREY)?;
         return Ok(());
     }
     label::left(root, "colour", (MARGIN, y + 48), 20, GREY)?;
@@ -260,7 +260,7 @@ fn bar(canvas: &mut Canvas, x: i32, y: i32, h: i32) {
     let mut column = Canvas::new(18, h.max(1) as usize, (0, 0, 0));
     for row in 0..column.height {
         let share = row as f32 / column.height as f32;
-        let colour = picture::shade(share.exp(), (1.0, 1_f32.exp()));
+        let colour = raster::shade(share.exp(), (1.0, 1_f32.exp()));
         for k in 0..column.width {
             let at = 3 * (row * column.width + k);
             column.pixels[at..at + 3].copy_from_slice(&colour);

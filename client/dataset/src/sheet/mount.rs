@@ -1,4 +1,4 @@
-//! Where the arm stands on the chair, seen from above.
+//! The arm's mount on the chair, seen from above.
 
 use wheelarm_proto::{check, v1};
 
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_point_before_the_arm_lies_behind_a_turned_mount() {
+    fn a_point_before_the_arm_is_behind_a_turned_mount() {
         let robot = v1::RobotDescription {
             arm_mount: Some(v1::Pose {
                 position: Some(v1::Vector3 {

@@ -130,7 +130,7 @@ fn range(values: impl Iterator<Item = f64>, pad: f64) -> (f64, f64) {
     if low > high {
         return (0.0, 1.0);
     }
-    // What never moves is shown as a line in the middle, not as its noise.
+    // Constant values are shown as a line in the middle, not as noise.
     let room = ((high - low) * pad).max(1e-3);
     (low - room, high + room)
 }
@@ -146,10 +146,10 @@ fn keys<'a>(lines: &'a [Line], phases: &'a [Stretch]) -> Vec<Key<'a>> {
     let mut out: Vec<Key<'_>> = lines
         .map(|(l, c)| Key::new(&l.name, c, Mark::Line))
         .collect();
-    let mut seen = Vec::new();
+    let mut labels_shown = Vec::new();
     for (label, name, ..) in phases {
-        if *label > 0 && !seen.contains(label) {
-            seen.push(*label);
+        if *label > 0 && !labels_shown.contains(label) {
+            labels_shown.push(*label);
             out.push(Key::new(name, phase_colour(*label), Mark::Block));
         }
     }
@@ -174,7 +174,7 @@ pub fn over_time(
     )
 }
 
-/// One strip of a plot: what its axis says, and its lines.
+/// One strip of a plot: the label of its axis, and its lines.
 pub type Strip<'a> = (&'a str, Vec<Line>);
 
 /// Quantities of different sizes over one time, each with an axis of its own.
@@ -205,7 +205,7 @@ pub fn strips(
 
 /// A line of more points is drawn thin.
 const DENSE: usize = 2000;
-/// Height of the words below a time axis, pixels.
+/// Height of the text below a time axis, pixels.
 const TIME_AXIS: u32 = 50;
 
 fn end(lines: &[Line], phases: &[Stretch]) -> f64 {
@@ -249,7 +249,7 @@ fn curves(
             chart.draw_series(LineSeries::new(l.points.iter().copied(), colour))?;
             continue;
         }
-        // Piece by piece: the corner of a wide line would stand out far beyond a peak,
+        // Piece by piece: the corner of a wide line would extend far beyond a peak,
         // and beyond the plot.
         let pieces = l.points.windows(2);
         let wide = colour.stroke_width(3);
@@ -413,7 +413,7 @@ pub fn draw_top(area: &Area<'_>, top: &Top) -> Result<(), DrawError> {
 /// Size of an object's name.
 const NAME: u32 = 18;
 
-/// Dots with names that do not lie on each other.
+/// Dots with names that do not overlap.
 fn names(
     area: &Area<'_>,
     names: &[&str],
@@ -427,7 +427,7 @@ fn names(
         let Some((left, top, wide, high)) = place else {
             continue;
         };
-        // The nearest point of the name: a name that stands apart gets a line.
+        // The nearest point of the name: a name at a distance gets a line.
         let near = (x.clamp(left, left + wide), y.clamp(top, top + high));
         if (near.0 - x).abs().max((near.1 - y).abs()) > 20 {
             area.draw(&PathElement::new([(x, y), near], GREY.stroke_width(1)))?;

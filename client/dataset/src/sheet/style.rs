@@ -7,12 +7,12 @@ use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::{BitMapBackend, DrawingArea, DrawingBackend};
 use plotters::style::{FontStyle, IntoFont, RGBColor, TRANSPARENT, TextStyle, register_font};
 
-/// Where something is drawn.
+/// The drawing area.
 pub(crate) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 pub const WIDTH: u32 = 2240;
 pub const MARGIN: i32 = 48;
-/// Left of the pictures: what the row shows.
+/// Left of the images: what the row shows.
 pub const GUTTER: i32 = 128;
 pub const GAP: i32 = 8;
 pub const HEADER: i32 = 196;
@@ -51,10 +51,10 @@ pub fn phase_colour(label: u64) -> RGBColor {
     }
 }
 
-/// The font of words.
+/// The font of all text.
 pub const SANS_SERIF: &[u8] = epaint_default_fonts::UBUNTU_LIGHT;
 
-/// Makes the fonts known to plotters; doing it again does no harm.
+/// Registers the fonts with plotters; may be called repeatedly.
 pub fn register() -> bool {
     register_font("sans-serif", FontStyle::Normal, SANS_SERIF)
         .and(register_font(
@@ -71,7 +71,7 @@ pub fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
 }
 
 /// Grid, axes and words of a chart as all have them; what the axes are called is
-/// still to be said.
+/// still to be written.
 pub fn strokes<'a, 'b, X, Y, DB>(
     chart: &'b mut ChartContext<'a, DB, Cartesian2d<X, Y>>,
 ) -> MeshStyle<'a, 'b, X, Y, DB>

@@ -1,4 +1,4 @@
-//! Which encoder is asked for what. A GIF takes two passes: its 256 colours are
+//! Encoders and their arguments. A GIF takes two passes: its 256 colours are
 //! chosen from all frames, then the frames are drawn in them.
 
 use std::ffi::OsString;
@@ -9,12 +9,12 @@ use anyhow::{bail, ensure};
 use crate::convert::Size;
 use crate::convert::ffmpeg::{Program, argument};
 
-/// How to do without the program.
+/// The fix without the program.
 const WITHOUT: &str = "look at the episode by `wheelarm dataset view`, which needs none";
 /// The encoder of MP4 that every player and browser reads.
 const H264: &str = "libx264";
 
-/// What a video is.
+/// File format of a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Mp4,
@@ -26,13 +26,13 @@ impl Kind {
     ///
     /// # Errors
     /// When it is another one.
-    pub fn of(out: &Path) -> anyhow::Result<Self> {
+    pub fn from_path(out: &Path) -> anyhow::Result<Self> {
         let ending = out.extension().unwrap_or_default().to_string_lossy();
         match ending.to_ascii_lowercase().as_str() {
             "mp4" => Ok(Self::Mp4),
             "gif" => Ok(Self::Gif),
             _ => bail!(
-                "{} is to be no video that can be made: let it end in .mp4 or .gif",
+                "cannot select a video format for {}: let it end in .mp4 or .gif",
                 out.display()
             ),
         }
@@ -45,49 +45,49 @@ impl Kind {
         }
     }
 
-    /// Frames per second: those that are asked for, or `there` and no more than one
+    /// Frames per second: the requested ones, or `there` and no more than one
     /// likes to see, for a GIF to carry.
     ///
     /// # Errors
     /// When a player cannot show as many.
-    pub fn rate(self, asked: Option<f64>, there: f64) -> anyhow::Result<f64> {
-        // A GIF counts hundredths of a second, and viewers take less than two for ten.
+    pub fn rate(self, requested: Option<f64>, there: f64) -> anyhow::Result<f64> {
+        // A GIF counts hundredths of a second, and viewers replace less than two by ten.
         let (most, usual) = match self {
             Self::Mp4 => (120.0, 30.0),
             Self::Gif => (50.0, 10.0),
         };
-        let Some(asked) = asked else {
+        let Some(requested) = requested else {
             return Ok(there.clamp(1.0, usual));
         };
         ensure!(
-            (0.1..=most).contains(&asked),
-            "--fps {asked} is outside of 0.1 to {most} for {}",
+            (0.1..=most).contains(&requested),
+            "--fps {requested} is outside of 0.1 to {most} for {}",
             self.ending()
         );
-        Ok(asked)
+        Ok(requested)
     }
 
-    /// Width of the frame: what is asked for, or that of the pictures side by side
+    /// Width of the frame: the requested one, or that of the images side by side
     /// and no more than a page shows.
     ///
     /// # Errors
-    /// When there are no pictures.
-    pub fn width(self, asked: Option<usize>, sizes: &[Size]) -> anyhow::Result<usize> {
+    /// When no images exist.
+    pub fn width(self, requested: Option<usize>, sizes: &[Size]) -> anyhow::Result<usize> {
         let tallest = sizes.iter().map(|size| size.height).max();
         let Some(tallest) = tallest else {
-            bail!("there are no pictures");
+            bail!("no images exist");
         };
         let side_by_side = sizes.iter().map(|s| s.width * tallest / s.height).sum();
         let most = match self {
             Self::Mp4 => 1920,
             Self::Gif => 800,
         };
-        // Words need some room, however small the pictures are.
-        Ok(asked.unwrap_or_else(|| most.min(side_by_side).max(480)))
+        // Text needs some room, however small the images are.
+        Ok(requested.unwrap_or_else(|| most.min(side_by_side).max(480)))
     }
 }
 
-/// Draws all frames in their order into what takes them.
+/// Renders all frames in order into the encoder.
 type Draw<'a> = &'a dyn Fn(&mut dyn FnMut(&[u8]) -> anyhow::Result<()>) -> anyhow::Result<()>;
 
 /// The program for one kind of video.
@@ -97,10 +97,10 @@ pub(super) struct Encoder {
 }
 
 impl Encoder {
-    /// Finds the program and what it has to be able to do.
+    /// Finds the program and checks its capabilities.
     ///
     /// # Errors
-    /// When there is none or it cannot, with the cure.
+    /// When it is missing or lacks an encoder, with the fix.
     pub fn find(kind: Kind) -> anyhow::Result<Self> {
         let program = Program::named(WITHOUT);
         let wanted = match kind {
@@ -116,7 +116,7 @@ impl Encoder {
         Ok(Self { program, kind })
     }
 
-    /// How often all frames are drawn.
+    /// Number of passes over all frames.
     pub fn passes(&self) -> usize {
         match self.kind {
             Kind::Mp4 => 1,
@@ -124,8 +124,8 @@ impl Encoder {
         }
     }
 
-    /// Makes `path` of the frames of `size` that `draw` draws; returns its bytes.
-    /// What lies beside it is thrown away with its folder.
+    /// Encodes the frames of `size` that `draw` renders into `path`; returns its size, bytes.
+    /// Files beside it are deleted with its folder.
     ///
     /// # Errors
     /// When the program or a frame fails.
@@ -177,7 +177,7 @@ fn arguments(
 }
 
 fn mp4(size: Size, rate: f64, path: &Path) -> std::io::Result<Vec<OsString>> {
-    // Colour at every second pixel is what browsers decode; a moving picture may
+    // Colour at every second pixel is what browsers decode; a video may
     // begin to play before all of it is there.
     let rest = [
         "-an",
@@ -210,7 +210,7 @@ fn palette(size: Size, rate: f64, path: &Path) -> std::io::Result<Vec<OsString>>
 }
 
 fn gif(size: Size, rate: f64, colours: &Path, path: &Path) -> std::io::Result<Vec<OsString>> {
-    // An ordered pattern stands still where the picture does, and so packs well.
+    // An ordered pattern is constant where the image is, and so compresses well.
     let dither = "paletteuse=dither=bayer:bayer_scale=5:diff_mode=rectangle";
     let rest = ["-lavfi", dither, "-loop", "0", "-f", "gif"];
     arguments(size, rate, Some(colours), &rest, path)
@@ -226,24 +226,27 @@ mod tests {
     };
 
     #[test]
-    fn the_ending_says_what_is_made() {
+    fn the_extension_selects_the_format() {
         for (name, kind) in [("a/b.mp4", Kind::Mp4), ("b.x.GIF", Kind::Gif)] {
-            assert_eq!(Kind::of(Path::new(name)).unwrap(), kind);
+            assert_eq!(Kind::from_path(Path::new(name)).unwrap(), kind);
         }
         for name in ["a.avi", "gif", "b."] {
-            let told = Kind::of(Path::new(name)).unwrap_err().to_string();
-            assert!(told.contains(".mp4 or .gif"), "{told}");
+            let error = Kind::from_path(Path::new(name)).unwrap_err().to_string();
+            assert!(error.contains(".mp4 or .gif"), "{error}");
         }
     }
 
     #[test]
-    fn rate_and_width_are_those_of_the_pictures_within_reason() {
+    fn rate_and_width_are_those_of_the_images_within_limits() {
         assert_eq!(Kind::Mp4.rate(None, 10.0).unwrap(), 10.0);
         assert_eq!(Kind::Mp4.rate(None, 240.0).unwrap(), 30.0);
         assert_eq!(Kind::Gif.rate(None, 20.0).unwrap(), 10.0);
         assert_eq!(Kind::Gif.rate(Some(25.0), 1.0).unwrap(), 25.0);
-        let told = Kind::Gif.rate(Some(60.0), 10.0).unwrap_err().to_string();
-        assert!(told.contains("--fps 60") && told.contains("50"), "{told}");
+        let error = Kind::Gif.rate(Some(60.0), 10.0).unwrap_err().to_string();
+        assert!(
+            error.contains("--fps 60") && error.contains("50"),
+            "{error}"
+        );
         assert_eq!(Kind::Mp4.width(None, &[SIZE, SIZE]).unwrap(), 1280);
         assert_eq!(Kind::Gif.width(None, &[SIZE, SIZE]).unwrap(), 800);
         assert_eq!(Kind::Gif.width(Some(300), &[SIZE]).unwrap(), 300);

@@ -1,4 +1,4 @@
-//! Where everything stands in a frame, pixels from the top left.
+//! Positions in a frame, pixels from the top left.
 
 use anyhow::ensure;
 
@@ -17,11 +17,11 @@ pub(super) struct Place {
 pub(super) struct Layout {
     /// The frame; both sides are even, as encoders want them.
     pub size: Size,
-    /// Pictures from left to right, all of one height.
-    pub pictures: Vec<Place>,
-    /// The strip that shows how far the episode is.
+    /// Images from left to right, all of one height.
+    pub images: Vec<Place>,
+    /// The progress bar of the episode.
     pub strip: Option<Place>,
-    /// The words below it.
+    /// The text below it.
     pub words: Option<Place>,
     /// Height of the letters of the instruction.
     pub letters: usize,
@@ -33,7 +33,7 @@ const LEAST: usize = 64;
 const MOST: usize = 3840;
 
 impl Layout {
-    /// Pictures of `sizes` side by side in `width`, each as wide as its shape wants.
+    /// Images of `sizes` side by side in `width`, each as wide as its shape requires.
     ///
     /// # Errors
     /// When the frame would be too small or too large.
@@ -48,24 +48,24 @@ impl Layout {
         let shapes: f64 = sizes.iter().map(shape).sum();
         let room = width.saturating_sub(gap * sizes.len().saturating_sub(1));
         let height = ((room as f64 / shapes).round() as usize).max(2);
-        let mut pictures = Vec::new();
+        let mut images = Vec::new();
         let mut x = 0;
         for (k, size) in sizes.iter().enumerate() {
-            // The last one takes what rounding left.
+            // The last one gets the rounding remainder.
             let wide = match k + 1 == sizes.len() {
                 true => width.saturating_sub(x),
                 false => (height as f64 * shape(size)).round() as usize,
             };
             ensure!(
                 wide >= 8 && height >= 8,
-                "{} pictures do not fit into --width {width}",
+                "{} images do not fit into --width {width}",
                 sizes.len()
             );
             let size = Size {
                 width: wide,
                 height,
             };
-            pictures.push(Place { x, y: 0, size });
+            images.push(Place { x, y: 0, size });
             x += wide + gap;
         }
         let row = |y, height| Place {
@@ -73,7 +73,7 @@ impl Layout {
             y,
             size: Size { width, height },
         };
-        // The words of a narrow frame are larger in it, so that they can be read.
+        // Text is relatively larger in a narrow frame, so that it is readable.
         let letters = (width / 46).clamp(13, 44);
         let (mut strip, mut words, mut bottom) = (None, None, height);
         if has_words {
@@ -92,7 +92,7 @@ impl Layout {
         }
         Ok(Self {
             size,
-            pictures,
+            images,
             strip,
             words,
             letters,
@@ -110,7 +110,7 @@ mod tests {
     };
 
     #[test]
-    fn pictures_fill_the_width_and_nothing_overlaps() {
+    fn images_fill_the_width_without_overlap() {
         let square = Size {
             width: 100,
             height: 100,
@@ -122,7 +122,7 @@ mod tests {
                     assert_eq!(layout.size.width, width & !1);
                     assert_eq!(layout.size.height % 2, 0);
                     let mut x = 0;
-                    for (place, size) in layout.pictures.iter().zip(&sizes) {
+                    for (place, size) in layout.images.iter().zip(&sizes) {
                         assert!(place.x >= x);
                         x = place.x + place.size.width;
                         let shape = place.size.width as f64 / place.size.height as f64;
@@ -131,7 +131,7 @@ mod tests {
                     }
                     assert_eq!(x, layout.size.width);
                     let below = layout.words.map(|words| words.y + words.size.height);
-                    let end = below.unwrap_or(layout.pictures[0].size.height);
+                    let end = below.unwrap_or(layout.images[0].size.height);
                     assert!(layout.size.height - end <= 1, "{layout:?}");
                 }
             }
@@ -139,11 +139,11 @@ mod tests {
     }
 
     #[test]
-    fn a_width_that_shows_nothing_is_refused() {
+    fn a_width_too_small_for_the_images_is_rejected() {
         for (count, width) in [(1, 10), (1, 100_000), (12, 64)] {
-            let told = Layout::new(&vec![WIDE; count], width, true);
-            let told = told.unwrap_err().to_string();
-            assert!(told.contains("--width"), "{told}");
+            let error = Layout::new(&vec![WIDE; count], width, true);
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains("--width"), "{error}");
         }
     }
 }

@@ -1,9 +1,9 @@
-//! A moving picture of an episode for people: cameras side by side, below them the
-//! instruction, what is being done, and the time. MP4 or GIF, both by ffmpeg.
+//! A video of an episode for people: cameras side by side, below them the
+//! instruction, the current phase, and the time. MP4 or GIF, both by ffmpeg.
 
 mod encode;
+mod frame;
 mod layout;
-mod picture;
 mod story;
 mod times;
 
@@ -18,36 +18,36 @@ use crate::read::{Camera, Episode};
 use crate::sheet::style;
 
 use self::encode::Kind;
+use self::frame::Painter;
 use self::layout::Layout;
-use self::picture::Painter;
 use self::story::Story;
 use self::times::Span;
 
 /// Frames that are drawn together.
 const BLOCK: usize = 16;
 
-/// What a video shows, and how.
+/// Options of a video.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VideoOptions {
-    /// Cameras or picture sensors from left to right; every camera when empty.
+    /// Cameras or image sensors from left to right; every camera when empty.
     pub cameras: Vec<String>,
     /// Simulated seconds per second of the video; 1 when absent.
     pub speed: Option<f64>,
     /// Frames per second of the video; when absent those that were recorded, but no
     /// more than a player shows well.
     pub frames_per_second: Option<f64>,
-    /// Width of the video, pixels; when absent that of the pictures, but no more
+    /// Width of the video, pixels; when absent that of the images, but no more
     /// than a page shows well.
     pub width: Option<usize>,
     /// First moment, seconds from the beginning of the episode.
     pub from: Option<f64>,
     /// Last moment, seconds from the beginning of the episode.
     pub to: Option<f64>,
-    /// Pictures alone, without words.
+    /// Images alone, without text.
     pub is_plain: bool,
 }
 
-/// What was made.
+/// The written video.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Made {
     /// The file.
@@ -60,12 +60,12 @@ pub struct Made {
     pub bytes: u64,
 }
 
-/// Makes the video `out`, MP4 or GIF by its ending. `begun` is told how many frames
-/// will be drawn, `tick` of each.
+/// Makes the video `out`, MP4 or GIF by its ending. `begun` receives how many frames
+/// will be rendered, and `tick` is called for each.
 ///
 /// # Errors
-/// When there is no such camera or moment, ffmpeg is missing, or the file cannot be
-/// written; nothing of it is left then.
+/// When no such camera or moment exists, ffmpeg is missing, or the file cannot be
+/// written; then no partial file is left.
 pub fn video(
     episode: &Episode,
     options: &VideoOptions,
@@ -74,7 +74,7 @@ pub fn video(
     begun: &dyn Fn(usize),
     tick: &(dyn Fn() + Sync),
 ) -> anyhow::Result<Made> {
-    let kind = Kind::of(out)?;
+    let kind = Kind::from_path(out)?;
     let cameras = cameras(episode, &options.cameras)?;
     let speed = options.speed.unwrap_or(1.0);
     ensure!(
@@ -92,8 +92,8 @@ pub fn video(
         kind.width(options.width, &sizes)?,
         !options.is_plain,
     )?;
-    ensure!(style::register(), "the built-in fonts cannot be used");
-    let story = Story::of(episode, &summary, span)?;
+    ensure!(style::register(), "cannot use the built-in fonts");
+    let story = Story::read(episode, &summary, span)?;
     let painter = Painter {
         layout: &layout,
         story: &story,
@@ -107,13 +107,13 @@ pub fn video(
     let draw = |put: &mut dyn FnMut(&[u8]) -> anyhow::Result<()>| {
         for block in moments.chunks(BLOCK) {
             let frames = parallel(block.len(), threads, |k| {
-                let pictures = cameras.iter().map(|camera| {
+                let images = cameras.iter().map(|camera| {
                     let index = times::newest(camera.exposures(), block[k]);
-                    let size = size(camera).context("a camera with pictures")?;
+                    let size = size(camera).context("a camera with images")?;
                     Ok((camera.rgb(episode, index)?, size))
                 });
-                let pictures = pictures.collect::<anyhow::Result<Vec<_>>>()?;
-                painter.frame(pictures, block[k])
+                let images = images.collect::<anyhow::Result<Vec<_>>>()?;
+                painter.frame(images, block[k])
             })?;
             for frame in &frames {
                 put(frame)?;
@@ -150,7 +150,7 @@ fn cameras(episode: &Episode, names: &[String]) -> anyhow::Result<Vec<Camera>> {
         } else {
             let there: Vec<_> = all.iter().chain(&sensors).cloned().collect();
             bail!(
-                "{} has no camera {name}; it has {}. `wheelarm replay FILE --out DIR --camera {name}=640x360@10` draws the episode anew by one",
+                "{} has no camera {name}; it has {}. `wheelarm replay FILE --out DIR --camera {name}=640x360@10` renders the episode again with one",
                 episode.path().display(),
                 there.join(", ")
             );
@@ -159,18 +159,18 @@ fn cameras(episode: &Episode, names: &[String]) -> anyhow::Result<Vec<Camera>> {
         if shows {
             found.push(camera);
         } else if !names.is_empty() {
-            bail!("{} has no pictures in colour", camera.stream());
+            bail!("{} has no images in colour", camera.stream());
         }
     }
     ensure!(
         !found.is_empty(),
-        "{} has no pictures; `wheelarm replay FILE --out DIR --camera wheelchair=640x360@10` draws the episode anew with some",
+        "{} has no images; `wheelarm replay FILE --out DIR --camera wheelchair=640x360@10` renders the episode again with some",
         episode.path().display()
     );
     Ok(found)
 }
 
-/// What the pictures are called: the camera's name, or the sensor's.
+/// Titles of the images: the camera's name, or the sensor's.
 fn names(cameras: &[Camera]) -> Vec<String> {
     let name = |camera: &Camera| camera.stream().rsplit('/').next().map(str::to_owned);
     cameras.iter().filter_map(name).collect()

@@ -1,4 +1,4 @@
-//! What is told below the pictures: the instruction, and what is being done when.
+//! The text below the images: the instruction and the current phase.
 
 use wheelarm_proto::TopicId;
 
@@ -13,16 +13,16 @@ pub(super) struct Part {
     pub from: u64,
     /// The phase: 0 for none, 1 navigating, 2 reaching, 3 grasping, 4 retracting.
     pub phase: u64,
-    /// The phase in a word, and more closely where the operator told it.
+    /// Text of the phase, with details where the operator published them.
     pub words: String,
 }
 
-/// An episode in words.
+/// Text about an episode.
 #[derive(Clone, Debug)]
 pub(super) struct Story {
-    /// The instruction; the label of the episode where there is none.
+    /// The instruction; the label of the episode without one.
     pub title: String,
-    /// What is shown of it.
+    /// The shown interval.
     pub span: Span,
     parts: Vec<Part>,
 }
@@ -33,7 +33,7 @@ impl Story {
     ///
     /// # Errors
     /// When a column cannot be read.
-    pub fn of(episode: &Episode, summary: &Summary, span: Span) -> Result<Self, ReadError> {
+    pub fn read(episode: &Episode, summary: &Summary, span: Span) -> Result<Self, ReadError> {
         let published = published(episode)?;
         let parts = if published.iter().any(|part| part.phase > 0) {
             published
@@ -53,8 +53,8 @@ impl Story {
         Ok(Self { title, span, parts })
     }
 
-    /// What is being done at a moment.
-    pub fn at(&self, moment: u64) -> Option<&Part> {
+    /// The phase at a moment.
+    pub fn part_at(&self, moment: u64) -> Option<&Part> {
         let after = self.parts.partition_point(|part| part.from <= moment);
         self.parts[..after].last()
     }
@@ -128,7 +128,7 @@ mod tests {
                 part(30, 2, "reaching"),
             ],
         };
-        let words = |t| story.at(t).map(|part| part.words.as_str());
+        let words = |t| story.part_at(t).map(|part| part.words.as_str());
         assert_eq!(words(1), Some(""));
         assert_eq!([words(9), words(10)], [Some("planning"), Some("driving")]);
         assert_eq!(words(99), Some("reaching"));

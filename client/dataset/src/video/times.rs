@@ -1,4 +1,4 @@
-//! Which moments a video shows, and which pictures were the newest then.
+//! The moments of a video, and the newest images at each.
 
 use anyhow::ensure;
 
@@ -17,7 +17,7 @@ impl Span {
     /// The stretch between two moments, seconds from the beginning of the episode.
     ///
     /// # Errors
-    /// When nothing lies between them.
+    /// When there is nothing between them.
     pub fn new(
         (start, end): (u64, u64),
         from: Option<f64>,
@@ -32,7 +32,7 @@ impl Span {
         };
         ensure!(
             span.from < span.to || length == 0,
-            "nothing lies between --from {} and --to {}; the episode is {:.2} s long",
+            "the interval from --from {} to --to {} is empty; the episode is {:.2} s long",
             from.unwrap_or_default(),
             to.unwrap_or(length as f64 * 1e-9),
             length as f64 * 1e-9
@@ -45,14 +45,14 @@ impl Span {
     pub fn moments(&self, speed: f64, rate: f64) -> Vec<u64> {
         let step = speed / rate * 1e9;
         let last = (self.to - self.from) as f64 / step;
-        // A hundredth of a step makes up for the rounding of stamps.
+        // A hundredth of a step compensates the rounding of stamps.
         let last = (last + 0.01).floor() as u64;
         let moment = |k: u64| (self.from + (k as f64 * step).round() as u64).min(self.to);
         (0..=last).map(moment).collect()
     }
 }
 
-/// Pictures per simulated second of the fastest camera; 1 where none tells.
+/// Images per simulated second of the fastest camera; 1 where unknown.
 pub(super) fn rate<'a>(all: impl Iterator<Item = &'a [u64]>) -> f64 {
     let rates = all.filter_map(|stamps| {
         let mut steps: Vec<u64> = stamps.windows(2).map(|two| two[1] - two[0]).collect();
@@ -63,7 +63,7 @@ pub(super) fn rate<'a>(all: impl Iterator<Item = &'a [u64]>) -> f64 {
     rates.reduce(f64::max).unwrap_or(1.0)
 }
 
-/// The newest of `stamps` at a moment; the first one before there is any.
+/// The newest of `stamps` at a moment; the first one before any.
 pub(super) fn newest(stamps: &[u64], moment: u64) -> usize {
     // Stamps are rounded to nanoseconds, and so are moments.
     stamps
@@ -96,13 +96,13 @@ mod tests {
         assert_eq!((span.from, span.to), (6 * SECOND, 7_500_000_000));
         assert_eq!(Span::new(whole, None, Some(99.0)).unwrap().to, 9 * SECOND);
         for (from, to) in [(Some(4.0), None), (Some(2.0), Some(1.0))] {
-            let told = Span::new(whole, from, to).unwrap_err().to_string();
-            assert!(told.contains("4.00 s long"), "{told}");
+            let error = Span::new(whole, from, to).unwrap_err().to_string();
+            assert!(error.contains("4.00 s long"), "{error}");
         }
     }
 
     #[test]
-    fn the_newest_picture_is_shown_and_the_first_one_before_it_came() {
+    fn the_newest_image_is_shown_and_the_first_one_before_it_arrived() {
         let stamps = [100_000, 200_000, 300_000];
         let at = [0, 100_000, 199_000, 250_000, 900_000].map(|t| newest(&stamps, t));
         assert_eq!(at, [0, 0, 1, 1, 2]);

@@ -1,6 +1,6 @@
-//! An episode as one HTML page that needs nothing else: pictures and depth that
-//! play, plots with the phases behind them, the instruction, what happened.
-//! Pictures are written one after the other, so that memory stays small.
+//! An episode as one self-contained HTML page: images and depth that
+//! play, plots with the phases behind them, the instruction, the events.
+//! Images are written one after the other, so that memory stays small.
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -18,17 +18,17 @@ use crate::convert::{PendingFile, Recording, Size, scaled};
 use crate::label;
 use crate::publish;
 use crate::read::{Camera, Frame};
-use crate::sheet::picture;
+use crate::sheet::raster;
 
 const PAGE: &str = include_str!("page.html");
 const DATA: &str = "/*DATA*/null";
-const PICTURES: &str = "<!--PICTURES-->";
-/// Greatest width of a picture on the page, pixels.
+const IMAGES: &str = "<!--IMAGES-->";
+/// Greatest width of an image on the page, pixels.
 const WIDTH: usize = 480;
 const QUALITY: u8 = 75;
-/// Pictures that are encoded together.
+/// Images that are encoded together.
 const BLOCK: usize = 16;
-/// Pictures from which the range of depth is taken.
+/// Number of images from which the range of depth is computed.
 const PROBES: usize = 8;
 
 /// Streams that the page shows.
@@ -40,10 +40,10 @@ pub fn wants(stream: &str) -> bool {
     )
 }
 
-/// Writes the page; `tick` is told of every row.
+/// Writes the page; `tick` is called for every row.
 ///
 /// # Errors
-/// When pictures cannot be read or the file cannot be written.
+/// When images cannot be read or the file cannot be written.
 pub fn page(
     recording: &Recording,
     out: &Path,
@@ -56,8 +56,8 @@ pub fn page(
         .split_once(DATA)
         .context("the page has a place for data")?;
     let (middle, tail) = rest
-        .split_once(PICTURES)
-        .context("the page has a place for pictures")?;
+        .split_once(IMAGES)
+        .context("the page has a place for images")?;
     // A "</" inside the data would end the script.
     let data = data(recording).to_string().replace("</", "<\\/");
     write!(file, "{head}{data}{middle}")?;
@@ -77,14 +77,14 @@ pub fn page(
         let rows: Vec<usize> = (0..recording.aligned.stamps.len()).collect();
         for block in rows.chunks(BLOCK) {
             let encoded = parallel(block.len(), threads, |i| {
-                let Ok((_, index)) = recording.picture(name, block[i]) else {
+                let Ok((_, index)) = recording.image(name, block[i]) else {
                     return Ok(None);
                 };
                 let frame = camera.frame(&recording.episode, index)?;
                 let depth = match camera.has_depth() {
                     true => {
-                        let picture = picture::depth(&frame, range, small.width, small.height);
-                        Some(jpeg(&picture.pixels, small)?)
+                        let image = raster::depth(&frame, range, small.width, small.height);
+                        Some(jpeg(&image.pixels, small)?)
                     }
                     false => None,
                 };
@@ -92,12 +92,12 @@ pub fn page(
                 Ok(Some((jpeg(&rgb, small)?, depth)))
             })?;
             writeln!(file, "<script>")?;
-            for (row, pictures) in block.iter().zip(encoded) {
-                if let Some((rgb, depth)) = pictures {
+            for (row, images) in block.iter().zip(encoded) {
+                if let Some((rgb, depth)) = images {
                     let key = serde_json::to_string(name)?.replace("</", "<\\/");
-                    writeln!(file, "picture({key}+\"/rgb\",{row},\"{rgb}\");")?;
+                    writeln!(file, "addImage({key}+\"/rgb\",{row},\"{rgb}\");")?;
                     if let Some(depth) = depth {
-                        writeln!(file, "picture({key}+\"/depth\",{row},\"{depth}\");")?;
+                        writeln!(file, "addImage({key}+\"/depth\",{row},\"{depth}\");")?;
                     }
                 }
                 if number == 0 {
@@ -133,7 +133,7 @@ fn depth_range(recording: &Recording, camera: &Camera) -> anyhow::Result<(f32, f
     for index in (0..camera.len()).step_by(step) {
         frames.push(camera.frame(&recording.episode, index)?);
     }
-    Ok(picture::depth_range(&frames))
+    Ok(raster::depth_range(&frames))
 }
 
 fn data(recording: &Recording) -> Value {
@@ -145,7 +145,7 @@ fn data(recording: &Recording) -> Value {
         .map(|&s| (s - start) as f64 * 1e-9)
         .collect();
     let s = &recording.summary;
-    let pictures: Vec<Value> = recording
+    let images: Vec<Value> = recording
         .cameras
         .iter()
         .flat_map(|(c, camera)| {
@@ -177,7 +177,7 @@ fn data(recording: &Recording) -> Value {
     json!({
         "label": s.label, "instruction": s.instruction, "success": s.success, "complete": s.complete,
         "task": s.task[0], "seed": s.seed, "time": time, "labels": recording.labels,
-        "phases": label::NAMES, "pictures": pictures, "plots": plots(recording), "facts": facts,
+        "phases": label::NAMES, "images": images, "plots": plots(recording), "facts": facts,
     })
 }
 

@@ -19,7 +19,7 @@ impl Budget {
     }
 
     /// Takes `bytes`, waiting for room. One item greater than the whole budget
-    /// is let through when nothing else waits.
+    /// is accepted when nothing else waits.
     pub fn take(&self, bytes: usize) {
         let mut used = self.used.lock();
         self.freed

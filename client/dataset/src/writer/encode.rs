@@ -1,4 +1,4 @@
-//! From a message to a record: what the compression workers do.
+//! Encodes messages as records, in the compression workers.
 
 use bytes::Bytes;
 use crossbeam_channel::Receiver;
@@ -15,10 +15,10 @@ pub(super) struct Encoder {
     deflate: Deflate,
     millimetres: Vec<u8>,
     depth: Depth,
-    /// Length of the last picture record, the best guess for the next one.
+    /// Length of the last image record, the best guess for the next one.
     last: usize,
-    /// Memory of records that are in the log: fresh memory of that size costs
-    /// more than what is written into it.
+    /// Buffers of written records: fresh memory of that size costs
+    /// more than filling it.
     spare: Receiver<Vec<u8>>,
 }
 
@@ -33,7 +33,7 @@ impl Encoder {
         }
     }
 
-    /// Record of a camera frame: three compressed pictures.
+    /// Record of a camera frame: three compressed images.
     pub fn camera(&mut self, header: &RecordHeader, frame: &v1::CameraFrame) -> Vec<u8> {
         let meta = v1::CameraFrame {
             header: frame.header.clone(),
@@ -73,10 +73,10 @@ impl Encoder {
     }
 
     /// Record of a camera frame whose planes are compressed already; depth that is
-    /// stored in another way is made of what they hold.
+    /// stored in another format is converted.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// When the depth cannot be converted.
     pub fn compressed(
         &mut self,
         header: &RecordHeader,
@@ -94,7 +94,7 @@ impl Encoder {
             intrinsics: frame.intrinsics,
             pose: frame.pose,
             color_format: frame.color_format,
-            // Of the exact picture.
+            // Of the exact image.
             depth_format: v1::PixelFormat::DepthMetresF32.into(),
             segmentation_format: frame.segmentation_format,
             ..Default::default()
@@ -123,8 +123,8 @@ impl Encoder {
         Ok(out)
     }
 
-    /// Record of a sensor's picture, as [`Encoder::camera`]: what the sensor does
-    /// not give is empty.
+    /// Record of a sensor's image, as [`Encoder::camera`]: what the sensor does
+    /// not have is empty.
     pub fn sensor(&mut self, header: &RecordHeader, mut frame: v1::SensorFrame) -> Vec<u8> {
         let (rgb, depth) = (
             std::mem::take(&mut frame.color),
@@ -134,10 +134,10 @@ impl Encoder {
         part(&mut out, |out| {
             out.extend(frame.encode_to_vec());
         });
-        for (picture, element) in [(rgb, 1), (depth, 2)] {
+        for (image, element) in [(rgb, 1), (depth, 2)] {
             part(&mut out, |out| {
-                if !picture.is_empty() {
-                    self.deflate.append(&picture, element, out);
+                if !image.is_empty() {
+                    self.deflate.append(&image, element, out);
                 }
             });
         }
@@ -166,7 +166,7 @@ fn part(out: &mut Vec<u8>, fill: impl FnOnce(&mut Vec<u8>)) {
     let at = out.len();
     out.extend([0; 4]);
     fill(out);
-    // Pictures are bounded far below 4 GiB by the check of their size.
+    // Images are bounded far below 4 GiB by the check of their size.
     let length = u32::try_from(out.len() - at - 4).unwrap_or(u32::MAX);
     out[at..at + 4].copy_from_slice(&length.to_le_bytes());
 }

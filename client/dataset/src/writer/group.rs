@@ -1,20 +1,20 @@
-//! Records of state samples that go to the log together: a hand-over to another thread
+//! Groups records of state samples for the log: a transfer to another thread
 //! costs more than such a record.
 
 use super::threads::GROUP;
 use crate::log::{RecordHeader, begin_record_in, finish_record};
 
-/// Records in the making.
+/// Collected records.
 #[derive(Default)]
 pub(super) struct Group {
     data: Vec<u8>,
     count: u64,
-    /// Memory of one record.
+    /// Buffer of one record.
     record: Vec<u8>,
 }
 
 impl Group {
-    /// Adds the record of a sample: the message as it came. `true` when the group is
+    /// Adds the record of a sample, its unchanged message. Returns `true` when the group is
     /// large enough.
     pub fn add(&mut self, header: &RecordHeader, payload: &[u8]) -> bool {
         let mut record = begin_record_in(std::mem::take(&mut self.record), payload.len());
@@ -26,7 +26,7 @@ impl Group {
         self.data.len() >= GROUP
     }
 
-    /// How many there are, and their bytes; `None` where there are none.
+    /// The number of records and their bytes; `None` for an empty group.
     pub fn take(&mut self) -> Option<(u64, Vec<u8>)> {
         let count = std::mem::take(&mut self.count);
         (count > 0).then(|| (count, std::mem::take(&mut self.data)))

@@ -1,16 +1,16 @@
-//! What the allocator does with the memory of pictures.
+//! Allocator settings for the memory of images.
 
-/// Has the allocator keep what pictures leave behind, up to 128 MiB of each
-/// of its arenas, for the pictures to come. As it is, glibc hands blocks of their
+/// Makes the allocator keep freed memory of images, up to 128 MiB of each
+/// of its arenas, for later images. By default, glibc hands blocks of their
 /// size back to the system, whose fresh pages then cost several times what is
-/// written into them. It holds for the whole process, from the first episode on.
+/// written into them. It affects the whole process, from the first episode on.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub(super) fn keep() {
     use std::sync::Once;
 
-    // About what may wait between the threads of a writer.
+    // About the budget between the threads of a writer.
     const KEPT: i32 = 128 << 20;
-    // Greater blocks come from the system one by one; more glibc does not take.
+    // Larger blocks are mapped one by one; this is glibc's maximum.
     const BLOCK: i32 = 32 << 20;
     static ONCE: Once = Once::new();
 
@@ -27,6 +27,6 @@ pub(super) fn keep() {
     });
 }
 
-/// Other allocators do as they like.
+/// Other allocators keep their defaults.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 pub(super) fn keep() {}

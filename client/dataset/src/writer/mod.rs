@@ -2,14 +2,14 @@
 //!
 //! A queue bounded in bytes, two compression workers, one log writer. Records
 //! are appended in the order in which the samples were offered. State samples, which
-//! are small and many, go to the log writer in groups. Nothing in here knows the
-//! transport or HDF5.
+//! are small and many, go to the log writer in groups. This module depends on neither the
+//! transport nor HDF5.
 
 mod budget;
 mod encode;
 mod group;
+mod images;
 mod memory;
-mod pictures;
 mod threads;
 
 use std::collections::BTreeMap;
@@ -31,10 +31,10 @@ use crate::log::{Appender, Closing, Kind, LogError, LogFile, Preamble, RecordHea
 use budget::Budget;
 use encode::Encoder;
 use group::Group;
-pub use pictures::MAX_SIDE;
+pub use images::MAX_SIDE;
 use threads::{Job, Progress, Record, Work};
 
-/// How an episode is written.
+/// Options of a writer.
 #[derive(Clone, Debug)]
 pub struct WriterOptions {
     /// How depth is stored.
@@ -62,7 +62,7 @@ impl Default for WriterOptions {
     }
 }
 
-/// Why a sample or a whole episode is not written.
+/// Why a sample or an episode cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The final file exists.
@@ -75,7 +75,7 @@ pub enum WriteError {
         "{0} is the log of an unfinished recording; `wheelarm dataset recover {0}` turns it into a file, or another recorder is writing it just now"
     )]
     Unfinished(PathBuf),
-    /// HDF5 takes names in UTF-8 only.
+    /// HDF5 accepts only names in UTF-8.
     #[error("the folder {0} is not in UTF-8, which HDF5 cannot take; choose another")]
     Folder(PathBuf),
     /// The episode has a label that cannot name a file, or no header.
@@ -84,20 +84,20 @@ pub enum WriteError {
     /// The log cannot be created.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// A sample is not what its stream should carry.
+    /// A sample is not a valid message of its stream.
     #[error("a sample of {stream} is refused: {reason}")]
     Malformed {
         /// The stream.
         stream: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
-    /// The log failed earlier; what was acknowledged is kept.
+    /// The log failed earlier; acknowledged samples are kept.
     #[error("{0}")]
     Failed(String),
 }
 
-/// What a sample said of itself when it was taken.
+/// Header of an accepted sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
     /// Sequence number.
@@ -115,7 +115,7 @@ pub struct EpisodeWriter {
     streams: BTreeMap<String, Slot>,
     depth: Depth,
     next: u64,
-    /// State samples that wait for others.
+    /// Buffered state samples.
     group: Group,
     queue: Option<Sender<Job>>,
     records: Option<Sender<Record>>,
@@ -128,17 +128,17 @@ pub struct EpisodeWriter {
 struct Slot {
     number: u16,
     id: StreamId,
-    /// Picture size of the first frame; all others must have it.
+    /// Image size of the first frame; all others must have it.
     size: Option<(u32, u32)>,
 }
 
-/// Where the file of an episode will be: `LABEL.h5`.
+/// Path of the file of an episode: `LABEL.h5`.
 #[must_use]
 pub fn file_path(dir: &Path, label: &str) -> PathBuf {
     dir.join(format!("{label}.h5"))
 }
 
-/// Where its log is until then: `LABEL.h5.wal`.
+/// Path of its log until then: `LABEL.h5.wal`.
 #[must_use]
 pub fn log_path(dir: &Path, label: &str) -> PathBuf {
     dir.join(format!("{label}.h5.wal"))
@@ -163,7 +163,7 @@ pub fn next_free_label(dirs: &[&Path], label: &str) -> String {
     label::numbered(stem, taken.unwrap_or(0).max(number).saturating_add(1))
 }
 
-/// Where a file or a log of that label exists already.
+/// Checks that no file and no log of that label exists.
 ///
 /// # Errors
 /// [`WriteError::Exists`] or [`WriteError::Unfinished`].
@@ -289,20 +289,20 @@ impl EpisodeWriter {
         for _ in 0..options.workers.max(1) {
             let (jobs, to_log) = (jobs.clone(), to_log.clone());
             let encoder = Encoder::new(options.depth, spare.clone());
-            let told = progress.clone();
+            let compressed = progress.clone();
             handles.push(std::thread::spawn(move || {
-                threads::compress(&jobs, &to_log, encoder, &told);
+                threads::compress(&jobs, &to_log, encoder, &compressed);
             }));
         }
-        let (shared, told) = (budget.clone(), progress.clone());
+        let (shared, written) = (budget.clone(), progress.clone());
         handles.push(std::thread::spawn(move || {
-            threads::append(&records, &used, appender, &shared, &told);
+            threads::append(&records, &used, appender, &shared, &written);
         }));
         let sync = syncing.map(|syncing| {
             let (sync, done) = crossbeam_channel::bounded(0);
-            let (told, log) = (progress.clone(), log.clone());
+            let (synced, log) = (progress.clone(), log.clone());
             handles.push(std::thread::spawn(move || {
-                threads::sync(&syncing, &log, &done, &told)
+                threads::sync(&syncing, &log, &done, &synced)
             }));
             sync
         });
@@ -345,14 +345,14 @@ impl EpisodeWriter {
         let bytes = payload.len();
         let (header, work) = if slot.id.sensor_name().is_some() {
             let frame = v1::SensorFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
-            let size = pictures::sensor(&frame, slot.size).map_err(malformed)?;
+            let size = images::sensor(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
             let header = frame.header.clone().unwrap_or_default();
             let record = record_header(Kind::Camera, slot.number, &header);
             (header, Work::Sensor(record, Box::new(frame)))
         } else if slot.id.is_camera() {
             let frame = v1::CameraFrame::decode(payload).map_err(|e| malformed(e.to_string()))?;
-            let size = pictures::exact(&frame, slot.size).map_err(malformed)?;
+            let size = images::exact(&frame, slot.size).map_err(malformed)?;
             slot.size = Some(size);
             let header = frame.header.clone().unwrap_or_default();
             let record = record_header(Kind::Camera, slot.number, &header);
@@ -370,7 +370,7 @@ impl EpisodeWriter {
         Ok(taken(&header))
     }
 
-    /// Takes one picture of the camera's stream `stream` whose planes are compressed
+    /// Takes one image of the camera's stream `stream` whose planes are compressed
     /// already. Waits as [`EpisodeWriter::offer`] does.
     ///
     /// # Errors
@@ -391,7 +391,7 @@ impl EpisodeWriter {
         let slot = slot
             .filter(|slot| slot.id.is_camera())
             .ok_or_else(|| malformed("the episode does not announce this camera".into()))?;
-        let size = pictures::compressed(&frame, slot.size, self.depth).map_err(malformed)?;
+        let size = images::compressed(&frame, slot.size, self.depth).map_err(malformed)?;
         slot.size = Some(size);
         let header = frame.header.clone().unwrap_or_default();
         let record = record_header(Kind::Camera, slot.number, &header);

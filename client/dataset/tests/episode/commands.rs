@@ -1,4 +1,4 @@
-//! Commands by hand: several in a tick, then none for a while.
+//! Manual commands: several in a tick, then none for a while.
 
 use wheelarm_dataset::align::{AlignOptions, align};
 use wheelarm_dataset::finish::finish;
@@ -11,7 +11,7 @@ use crate::recording::{bits, camera_frame};
 use crate::synthetic::{self, Random};
 
 #[test]
-fn commands_of_one_tick_and_pauses_between_them_are_no_faults() {
+fn commands_of_one_tick_and_pauses_between_them_are_valid() {
     let dir = tempfile::tempdir().unwrap();
     let started = synthetic::started("byhand");
     let options = WriterOptions::default();
@@ -92,7 +92,7 @@ fn of_the_commands_of_one_tick_the_last_is_aligned() {
         let Values::F64(all) = episode.values(&signal.meta).unwrap() else {
             continue;
         };
-        // The last of those that came at the picture's tick.
+        // The last of those that arrived at the image's tick.
         for (row, sample) in [0, 11, 14].into_iter().enumerate() {
             let there = &all[sample * width..(sample + 1) * width];
             assert_eq!(bits(signal.row(row)), bits(there), "{}", signal.meta.name);

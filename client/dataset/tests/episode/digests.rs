@@ -1,4 +1,4 @@
-//! Digests tell what was changed after recording.
+//! Digests reveal changes after recording.
 
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ fn a_log_whose_file_was_published_before_is_recovered_without_a_second_file() {
     let log = record(dir.path());
     let bytes = std::fs::read(&log).unwrap();
     let first = finish(&log, None).unwrap();
-    // Whoever published the file did not come to remove its log.
+    // The publisher of the file did not remove its log.
     std::fs::write(&log, &bytes).unwrap();
     let again = finish(&log, None).unwrap();
     assert_eq!((&again.path, again.bytes), (&first.path, first.bytes));
@@ -59,12 +59,12 @@ fn a_log_whose_file_was_published_before_is_recovered_without_a_second_file() {
     // Another file of that name is never touched.
     std::fs::write(&log, &bytes).unwrap();
     std::fs::write(&first.path, "mine").unwrap();
-    let told = finish(&log, None).unwrap_err().to_string();
-    assert!(told.contains("exists already") && log.exists(), "{told}");
+    let error = finish(&log, None).unwrap_err().to_string();
+    assert!(error.contains("exists already") && log.exists(), "{error}");
 }
 
 #[test]
-fn what_was_changed_after_recording_is_found_by_the_digest() {
+fn changes_after_recording_are_found_by_the_digest() {
     let dir = tempfile::tempdir().unwrap();
     let finished = finish(&record(dir.path()), None).unwrap();
     assert!(
@@ -74,10 +74,10 @@ fn what_was_changed_after_recording_is_found_by_the_digest() {
     );
     let facts = validate(&finished.path, 1).unwrap().facts;
     for stream in ["applied", "command", "camera/gen3", "camera/wheelchair"] {
-        let said = |f: &String| f.starts_with(&format!("{stream}: ")) && f.contains("digest");
-        assert!(facts.iter().any(said), "{stream}: {facts:?}");
+        let names_it = |f: &String| f.starts_with(&format!("{stream}: ")) && f.contains("digest");
+        assert!(facts.iter().any(names_it), "{stream}: {facts:?}");
     }
-    // One stamp of one picture, one nanosecond.
+    // One stamp of one image, one nanosecond.
     let file = hdf5::File::open_rw(&finished.path).unwrap();
     let data = file.dataset("streams/camera/gen3/stamp_nanos").unwrap();
     let mut stamps: Vec<u64> = data.read_raw().unwrap();

@@ -9,7 +9,7 @@ use wheelarm_proto::{Message, v1};
 use crate::recording::{bits, record};
 use crate::synthetic;
 
-/// Whether two cells hold the same, NaN for NaN.
+/// Whether two cells are equal, NaN equal to NaN.
 fn same(a: &Cell, b: &Cell) -> bool {
     let equal = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
     match (a, b) {
@@ -37,7 +37,7 @@ fn every_stream_survives_the_file_bit_for_bit() {
         furniture_joints: synthetic::started("").joints,
         vertices: 4,
         conditions: episode.names("evaluation", "condition_holds").unwrap(),
-        ..Context::of(&episode.robot().unwrap())
+        ..Context::from_description(&episode.robot().unwrap())
     };
     assert_eq!(context.conditions.len(), 3);
     for stream in streams() {
@@ -46,7 +46,7 @@ fn every_stream_survives_the_file_bit_for_bit() {
             .iter()
             .map(|p| stream.extract(p, &context).unwrap().0)
             .collect();
-        // Put together again, a sample is stored as it was: no column is lost.
+        // A restored sample is stored identically: no column is lost.
         let samples = episode.samples(name).unwrap();
         for (i, row) in rows.iter().enumerate() {
             let again = samples.encoded(i).unwrap();
@@ -114,7 +114,7 @@ fn every_stream_survives_the_file_bit_for_bit() {
         let sequences: Vec<u64> = (100..1200).collect();
         assert_eq!(episode.u64s(name, "sequence").unwrap(), sequences);
     }
-    // What replay reads are the very messages.
+    // Replay reads the original messages.
     let sent: Vec<Vec<u8>> = offered["applied"].iter().map(|p| p.to_vec()).collect();
     let read: Vec<Vec<u8>> = episode
         .applied()

@@ -1,4 +1,4 @@
-//! What is lost and what is not: logs that end anywhere, samples that never came, a
+//! Losses: logs that end anywhere, samples that never arrive, a
 //! full disk.
 
 use wheelarm_dataset::finish::finish;
@@ -43,7 +43,7 @@ fn a_log_that_ends_or_breaks_anywhere_gives_its_valid_prefix() {
         assert_eq!(kept.entries[..], full.entries[..expected], "cut at {at}");
         assert_eq!(kept.good + kept.lost, bytes.len() as u64);
         assert_eq!(kept.closing, None);
-        // A cut between two records loses nothing that the file could show.
+        // A cut between two records loses no sample that the file could list.
         assert_eq!(kept.damage.is_some(), kept.lost > 0);
     }
 }
@@ -77,7 +77,7 @@ fn missing_samples_make_the_file_partial_and_are_counted() {
     )
     .unwrap();
     let mut r = Random(2);
-    // 5 is missing, 7 comes late, 8 comes twice.
+    // 5 is missing, 7 arrives late, 8 arrives twice.
     for sequence in [3, 4, 6, 8, 8, 7] {
         let payload = r.message("imu", synthetic::header(sequence, sequence), 0);
         writer.offer("imu", payload.into()).unwrap();
@@ -96,7 +96,7 @@ fn missing_samples_make_the_file_partial_and_are_counted() {
         .iter()
         .find(|s| s.stream == "imu")
         .unwrap();
-    // 5 and 9, which the manifest lists and which never came.
+    // 5 and 9, which the manifest lists and which never arrived.
     assert_eq!((imu.expected, imu.received, imu.missed), (7, 5, 2));
     let episode = Episode::open(&finished.path).unwrap();
     assert_eq!(episode.u64s("imu", "sequence").unwrap(), [3, 4, 6, 7, 8]);
@@ -126,7 +126,7 @@ impl LogFile for FullDisk {
 }
 
 #[test]
-fn a_full_disk_keeps_what_was_acknowledged_and_says_so() {
+fn a_full_disk_keeps_acknowledged_samples_and_is_reported() {
     let dir = tempfile::tempdir().unwrap();
     let started = synthetic::started("full");
     let log = log_path(dir.path(), "full");

@@ -1,6 +1,6 @@
 //! Laws of episode files: every number survives bit for bit, a log that ends
 //! anywhere gives its valid prefix, a full disk loses nothing acknowledged,
-//! nothing is ever overwritten, and what was changed afterwards is found.
+//! no file is ever overwritten, and later changes are found.
 
 #[path = "../../examples/synthetic/mod.rs"]
 mod synthetic;
@@ -8,7 +8,7 @@ mod synthetic;
 mod commands;
 mod digests;
 mod exact;
+mod images;
 mod losses;
-mod pictures;
 mod recording;
 mod refusals;

@@ -1,4 +1,4 @@
-//! A made-up recording: what is offered to a writer, and how it is closed.
+//! A synthetic recording: samples for a writer, and its closing.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! What is refused: to overwrite a file, and samples of the wrong kind.
+//! Rejections: overwriting a file, and samples of the wrong type.
 
 use bytes::Bytes;
 use wheelarm_dataset::finish::{FinishError, finish};

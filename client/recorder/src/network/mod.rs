@@ -16,43 +16,43 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
-use super::queue::{Entrance, Exit, queue};
+use super::queue::{QueueReceiver, QueueSender, queue};
 use super::raw::Raw;
 use super::recorder::{Input, Output, Recorder};
 use super::{ExitSummary, RecordOptions};
-use asking::{aside, ask_samples, ask_snapshot, ask_state};
+use requests::{aside, request_samples, request_snapshot, request_state};
 
-mod asking;
+mod requests;
 
-/// The newest status is published again after this time: a lost one holds
-/// nobody up for longer.
+/// Period at which the newest status is published again, so that a lost one delays the
+/// server no longer than this.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
-/// The server is asked what it runs after this time.
+/// Period of the requests for the episode state.
 const POLL_PERIOD: Duration = Duration::from_secs(5);
-/// A connection that is away for less than this is repaired by the transport,
-/// and what was published meanwhile comes out of the server's cache.
+/// The transport repairs a link loss shorter than this, and the server's cache returns
+/// the samples that were published meanwhile.
 const AWAY_PATIENCE: Duration = Duration::from_secs(5);
-/// Statuses that are published again: of the newest episode and of those that
-/// became files lately.
+/// Number of statuses that are published again: of the newest episode and of the last
+/// finished ones.
 const KEPT_STATUSES: usize = 3;
-/// How often the recorder looks at its deadlines.
+/// Period at which the recorder checks its deadlines.
 const CORE_PERIOD: Duration = Duration::from_millis(50);
-/// Longest time for what came together.
+/// Longest time for one batch of inputs.
 const BATCH_TIME: Duration = Duration::from_millis(5);
 
-/// Records until `options.episodes` are done or `shutdown` completes; every
-/// output is told to `tell`.
+/// Records until `options.episodes` are done or `shutdown` completes; calls `report`
+/// with every output.
 ///
 /// # Errors
 /// When the folder cannot be made, the name is taken, or the session fails.
 pub async fn run(
-    link: &Client,
+    client: &Client,
     options: RecordOptions,
     shutdown: impl Future<Output = ()>,
-    mut tell: impl FnMut(&Output),
+    mut report: impl FnMut(&Output),
 ) -> anyhow::Result<ExitSummary> {
-    check(link, &options).await?;
-    let (session, keys) = (link.session(), link.keys());
+    check(client, &options).await?;
+    let (session, keys) = (client.session(), client.keys());
     let writer = WriterOptions {
         depth: options.depth,
         recorder: options.name.clone(),
@@ -63,25 +63,25 @@ pub async fn run(
         .with_limit(options.episodes)
         .with_compressed(true);
     let first = recorder.status().clone();
-    let (entrance, exit) = queue();
-    let (outputs, mut told) = mpsc::unbounded_channel();
+    let (sender, receiver) = queue();
+    let (outputs, mut received) = mpsc::unbounded_channel();
     let thread = {
-        let entrance = entrance.clone();
-        std::thread::spawn(move || work(recorder, exit, &entrance, &outputs))
+        let sender = sender.clone();
+        std::thread::spawn(move || work(recorder, receiver, &sender, &outputs))
     };
 
-    let _subscribers = subscribe(link, &entrance).await?;
-    let cameras = hear_cameras(link, &entrance, true).await?;
+    let _subscribers = subscribe_all(client, &sender).await?;
+    let cameras = subscribe_cameras(client, &sender, true).await?;
     let _token = session
         .liveliness()
         .declare_token(keys.recorder_alive(&options.name))
         .await
         .map_err(transport("announcing the recorder"))?;
-    let publisher = status_publisher(link, &options.name).await?;
+    let publisher = status_publisher(client, &options.name).await?;
 
-    let mut desk = Desk {
-        link,
-        entrance,
+    let mut handler = OutputHandler {
+        client,
+        sender,
         cameras,
         publisher,
         statuses: VecDeque::from([first]),
@@ -94,18 +94,18 @@ pub async fn run(
     let mut poll = tokio::time::interval(POLL_PERIOD);
     let _input = options
         .end_with_stdin
-        .then(|| end_with_input(desk.entrance.clone()));
+        .then(|| end_with_input(handler.sender.clone()));
     tokio::pin!(shutdown);
     loop {
         tokio::select! {
-            output = told.recv() => {
+            output = received.recv() => {
                 let Some(output) = output else { break };
-                tell(&output);
-                desk.carry_out(output).await;
+                report(&output);
+                handler.carry_out(output).await;
             }
-            _ = again.tick() => desk.look().await,
-            _ = poll.tick(), if !desk.ending => desk.hint(),
-            () = &mut shutdown, if !desk.ending => desk.end(),
+            _ = again.tick() => handler.look().await,
+            _ = poll.tick(), if !handler.ending => handler.hint(),
+            () = &mut shutdown, if !handler.ending => handler.end(),
         }
     }
     if thread.join().is_err() {
@@ -113,13 +113,13 @@ pub async fn run(
             "the recorder's thread panicked; a log it left is kept, see `wheelarm dataset recover`"
         );
     }
-    Ok(desk.summary)
+    Ok(handler.summary)
 }
 
-/// What a recorder does on the network, and what it has to remember for that.
-struct Desk<'a> {
-    link: &'a Client,
-    entrance: Entrance<Raw>,
+/// Carries out the outputs of a recorder on the network.
+struct OutputHandler<'a> {
+    client: &'a Client,
+    sender: QueueSender<Raw>,
     /// Keeps the subscriber to the cameras alive.
     cameras: Subscription,
     publisher: Publisher<'static>,
@@ -132,22 +132,22 @@ struct Desk<'a> {
     ending: bool,
 }
 
-impl Desk<'_> {
-    /// Does what the recorder wants done.
+impl OutputHandler<'_> {
+    /// Carries out one output.
     async fn carry_out(&mut self, output: Output) {
         match output {
-            Output::AskSnapshot => {
-                ask_snapshot(self.link, &self.entrance);
+            Output::RequestSnapshot => {
+                request_snapshot(self.client, &self.sender);
             }
-            Output::AskState => ask_state(self.link, &self.entrance),
-            Output::AskSamples { missing, patience } => {
-                ask_samples(self.link, &self.entrance, missing, patience).await;
+            Output::RequestState => request_state(self.client, &self.sender),
+            Output::RequestSamples { missing, patience } => {
+                request_samples(self.client, &self.sender, missing, patience).await;
             }
-            Output::Hear { compressed } => {
-                match hear_cameras(self.link, &self.entrance, compressed).await {
+            Output::SubscribeCameras { compressed } => {
+                match subscribe_cameras(self.client, &self.sender, compressed).await {
                     Ok(cameras) => self.cameras = cameras,
                     Err(problem) => {
-                        let words = format!("the cameras are not heard: {problem}");
+                        let words = format!("cannot subscribe to the cameras: {problem}");
                         self.summary.failed.push(words);
                         self.end();
                     }
@@ -167,48 +167,48 @@ impl Desk<'_> {
         }
     }
 
-    /// Looks whether the server is there, and publishes the status again.
+    /// Checks the link to the server and publishes the statuses again.
     async fn look(&mut self) {
-        match self.connection.look(self.link).await {
+        match self.connection.poll(self.client).await {
             // A server that was restarted has another session.
-            Seen::There if self.link.look_for_server() => self.hint(),
-            Seen::There => {
+            LinkState::Up if self.client.look_for_server() => self.hint(),
+            LinkState::Up => {
                 for status in &self.statuses {
                     put(&self.publisher, status).await;
                 }
             }
-            Seen::Back => self.hint(),
-            // A killed server takes its liveliness token back for nobody
-            // whose only link was the one to it.
-            Seen::Lost => self.entrance.control(Raw::Ready(Input::ServerLost)),
-            Seen::Away => {}
+            LinkState::Restored => self.hint(),
+            // The liveliness token of a killed server is not withdrawn for a client
+            // whose only connection was to that server.
+            LinkState::Lost => self.sender.control(Raw::Ready(Input::ServerLost)),
+            LinkState::Down => {}
         }
     }
 
     fn hint(&self) {
-        self.entrance.control(Raw::Ready(Input::Hint));
+        self.sender.control(Raw::Ready(Input::Hint));
     }
 
     fn end(&mut self) {
         self.ending = true;
-        self.entrance.control(Raw::Ready(Input::Shutdown));
+        self.sender.control(Raw::Ready(Input::Shutdown));
     }
 }
 
-/// Checks the options, makes the folder, and sees that the name is free.
-async fn check(link: &Client, options: &RecordOptions) -> anyhow::Result<()> {
+/// Checks the options, creates the folder and claims the name.
+async fn check(client: &Client, options: &RecordOptions) -> anyhow::Result<()> {
     check_name(&options.name)?;
     if options.out.to_str().is_none() {
         bail!(
-            "the folder {} is not in UTF-8, which HDF5 cannot take; choose another --out",
+            "the path of the folder {} is not UTF-8, which HDF5 requires; choose another --out",
             options.out.display()
         );
     }
-    let keys = link.keys();
+    let keys = client.keys();
     std::fs::create_dir_all(&options.out)
-        .with_context(|| format!("the folder {} cannot be made", options.out.display()))?;
+        .with_context(|| format!("cannot create the folder {}", options.out.display()))?;
     let token = keys.recorder_alive(&options.name);
-    let is_taken = aside(link, move |link| link.is_declared(&token)).await?;
+    let is_taken = aside(client, move |client| client.is_declared(&token)).await?;
     if is_taken? {
         bail!(
             "a recorder named {:?} is connected to {:?} already; choose another --name",
@@ -216,20 +216,21 @@ async fn check(link: &Client, options: &RecordOptions) -> anyhow::Result<()> {
             keys.sim()
         );
     }
-    // Of two that start together the server takes one.
+    // Of two recorders that start together the server accepts one.
     let claim = v1::EpisodeRequest {
         recorder: options.name.clone(),
-        session: link.session().zid().to_string(),
+        session: client.session().zid().to_string(),
     };
-    match aside(link, move |link| link.request(&claim)).await? {
+    match aside(client, move |client| client.request(&claim)).await? {
         Err(ClientError::Refused { message, .. }) => bail!(message),
         other => other.map(|_| ()).context("claiming the recorder's name"),
     }
 }
 
-async fn status_publisher(link: &Client, name: &str) -> anyhow::Result<Publisher<'static>> {
-    link.session()
-        .declare_publisher(link.keys().recorder(name))
+async fn status_publisher(client: &Client, name: &str) -> anyhow::Result<Publisher<'static>> {
+    client
+        .session()
+        .declare_publisher(client.keys().recorder(name))
         .encoding(schema::encoding(TopicId::Recorder.info().message))
         .congestion_control(CongestionControl::Block)
         .priority(Priority::InteractiveHigh)
@@ -241,46 +242,46 @@ async fn status_publisher(link: &Client, name: &str) -> anyhow::Result<Publisher
 /// The recorder's thread: decodes and feeds the recorder until it is shut down.
 fn work(
     mut recorder: Recorder,
-    mut exit: Exit<Raw>,
-    entrance: &Entrance<Raw>,
+    mut receiver: QueueReceiver<Raw>,
+    sender: &QueueSender<Raw>,
     outputs: &mpsc::UnboundedSender<Output>,
 ) {
     let mut dropped = 0;
     let mut ending = false;
     loop {
         let mut out = recorder.tick(Instant::now());
-        if exit.wait(CORE_PERIOD).is_err() {
+        if receiver.wait(CORE_PERIOD).is_err() {
             return;
         }
-        // Whoever carries the outputs out has failed.
+        // The receiver of the outputs has failed.
         if outputs.is_closed() {
             return;
         }
         let begun = Instant::now();
-        while let Some(raw) = exit.take() {
+        while let Some(raw) = receiver.take() {
             let input = raw.decode();
             ending |= matches!(input, Input::Shutdown);
             out.extend(recorder.handle(input, Instant::now()));
-            // A lock-step server waits for the status, and deadlines are looked at.
+            // A lock-step server waits for the status, and deadlines are checked.
             if begun.elapsed() >= BATCH_TIME {
                 break;
             }
         }
         out.extend(recorder.flush());
-        newest_status(&mut out);
-        if exit.dropped() != dropped {
+        drop_superseded(&mut out);
+        if receiver.dropped() != dropped {
             tracing::warn!(
-                "{} samples were dropped: this host cannot write fast enough; use fewer or smaller pictures, or lock-step pacing",
-                exit.dropped() - dropped
+                "{} samples were dropped: this host cannot write fast enough; use fewer or smaller images, or lock-step pacing",
+                receiver.dropped() - dropped
             );
-            dropped = exit.dropped();
+            dropped = receiver.dropped();
         }
         for output in out {
             let output = match output {
                 Output::Finish(finishing) => {
-                    let entrance = entrance.clone();
+                    let sender = sender.clone();
                     std::thread::spawn(move || {
-                        entrance.control(Raw::Ready(Input::Done(finishing.run())))
+                        sender.control(Raw::Ready(Input::Done(finishing.run())))
                     });
                     continue;
                 }
@@ -296,8 +297,8 @@ fn work(
     }
 }
 
-/// Leaves out statuses that another one of the same kind follows at once.
-fn newest_status(out: &mut Vec<Output>) {
+/// Removes each status that is directly followed by one of the same episode and state.
+fn drop_superseded(out: &mut Vec<Output>) {
     let of = |status: &v1::RecorderStatus| {
         let header = status.header.as_ref();
         let episode = header.map(|h| (h.run_id.clone(), h.episode));
@@ -321,11 +322,15 @@ fn newest_status(out: &mut Vec<Output>) {
 
 /// Keeps a subscriber alive.
 type Subscription = Box<dyn std::any::Any + Send>;
-type Held = Vec<Subscription>;
+type Subscriptions = Vec<Subscription>;
 
 /// Puts the samples of the server's streams into the queue.
-fn to_queue(link: &Client, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
-    let (to, server, keys) = (entrance.clone(), link.server().clone(), link.keys().clone());
+fn to_queue(client: &Client, sender: &QueueSender<Raw>) -> impl Fn(Sample) + Send + Sync + use<> {
+    let (to, server, keys) = (
+        sender.clone(),
+        client.server().clone(),
+        client.keys().clone(),
+    );
     move |sample: Sample| {
         if !server.sent(&sample) {
             return;
@@ -333,20 +338,23 @@ fn to_queue(link: &Client, entrance: &Entrance<Raw>) -> impl Fn(Sample) + Send +
         let Some(stream) = keys.stream_of(sample.key_expr().as_str()) else {
             return;
         };
-        let (payload, pictures) = (sample.payload().clone(), stream.is_images());
+        let (payload, is_images) = (sample.payload().clone(), stream.is_images());
         let bytes = payload.len();
-        to.sample(Raw::Sample(stream, payload), bytes, pictures);
+        to.sample(Raw::Sample(stream, payload), bytes, is_images);
     }
 }
 
-/// Listens to the states.
-async fn hear_states(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<Subscription> {
-    let samples = link
+/// Subscribes to the state streams.
+async fn subscribe_states(
+    client: &Client,
+    sender: &QueueSender<Raw>,
+) -> anyhow::Result<Subscription> {
+    let samples = client
         .session()
-        .declare_subscriber(link.keys().streams())
-        .callback(to_queue(link, entrance))
+        .declare_subscriber(client.keys().streams())
+        .callback(to_queue(client, sender))
         // The cache holds samples that were published before this subscription
-        // was known: of a running episode they are wanted, others are left out.
+        // existed; the recorder drops those of other episodes.
         .history(HistoryConfig::default().detect_late_publishers())
         .recovery(RecoveryConfig::default().heartbeat())
         .await
@@ -354,52 +362,54 @@ async fn hear_states(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<
     Ok(Box::new(samples))
 }
 
-/// Listens to the pictures below `key`. What lacks is asked for by the recorder alone: the
-/// transport would ask for what is still under way on a slow line, and for pictures of
-/// the time before the episode.
-async fn hear_pictures(
-    link: &Client,
-    entrance: &Entrance<Raw>,
+/// Subscribes to the images of `key`, without recovery by the transport: it would request
+/// images that are still in flight on a slow line, and images from before the episode.
+async fn subscribe_images(
+    client: &Client,
+    sender: &QueueSender<Raw>,
     key: String,
 ) -> anyhow::Result<Subscription> {
-    let samples = link
+    let samples = client
         .session()
         .declare_subscriber(key)
-        .callback(to_queue(link, entrance))
+        .callback(to_queue(client, sender))
         .await
-        .map_err(transport("subscribing to the pictures"))?;
+        .map_err(transport("subscribing to the images"))?;
     Ok(Box::new(samples))
 }
 
-/// Listens to the cameras, compressed or as they are.
-async fn hear_cameras(
-    link: &Client,
-    entrance: &Entrance<Raw>,
+/// Subscribes to the cameras, to compressed or exact images.
+async fn subscribe_cameras(
+    client: &Client,
+    sender: &QueueSender<Raw>,
     compressed: bool,
 ) -> anyhow::Result<Subscription> {
     let topic = match compressed {
         true => TopicId::CompressedCamera,
         false => TopicId::Camera,
     };
-    hear_pictures(link, entrance, link.keys().topic(topic)).await
+    subscribe_images(client, sender, client.keys().topic(topic)).await
 }
 
-async fn subscribe(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<Held> {
-    let (session, keys) = (link.session(), link.keys());
-    let from = || link.server().clone();
-    let mut held: Held = Vec::new();
-    // Where a key is declared, who gets its samples is not looked up for each.
+async fn subscribe_all(
+    client: &Client,
+    sender: &QueueSender<Raw>,
+) -> anyhow::Result<Subscriptions> {
+    let (session, keys) = (client.session(), client.keys());
+    let from = || client.server().clone();
+    let mut subscriptions: Subscriptions = Vec::new();
+    // A declared key saves the lookup of the receivers for each sample.
     for topic in TopicId::STATES {
         let key = session.declare_keyexpr(keys.topic(topic)).await;
-        held.push(Box::new(key.map_err(transport("declaring a stream"))?));
+        subscriptions.push(Box::new(key.map_err(transport("declaring a stream"))?));
     }
     let recovery = || RecoveryConfig::default().heartbeat();
 
-    held.push(hear_states(link, entrance).await?);
-    held.push(hear_pictures(link, entrance, keys.topic(TopicId::Sensor)).await?);
+    subscriptions.push(subscribe_states(client, sender).await?);
+    subscriptions.push(subscribe_images(client, sender, keys.topic(TopicId::Sensor)).await?);
 
     for key in [TopicId::EpisodeStart, TopicId::EpisodeStop].map(|t| keys.topic(t)) {
-        let (to, server) = (entrance.clone(), from());
+        let (to, server) = (sender.clone(), from());
         let hints = session
             .declare_subscriber(key)
             .callback(move |sample: Sample| {
@@ -410,10 +420,10 @@ async fn subscribe(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<He
             .recovery(recovery())
             .await
             .map_err(transport("subscribing to the episodes"))?;
-        held.push(Box::new(hints));
+        subscriptions.push(Box::new(hints));
     }
 
-    let (to, server) = (entrance.clone(), from());
+    let (to, server) = (sender.clone(), from());
     let alive = session
         .liveliness()
         .declare_subscriber(keys.alive("*"))
@@ -427,31 +437,31 @@ async fn subscribe(link: &Client, entrance: &Entrance<Raw>) -> anyhow::Result<He
         })
         .await
         .map_err(transport("watching the server"))?;
-    held.push(Box::new(alive));
-    Ok(held)
+    subscriptions.push(Box::new(alive));
+    Ok(subscriptions)
 }
 
-/// Ends the recorder with its standard input: with the program that holds it.
-fn end_with_input(entrance: Entrance<Raw>) -> std::thread::JoinHandle<()> {
+/// Ends the recorder when its standard input closes.
+fn end_with_input(sender: QueueSender<Raw>) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-        entrance.control(Raw::Ready(Input::Shutdown));
+        sender.control(Raw::Ready(Input::Shutdown));
     })
 }
 
-/// Whether the way to the server stands.
+/// State of the link to the server.
 struct Connection {
     since: Option<Instant>,
     lost: bool,
 }
 
-/// What a look at the connection showed.
-enum Seen {
-    There,
-    /// It is there again.
-    Back,
-    Away,
-    /// It is away for so long that the server must be taken for gone.
+/// Result of [`Connection::poll`].
+enum LinkState {
+    Up,
+    /// Up again after a link loss.
+    Restored,
+    Down,
+    /// Down for so long that the server counts as gone.
     Lost,
 }
 
@@ -463,24 +473,24 @@ impl Connection {
         }
     }
 
-    async fn look(&mut self, link: &Client) -> Seen {
-        let info = link.session().info();
-        let there = link.is_within()
+    async fn poll(&mut self, client: &Client) -> LinkState {
+        let info = client.session().info();
+        let there = client.is_within()
             || info.routers_zid().await.next().is_some()
             || info.peers_zid().await.next().is_some();
         if there {
             self.lost = false;
             return match self.since.take() {
-                Some(_) => Seen::Back,
-                None => Seen::There,
+                Some(_) => LinkState::Restored,
+                None => LinkState::Up,
             };
         }
         let since = *self.since.get_or_insert_with(Instant::now);
         if self.lost || since.elapsed() < AWAY_PATIENCE {
-            return Seen::Away;
+            return LinkState::Down;
         }
         self.lost = true;
-        Seen::Lost
+        LinkState::Lost
     }
 }
 
@@ -502,7 +512,7 @@ fn keep(statuses: &mut VecDeque<v1::RecorderStatus>, status: v1::RecorderStatus)
 
 async fn put(publisher: &Publisher<'_>, status: &v1::RecorderStatus) {
     if let Err(problem) = publisher.put(status.encode_to_vec()).await {
-        tracing::warn!("the recorder's status cannot be published: {problem}");
+        tracing::warn!("cannot publish the recorder's status: {problem}");
     }
 }
 
@@ -515,7 +525,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_statuses_that_follow_each_other_the_newest_is_told() {
+    fn of_consecutive_statuses_the_newest_is_published() {
         let status = |episode, state: v1::RecorderState, frames| {
             Output::Status(v1::RecorderStatus {
                 header: Some(v1::Header {
@@ -533,14 +543,14 @@ mod tests {
         let mut out = vec![
             ready(1),
             ready(2),
-            Output::AskState,
+            Output::RequestState,
             ready(3),
             ready(4),
             finishing(),
             other(),
         ];
-        newest_status(&mut out);
-        let told: Vec<_> = out
+        drop_superseded(&mut out);
+        let published: Vec<_> = out
             .iter()
             .map(|output| match output {
                 Output::Status(s) => (
@@ -550,6 +560,6 @@ mod tests {
                 _ => (0, 0),
             })
             .collect();
-        assert_eq!(told, [(1, 2), (0, 0), (1, 4), (1, 4), (2, 0)]);
+        assert_eq!(published, [(1, 2), (0, 0), (1, 4), (1, 4), (2, 0)]);
     }
 }

@@ -1,23 +1,22 @@
-//! How an episode ends: told by the server, cut short, or discarded; and what came of
-//! its file.
+//! The end of an episode (stopped by the server, cut short or discarded) and the result
+//! of its file.
 
 use std::time::Instant;
 
 use wheelarm_proto::v1;
 
 use super::super::episode::{EpisodeId, Recording, Report, id};
-use super::telling::follow;
+use super::status::update_status;
 use super::{MANIFEST_PATIENCE, Output, Recorder, Stage};
 
 impl Recorder {
-    /// The server's own word that an episode is over; it is told again with
-    /// every answer for a while.
+    /// Handles an ended episode of the server's reply, which repeats it for a while.
     pub(super) fn stopped(&mut self, stopped: &v1::EpisodeStopped, now: Instant) {
         let of = id(stopped.header.as_ref());
         if let Some(next) = self.next.take_if(|n| id(n.header.as_ref()) == of) {
             self.last = Some(of);
             if !stopped.discard {
-                self.too_busy(&next);
+                self.report_too_busy(&next);
             }
             return;
         }
@@ -35,13 +34,13 @@ impl Recorder {
             Stage::Opening {
                 started,
                 since,
-                asked,
+                requested,
                 ..
             } => {
                 self.stage = Stage::Opening {
                     started,
                     since,
-                    asked,
+                    requested,
                     stopped: Some(boxed),
                 };
             }
@@ -61,8 +60,8 @@ impl Recorder {
         }
     }
 
-    /// Finishes an episode whose samples are all there or overdue. On a slow line they
-    /// come one by one.
+    /// Finishes an episode whose samples are all received or overdue. On a slow line they
+    /// arrive one by one.
     pub(super) fn settle(&mut self, now: Instant) {
         let Stage::Stopping {
             recording,
@@ -97,20 +96,20 @@ impl Recorder {
         }
     }
 
-    /// Closes whatever is open; nothing is begun any more.
+    /// Closes the open episode and starts no other.
     pub(super) fn shut_down(&mut self) {
         self.is_ending = true;
         if let Some(next) = self.next.take() {
-            self.early.forget(Some(&id(next.header.as_ref())));
+            self.prebuffer.forget(Some(&id(next.header.as_ref())));
             self.out.push(Output::Failed(format!(
-                "episode {:?} is not recorded: the recorder was stopped while an earlier one was being made into its file",
+                "episode {:?} is not recorded: the recorder was stopped while the file of an earlier one was being written",
                 next.label
             )));
         }
         self.end("the recorder was stopped before the episode ended");
     }
 
-    /// Closes whatever is open, early.
+    /// Closes the open episode before its end.
     pub(super) fn end(&mut self, reason: &str) {
         match std::mem::replace(&mut self.stage, Stage::Idle) {
             Stage::Idle => {}
@@ -122,7 +121,7 @@ impl Recorder {
             Stage::Stopping {
                 recording, stopped, ..
             } => {
-                // The manifest is here: it says itself whether anything lacks.
+                // The manifest itself shows missing samples.
                 let reason = if stopped.is_some() { "" } else { reason };
                 self.finish(*recording, stopped.map(|s| *s), reason.to_owned());
             }
@@ -136,8 +135,8 @@ impl Recorder {
         reason: String,
     ) {
         self.last = Some(id(recording.started.header.as_ref()));
-        self.early.forget(self.last.as_ref());
-        follow(&mut self.status, &recording);
+        self.prebuffer.forget(self.last.as_ref());
+        update_status(&mut self.status, &recording);
         self.counted += 1;
         self.status.state = v1::RecorderState::Finishing.into();
         self.finishing.push(self.status.clone());
@@ -146,7 +145,7 @@ impl Recorder {
         self.out.push(Output::Finish(Box::new(finishing)));
     }
 
-    /// An episode is in its file, or will not be.
+    /// The conversion of an episode into its file succeeded or failed.
     pub(super) fn done(&mut self, of: &EpisodeId, result: Result<Report, String>, now: Instant) {
         let place = |s: &v1::RecorderStatus| id(s.header.as_ref()) == *of;
         let Some(place) = self.finishing.iter().position(place) else {
@@ -181,8 +180,8 @@ impl Recorder {
 
     pub(super) fn discard(&mut self, recording: Recording) {
         self.last = Some(id(recording.started.header.as_ref()));
-        self.early.forget(self.last.as_ref());
-        follow(&mut self.status, &recording);
+        self.prebuffer.forget(self.last.as_ref());
+        update_status(&mut self.status, &recording);
         let label = recording.started.label.clone();
         let message = match recording.discard() {
             Ok(()) => "discarded".to_owned(),

@@ -1,5 +1,5 @@
-//! What a recorder does with every message, without a network and without a
-//! clock of its own: inputs and the time go in, outputs come out.
+//! The recorder's state machine, without a network or a clock: callers pass inputs and
+//! the time, and carry out the returned outputs.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -9,35 +9,35 @@ use wheelarm_dataset::columns::header_of;
 use wheelarm_dataset::writer::{WriterOptions, check_free};
 use wheelarm_proto::v1;
 
-use self::early::Early;
-use self::hearing::Hearing;
+use self::camera_subscription::CameraSubscription;
 pub use self::port::{Input, Output};
+use self::prebuffer::Prebuffer;
 use super::episode::{Accepted, Made, Recording, id};
 use super::gaps::Missing;
 
-mod early;
+mod camera_subscription;
 mod ending;
-mod hearing;
 mod port;
+mod prebuffer;
 mod protocol;
-mod telling;
+mod status;
 
 /// Longest wait for the next of the samples that the manifest lists.
 pub const MANIFEST_PATIENCE: Duration = Duration::from_secs(10);
-/// A server that is away may come back with the same episode: one that stood
-/// still, or one behind a link that broke. Afterwards it is taken for gone.
+/// After a link loss a stalled or disconnected server may return with the same episode
+/// within this time. Later it counts as gone.
 pub const AWAY_PATIENCE: Duration = Duration::from_secs(60);
-/// Longest wait for what a server that was replaced had sent.
+/// Longest wait for samples in flight of a replaced server.
 const FAREWELL_PATIENCE: Duration = Duration::from_secs(2);
-/// Pause before the snapshot is asked for again.
+/// Pause before the snapshot is requested again.
 const SNAPSHOT_RETRY: Duration = Duration::from_secs(2);
 /// Longest wait for the snapshot.
 const SNAPSHOT_PATIENCE: Duration = Duration::from_secs(30);
-/// Pause before the state is asked for again when there was no answer.
+/// Pause before the episode state is requested again after a failed request.
 const STATE_RETRY: Duration = Duration::from_millis(500);
-/// Least pause between an answer and the next question.
+/// Least pause between a reply and the next request.
 const HINT_PAUSE: Duration = Duration::from_millis(20);
-/// Episodes that may be made into files at the same time; the next one waits.
+/// Episodes whose files may be written at the same time; the next one waits.
 const MAX_FINISHING: usize = 2;
 
 /// The state of a recorder.
@@ -45,38 +45,38 @@ pub struct Recorder {
     dir: PathBuf,
     options: WriterOptions,
     stage: Stage,
-    early: Early,
-    /// Run and number of the episode that was dealt with last.
+    prebuffer: Prebuffer,
+    /// Run and number of the last handled episode.
     last: Option<(String, u64)>,
     /// Announced while the one before was not finished.
     next: Option<Box<v1::EpisodeStarted>>,
-    asking: Asking,
-    /// Run of the server and number of the newest episode that was begun here,
-    /// or was over when the recorder came.
+    state_query: StateQuery,
+    /// Run of the server and number of the newest episode that began here or had ended
+    /// before the recorder joined.
     begun: Option<(String, u64)>,
     status: v1::RecorderStatus,
-    /// Last status of the episodes that are being made into files.
+    /// Last status of the episodes whose files are being written.
     finishing: Vec<v1::RecorderStatus>,
-    /// Episodes to record, and how many are recorded, lost or under way.
+    /// Limit of episodes, and the number recorded, lost or in progress.
     limit: Option<u64>,
     counted: u64,
-    hearing: Hearing,
-    /// It was told to end.
+    camera_subscription: CameraSubscription,
+    /// Shutdown was requested.
     is_ending: bool,
     out: Vec<Output>,
 }
 
-/// Whether the server is being asked what it runs: one question at a time, so
-/// that answers cannot overtake each other.
+/// The request for the episode state: one at a time, so that replies cannot overtake each
+/// other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Asking {
-    No,
-    /// The answer is awaited.
-    Yes,
-    /// Something happened since it was asked: it will be asked again.
-    Again,
-    /// There was no answer; it is asked again at this time.
-    At(Instant),
+enum StateQuery {
+    Idle,
+    /// The reply is pending.
+    Pending,
+    /// Pending, and a hint arrived since: it is sent again.
+    PendingAgain,
+    /// It is sent again at this time.
+    RetryAt(Instant),
 }
 
 enum Stage {
@@ -85,25 +85,25 @@ enum Stage {
     Opening {
         started: Box<v1::EpisodeStarted>,
         since: Instant,
-        asked: Instant,
+        requested: Instant,
         stopped: Option<Box<v1::EpisodeStopped>>,
     },
     Recording(Box<Recording>),
-    /// The end was told; samples that are still under way may come.
+    /// Ended; samples in flight may still arrive.
     Stopping {
         recording: Box<Recording>,
         stopped: Option<Box<v1::EpisodeStopped>>,
         deadline: Instant,
-        /// Samples at the last look.
+        /// Number of samples at the last check.
         samples: u64,
         /// Why it ends without a manifest.
         reason: &'static str,
     },
 }
 
-/// The server says that it does not run the episode any more.
-const END_LOST: &str = "the end of the episode was not told";
-/// The server, or the way to it, is gone.
+/// The server neither runs the episode nor lists its end.
+const END_LOST: &str = "the server reports no end of the episode";
+/// The server or the link to it is lost.
 const SERVER_LOST: &str = "the server went away before the episode ended";
 
 impl Recorder {
@@ -120,26 +120,26 @@ impl Recorder {
             dir,
             options,
             stage: Stage::Idle,
-            early: Early::default(),
+            prebuffer: Prebuffer::default(),
             last: None,
             next: None,
-            asking: Asking::No,
+            state_query: StateQuery::Idle,
             begun: None,
             status,
             finishing: Vec::new(),
             limit: None,
             counted: 0,
-            hearing: Hearing::default(),
+            camera_subscription: CameraSubscription::default(),
             is_ending: false,
             out: Vec::new(),
         }
     }
 
-    /// Hears the cameras' pictures in the form that the server compresses once for
-    /// all recorders; [`Output::Hear`] says where they come as they are.
+    /// Starts with the images that the server compresses once for all recorders, or with
+    /// exact ones; [`Output::SubscribeCameras`] changes it.
     #[must_use]
     pub fn with_compressed(mut self, compressed: bool) -> Self {
-        self.hearing = Hearing::new(compressed);
+        self.camera_subscription = CameraSubscription::new(compressed);
         self
     }
 
@@ -150,7 +150,7 @@ impl Recorder {
         self
     }
 
-    /// Whether no episode is still to be made into its file.
+    /// Whether the file of every ended episode is written.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.finishing.is_empty()
@@ -162,11 +162,11 @@ impl Recorder {
         &self.status
     }
 
-    /// Takes one input.
+    /// Handles one input.
     pub fn handle(&mut self, input: Input, now: Instant) -> Vec<Output> {
         match input {
-            Input::Hint => self.request(),
-            Input::State(reply) => self.told(reply, now),
+            Input::Hint => self.request_state(),
+            Input::State(reply) => self.episode_state(reply, now),
             Input::Snapshot(reply) => self.snapshot(reply, now),
             Input::Sample { stream, payload } => self.sample(stream, payload),
             Input::Answered(missing) => self.answered(&missing, now),
@@ -178,7 +178,7 @@ impl Recorder {
         std::mem::take(&mut self.out)
     }
 
-    /// After inputs that came together: hands them to the log, and tells the credit.
+    /// Call after a batch of inputs: passes them to the log and publishes the credit.
     pub fn flush(&mut self) -> Vec<Output> {
         if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
             recording.flush();
@@ -189,11 +189,11 @@ impl Recorder {
         std::mem::take(&mut self.out)
     }
 
-    /// Lets time pass: deadlines and repeated questions.
+    /// Checks deadlines and repeats requests; call periodically.
     pub fn tick(&mut self, now: Instant) -> Vec<Output> {
-        if matches!(self.asking, Asking::At(time) if now >= time) {
-            self.asking = Asking::No;
-            self.request();
+        if matches!(self.state_query, StateQuery::RetryAt(time) if now >= time) {
+            self.state_query = StateQuery::Idle;
+            self.request_state();
         }
         if let Stage::Recording(recording) = &self.stage
             && let Some(since) = recording.away
@@ -209,18 +209,22 @@ impl Recorder {
         if let Some(words) = failure {
             self.fail(words);
         }
-        if let Stage::Opening { since, asked, .. } = &mut self.stage {
+        if let Stage::Opening {
+            since, requested, ..
+        } = &mut self.stage
+        {
             if now.duration_since(*since) > SNAPSHOT_PATIENCE {
                 self.fail("the server did not answer the query `snapshot`, without which an episode cannot be replayed".into());
-            } else if now.duration_since(*asked) > SNAPSHOT_RETRY {
-                *asked = now;
-                self.out.push(Output::AskSnapshot);
+            } else if now.duration_since(*requested) > SNAPSHOT_RETRY {
+                *requested = now;
+                self.out.push(Output::RequestSnapshot);
             }
         }
         if let Stage::Recording(recording) = &self.stage {
-            self.out.extend(self.hearing.probe(recording, now));
+            self.out
+                .extend(self.camera_subscription.probe(recording, now));
         }
-        let hears_compressed = self.hearing.hears_compressed();
+        let receives_compressed = self.camera_subscription.is_compressed();
         let (recording, stopped) = match &mut self.stage {
             Stage::Recording(recording) if recording.away.is_none() => (Some(recording), None),
             Stage::Stopping {
@@ -230,11 +234,13 @@ impl Recorder {
         };
         if let Some(recording) = recording {
             let patience = recording.patience();
-            let wanted = recording.wanted(stopped, hears_compressed, now).into_iter();
-            let asked = wanted.map(|missing| Output::AskSamples { missing, patience });
-            self.out.extend(asked);
+            let wanted = recording
+                .wanted(stopped, receives_compressed, now)
+                .into_iter();
+            let requests = wanted.map(|missing| Output::RequestSamples { missing, patience });
+            self.out.extend(requests);
         }
-        // What is given up holds nobody up any more.
+        // Given-up samples no longer hold back the credit.
         if self.has_new_credit() {
             self.publish();
         }
@@ -242,7 +248,7 @@ impl Recorder {
         std::mem::take(&mut self.out)
     }
 
-    /// Run and number of the episode at hand.
+    /// Run and number of the current episode.
     fn current(&self) -> Option<(String, u64)> {
         let started = match &self.stage {
             Stage::Idle => return None,
@@ -254,13 +260,13 @@ impl Recorder {
 
     fn started(&mut self, started: v1::EpisodeStarted, now: Instant) {
         let new = id(started.header.as_ref());
-        // Every answer tells it again.
+        // Every reply repeats it.
         let not_new = |known: &(String, u64)| known.0 == new.0 && known.1 >= new.1;
         if self.current().is_some_and(|c| not_new(&c)) || self.last.as_ref().is_some_and(not_new) {
             return;
         }
-        // Its pictures may still be under way, for they have a lower priority
-        // than the announcement of the next episode, which waits for us.
+        // Its images may still be in flight: they have a lower priority than the
+        // announcement of the next episode, which waits for us.
         let busy = self.finishing.len() >= MAX_FINISHING;
         let under_way = matches!(
             &self.stage,
@@ -273,7 +279,7 @@ impl Recorder {
             if let Some(former) = self.next.replace(Box::new(started)) {
                 let new = self.next.as_ref().map(|n| id(n.header.as_ref()));
                 if Some(id(former.header.as_ref())) != new {
-                    self.too_busy(&former);
+                    self.report_too_busy(&former);
                 }
             }
             return;
@@ -294,20 +300,20 @@ impl Recorder {
             ..Default::default()
         };
         self.out
-            .extend(self.hearing.begin(started.compressed_cameras));
+            .extend(self.camera_subscription.begin(started.compressed_cameras));
         let free = check_free(&self.dir, self.options.scratch.as_deref(), &started.label);
         self.stage = Stage::Opening {
             started: Box::new(started),
             since: now,
-            asked: now,
+            requested: now,
             stopped: None,
         };
         if let Err(problem) = free {
-            // Told at once, so that nobody waits for a snapshot in vain.
-            self.fail_taken(&problem);
+            // Reported at once, so that the server does not wait for this recorder.
+            self.fail_existing(&problem);
             return;
         }
-        self.out.push(Output::AskSnapshot);
+        self.out.push(Output::RequestSnapshot);
     }
 
     fn snapshot(&mut self, reply: Result<v1::SnapshotReply, String>, now: Instant) {
@@ -340,7 +346,7 @@ impl Recorder {
                 self.status.state = v1::RecorderState::Ready.into();
                 self.stage = Stage::Recording(Box::new(recording));
                 self.publish();
-                for (header, stream, payload) in self.early.take() {
+                for (header, stream, payload) in self.prebuffer.take() {
                     self.take(&header, &stream, payload);
                 }
                 if let Some(stopped) = stopped {
@@ -358,13 +364,13 @@ impl Recorder {
         let header = match header_of(&payload) {
             Ok(header) => header,
             Err(problem) => {
-                tracing::warn!("a sample of {stream} cannot be read: {problem}");
+                tracing::warn!("cannot decode a sample of {stream}: {problem}");
                 return;
             }
         };
         let of = (header.run_id.clone(), header.episode);
         let current = self.current();
-        // What a cache still has of an earlier episode of this server.
+        // A cached sample of an earlier episode of this server.
         if current.as_ref().is_some_and(|c| c.0 == of.0 && c.1 > of.1) {
             if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage
             {
@@ -381,12 +387,12 @@ impl Recorder {
             }
             // Streams have different priorities: samples may overtake the
             // message that opens their episode.
-            _ if self.last.as_ref() != Some(&of) => self.early.keep(header, stream, payload),
+            _ if self.last.as_ref() != Some(&of) => self.prebuffer.keep(header, stream, payload),
             _ => {}
         }
     }
 
-    /// Takes a sample of the episode at hand; those of others are left out.
+    /// Records a sample of the current episode; skips others.
     fn take(&mut self, header: &v1::Header, stream: &str, payload: Bytes) {
         if self.current() != Some(id(Some(header))) {
             return;
@@ -397,7 +403,7 @@ impl Recorder {
         };
         match recording.take(stream, header.sequence, payload) {
             Ok(Accepted::Frame) => self.publish(),
-            Ok(Accepted::State | Accepted::Not) => {}
+            Ok(Accepted::State | Accepted::Skipped) => {}
             Err(words) => {
                 let words = recording.failed(&words);
                 self.fail(words);
@@ -405,9 +411,9 @@ impl Recorder {
         }
     }
 
-    /// A question for samples is answered.
+    /// A request for samples is answered.
     fn answered(&mut self, missing: &Missing, now: Instant) {
-        if self.hearing.answered(missing, now) {
+        if self.camera_subscription.answered(missing, now) {
             return;
         }
         if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &mut self.stage {
@@ -415,11 +421,11 @@ impl Recorder {
         }
     }
 
-    /// Episodes come faster than their files can be made.
-    fn too_busy(&mut self, started: &v1::EpisodeStarted) {
-        self.early.forget(Some(&id(started.header.as_ref())));
+    /// Episodes follow faster than their files can be written.
+    fn report_too_busy(&mut self, started: &v1::EpisodeStarted) {
+        self.prebuffer.forget(Some(&id(started.header.as_ref())));
         self.out.push(Output::Failed(format!(
-            "episode {:?} ended while {MAX_FINISHING} earlier ones were still being made into files; it is not recorded",
+            "episode {:?} ended while the files of {MAX_FINISHING} earlier ones were still being written; it is not recorded",
             started.label
         )));
     }

@@ -1,4 +1,4 @@
-//! What goes into a recorder and what comes out.
+//! Inputs and outputs of a recorder.
 
 use std::time::Duration;
 
@@ -8,68 +8,66 @@ use wheelarm_proto::v1;
 use super::super::episode::{Finishing, Made, Report};
 use super::super::gaps::Missing;
 
-/// What reaches a recorder.
+/// Inputs of a recorder.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
     reason = "one such message per episode; samples are the small ones"
 )]
 pub enum Input {
-    /// An episode may have begun or ended, or the server is there again.
+    /// An episode may have begun or ended, or the server has returned.
     Hint,
-    /// The answer to [`Output::AskState`].
+    /// The reply to [`Output::RequestState`].
     State(Result<v1::EpisodeState, String>),
-    /// The answer to [`Output::AskSnapshot`].
+    /// The reply to [`Output::RequestSnapshot`].
     Snapshot(Result<v1::SnapshotReply, String>),
-    /// A sample of a stream (`camera/NAME` for a camera, `compressed/NAME` where its
-    /// pictures come compressed).
+    /// A sample of a stream (`camera/NAME` for a camera, `compressed/NAME` for its
+    /// compressed images).
     Sample {
         /// Stream name.
         stream: String,
         /// The encoded message.
         payload: Bytes,
     },
-    /// All that the server sends for an [`Output::AskSamples`] has come, or nothing came
-    /// in time.
+    /// All samples for an [`Output::RequestSamples`] arrived, or the request timed out.
     Answered(Missing),
-    /// The server's liveliness token is gone, or the way to it.
+    /// The server's liveliness token or the link to it is lost.
     ServerLost,
-    /// What came of [`Output::Finish`].
+    /// Result of [`Output::Finish`].
     Done(Made),
-    /// The recorder is to end.
+    /// Ends the recorder.
     Shutdown,
 }
 
-/// What a recorder wants done.
+/// Actions that a recorder requests.
 #[derive(Debug)]
 pub enum Output {
-    /// Ask the server for the snapshot of the running episode.
-    AskSnapshot,
-    /// Ask the server what it runs and what has ended.
-    AskState,
-    /// Ask the server's cache for samples that did not come; [`Input::Answered`] tells
-    /// when all that it sends is here.
-    AskSamples {
-        /// Which.
+    /// Request the snapshot of the running episode.
+    RequestSnapshot,
+    /// Request the running and the ended episodes.
+    RequestState,
+    /// Request missing samples from the server's cache; [`Input::Answered`] follows when
+    /// all of them arrived.
+    RequestSamples {
+        /// The samples.
         missing: Missing,
         /// Longest wait for the answer.
         patience: Duration,
     },
-    /// Listen to the cameras' pictures in this form from now on, and not in the other.
-    Hear {
-        /// Compressed by the server, or as they are.
+    /// Subscribe to the cameras' images in this form instead of the other.
+    SubscribeCameras {
+        /// Compressed by the server, or exact.
         compressed: bool,
     },
-    /// Publish this status now, and again from time to time; each speaks of the
-    /// episode in its header.
+    /// Publish this status now and periodically; its header names the episode.
     Status(v1::RecorderStatus),
-    /// Make the file of an episode that is over, aside; [`Input::Done`] brings
-    /// the result.
+    /// Write the file of an ended episode on another thread; [`Input::Done`] returns the
+    /// result.
     Finish(Box<Finishing>),
-    /// An episode is in its file.
+    /// An episode was written to its file.
     Finished(Report),
     /// An episode could not be recorded.
     Failed(String),
-    /// An episode was thrown away, as its operator wished.
+    /// An episode was discarded by its operator.
     Discarded(String),
 }

@@ -1,7 +1,6 @@
-//! What the server says of its episodes. A recorder believes nothing that it
-//! hears on `episode/start` and `episode/stop`, which anybody could publish,
-//! and which can overtake each other: they only make it ask the server, whose
-//! answer tells ends before beginnings.
+//! The server's replies about its episodes. Messages on `episode/start` and
+//! `episode/stop` can be forged and can overtake each other, so they are only hints: the
+//! recorder requests the episode state, which lists ends before the running episode.
 
 use std::time::Instant;
 
@@ -9,37 +8,37 @@ use wheelarm_proto::v1;
 
 use super::super::episode::id;
 use super::{
-    Asking, END_LOST, FAREWELL_PATIENCE, HINT_PAUSE, MANIFEST_PATIENCE, Output, Recorder,
-    SERVER_LOST, STATE_RETRY, Stage,
+    END_LOST, FAREWELL_PATIENCE, HINT_PAUSE, MANIFEST_PATIENCE, Output, Recorder, SERVER_LOST,
+    STATE_RETRY, Stage, StateQuery,
 };
 
 impl Recorder {
-    /// Something may have begun or ended: asks the server.
-    pub(super) fn request(&mut self) {
-        self.asking = match self.asking {
-            Asking::Yes | Asking::Again => Asking::Again,
-            Asking::No | Asking::At(_) => {
-                self.out.push(Output::AskState);
-                Asking::Yes
+    /// An episode may have begun or ended: requests the episode state.
+    pub(super) fn request_state(&mut self) {
+        self.state_query = match self.state_query {
+            StateQuery::Pending | StateQuery::PendingAgain => StateQuery::PendingAgain,
+            StateQuery::Idle | StateQuery::RetryAt(_) => {
+                self.out.push(Output::RequestState);
+                StateQuery::Pending
             }
         };
     }
 
-    /// The server told what it runs and what it has run lately.
-    pub(super) fn told(&mut self, reply: Result<v1::EpisodeState, String>, now: Instant) {
-        let again = self.asking == Asking::Again;
-        self.asking = Asking::No;
+    /// Handles the reply with the running and the recently ended episodes.
+    pub(super) fn episode_state(&mut self, reply: Result<v1::EpisodeState, String>, now: Instant) {
+        let again = self.state_query == StateQuery::PendingAgain;
+        self.state_query = StateQuery::Idle;
         let state = match reply {
             Ok(state) => state,
             Err(words) => {
-                tracing::debug!("the server does not say what it runs: {words}");
-                self.asking = Asking::At(now + STATE_RETRY);
+                tracing::debug!("cannot read the episode state: {words}");
+                self.state_query = StateQuery::RetryAt(now + STATE_RETRY);
                 return;
             }
         };
         if again {
-            // Whoever makes up beginnings and ends makes up no flood of questions.
-            self.asking = Asking::At(now + HINT_PAUSE);
+            // Forged hints must not cause a flood of requests.
+            self.state_query = StateQuery::RetryAt(now + HINT_PAUSE);
         }
         let run = state.header.unwrap_or_default().run_id;
         let running = state.running.as_ref().map(|s| id(s.header.as_ref()));
@@ -55,15 +54,15 @@ impl Recorder {
         for stopped in &state.ended {
             self.stopped(stopped, now);
         }
-        self.tell_unrecorded(&run, &state.ended);
+        self.report_unrecorded(&run, &state.ended);
         if let Some(started) = state.running {
             self.begun = Some(id(started.header.as_ref()));
             self.started(started, now);
         }
     }
 
-    /// An episode that began and ended between two answers is in no file.
-    fn tell_unrecorded(&mut self, run: &str, ended: &[v1::EpisodeStopped]) {
+    /// Reports episodes that began and ended between two replies as not recorded.
+    fn report_unrecorded(&mut self, run: &str, ended: &[v1::EpisodeStopped]) {
         let newest = ended.iter().map(number).max().unwrap_or(0);
         let begun = match &self.begun {
             Some((of, begun)) if of == run => *begun,
@@ -81,28 +80,27 @@ impl Recorder {
         }
     }
 
-    /// The episode goes on after the server was away.
+    /// The episode continues after a link loss.
     fn rejoin(&mut self, now: Instant) {
         if let Stage::Recording(recording) = &mut self.stage
             && let Some(since) = recording.away.take()
         {
-            recording.look_again();
+            recording.restart_requests();
             tracing::warn!(
-                "the server is back after {:.1} s and runs episode {:?} on",
+                "the server is back after {:.1} s and continues episode {:?}",
                 now.duration_since(since).as_secs_f64(),
                 recording.started.label
             );
         }
     }
 
-    /// The episode ran on while nobody could ask, and its end is forgotten.
+    /// The episode ended during a link loss and the server no longer lists its end.
     fn end_lost(&mut self, now: Instant) {
         self.give_up_opening();
         self.stop_without_manifest(END_LOST, now + MANIFEST_PATIENCE);
     }
 
-    /// Another server has taken the place of ours. What ours had sent may still
-    /// be under way.
+    /// Another server replaced ours. Samples of ours may still be in flight.
     fn replaced(&mut self, now: Instant) {
         self.give_up_opening();
         self.stop_without_manifest(SERVER_LOST, now + FAREWELL_PATIENCE);
@@ -138,19 +136,18 @@ impl Recorder {
         }
     }
 
-    /// The way to the server is gone. It may come back with the episode still
-    /// running.
+    /// The link to the server is lost. It may return with the episode still running.
     pub(super) fn server_lost(&mut self, now: Instant) {
         match &mut self.stage {
             Stage::Recording(recording) if recording.away.is_none() => {
                 recording.away = Some(now);
                 tracing::warn!(
-                    "the server is away; episode {:?} is kept open for {} s",
+                    "the link to the server is lost; episode {:?} is kept open for {} s",
                     recording.started.label,
                     super::AWAY_PATIENCE.as_secs()
                 );
             }
-            // What lacks can be had from nobody but the server.
+            // Only the server could send the missing samples.
             Stage::Stopping { deadline, .. } => {
                 *deadline = (*deadline).min(now + FAREWELL_PATIENCE);
             }
@@ -158,7 +155,7 @@ impl Recorder {
         }
     }
 
-    /// The episode at hand is over before its snapshot came.
+    /// The current episode may have ended before its snapshot arrived.
     pub(super) fn too_late_to_open(&mut self) {
         if let Stage::Opening {
             stopped: Some(_), ..
@@ -166,16 +163,16 @@ impl Recorder {
         {
             self.give_up_opening();
         } else {
-            self.request();
+            self.request_state();
         }
     }
 
-    /// Lets go of an episode of which nothing is recorded yet.
+    /// Drops an episode before anything of it is recorded.
     pub(super) fn give_up_opening(&mut self) {
         if let Stage::Opening { started, .. } = &self.stage {
             tracing::warn!("episode {:?} is over and not recorded", started.label);
             self.last = Some(id(started.header.as_ref()));
-            self.early.forget(self.last.as_ref());
+            self.prebuffer.forget(self.last.as_ref());
             self.stage = Stage::Idle;
         }
     }

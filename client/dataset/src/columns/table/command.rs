@@ -1,4 +1,4 @@
-//! What was asked of the robot, and what came of it behind the gate.
+//! Commands to the robot, and their results after the command gate.
 
 use wheelarm_proto::v1;
 
@@ -99,7 +99,7 @@ pub(super) static COMMAND: Table<v1::CommandLog> = Table {
         ),
         f64s(
             "loop_age",
-            "ticks of 1/240 s (age of the state that was answered; NaN: not told)",
+            "ticks of 1/240 s (age of the state that was answered; NaN: unknown)",
             "",
             &[],
             derived(|m, _, o| o.push(m.loop_age_ticks.map_or(f64::NAN, |age| age as f64))),

@@ -1,6 +1,6 @@
 //! The table itself: every stream, every dataset, unit and frame, and both ways
-//! between a dataset and its message. A file for each kind of stream; which stream is
-//! which table is said here.
+//! between a dataset and its message. One file per kind of stream; this module maps
+//! streams to tables.
 
 mod command;
 mod progress;
@@ -18,9 +18,9 @@ use self::robot::{
 use self::scene::{CONTACT, DEFORMABLE, DISTURBANCE, FURNITURE_JOINT, OBJECT_POSE, PERSON};
 use super::{Cell, ColumnInfo, Kind, Stream};
 
-/// The columns of a state stream; nothing for what is not stored as columns.
+/// The columns of a state stream; `None` for streams without columns.
 #[must_use]
-pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
+pub fn for_stream(stream: &StreamId) -> Option<&'static dyn Stream> {
     Some(match stream.topic()? {
         TopicId::JointState => &JOINT_STATE,
         TopicId::Pose => &POSE_SET,
@@ -54,10 +54,10 @@ pub fn of(stream: &StreamId) -> Option<&'static dyn Stream> {
     })
 }
 
-/// Every state stream that a file can hold, in the order of the table of topics.
+/// Every state stream of a file, in the order of the table of topics.
 pub fn streams() -> impl Iterator<Item = &'static dyn Stream> {
     let states = TopicId::STATES.into_iter().map(StreamId::State);
-    states.filter_map(|stream| of(&stream))
+    states.filter_map(|stream| for_stream(&stream))
 }
 
 const fn event(name: &'static str, unit: &'static str, kind: Kind) -> ColumnInfo {

@@ -1,4 +1,4 @@
-//! How far simulation and task have come: the clock and the hash of the state, the
+//! Progress of simulation and task: the clock and the hash of the state, the
 //! conditions and the phase of the work.
 
 use wheelarm_proto::v1;

@@ -1,5 +1,5 @@
-//! What the robot measures: joints, frames, the IMU and odometry, exact and as its
-//! sensors tell it.
+//! The robot's measurements: joints, frames, the IMU and odometry, exact and as its
+//! sensor models report them.
 
 use wheelarm_proto::v1;
 

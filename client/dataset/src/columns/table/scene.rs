@@ -1,5 +1,5 @@
-//! What is around the robot: objects, furniture, what is soft, who sits in the chair,
-//! what touches and what hinders.
+//! The robot's surroundings: objects, furniture, deformables, the user in the chair,
+//! contacts and obstacles.
 
 use wheelarm_proto::v1;
 
@@ -247,7 +247,7 @@ fn of_contacts(
     out.resize(start + 3 * MAX_CONTACTS, f64::NAN);
 }
 
-/// Gives those contacts that there are their vectors.
+/// Writes the vectors into the existing contacts.
 fn to_contacts(m: &mut v1::Contacts, v: &[f64], put: impl Fn(&mut v1::Contact, &[f64])) {
     let contacts = m.contacts.iter_mut();
     contacts.zip(v.chunks_exact(3)).for_each(|(c, v)| put(c, v));

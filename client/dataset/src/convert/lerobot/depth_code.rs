@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 
 /// Depth of code 0, m. No return reads as this.
 pub const LEAST: f64 = 0.01;
-/// Depth of the greatest code, m. What is farther reads as this.
+/// Depth of the greatest code, m. Greater depths are clamped to it.
 pub const MOST: f64 = 10.0;
-/// Added to a depth before its logarithm is taken, m.
+/// Added to a depth before the logarithm, m.
 pub const SHIFT: f64 = 3.5;
 /// The greatest code.
 const GREATEST: f64 = 4095.0;
@@ -23,15 +23,15 @@ fn code(millimetres: u16) -> u16 {
     (share * GREATEST).round_ties_even().clamp(0.0, GREATEST) as u16
 }
 
-/// A depth (m; 0 or infinite for no return) within what codes can tell.
+/// A depth (m; 0 or infinite for no return), clamped to the range of codes.
 #[must_use]
-pub fn told(metres: f32) -> f32 {
+pub fn quantized(metres: f32) -> f32 {
     let some = crate::depth::millimetres(metres) > 0;
     let metres = if some { metres } else { 0.0 };
     metres.clamp(LEAST as f32, MOST as f32)
 }
 
-/// Codes of a depth picture (m; 0 or infinite for no return), little-endian.
+/// Codes of a depth image (m; 0 or infinite for no return), little-endian.
 #[must_use]
 pub fn frame(depth: &[f32]) -> Vec<u8> {
     let codes = depth.iter().map(|&metres| {
@@ -69,6 +69,6 @@ mod tests {
     fn no_return_is_code_zero() {
         let depth = [0.0, f32::INFINITY, 20.0];
         assert_eq!(frame(&depth), [0, 0, 0, 0, 255, 15]);
-        assert_eq!(depth.map(told), [0.01, 0.01, 10.0]);
+        assert_eq!(depth.map(quantized), [0.01, 0.01, 10.0]);
     }
 }

@@ -1,5 +1,5 @@
-//! LeRobot 0.6's language columns of an episode: what holds from a time on
-//! (subtasks, the plan) stands in every row of it, what happens at a time
+//! LeRobot 0.6's language columns of an episode: a persistent annotation
+//! (subtasks, the plan) is stored in every row of it, what happens at a time
 //! (questions with answers, the way of the hand) in the row of that time.
 
 use std::collections::BTreeMap;
@@ -7,24 +7,24 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 
 use super::layout::{LANGUAGE, image_key};
-use super::table::{Cells, Column, Said};
+use super::table::{Annotation, Cells, Column};
 use crate::annotate::{self, State};
 use crate::convert::learning::Learning;
 use crate::convert::{Recording, Size};
 use crate::label;
 
-/// What is said in an episode.
+/// Language annotations of an episode.
 pub(super) struct Spoken {
-    persistent: Vec<Said>,
-    events: Vec<Vec<Said>>,
+    persistent: Vec<Annotation>,
+    events: Vec<Vec<Annotation>>,
 }
 
 impl Spoken {
-    /// What is said of the rows of `learning`, pictures being of these sizes.
+    /// Annotations of the rows of `learning`, for images of these sizes.
     ///
     /// # Errors
     /// When the recording lacks the state that it is made of.
-    pub fn of(
+    pub fn read(
         recording: &Recording,
         learning: &Learning<'_>,
         cameras: &BTreeMap<String, Size>,
@@ -40,7 +40,7 @@ impl Spoken {
             .collect();
         let frame = |stamp: u64| stamps.partition_point(|&t| t < stamp);
         let seconds = |frame: usize| (frame as f64 / f64::from(rate)) as f32;
-        let row = |role, style, content: String, timestamp, camera: Option<&String>| Said {
+        let row = |role, style, content: String, timestamp, camera: Option<&String>| Annotation {
             role,
             content,
             style,
@@ -124,11 +124,11 @@ impl Spoken {
         vec![
             Column {
                 name: always,
-                cells: Cells::Said(persistent, true),
+                cells: Cells::Annotation(persistent, true),
             },
             Column {
                 name: at,
-                cells: Cells::Said(events, false),
+                cells: Cells::Annotation(events, false),
             },
         ]
     }

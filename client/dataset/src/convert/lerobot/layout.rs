@@ -1,5 +1,5 @@
-//! The features of a set, each said once: its name, its type and shape, and how
-//! its values are taken from an episode.
+//! The features of a set, each defined once: its name, its type and shape, and how
+//! its values are read from an episode.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ pub(super) struct Layout {
     pub rate: u32,
     /// Cameras and depth sensors.
     pub streams: Streams,
-    /// What colour is coded by; pictures stand in Parquet without it.
+    /// Codec of colour; without it images are stored in Parquet.
     pub colour: Option<Codec>,
     /// The robot.
     pub body: Body,
@@ -35,25 +35,29 @@ pub(super) struct Layout {
     pub language: bool,
 }
 
-/// What pictures the set has.
+/// Images of the set.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Streams {
-    /// Cameras with the size of their pictures.
+    /// Cameras with the size of their images.
     pub cameras: BTreeMap<String, Size>,
-    /// Cameras with a depth sensor, and the size of its pictures.
+    /// Cameras with a depth sensor, and the size of its images.
     pub depths: BTreeMap<String, Size>,
 }
 
 impl Streams {
-    /// The one place that decides which pictures of a recording are observed: of
-    /// every camera the colour that the robot saw (`Recording::seen`), and with
-    /// `depth` what depth sensors gave, never exact depth.
+    /// The one place that decides which images of a recording are observed: of
+    /// every camera the colour that the robot saw (`Recording::observed`), and with
+    /// `depth` images of depth sensors, never exact depth.
     ///
     /// # Errors
-    /// When there is no picture, or no depth sensor where depth is wanted.
-    pub fn of(recording: &Recording, size: Option<Size>, depth: bool) -> anyhow::Result<Self> {
+    /// When no image exists, or no depth sensor where depth is requested.
+    pub fn from_recording(
+        recording: &Recording,
+        size: Option<Size>,
+        depth: bool,
+    ) -> anyhow::Result<Self> {
         let cameras = learning::cameras(recording, size);
-        anyhow::ensure!(!cameras.is_empty(), "the episode has no pictures");
+        anyhow::ensure!(!cameras.is_empty(), "the episode has no images");
         let mut depths = BTreeMap::new();
         if depth {
             depths = recording.depth_sensors();
@@ -67,21 +71,21 @@ impl Streams {
     }
 }
 
-/// A feature of pictures.
-pub(super) struct Pictures<'a> {
+/// A feature of images.
+pub(super) struct ImageFeature<'a> {
     /// Its name.
     pub key: String,
     /// The camera that it is of.
     pub camera: &'a str,
-    /// Size of its pictures.
+    /// Size of its images.
     pub size: Size,
     /// Depth by the camera's depth sensor, millimetres; else colour.
     pub is_depth: bool,
-    /// What it is coded by; PNG in Parquet without it.
+    /// Its codec; PNG in Parquet without it.
     pub codec: Option<Codec>,
 }
 
-impl Pictures<'_> {
+impl ImageFeature<'_> {
     /// Colours or grey levels of a pixel.
     fn channels(&self) -> usize {
         if self.is_depth { 1 } else { 3 }
@@ -94,7 +98,7 @@ pub(super) struct Block<'a> {
     pub recording: &'a Recording,
     /// All rows that the episode has in the set: state and action.
     pub learning: &'a Learning<'a>,
-    /// The first and how many of them are meant.
+    /// The first row and the number of rows.
     pub part: (usize, usize),
     /// Rows per second.
     pub rate: u32,
@@ -136,7 +140,7 @@ impl Block<'_> {
     }
 }
 
-/// Type of a flat feature, and how its value is taken from a row of a block.
+/// Type of a flat feature, and how its value is read from a row of a block.
 enum Flat {
     F32(fn(&Block<'_>, usize) -> f32),
     F64(fn(&Block<'_>, usize) -> f64),
@@ -208,22 +212,22 @@ pub(super) const VECTORS: [Vector; 3] = [
     }),
 ];
 
-/// Columns of language: what holds from a time on, and what happens at a time.
+/// Columns of language: persistent annotations and events.
 pub(super) const LANGUAGE: [&str; 2] = ["language_persistent", "language_events"];
 
-/// Feature of a camera's pictures.
+/// Feature of a camera's images.
 pub(super) fn image_key(camera: &str) -> String {
     format!("observation.images.{camera}")
 }
 
-/// Feature of what a camera's depth sensor gives, named as LeRobot 0.6 does. Exact
+/// Feature of a camera's depth sensor, named as in LeRobot 0.6. Exact
 /// depth is never one.
 fn depth_key(camera: &str) -> String {
     format!("observation.images.{camera}_depth")
 }
 
 /// The numeric columns of a block, in the order of [`Layout::features`], behind
-/// the pictures.
+/// the images.
 pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
     let vectors = VECTORS.iter().map(|(name, of)| {
         let rows: Vec<f32> = (0..block.part.1)
@@ -244,58 +248,69 @@ pub(super) fn numbers(block: &Block<'_>) -> Vec<Column> {
 }
 
 impl Layout {
-    /// The layout of a recording, with pictures of `streams`.
-    pub fn of(recording: &Recording, rate: u32, streams: Streams, action: ActionKind) -> Self {
+    /// The layout of a recording, with images of `streams`.
+    pub fn for_recording(
+        recording: &Recording,
+        rate: u32,
+        streams: Streams,
+        action: ActionKind,
+    ) -> Self {
         let robot = &recording.robot;
         let pose = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(String::from);
         Self {
             rate,
             streams,
             colour: None,
-            body: Body::of(robot),
+            body: Body::from_description(robot),
             names: [state_names(robot), action.names(robot), pose.to_vec()],
             language: false,
         }
     }
 
-    /// The features of pictures, in their order.
-    pub fn pictures(&self) -> impl Iterator<Item = Pictures<'_>> {
-        let colour = self.streams.cameras.iter().map(|(camera, &size)| Pictures {
-            key: image_key(camera),
-            camera,
-            size,
-            is_depth: false,
-            codec: self.colour,
-        });
-        let depth = self.streams.depths.iter().map(|(camera, &size)| Pictures {
-            key: depth_key(camera),
-            camera,
-            size,
-            is_depth: true,
-            codec: self.colour.map(|_| Codec::Depth),
-        });
+    /// The features of images, in their order.
+    pub fn image_features(&self) -> impl Iterator<Item = ImageFeature<'_>> {
+        let colour = self
+            .streams
+            .cameras
+            .iter()
+            .map(|(camera, &size)| ImageFeature {
+                key: image_key(camera),
+                camera,
+                size,
+                is_depth: false,
+                codec: self.colour,
+            });
+        let depth = self
+            .streams
+            .depths
+            .iter()
+            .map(|(camera, &size)| ImageFeature {
+                key: depth_key(camera),
+                camera,
+                size,
+                is_depth: true,
+                codec: self.colour.map(|_| Codec::Depth),
+            });
         colour.chain(depth)
     }
 
     /// The features as `meta/info.json` lists them.
     pub fn features(&self) -> Value {
         let mut out = serde_json::Map::new();
-        for pictures in self.pictures() {
-            let Size { width, height } = pictures.size;
-            let info = match pictures.codec {
-                Some(codec) => Some(codec.info(pictures.size, self.rate)),
-                None if pictures.is_depth => {
-                    Some(json!({"is_depth_map": true, "depth_unit": "mm"}))
-                }
+        for images in self.image_features() {
+            let Size { width, height } = images.size;
+            let info = match images.codec {
+                Some(codec) => Some(codec.info(images.size, self.rate)),
+                None if images.is_depth => Some(json!({"is_depth_map": true, "depth_unit": "mm"})),
                 None => None,
             };
-            let dtype = pictures.codec.map_or("image", |_| "video");
-            let mut feature = json!({"dtype": dtype, "shape": [height, width, pictures.channels()],
+            let dtype = images.codec.map_or("image", |_| "video");
+            let mut feature = json!({"dtype": dtype, "shape": [height, width, images.channels()],
                 "names": ["height", "width", "channels"]});
             if let Some(info) = info {
                 feature["info"] = info;
             }
-            out.insert(pictures.key, feature);
+            out.insert(images.key, feature);
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"dtype": "float32", "shape": [names.len()], "names": names});
@@ -312,7 +327,7 @@ impl Layout {
         Value::Object(out)
     }
 
-    /// Names of the columns of language, where there are some.
+    /// Names of the columns of language, if any.
     fn languages(&self) -> impl Iterator<Item = &'static str> {
         LANGUAGE.into_iter().filter(|_| self.language)
     }
@@ -321,8 +336,8 @@ impl Layout {
     pub fn footer(&self) -> String {
         let mut out = serde_json::Map::new();
         // A video has no column.
-        for pictures in self.pictures().filter(|p| p.codec.is_none()) {
-            out.insert(pictures.key, json!({"_type": "Image"}));
+        for images in self.image_features().filter(|p| p.codec.is_none()) {
+            out.insert(images.key, json!({"_type": "Image"}));
         }
         for ((name, _), names) in VECTORS.iter().zip(&self.names) {
             let feature = json!({"feature": {"dtype": "float32", "_type": "Value"},

@@ -1,4 +1,4 @@
-//! What stands below `meta/`: tasks, phases, episodes, statistics, features.
+//! Content of `meta/`: tasks, phases, episodes, statistics, features.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::table::{Cells, Column, Table};
 use crate::convert::learning::LEAST_DEVIATION;
 use crate::label;
 
-/// Where videos lie, as LeRobot fills it in.
+/// Path template of videos, as LeRobot fills it in.
 const VIDEO_PATH: &str = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
 
 fn column(name: &str, cells: Cells) -> Column {
@@ -62,7 +62,7 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
         .iter()
         .map(|(name, values)| {
             let mut summary = values.summary();
-            // What hardly changes must not be blown up by a reader that divides by it.
+            // A nearly constant value must not be scaled up by a reader that divides by it.
             if ["observation.state", "action"].contains(&name.as_str()) {
                 summary.widen(LEAST_DEVIATION);
             }
@@ -94,20 +94,20 @@ pub(super) fn metadata(folder: &Path, set: &Set, layout: &Layout) -> anyhow::Res
 
 /// Intrinsics: those of the first episode, and all with their episodes.
 fn cameras(calibrations: &[(Value, Vec<usize>)]) -> Value {
-    let mut told = calibrations
+    let mut features = calibrations
         .first()
         .map_or(Value::Null, |(first, _)| first.clone());
     let all: Vec<Value> = calibrations
         .iter()
         .map(|(of, episodes)| json!({"episodes": episodes, "cameras": of["cameras"]}))
         .collect();
-    if let Some(told) = told.as_object_mut() {
-        told.insert("by_episode".to_owned(), all.into());
+    if let Some(features) = features.as_object_mut() {
+        features.insert("by_episode".to_owned(), all.into());
     }
-    told
+    features
 }
 
-/// One row per episode: where it stands in the data files and videos, and its
+/// One row per episode: its place in the data files and videos, and its
 /// statistics.
 fn episodes_table(path: &Path, set: &Set, rate: u32) -> anyhow::Result<()> {
     type Number = fn(usize, &EpisodeRow) -> usize;
@@ -129,7 +129,7 @@ fn episodes_table(path: &Path, set: &Set, rate: u32) -> anyhow::Result<()> {
         ("meta/episodes/file_index", |_, _| 0),
     ];
     columns.extend(places.map(integers));
-    for key in set.reels.keys() {
+    for key in set.video_concats.keys() {
         let videos = all.iter().map(|e| (e.videos.get(key), e.length));
         let places: Vec<_> = videos.filter_map(|(p, n)| p.map(|p| (p, n))).collect();
         let number = |name: &str, of: fn(usize) -> usize| {
@@ -177,11 +177,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cameras_are_told_for_every_specimen() {
+    fn cameras_are_listed_for_every_specimen() {
         let of = |fx: f64| json!({"units": "pixels", "cameras": {"gen3": {"fx": fx}}});
-        let told = cameras(&[(of(600.0), vec![0, 2]), (of(610.0), vec![1])]);
-        assert_eq!(told["cameras"]["gen3"]["fx"], 600.0);
-        assert_eq!(told["by_episode"][1]["episodes"], json!([1]));
-        assert_eq!(told["by_episode"][1]["cameras"]["gen3"]["fx"], 610.0);
+        let features = cameras(&[(of(600.0), vec![0, 2]), (of(610.0), vec![1])]);
+        assert_eq!(features["cameras"]["gen3"]["fx"], 600.0);
+        assert_eq!(features["by_episode"][1]["episodes"], json!([1]));
+        assert_eq!(features["by_episode"][1]["cameras"]["gen3"]["fx"], 610.0);
     }
 }

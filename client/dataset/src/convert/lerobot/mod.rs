@@ -1,19 +1,19 @@
-//! A LeRobot data set, version 3.0: pictures as video or in Parquet, tasks,
+//! A LeRobot data set, version 3.0: images as video or in Parquet, tasks,
 //! episodes, statistics. The whole set is made under another name and renamed at
 //! the end.
 //!
-//! An episode's pictures are encoded into scratch files first, so that a
-//! recording that turns out unreadable leaves nothing behind in the set.
+//! An episode's images are encoded into scratch files first, so that an
+//! unreadable recording leaves no data in the set.
 
 mod depth_code;
 mod language;
 mod layout;
 mod metadata;
-mod reel;
 mod set;
 mod statistics;
 mod table;
 mod video;
+mod video_concat;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -24,13 +24,13 @@ use anyhow::Context;
 use parking_lot::Mutex;
 
 use self::language::Spoken;
-use self::layout::{Block, Layout, Pictures, Streams, numbers};
+use self::layout::{Block, ImageFeature, Layout, Streams, numbers};
 use self::metadata::metadata;
 use self::set::{EpisodeRow, Set};
 use self::statistics::Gathered;
 use self::table::{Cells, Column};
 use self::video::Ffmpeg;
-pub use self::video::PictureFormat;
+pub use self::video::ImageFormat;
 use super::batch::parallel;
 use super::ffmpeg::Stream;
 use super::intrinsics;
@@ -39,25 +39,25 @@ use super::{Format, PendingFolder, Recording, Sees, Size, Written, png_depth, pn
 
 /// Rows that are encoded, and written as one row group, together.
 const BLOCK: usize = 32;
-/// About this many pixels of a picture are counted in the statistics.
+/// About this many pixels of an image are counted in the statistics.
 const COUNTED_PIXELS: usize = 20_000;
 
-/// And this many of a depth picture: its values are kept.
+/// And this many of a depth image: its values are kept.
 const COUNTED_DEPTHS: usize = 300;
 
-/// What goes into a data set, and how.
+/// Options of a data set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LeRobotOptions {
-    /// Size of colour pictures; as recorded without it.
+    /// Size of colour images; as recorded without it.
     pub size: Option<Size>,
     /// Rows of state and action.
     pub rows: RowOptions,
     /// With the columns `language_persistent` and `language_events`, which LeRobot
-    /// reads from 0.6 on and older ones refuse.
+    /// reads from 0.6 on and older versions reject.
     pub language: bool,
-    /// How pictures are kept.
-    pub pictures: PictureFormat,
-    /// With what the depth sensors gave; exact depth is never exported.
+    /// How images are stored.
+    pub image_format: ImageFormat,
+    /// With the depth sensors' images; exact depth is never exported.
     pub depth: bool,
 }
 
@@ -73,11 +73,11 @@ impl LeRobot {
     /// A data set at `out`.
     ///
     /// # Errors
-    /// When `out` exists already, or there is no ffmpeg that makes such videos.
+    /// When `out` exists already, or no ffmpeg makes such videos.
     pub fn new(out: &Path, options: LeRobotOptions, threads: usize) -> anyhow::Result<Self> {
         Ok(Self {
             options,
-            ffmpeg: Ffmpeg::find(options.pictures, options.depth)?,
+            ffmpeg: Ffmpeg::find(options.image_format, options.depth)?,
             threads,
             set: Mutex::new(Set::new(PendingFolder::new(out)?)),
         })
@@ -87,7 +87,7 @@ impl LeRobot {
 /// Statistics of features, by name.
 type Statistics = BTreeMap<String, Gathered>;
 
-/// PNG pictures of one episode in a file that has no name for long.
+/// PNG images of one episode in a file whose name is removed at once.
 struct Scratch {
     file: File,
     lengths: Vec<usize>,
@@ -102,7 +102,7 @@ impl Scratch {
             .create(true)
             .truncate(true)
             .open(&path)?;
-        // It goes with its handle, whatever happens.
+        // The system removes it with its last handle.
         std::fs::remove_file(&path)?;
         Ok(Self {
             file,
@@ -132,8 +132,8 @@ impl Format for LeRobot {
             false => Sees::Colour,
         };
         let (rate, learning) = Learning::on_grid(recording, &options.rows, sees)?;
-        let streams = Streams::of(recording, options.size, options.depth)?;
-        let mut layout = Layout::of(recording, rate, streams, options.rows.action);
+        let streams = Streams::from_recording(recording, options.size, options.depth)?;
+        let mut layout = Layout::for_recording(recording, rate, streams, options.rows.action);
         layout.language = options.language;
         layout.colour = self.ffmpeg.as_ref().map(|ffmpeg| ffmpeg.colour);
         let set = &mut *self.set.lock();
@@ -141,7 +141,7 @@ impl Format for LeRobot {
             first.body.ensure_same(&layout.body)?;
             anyhow::ensure!(
                 (first.rate, &first.streams) == (layout.rate, &layout.streams),
-                "rate or pictures differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
+                "rate or images differ from those of the first episode ({} Hz, {:?}, here {} Hz, {:?}); --size makes sizes equal",
                 first.rate,
                 first.streams,
                 layout.rate,
@@ -149,9 +149,9 @@ impl Format for LeRobot {
             );
         }
 
-        // Everything that can fail because of the recording comes first.
+        // Everything that can fail because of the recording is done first.
         let spoken = match options.language {
-            true => Some(Spoken::of(
+            true => Some(Spoken::read(
                 recording,
                 &learning,
                 &layout.streams.cameras,
@@ -198,8 +198,8 @@ impl Format for LeRobot {
         )?);
         let mut videos = BTreeMap::new();
         for (key, name, bytes) in filmed {
-            let reel = set.reels.entry(key.clone()).or_default();
-            videos.insert(key, reel.add(name, rows.len(), bytes));
+            let videos_of_feature = set.video_concats.entry(key.clone()).or_default();
+            videos.insert(key, videos_of_feature.add(name, rows.len(), bytes));
         }
         set.finish_episode(EpisodeRow {
             task: recording.summary.instruction.clone(),
@@ -225,7 +225,7 @@ impl Format for LeRobot {
             table.close()?;
         }
         let Some(layout) = set.layout.clone() else {
-            anyhow::bail!("no episode could be taken: there is no data set");
+            anyhow::bail!("no episode could be exported: no data set was written");
         };
         self.close_reels(&mut set, &layout, true)?;
         metadata(set.folder.path(), &set, &layout)?;
@@ -248,15 +248,15 @@ impl LeRobot {
         };
         let folder = set.scratch();
         std::fs::create_dir_all(&folder)?;
-        for pictures in layout.pictures() {
-            let Some(codec) = pictures.codec else {
+        for feature in layout.image_features() {
+            let Some(codec) = feature.codec else {
                 continue;
             };
             let name = format!("{}.mp4", set.films);
             set.films += 1;
-            let stream = ffmpeg.begin(codec, pictures.size, layout.rate, &folder.join(&name))?;
+            let stream = ffmpeg.begin(codec, feature.size, layout.rate, &folder.join(&name))?;
             films.push(Film {
-                key: pictures.key,
+                key: feature.key,
                 name,
                 stream,
             });
@@ -270,9 +270,9 @@ impl LeRobot {
             return Ok(());
         };
         let (scratch, folder) = (set.scratch(), set.folder.path());
-        for (key, reel) in &mut set.reels {
-            if all || reel.is_full() {
-                reel.close(ffmpeg, &scratch, folder, key, layout.rate)?;
+        for (key, videos_of_feature) in &mut set.video_concats {
+            if all || videos_of_feature.is_full() {
+                videos_of_feature.close(ffmpeg, &scratch, folder, key, layout.rate)?;
             }
         }
         if all {
@@ -281,7 +281,7 @@ impl LeRobot {
         Ok(())
     }
 
-    /// Encodes an episode's pictures, block by block and camera by camera, and
+    /// Encodes an episode's images, block by block and camera by camera, and
     /// returns their statistics.
     fn encode(
         &self,
@@ -293,24 +293,24 @@ impl LeRobot {
         tick: &(dyn Fn() + Sync),
     ) -> anyhow::Result<Statistics> {
         let mut gathered: Statistics = layout
-            .pictures()
+            .image_features()
             .map(|p| match p.is_depth {
                 true => (p.key, Gathered::depths()),
                 false => (p.key, Gathered::colours()),
             })
             .collect();
         for block in rows.chunks(BLOCK) {
-            for pictures in layout.pictures() {
+            for feature in layout.image_features() {
                 let encoded = parallel(block.len(), self.threads, |i| {
-                    frame(recording, &pictures, block[i])
+                    frame(recording, &feature, block[i])
                 })?;
-                let mut film = films.iter_mut().find(|film| film.key == pictures.key);
+                let mut film = films.iter_mut().find(|film| film.key == feature.key);
                 for (bytes, counts) in &encoded {
                     match &mut film {
                         Some(film) => film.stream.put(bytes)?,
                         None => scratch.put(bytes)?,
                     }
-                    if let Some(all) = gathered.get_mut(&pictures.key) {
+                    if let Some(all) = gathered.get_mut(&feature.key) {
                         all.merge(counts);
                     }
                 }
@@ -321,30 +321,30 @@ impl LeRobot {
     }
 }
 
-/// A feature's pictures of one episode on their way into a video.
+/// A feature's images of one episode on their way into a video.
 struct Film {
     key: String,
     name: String,
     stream: Stream,
 }
 
-/// A picture as a video takes it, raw, or as PNG; and its part of the statistics.
+/// An image as a video needs it, raw, or as PNG; and its part of the statistics.
 fn frame(
     recording: &Recording,
-    pictures: &Pictures<'_>,
+    feature: &ImageFeature<'_>,
     row: usize,
 ) -> anyhow::Result<(Vec<u8>, Gathered)> {
-    let size = pictures.size;
+    let size = feature.size;
     let pixels = size.width * size.height;
-    if pictures.is_depth {
-        let (source, index) = recording.sensed_depth(pictures.camera, row)?;
+    if feature.is_depth {
+        let (source, index) = recording.sensed_depth(feature.camera, row)?;
         let depth = source.depth(&recording.episode, index)?;
         let mut counts = Gathered::depths();
         let step = pixels / COUNTED_DEPTHS;
-        let bytes = if pictures.codec.is_some() {
-            // The statistics are of what a reader gets.
-            let told: Vec<f32> = depth.iter().map(|&d| depth_code::told(d)).collect();
-            counts.depth(&told, step);
+        let bytes = if feature.codec.is_some() {
+            // The statistics are of the decoded values.
+            let quantized: Vec<f32> = depth.iter().map(|&d| depth_code::quantized(d)).collect();
+            counts.depth(&quantized, step);
             depth_code::frame(&depth)
         } else {
             counts.depth(&depth, step);
@@ -352,13 +352,13 @@ fn frame(
         };
         return Ok((bytes, counts));
     }
-    let (source, index) = recording.seen(pictures.camera, row)?;
+    let (source, index) = recording.observed(feature.camera, row)?;
     let (width, height) = source.size().context("a size")?;
     let rgb = source.rgb(&recording.episode, index)?;
     let rgb = scaled(rgb, Size { width, height }, size);
     let mut counts = Gathered::colours();
-    counts.picture(&rgb, pixels / COUNTED_PIXELS);
-    let bytes = match pictures.codec {
+    counts.image(&rgb, pixels / COUNTED_PIXELS);
+    let bytes = match feature.codec {
         Some(_) => rgb,
         None => png_rgb(&rgb, size)?,
     };
@@ -381,18 +381,18 @@ fn write_rows(
     for first in (0..all).step_by(BLOCK) {
         let count = BLOCK.min(all - first);
         let mut columns = Vec::new();
-        for pictures in layout.pictures().filter(|p| p.codec.is_none()) {
+        for feature in layout.image_features().filter(|p| p.codec.is_none()) {
             let mut images = Vec::with_capacity(count);
             for frame in first..first + count {
-                let mut bytes = vec![0; *lengths.next().context("a picture")?];
+                let mut bytes = vec![0; *lengths.next().context("an image")?];
                 reader.read_exact(&mut bytes)?;
-                let what = ["", "-depth"][usize::from(pictures.is_depth)];
-                let camera = pictures.camera;
+                let what = ["", "-depth"][usize::from(feature.is_depth)];
+                let camera = feature.camera;
                 let name = format!("{camera}{what}-{:06}-{frame:06}.png", whole.episode);
                 images.push((bytes, name));
             }
             columns.push(Column {
-                name: pictures.key,
+                name: feature.key,
                 cells: Cells::Image(images),
             });
         }
@@ -417,7 +417,7 @@ fn gather(gathered: &mut Statistics, column: &Column) {
         Cells::F64(_, v) => (1, v.iter().map(|&v| v as f32).collect()),
         Cells::I64(_, v) => (1, v.iter().map(|&v| v as f32).collect()),
         Cells::Bool(v) => (1, v.iter().map(|&v| f32::from(u8::from(v))).collect()),
-        Cells::Text(..) | Cells::Image(_) | Cells::Said(..) => return,
+        Cells::Text(..) | Cells::Image(_) | Cells::Annotation(..) => return,
     };
     gathered
         .entry(column.name.clone())

@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::layout::{FILE_BYTES, FOLDER_FILES, Layout};
-use super::reel::{Place, Reel};
 use super::statistics::Gathered;
 use super::table::{Column, Table};
+use super::video_concat::{Place, VideoConcat};
 use crate::convert::PendingFolder;
 
-/// What grows while episodes come.
+/// A data set while episodes are added.
 pub(super) struct Set {
-    /// Where it grows.
+    /// Temporary folder.
     pub folder: PendingFolder,
-    /// Pictures per second and cameras with their sizes; the first episode
+    /// Images per second and cameras with their sizes; the first episode
     /// decides, the others must have the same.
     pub layout: Option<Layout>,
     /// The data file that is open.
@@ -21,18 +21,18 @@ pub(super) struct Set {
     /// Its number.
     pub file: usize,
     /// Videos, by feature.
-    pub reels: BTreeMap<String, Reel>,
+    pub video_concats: BTreeMap<String, VideoConcat>,
     /// Videos that were begun.
     pub films: usize,
     /// Instructions in the order in which they first appeared.
     pub tasks: Vec<String>,
-    /// What `meta/episodes` tells of each.
+    /// Rows of `meta/episodes`.
     pub episodes: Vec<EpisodeRow>,
     /// Rows of all episodes.
     pub rows: usize,
     /// By feature, over all episodes.
     pub statistics: BTreeMap<String, Gathered>,
-    /// Intrinsics of cameras for pictures of the set's size, with the episodes that
+    /// Intrinsics of cameras for images of the set's size, with the episodes that
     /// have them: specimens of the robot differ.
     pub calibrations: Vec<(serde_json::Value, Vec<usize>)>,
 }
@@ -51,7 +51,7 @@ pub(super) struct EpisodeRow {
     pub label: String,
     /// Whether the task succeeded.
     pub success: bool,
-    /// Where it stands in the videos, by feature.
+    /// Its place in the videos, by feature.
     pub videos: BTreeMap<String, Place>,
     /// By feature.
     pub statistics: BTreeMap<String, Gathered>,
@@ -65,7 +65,7 @@ impl Set {
             layout: None,
             data: None,
             file: 0,
-            reels: BTreeMap::new(),
+            video_concats: BTreeMap::new(),
             films: 0,
             tasks: Vec::new(),
             episodes: Vec::new(),
@@ -75,12 +75,12 @@ impl Set {
         }
     }
 
-    /// Where videos lie until they are put into the set.
+    /// Folder of videos until they are moved into the set.
     pub fn scratch(&self) -> PathBuf {
         self.folder.path().join(".films")
     }
 
-    /// Number of a task, which is taken up when it is new.
+    /// Index of a task, which is added when it is new.
     pub fn task(&mut self, instruction: &str) -> usize {
         let known = self.tasks.iter().position(|t| t == instruction);
         known.unwrap_or_else(|| {
@@ -102,7 +102,7 @@ impl Set {
         Ok(())
     }
 
-    /// Takes up an episode whose rows are appended.
+    /// Adds an episode whose rows are appended.
     pub fn finish_episode(&mut self, episode: EpisodeRow) -> anyhow::Result<()> {
         for (name, values) in &episode.statistics {
             match self.statistics.get_mut(name) {

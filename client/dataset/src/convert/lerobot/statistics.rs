@@ -15,9 +15,9 @@ const QUANTILES: [f64; 5] = [0.01, 0.10, 0.50, 0.90, 0.99];
 pub enum Gathered {
     /// Numbers in rows of a width.
     Numbers(usize, Vec<f32>),
-    /// Counts of the 256 values of three colour channels, and pictures.
+    /// Counts of the 256 values of three colour channels, and images.
     Colours(Box<[[u64; 256]; 3]>, usize),
-    /// Depths in millimetres, and pictures.
+    /// Depths in millimetres, and images.
     Depths(Vec<f32>, usize),
 }
 
@@ -26,9 +26,9 @@ pub enum Gathered {
 pub struct Summary {
     /// One list per name of [`NAMES`].
     pub lists: [Vec<f64>; 9],
-    /// Rows or pictures.
+    /// Rows or images.
     pub count: usize,
-    /// Shape of one list: `[width]`, or `[3, 1, 1]` for pictures.
+    /// Shape of one list: `[width]`, or `[3, 1, 1]` for images.
     pub shape: Vec<usize>,
 }
 
@@ -39,19 +39,19 @@ impl Gathered {
         Self::Numbers(width, Vec::new())
     }
 
-    /// No pictures yet.
+    /// No images yet.
     #[must_use]
     pub fn colours() -> Self {
         Self::Colours(Box::new([[0; 256]; 3]), 0)
     }
 
-    /// No depth pictures yet.
+    /// No depth images yet.
     #[must_use]
     pub fn depths() -> Self {
         Self::Depths(Vec::new(), 0)
     }
 
-    /// Counts a depth picture's pixels (m, as millimetres; 0 for no return),
+    /// Counts a depth image's pixels (m, as millimetres; 0 for no return),
     /// every `step`-th.
     pub fn depth(&mut self, depth: &[f32], step: usize) {
         if let Self::Depths(all, n) = self {
@@ -79,8 +79,8 @@ impl Gathered {
         }
     }
 
-    /// Counts a picture's pixels, every `step`-th.
-    pub fn picture(&mut self, rgb: &[u8], step: usize) {
+    /// Counts an image's pixels, every `step`-th.
+    pub fn image(&mut self, rgb: &[u8], step: usize) {
         if let Self::Colours(all, n) = self {
             for pixel in rgb.chunks_exact(3).step_by(step.max(1)) {
                 for (channel, &value) in all.iter_mut().zip(pixel) {
@@ -105,14 +105,14 @@ impl Gathered {
                 });
                 collect(each.collect(), rows, vec![*width])
             }
-            Self::Depths(all, pictures) => {
+            Self::Depths(all, images) => {
                 let mut values = all.clone();
                 values.sort_by(f32::total_cmp);
-                collect(vec![component(&values)], *pictures, vec![1, 1, 1])
+                collect(vec![component(&values)], *images, vec![1, 1, 1])
             }
-            Self::Colours(all, pictures) => {
+            Self::Colours(all, images) => {
                 let each = all.iter().map(colour).collect();
-                collect(each, *pictures, vec![3, 1, 1])
+                collect(each, *images, vec![3, 1, 1])
             }
         }
     }
@@ -172,10 +172,10 @@ fn colour(counts: &[u64; 256]) -> [f64; 9] {
         / n;
     let at = |q: f64| {
         let target = q * n;
-        let mut seen = 0.0;
+        let mut counted = 0.0;
         for (i, &c) in counts.iter().enumerate() {
-            seen += c as f64;
-            if c > 0 && seen >= target {
+            counted += c as f64;
+            if c > 0 && counted >= target {
                 return value(i);
             }
         }
@@ -250,9 +250,9 @@ mod tests {
         let mut wide = s.clone();
         wide.widen(0.01);
         assert_eq!(wide.lists[STD], [s.lists[STD][0], 0.01]);
-        let mut picture = Gathered::colours();
-        picture.picture(&[255, 0, 51].repeat(8), 1);
-        let s = picture.summary();
+        let mut image = Gathered::colours();
+        image.image(&[255, 0, 51].repeat(8), 1);
+        let s = image.summary();
         assert_eq!((s.lists[2][0], s.lists[1][1], s.count), (1.0, 0.0, 1));
         assert!((s.lists[6][2] - 0.2).abs() < 1e-12);
     }

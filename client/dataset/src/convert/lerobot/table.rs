@@ -1,4 +1,4 @@
-//! Parquet files by Arrow. A column says its name, its type and its values at
+//! Parquet files by Arrow. A column defines its name, its type and its values at
 //! once; a file takes the columns of its first rows and no others.
 
 use std::fs::File;
@@ -43,22 +43,22 @@ pub enum Cells {
     Bool(Vec<bool>),
     /// UTF-8.
     Text(Vec<usize>, Vec<String>),
-    /// Encoded pictures with a name: `{bytes, path}`.
+    /// Encoded images with a name: `{bytes, path}`.
     Image(Vec<(Vec<u8>, String)>),
-    /// Lists of what is said, with a time of their own or without.
-    Said(Vec<Vec<Said>>, bool),
+    /// Lists of annotations, with a time of their own or without.
+    Annotation(Vec<Vec<Annotation>>, bool),
 }
 
 /// A row of LeRobot's language columns.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Said {
+pub struct Annotation {
     /// `user` or `assistant`.
     pub role: &'static str,
-    /// What is said.
+    /// One annotation.
     pub content: String,
-    /// What kind of saying it is: `subtask`, `plan`, `vqa`, `trace`.
+    /// Kind of the annotation: `subtask`, `plan`, `vqa`, `trace`.
     pub style: &'static str,
-    /// From when it holds, seconds from the first row.
+    /// Start of its validity, seconds from the first row.
     pub timestamp: f32,
     /// Feature of the camera that it is about.
     pub camera: Option<String>,
@@ -72,9 +72,9 @@ impl Cells {
             Self::I64(shape, values) => nested(Arc::new(Int64Array::from(values)), &shape),
             Self::Bool(values) => Arc::new(BooleanArray::from(values)),
             Self::Text(shape, values) => nested(Arc::new(StringArray::from(values)), &shape),
-            Self::Image(pictures) => {
-                let bytes = pictures.iter().map(|(bytes, _)| bytes.as_slice());
-                let paths = pictures.iter().map(|(_, path)| path.as_str());
+            Self::Image(images) => {
+                let bytes = images.iter().map(|(bytes, _)| bytes.as_slice());
+                let paths = images.iter().map(|(_, path)| path.as_str());
                 let parts: Vec<ArrayRef> = vec![
                     Arc::new(BinaryArray::from_iter_values(bytes)),
                     Arc::new(StringArray::from_iter_values(paths)),
@@ -85,17 +85,17 @@ impl Cells {
                 ]);
                 Arc::new(StructArray::new(fields, parts, None))
             }
-            Self::Said(rows, timed) => said(rows, timed),
+            Self::Annotation(rows, timed) => annotations(rows, timed),
         }
     }
 }
 
 /// Lists of `{role, content, style, [timestamp], camera, tool_calls}`, as LeRobot
-/// 0.6 names them; nothing here calls a tool.
-fn said(rows: Vec<Vec<Said>>, timed: bool) -> ArrayRef {
+/// 0.6 names them; no annotation calls a tool.
+fn annotations(rows: Vec<Vec<Annotation>>, timed: bool) -> ArrayRef {
     let offsets = OffsetBuffer::from_lengths(rows.iter().map(Vec::len));
-    let all: Vec<Said> = rows.into_iter().flatten().collect();
-    let text = |of: fn(&Said) -> Option<&str>| -> ArrayRef {
+    let all: Vec<Annotation> = rows.into_iter().flatten().collect();
+    let text = |of: fn(&Annotation) -> Option<&str>| -> ArrayRef {
         Arc::new(StringArray::from_iter(all.iter().map(of)))
     };
     let calls = Field::new("element", DataType::Utf8, true);
@@ -136,7 +136,7 @@ fn nested(values: ArrayRef, shape: &[usize]) -> ArrayRef {
     })
 }
 
-/// The columns as Arrow takes them.
+/// The columns as Arrow arrays.
 fn batch(columns: Vec<Column>) -> anyhow::Result<RecordBatch> {
     let (mut fields, mut arrays) = (Vec::new(), Vec::new());
     for column in columns {
@@ -154,7 +154,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Creates a file of `first` rows; `metadata` stands in its footer, where
+    /// Creates a file of `first` rows; `metadata` is stored in its footer, where
     /// readers find it.
     ///
     /// # Errors
@@ -178,7 +178,7 @@ impl Table {
             .set_key_value_metadata(Some(metadata))
             .set_created_by(format!("wheelarm-dataset {}", env!("CARGO_PKG_VERSION")))
             .build();
-        // The Parquet types say it all; Arrow's own schema is not repeated.
+        // The Parquet types are sufficient; Arrow's own schema is not repeated.
         let options = ArrowWriterOptions::new()
             .with_properties(properties)
             .with_skip_arrow_metadata(true);

@@ -1,4 +1,4 @@
-//! Pictures as LeRobot's videos: which encoder is asked for what.
+//! Images as LeRobot's videos: encoders and their arguments.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -10,14 +10,14 @@ use super::depth_code;
 use crate::convert::Size;
 use crate::convert::ffmpeg::{Encoders, Program, Stream, argument};
 
-/// Of so many frames one is a key frame, from which a reader may begin.
+/// Interval of key frames, at which a reader may begin, frames.
 const KEY_FRAMES: u32 = 2;
-/// How to do without the program.
+/// The fix without the program.
 const WITHOUT: &str = "take --pictures png";
 
-/// How pictures are kept in a LeRobot set.
+/// How images are stored in a LeRobot set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum PictureFormat {
+pub enum ImageFormat {
     /// H.264 where ffmpeg has libx264, else AV1.
     #[default]
     Video,
@@ -25,11 +25,11 @@ pub enum PictureFormat {
     H264,
     /// AV1 with colour at every second pixel, LeRobot's own default.
     Av1,
-    /// PNG pictures inside Parquet, exact; needs no ffmpeg.
+    /// PNG images inside Parquet, exact; needs no ffmpeg.
     Png,
 }
 
-/// What a video is coded by.
+/// Codec of a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Codec {
     /// AV1 by SVT-AV1.
@@ -50,7 +50,7 @@ impl Codec {
         }
     }
 
-    /// Name of what it writes, as readers call it.
+    /// Name of its format, as readers call it.
     fn name(self) -> &'static str {
         match self {
             Self::Av1 => "av1",
@@ -76,7 +76,7 @@ impl Codec {
         }
     }
 
-    /// Least width and height, and what both are multiples of.
+    /// Least width and height, and their common divisor, pixels.
     fn grid(self) -> (usize, usize) {
         match self {
             Self::Av1 => (64, 2),
@@ -102,7 +102,7 @@ impl Codec {
         }
     }
 
-    /// What ffmpeg is asked: frames of `size` from its input, `rate` of them a
+    /// Arguments of ffmpeg: frames of `size` from its input, `rate` of them a
     /// second, become `path`.
     fn arguments(self, size: Size, rate: u32, path: &Path) -> std::io::Result<Vec<OsString>> {
         let Size { width, height } = size;
@@ -120,7 +120,7 @@ impl Codec {
         Ok(all.chain([argument(path)?]).collect())
     }
 
-    /// What `meta/info.json` tells of a feature, as LeRobot reads it.
+    /// Entry of a feature in `meta/info.json`, as LeRobot reads it.
     pub fn info(self, size: Size, rate: u32) -> Value {
         let is_depth = self == Self::Depth;
         let mut info = Map::new();
@@ -146,35 +146,35 @@ impl Codec {
     }
 }
 
-/// The program, asked what it can do.
+/// The program, after a query of its capabilities.
 #[derive(Clone, Debug)]
 pub(super) struct Ffmpeg {
     program: Program,
-    /// What colour is coded by.
+    /// Codec of colour.
     pub colour: Codec,
 }
 
 impl Ffmpeg {
     /// Finds the program and the encoders that `format`, and depth when it is
-    /// wanted, need; nothing for PNG.
+    /// requested, need; `None` for PNG.
     ///
     /// # Errors
-    /// When there is none or it lacks an encoder, with the cure.
-    pub fn find(format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
+    /// When it is missing or lacks an encoder, with the fix.
+    pub fn find(format: ImageFormat, depth: bool) -> anyhow::Result<Option<Self>> {
         Self::of(Program::named(WITHOUT), format, depth)
     }
 
-    fn of(program: Program, format: PictureFormat, depth: bool) -> anyhow::Result<Option<Self>> {
-        if format == PictureFormat::Png {
+    fn of(program: Program, format: ImageFormat, depth: bool) -> anyhow::Result<Option<Self>> {
+        if format == ImageFormat::Png {
             return Ok(None);
         }
         let encoders = program.encoders()?;
         let colour = chosen(&encoders, format)
             .with_context(|| format!("{} cannot do it: {}", program.name(), program.cure()))?;
         if depth {
-            let told = program.request(&["-h", "encoder=libx265"])?;
+            let options = program.request(&["-h", "encoder=libx265"])?;
             ensure!(
-                told.contains(Codec::Depth.pixel()),
+                options.contains(Codec::Depth.pixel()),
                 "{} has no libx265 that codes {}, which depth needs: {}",
                 program.name(),
                 Codec::Depth.pixel(),
@@ -187,7 +187,7 @@ impl Ffmpeg {
     /// Begins a video of `size` at `rate` frames a second.
     ///
     /// # Errors
-    /// When the codec does not take the size, or the program does not start.
+    /// When the codec does not support the size, or the program does not start.
     pub fn begin(
         &self,
         codec: Codec,
@@ -198,14 +198,14 @@ impl Ffmpeg {
         let ((least, step), Size { width, height }) = (codec.grid(), size);
         ensure!(
             width.min(height) >= least && width % step + height % step == 0,
-            "{} takes pictures of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
+            "{} needs images of at least {least} pixels each way, in multiples of {step}; these are of {width}x{height}: choose another size with --size, or --pictures",
             codec.encoder()
         );
         self.program
             .begin(&codec.arguments(size, rate, path)?, path)
     }
 
-    /// Puts videos of one codec one behind the other, as they are. All lie in
+    /// Puts videos of one codec one behind the other, unchanged. All are in
     /// `folder`; each has a name of plain letters and its length in frames.
     ///
     /// ffmpeg adds up the durations of the parts in microseconds, and a frame lasts no
@@ -243,14 +243,14 @@ impl Ffmpeg {
         arguments.extend(["-c", "copy", "-bsf:v", &times, "-f", "mp4"].map(OsString::from));
         arguments.push(argument(to)?);
         let output = self.program.run(&arguments)?;
-        let said = String::from_utf8_lossy(&output.stderr);
+        let errors = String::from_utf8_lossy(&output.stderr);
         ensure!(
             output.status.success(),
             "{} could not join {} videos ({}): {}",
             self.program.name(),
             parts.len(),
             output.status,
-            said.trim()
+            errors.trim()
         );
         self.check(to, parts.iter().map(|(_, frames)| frames).sum(), rate)
     }
@@ -264,13 +264,13 @@ impl Ffmpeg {
         let mut arguments: Vec<OsString> = head.map(OsString::from).to_vec();
         arguments.push(argument(video)?);
         // A line for each packet, `0, dts, pts, duration, bytes, hash`, behind the line
-        // `#tb 0: 1/15360`; nothing is decoded.
+        // `#tb 0: 1/15360`; frames are not decoded.
         arguments.extend(["-map", "0:v", "-c", "copy", "-f", "framecrc", "-"].map(OsString::from));
         let output = self.program.run(&arguments)?;
-        let told = String::from_utf8_lossy(&output.stdout);
-        let times = Times::parse(&told).with_context(|| {
+        let text = String::from_utf8_lossy(&output.stdout);
+        let times = Times::parse(&text).with_context(|| {
             format!(
-                "{} does not tell the frames of {}: {}",
+                "{} cannot list the frames of {}: {}",
                 self.program.name(),
                 video.display(),
                 String::from_utf8_lossy(&output.stderr).trim()
@@ -295,11 +295,11 @@ struct Times {
 }
 
 impl Times {
-    /// Reads what ffmpeg's `framecrc` writes.
-    fn parse(told: &str) -> Option<Self> {
+    /// Parses the output of ffmpeg's `framecrc`.
+    fn parse(text: &str) -> Option<Self> {
         let mut unit = None;
         let mut shown = Vec::new();
-        for line in told.lines() {
+        for line in text.lines() {
             if let Some(base) = line.strip_prefix("#tb 0:") {
                 let (over, under) = base.trim().split_once('/')?;
                 unit = Some(over.parse::<f64>().ok()? / under.parse::<f64>().ok()?);
@@ -330,11 +330,11 @@ impl Times {
 }
 
 /// The codec of `format` among the encoders that ffmpeg lists.
-fn chosen(encoders: &Encoders, format: PictureFormat) -> anyhow::Result<Codec> {
+fn chosen(encoders: &Encoders, format: ImageFormat) -> anyhow::Result<Codec> {
     let wanted: &[Codec] = match format {
-        PictureFormat::H264 => &[Codec::H264],
-        PictureFormat::Av1 => &[Codec::Av1],
-        PictureFormat::Video | PictureFormat::Png => &[Codec::H264, Codec::Av1],
+        ImageFormat::H264 => &[Codec::H264],
+        ImageFormat::Av1 => &[Codec::Av1],
+        ImageFormat::Video | ImageFormat::Png => &[Codec::H264, Codec::Av1],
     };
     let has = |codec: &Codec| encoders.has(codec.encoder());
     let names: Vec<_> = wanted.iter().map(|codec| codec.encoder()).collect();
@@ -352,27 +352,28 @@ mod tests {
     };
 
     #[test]
-    fn the_encoder_is_chosen_among_those_that_there_are() {
-        let both = &Encoders::of(
+    fn the_encoder_is_chosen_among_the_available_ones() {
+        let both = &Encoders::parse(
             " V..... libsvtav1   SVT-AV1 (codec av1)\n V....D libx264   libx264 H.264\n",
         );
-        let one =
-            &Encoders::of(" V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n");
-        assert_eq!(chosen(both, PictureFormat::Video).unwrap(), Codec::H264);
-        assert_eq!(chosen(both, PictureFormat::Av1).unwrap(), Codec::Av1);
-        assert_eq!(chosen(one, PictureFormat::Video).unwrap(), Codec::Av1);
-        let told = chosen(one, PictureFormat::H264).unwrap_err().to_string();
-        assert!(told.contains("libx264"), "{told}");
+        let one = &Encoders::parse(
+            " V..... libsvtav1   SVT-AV1\n V....D libx264rgb   libx264 H.264 RGB\n",
+        );
+        assert_eq!(chosen(both, ImageFormat::Video).unwrap(), Codec::H264);
+        assert_eq!(chosen(both, ImageFormat::Av1).unwrap(), Codec::Av1);
+        assert_eq!(chosen(one, ImageFormat::Video).unwrap(), Codec::Av1);
+        let error = chosen(one, ImageFormat::H264).unwrap_err().to_string();
+        assert!(error.contains("libx264"), "{error}");
     }
 
     #[test]
-    fn png_needs_no_program_and_a_size_that_no_encoder_takes_is_told() {
-        let nowhere = Program::at("/nowhere/ffmpeg".into(), WITHOUT);
-        let png = Ffmpeg::of(nowhere.clone(), PictureFormat::Png, true).unwrap();
+    fn png_needs_no_program_and_an_unsupported_size_is_an_error() {
+        let nowhere = Program::from_path("/nowhere/ffmpeg".into(), WITHOUT);
+        let png = Ffmpeg::of(nowhere.clone(), ImageFormat::Png, true).unwrap();
         assert!(png.is_none());
-        let told = Ffmpeg::of(nowhere.clone(), PictureFormat::Video, false);
-        let told = told.unwrap_err().to_string();
-        assert!(told.contains("or take --pictures png"), "{told}");
+        let error = Ffmpeg::of(nowhere.clone(), ImageFormat::Video, false);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("or take --pictures png"), "{error}");
         let odd = Size {
             width: 97,
             height: 64,
@@ -381,23 +382,26 @@ mod tests {
             program: nowhere,
             colour: Codec::Av1,
         };
-        let told = ffmpeg
+        let error = ffmpeg
             .begin(Codec::Av1, odd, 10, Path::new("0.mp4"))
             .map(drop);
-        let told = told.unwrap_err().to_string();
-        assert!(told.contains("97x64") && told.contains("--size"), "{told}");
+        let error = error.unwrap_err().to_string();
+        assert!(
+            error.contains("97x64") && error.contains("--size"),
+            "{error}"
+        );
     }
 
     #[test]
     fn arguments_and_metadata_say_the_same() {
         for codec in [Codec::Av1, Codec::H264, Codec::Depth] {
             let path = Path::new("a folder/it's $(here).mp4");
-            let asked = codec.arguments(SIZE, 10, path).unwrap();
-            assert_eq!(*asked.last().unwrap(), argument(path).unwrap());
-            let asked: Vec<_> = asked.iter().map(|a| a.to_string_lossy()).collect();
+            let arguments = codec.arguments(SIZE, 10, path).unwrap();
+            assert_eq!(*arguments.last().unwrap(), argument(path).unwrap());
+            let arguments: Vec<_> = arguments.iter().map(|a| a.to_string_lossy()).collect();
             let after = |flag: &str| {
-                let found = asked.iter().rposition(|a| a == flag).unwrap();
-                asked[found + 1].clone()
+                let found = arguments.iter().rposition(|a| a == flag).unwrap();
+                arguments[found + 1].clone()
             };
             let info = codec.info(SIZE, 10);
             assert_eq!(info["video.pix_fmt"], *after("-pix_fmt"));
@@ -413,7 +417,7 @@ mod tests {
     fn joined_videos_do_not_drift_from_their_table() {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let ffmpeg = Ffmpeg::find(PictureFormat::H264, false).unwrap().unwrap();
+        let ffmpeg = Ffmpeg::find(ImageFormat::H264, false).unwrap().unwrap();
         let rate = 30;
         let part = folder.join("0.mp4");
         let mut stream = ffmpeg.begin(Codec::H264, SIZE, rate, &part).unwrap();
@@ -427,20 +431,23 @@ mod tests {
         let parts = vec![("0.mp4".to_owned(), 8); 360];
         ffmpeg.join(folder, &parts, rate, &to).unwrap();
         ffmpeg.check(&to, 8 * 360, rate).unwrap();
-        let told = format!("{:#}", ffmpeg.check(&to, 8 * 360 + 1, rate).unwrap_err());
-        assert!(told.contains("it has 2880 frames, expected 2881"), "{told}");
+        let error = format!("{:#}", ffmpeg.check(&to, 8 * 360 + 1, rate).unwrap_err());
+        assert!(
+            error.contains("it has 2880 frames, expected 2881"),
+            "{error}"
+        );
     }
 
     #[test]
     fn drift_of_a_video_is_found_before_lerobot_finds_it() {
-        let told = "#tb 0: 1/15360\n#media_type 0: video\n0, 0, 0, 512, 9, 0x1\n\
+        let text = "#tb 0: 1/15360\n#media_type 0: video\n0, 0, 0, 512, 9, 0x1\n\
                     0, 1024, 1024, 512, 9, 0x1\n0, 513, 513, 512, 9, 0x1, F=0x0\n";
-        let times = Times::parse(told).unwrap();
+        let times = Times::parse(text).unwrap();
         assert_eq!(times.shown, [0, 513, 1024]);
-        let told = times.check(3, 30).unwrap_err().to_string();
+        let error = times.check(3, 30).unwrap_err().to_string();
         assert!(
-            told.starts_with("frame 1 is shown at 0.033398 s, expected"),
-            "{told}"
+            error.starts_with("frame 1 is shown at 0.033398 s, expected"),
+            "{error}"
         );
         assert!(Times::parse("0, NOPTS, NOPTS, 1, 2, 0x1").is_none());
         let even = Times {

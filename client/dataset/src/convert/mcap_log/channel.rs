@@ -17,7 +17,7 @@ const OURS: &[u8] = wheelarm_proto::MESSAGES_DESCRIPTOR;
 /// ROS 2's text message.
 const ROS_TEXT: &[u8] = b"string data\n";
 
-/// How the messages of a channel are described and encoded.
+/// Schema and encoding of a channel's messages.
 pub(super) struct Schema {
     /// Full name of the message.
     pub name: String,
@@ -62,7 +62,7 @@ impl<'a> Channel<'a> {
         Self::new(topic, schema, stamps, move |i, _| Ok(samples.encoded(i)?))
     }
 
-    /// One text, as ROS 2 writes it: what viewers take a robot description from.
+    /// One text, as ROS 2 writes it: viewers read a robot description from it.
     pub fn text(topic: &str, stamp: u64, text: String) -> Self {
         let schema = Schema {
             name: Text::NAME.to_owned(),

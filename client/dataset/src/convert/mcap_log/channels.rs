@@ -1,5 +1,5 @@
-//! Which channels a recording becomes. What a message holds is read by the one
-//! table of columns; here stands only where a viewer looks for it.
+//! The channels of a recording. Messages are read by the
+//! table of columns; this module holds only the viewer's names.
 
 use std::sync::Arc;
 
@@ -20,11 +20,11 @@ pub(super) fn channels<'a>(
 ) -> anyhow::Result<Vec<Channel<'a>>> {
     let mut out = once(recording, robot, assets)?;
     for (name, camera) in &recording.cameras {
-        let all = pictures(recording, &format!("/camera/{name}"), name, camera).into_iter();
+        let all = images(recording, &format!("/camera/{name}"), name, camera).into_iter();
         out.extend(all.filter(|channel| camera.has_depth() || !channel.topic.ends_with("/depth")));
     }
     for (name, sensor) in &recording.sensors {
-        let all = pictures(recording, &format!("/sensor/{name}"), name, sensor);
+        let all = images(recording, &format!("/sensor/{name}"), name, sensor);
         let has = |what: &str| match what {
             "rgb" => sensor.has_rgb(),
             "depth" => sensor.has_depth(),
@@ -36,7 +36,7 @@ pub(super) fn channels<'a>(
                 .filter(|channel| has(channel.topic.rsplit('/').next().unwrap_or_default())),
         );
     }
-    // Every topic of the table: what is recorded has a place in the log.
+    // Every topic of the table, so that every recorded stream is in the log.
     for topic in TopicId::ALL {
         if topic == TopicId::Event || recording.episode.has(topic.name()) {
             of_topic(&mut out, topic, recording, robot)?;
@@ -45,7 +45,7 @@ pub(super) fn channels<'a>(
     Ok(out)
 }
 
-/// What a viewer needs once: links that never move, and the robot's looks.
+/// Messages that a viewer needs once: static links, and the robot's appearance.
 fn once<'a>(
     recording: &'a Recording,
     robot: Option<&'a Robot>,
@@ -74,7 +74,7 @@ fn once<'a>(
     Ok(out)
 }
 
-fn pictures<'a>(
+fn images<'a>(
     recording: &'a Recording,
     place: &str,
     name: &str,
@@ -103,7 +103,7 @@ fn pictures<'a>(
     ]
 }
 
-/// What becomes of one topic's samples.
+/// The channel of one topic's samples.
 fn of_topic<'a>(
     out: &mut Vec<Channel<'a>>,
     topic: TopicId,
@@ -174,7 +174,7 @@ fn of_topic<'a>(
         TopicId::Applied => out.push(Channel::own("/applied", topic, samples()?)),
         TopicId::Command => out.push(Channel::own("/command", topic, samples()?)),
         // `clock` and `state_hash` tell a viewer nothing; a skin has no message
-        // that viewers know. Pictures are taken by camera; the rest is not
+        // that viewers know. Images are converted by camera; the rest is not
         // recorded.
         TopicId::Clock
         | TopicId::StateHash

@@ -1,4 +1,4 @@
-//! Foxglove's messages, and what becomes of ours in them.
+//! Foxglove's messages, and the conversion of ours into them.
 
 use prost_types::Timestamp;
 use wheelarm_proto::v1;
@@ -25,10 +25,10 @@ fn timestamp(nanos: u64) -> Option<Timestamp> {
 
 fn size(camera: &Camera) -> anyhow::Result<(usize, usize)> {
     let size = camera.size();
-    size.ok_or_else(|| anyhow::anyhow!("{} has no pictures", camera.stream()))
+    size.ok_or_else(|| anyhow::anyhow!("{} has no images", camera.stream()))
 }
 
-/// The colours of a picture, JPEG.
+/// The colours of an image, JPEG.
 pub(super) fn colour(
     episode: &Episode,
     camera: &Camera,
@@ -51,7 +51,7 @@ pub(super) fn colour(
     })
 }
 
-/// Depth of a picture, millimetres.
+/// Depth of an image, millimetres.
 pub(super) fn depth(
     episode: &Episode,
     camera: &Camera,
@@ -72,7 +72,7 @@ pub(super) fn depth(
     })
 }
 
-/// Instance ids of a picture.
+/// Instance ids of an image.
 pub(super) fn instances(
     episode: &Episode,
     camera: &Camera,
@@ -94,8 +94,8 @@ pub(super) fn instances(
     })
 }
 
-/// Intrinsics of a picture: readers of this message count from the centre of the
-/// first pixel, recordings from the picture's edge.
+/// Intrinsics of an image: readers of this message count from the centre of the
+/// first pixel, recordings from the image's edge.
 pub(super) fn calibration(camera: &Camera, i: usize, stamp: u64) -> CameraCalibration {
     let [width, height, fx, fy, cx, cy] = camera.intrinsics(i);
     let (cx, cy) = (cx - PIXEL_CENTRE, cy - PIXEL_CENTRE);
@@ -148,7 +148,7 @@ pub(super) fn pose_in(frame: &str, at: Option<&v1::Pose>, stamp: u64) -> PoseInF
     }
 }
 
-/// Joints by name; what one does not tell is left out.
+/// Joints by name; unknown values are left out.
 pub(super) fn joints(
     names: &[String],
     [positions, velocities, efforts]: [&[f64]; 3],

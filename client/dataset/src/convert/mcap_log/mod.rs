@@ -1,5 +1,5 @@
 //! MCAP for Foxglove: its well-known messages where there is one, ours for the
-//! rest, every recorded sample at its own time, nothing resampled.
+//! rest; every recorded sample at its own time, without resampling.
 
 mod channel;
 mod channels;
@@ -18,16 +18,16 @@ use super::series::in_order;
 use super::{Format, PendingFile, Recording, Written};
 use crate::urdf::Robot;
 
-/// What cx and cy of a calibration count from.
+/// Origin of cx and cy of a calibration.
 const CONVENTION: &str = "pixel centre, as OpenCV and ROS count: u, v, cx and cy are 0 at the \
-centre of the first pixel; the recording counts from the picture's edge, there they are greater by 0.5";
+centre of the first pixel; the recording counts from the image's edge, there they are greater by 0.5";
 
 /// Writes `LABEL.mcap` per episode.
 #[derive(Clone, Debug)]
 pub struct McapLog {
     /// Folder of the files.
     pub out: PathBuf,
-    /// Threads that compress pictures.
+    /// Threads that compress images.
     pub threads: usize,
 }
 
@@ -36,7 +36,7 @@ impl Format for McapLog {
         false
     }
 
-    fn needs_pictures(&self) -> bool {
+    fn needs_images(&self) -> bool {
         false
     }
 
@@ -59,7 +59,7 @@ fn write(
     tick: &dyn Fn(),
 ) -> anyhow::Result<usize> {
     let snapshot = recording.episode.snapshot()?;
-    let robot = Robot::of(&snapshot.assets);
+    let robot = Robot::from_assets(&snapshot.assets);
     let channels = channels::channels(recording, robot.as_ref(), &snapshot.assets)?;
     let mut writer = mcap::WriteOptions::new()
         .compression(Some(mcap::Compression::Lz4))
@@ -106,8 +106,8 @@ fn write(
     Ok(count)
 }
 
-/// What stands once in the file: the episode, the convention of its
-/// calibrations, and what the numbers in the pictures of ids mean.
+/// Content stored once in the file: the episode, the convention of its
+/// calibrations, and the meaning of instance IDs.
 fn metadata(
     recording: &Recording,
     legend: &[v1::Instance],

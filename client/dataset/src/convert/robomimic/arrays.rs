@@ -4,7 +4,7 @@ use hdf5::{Dataset, Group, H5Type};
 
 use crate::hdf::Attributes;
 
-/// Unit and frame of a dataset; the frame is empty where there is none.
+/// Unit and frame of a dataset; the frame is empty without one.
 pub(super) type What<'a> = (&'a str, &'a str);
 
 /// Numbers without a unit.
@@ -31,7 +31,7 @@ pub(super) fn rows<T: H5Type>(
 }
 
 pub(super) fn describe(data: &Dataset, (units, frame): What<'_>) -> hdf5::Result<()> {
-    Attributes::of(data)
+    Attributes::for_object(data)
         .text("units", units)?
         .text("frame", frame)?;
     Ok(())

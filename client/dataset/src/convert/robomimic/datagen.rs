@@ -1,4 +1,4 @@
-//! What MimicGen adds: the hand, its target and every object as matrices, and
+//! MimicGen's additions: the hand, its target and every object as matrices, and
 //! signals of finished subtasks. All poses are in `house`: MimicGen moves the
 //! hand with the object, which needs one frame for both.
 
@@ -29,8 +29,8 @@ pub(super) fn write(
     };
     let mount = recording.arm_mount()?;
     let in_house = |row: usize, in_base: &[f64]| {
-        let base = pose::compose(&pose::of(learning.chair(row)), &mount);
-        pose::compose(&base, &pose::of(in_base))
+        let base = pose::compose(&pose::from_row(learning.chair(row)), &mount);
+        pose::compose(&base, &pose::from_row(in_base))
     };
     let hand = matrices(&|r| in_house(r, learning.effector(r)));
     rows(&info, "eef_pose", POSE, &hand, &[4, 4])?;
@@ -43,7 +43,7 @@ pub(super) fn write(
     let objects = info.create_group("object_poses")?;
     if let Some(signal) = recording.aligned.signal("object_pose", "pose") {
         for (i, name) in signal.meta.names.iter().enumerate() {
-            let one = |r: usize| pose::of(signal.row(r).get(7 * i..7 * i + 7).unwrap_or(&[]));
+            let one = |r: usize| pose::from_row(signal.row(r).get(7 * i..7 * i + 7).unwrap_or(&[]));
             rows(&objects, name, POSE, &matrices(&one), &[4, 4])?;
         }
     }

@@ -1,7 +1,7 @@
 //! A robomimic data set with MimicGen's additions: one HDF5 file of all
 //! episodes, actions normalised to [-1, 1] with the raw ones beside them.
 //!
-//! Pictures are compressed once and written as `obs` of their row and as
+//! Images are compressed once and written as `obs` of their row and as
 //! `next_obs` of the row before. The file has its final name only when whole.
 
 mod arrays;
@@ -26,7 +26,7 @@ use crate::calibration::{CONVENTION, PIXEL_CENTRE};
 use crate::compress::Deflate;
 use crate::hdf::{Attributes, Chunked, Filters};
 
-/// Pictures that are compressed together.
+/// Images that are compressed together.
 const BLOCK: usize = 16;
 /// One of so many groups of episodes goes to the validation mask.
 const VALIDATION: usize = 10;
@@ -44,13 +44,13 @@ struct Set {
     file: hdf5::File,
     demos: usize,
     rows: usize,
-    /// Where each demo comes from.
+    /// Source of each demo.
     origins: Vec<Origin>,
-    /// What the first episode decides; none yet without it.
+    /// Properties set by the first episode; `None` before it.
     common: Option<Common>,
 }
 
-/// Where an episode comes from, as far as the split asks.
+/// Source of an episode, as far as the split needs it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Origin {
     seed: u64,
@@ -59,7 +59,7 @@ struct Origin {
     label: String,
 }
 
-/// What the episodes of one group of the split have in common.
+/// Common property of the episodes of one group of the split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Grouping {
     /// The scene: area and seed.
@@ -83,7 +83,7 @@ impl Grouping {
         (group, if self == Self::Episode { demo } else { 0 })
     }
 
-    /// What a user must know of a split by these groups.
+    /// Note for the user about a split by these groups.
     fn warning(self) -> Option<&'static str> {
         match self {
             Self::Scene => None,
@@ -125,7 +125,7 @@ fn split(demos: &[Origin]) -> Option<(Vec<bool>, Grouping)> {
     None
 }
 
-/// What holds for all episodes.
+/// Properties of all episodes.
 struct Common {
     /// Least and greatest raw value of every action component so far.
     range: Range,
@@ -136,12 +136,12 @@ struct Common {
     names: Vec<String>,
     /// Cameras with their sizes; every episode has the same.
     cameras: Vec<(String, Size)>,
-    /// Their intrinsics in the first episode, for pictures of these sizes.
+    /// Their intrinsics in the first episode, for images of these sizes.
     calibration: serde_json::Value,
 }
 
 impl Robomimic {
-    /// A data set at `out`; pictures are scaled to `size` when it is given.
+    /// A data set at `out`; images are scaled to `size` when it is given.
     ///
     /// # Errors
     /// When `out` exists already or cannot be made.
@@ -184,17 +184,19 @@ impl Format for Robomimic {
         let rows = &learning.rows;
         anyhow::ensure!(
             rows.len() > 1,
-            "one row is left, and an action needs a next one"
+            "one row is left, but an action needs the next row"
         );
         let set = &mut *self.set.lock();
         let cameras: Vec<(String, Size)> = learning::cameras(recording, self.size)
             .into_iter()
             .collect();
         if let Some(common) = &set.common {
-            common.body.ensure_same(&Body::of(&recording.robot))?;
+            common
+                .body
+                .ensure_same(&Body::from_description(&recording.robot))?;
             anyhow::ensure!(
                 common.cameras == cameras,
-                "pictures differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
+                "images differ from those of the first episode ({:?}, here {cameras:?}); --size makes sizes equal",
                 common.cameras
             );
         }
@@ -221,7 +223,7 @@ impl Format for Robomimic {
                 set.common = Some(Common {
                     range: (low, high),
                     environment: environment(recording, rate, self.rows.action.name()),
-                    body: Body::of(&recording.robot),
+                    body: Body::from_description(&recording.robot),
                     names: self.rows.action.names(&recording.robot),
                     cameras,
                     calibration: intrinsics::cameras(recording, self.size),
@@ -237,7 +239,7 @@ impl Format for Robomimic {
         });
         let calibration = intrinsics::cameras(recording, self.size).to_string();
         let demo = set.file.group("data")?.group(&name)?;
-        Attributes::of(&demo).text("camera_calibration", &calibration)?;
+        Attributes::for_object(&demo).text("camera_calibration", &calibration)?;
         set.demos += 1;
         set.rows += rows.len() - 1;
         Ok(Written {
@@ -250,7 +252,7 @@ impl Format for Robomimic {
     fn finish(self: Box<Self>) -> anyhow::Result<Option<Written>> {
         let set = self.set.into_inner();
         let Some(common) = set.common else {
-            anyhow::bail!("no episode could be taken: there is no data set");
+            anyhow::bail!("no episode could be exported: no data set was written");
         };
         let (low, high) = &widened(&common.range);
         let data = set.file.group("data")?;
@@ -264,7 +266,7 @@ impl Format for Robomimic {
             if validates { &mut valid } else { &mut train }.push(name);
         }
         let cameras: Vec<&str> = common.cameras.iter().map(|c| c.0.as_str()).collect();
-        Attributes::of(&data)
+        Attributes::for_object(&data)
             .text("camera_calibration", &common.calibration.to_string())?
             .set("total", i64::try_from(set.rows)?)?
             .text("env_args", &common.environment.to_string())?
@@ -337,7 +339,7 @@ fn normalise(demo: &Group, low: &[f64], high: &[f64], names: &[String]) -> anyho
         "",
     );
     let data = rows(demo, "actions", what, &scaled, &[width])?;
-    Attributes::of(&data).texts("names", names)?;
+    Attributes::for_object(&data).texts("names", names)?;
     Ok(())
 }
 
@@ -367,15 +369,15 @@ impl Robomimic {
                     tick();
                 }
             };
-            self.pictures([&obs, &next_obs], recording, camera, all, &tick)?;
+            self.images([&obs, &next_obs], recording, camera, all, &tick)?;
         }
         datagen::write(group, recording, learning, here)?;
         Ok(range)
     }
 
-    /// Writes a camera's pictures of the rows `all`: as `obs` of their row and as
+    /// Writes a camera's images of the rows `all`: as `obs` of their row and as
     /// `next_obs` of the row before.
-    fn pictures(
+    fn images(
         &self,
         groups: [&Group; 2],
         recording: &Recording,
@@ -388,16 +390,16 @@ impl Robomimic {
         let shape = [size.height, size.width, 3];
         let create = |g: &Group| Chunked::create::<u8>(g, &name, n, &shape, 1, Filters::Deflate);
         let (to, to_next) = (create(groups[0])?, create(groups[1])?);
-        for pictures in [&to, &to_next] {
+        for images in [&to, &to_next] {
             let what = ("1 (0 to 255, sRGB)", "row-major from the top left");
-            describe(pictures.dataset(), what)?;
-            Attributes::of(pictures.dataset())
+            describe(images.dataset(), what)?;
+            Attributes::for_object(images.dataset())
                 .set("pixel_centre", PIXEL_CENTRE)?
                 .text("convention", CONVENTION)?;
         }
         for (block, part) in all.chunks(BLOCK).enumerate() {
             let compressed = parallel(part.len(), self.threads, |i| {
-                let (source, index) = recording.picture(camera, part[i])?;
+                let (source, index) = recording.image(camera, part[i])?;
                 let (width, height) = source.size().context("a size")?;
                 let rgb = source.rgb(&recording.episode, index)?;
                 let rgb = scaled(rgb, Size { width, height }, *size);
@@ -422,7 +424,7 @@ impl Robomimic {
 
 impl Robomimic {
     /// Writes actions, states, rewards and labels of the rows, of which the last
-    /// one is only somebody's next, and returns the range of the raw actions.
+    /// one is only the next one of another row, and returns the range of the raw actions.
     fn numbers(
         &self,
         group: &Group,
@@ -439,7 +441,7 @@ impl Robomimic {
         let width = kind.size();
         let units = list(kind.units().collect());
         let data = rows(group, "actions_raw", (&units, ""), &action, &[width])?;
-        Attributes::of(&data).texts("names", &kind.names(&recording.robot))?;
+        Attributes::for_object(&data).texts("names", &kind.names(&recording.robot))?;
         let names = state_names(&recording.robot);
         let units = list(state_units().collect());
         let frame = format!(
@@ -449,7 +451,7 @@ impl Robomimic {
         let what = (units.as_str(), frame.as_str());
         let state = flat(&learning.states);
         let data = rows(group, "states", what, &state, &[names.len()])?;
-        Attributes::of(&data).texts("names", &names)?;
+        Attributes::for_object(&data).texts("names", &names)?;
         let reward = next
             .iter()
             .map(|&r| f64::from(u8::from(learning.success(r))));
@@ -471,7 +473,7 @@ impl Robomimic {
             "",
         );
         rows(group, "incident", what, &incident, &[])?;
-        Attributes::of(group)
+        Attributes::for_object(group)
             .set("num_samples", i64::try_from(n)?)?
             .text("label", &recording.summary.label)?
             .text("instruction", &recording.summary.instruction)?
@@ -486,7 +488,7 @@ impl Robomimic {
 
 const QUATERNION: &str = "1 (unit quaternion x y z w)";
 
-/// An observation: its name, unit and frame, width, and what it takes from a row.
+/// An observation: its name, unit and frame, width, and how it is read from a row.
 type Observation<'a> = (&'a str, What<'a>, usize, &'a dyn Fn(usize) -> Vec<f64>);
 
 /// Writes the numbers that a policy sees in each of some rows.
@@ -498,7 +500,7 @@ fn observations(
 ) -> anyhow::Result<()> {
     let base = recording.robot.arm_base_link.as_str();
     let chair = recording.robot.root_link.as_str();
-    // Joints of the arm, which stand before the knuckle.
+    // Joints of the arm, which precede the knuckle.
     let arm = ARM_JOINTS;
     let place = |i: usize| learning.rows[i];
     let observed: [Observation<'_>; 7] = [
@@ -540,7 +542,7 @@ fn observations(
     Ok(())
 }
 
-/// Writes what no robot knows of itself.
+/// Writes the privileged state, which no robot measures.
 fn privileged(group: &Group, learning: &Learning<'_>, here: &[usize]) -> anyhow::Result<()> {
     let all = |from: usize, to: usize| -> Vec<f64> {
         let poses = here.iter().map(|&r| learning.chair(r));
@@ -612,7 +614,7 @@ mod tests {
     }
 
     #[test]
-    fn what_hardly_changes_is_not_blown_up() {
+    fn nearly_constant_values_are_not_scaled_up() {
         let (low, high) = widened(&(vec![0.4, -1.0, 0.0], vec![0.4001, 1.0, 0.0]));
         assert!((high[0] - low[0] - 0.02).abs() < 1e-12 && low[0] < 0.4 && high[0] > 0.4001);
         assert_eq!((low[1], high[1]), (-1.0, 1.0));

@@ -1,4 +1,4 @@
-//! Plain CDR, little-endian, as every ROS 2 middleware reads it: each value stands
+//! Plain CDR, little-endian, as every ROS 2 middleware reads it: each value is located
 //! at a multiple of its own size, counted from after the four bytes of the head.
 
 /// Head of the encoding: plain CDR, little-endian, no options.
@@ -48,7 +48,7 @@ impl Cdr {
         self.put(value.to_le_bytes());
     }
 
-    /// An array of fixed length, which is not told.
+    /// An array of fixed length, which is not written.
     pub fn f64s(&mut self, values: &[f64]) {
         values.iter().for_each(|&value| self.f64(value));
     }
@@ -73,7 +73,7 @@ impl Cdr {
         self.0.extend_from_slice(bytes);
     }
 
-    /// A text: its length with the NUL that ends it, then both. What stands behind
+    /// A text: its length with the NUL that ends it, then both. The value behind
     /// a NUL inside would be lost to readers; there it is cut.
     pub fn text(&mut self, text: &str) {
         let text = text.split('\0').next().unwrap_or_default();
@@ -93,7 +93,7 @@ impl Cdr {
 mod tests {
     use super::*;
 
-    /// What stands behind the head.
+    /// The bytes after the head.
     fn encoded(write: impl Fn(&mut Cdr)) -> Vec<u8> {
         let mut out = Cdr::new();
         write(&mut out);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn values_stand_at_multiples_of_their_size_counted_from_after_the_head() {
+    fn values_are_aligned_to_their_size_after_the_header() {
         let bytes = encoded(|out| {
             out.u8(7);
             out.u32(0x0102_0304);
@@ -115,7 +115,7 @@ mod tests {
         wanted.extend(1.0_f64.to_le_bytes());
         wanted.extend([1, 0, 0, 0, 0xfe, 0xff, 0xff, 0xff]);
         assert_eq!(bytes, wanted);
-        // The head counts for nothing: eight bytes follow it without room.
+        // The header does not count: eight bytes follow it without padding.
         assert_eq!(encoded(|out| out.f64(2.0)), 2.0_f64.to_le_bytes());
     }
 
@@ -142,7 +142,7 @@ mod tests {
         // Length, room up to a multiple of eight, two numbers.
         assert_eq!(sequence[..8], [2, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(sequence[8..], array);
-        // Of no number there is neither number nor room for one.
+        // An empty list has neither elements nor padding.
         assert_eq!(encoded(|out| out.f64_sequence(&[])), [0; 4]);
         let texts = encoded(|out| out.texts(&["a".into(), "bc".into()]));
         let wanted = [

@@ -1,5 +1,5 @@
 //! Which fields a message has, in the language of `.msg` files: the text that
-//! stands in a bag, and the hash by which ROS 2 tells types apart.
+//! is stored in a bag, and the hash by which ROS 2 identifies types.
 //!
 //! The hash is that of REP 2011, version 1: SHA-256 over the type's description as
 //! JSON, fields in their order, without default values, and every type that is
@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 const LINE: &str =
     "================================================================================";
 
-/// The messages of a bag and what they are made of: full name, and fields as in the
+/// The messages of a bag and their parts: full name, and fields as in the
 /// `.msg` file without its comments.
 const DEFINITIONS: [(&str, &str); 24] = [
     ("builtin_interfaces/msg/Time", "int32 sec\nuint32 nanosec\n"),
@@ -117,7 +117,7 @@ const DEFINITIONS: [(&str, &str); 24] = [
     ),
 ];
 
-/// Where definitions are looked up; tests know more of them.
+/// The table of definitions; tests extend it.
 type Known = fn(&str) -> Option<&'static str>;
 
 fn known(name: &str) -> Option<&'static str> {
@@ -125,7 +125,7 @@ fn known(name: &str) -> Option<&'static str> {
     found.map(|(_, text)| *text)
 }
 
-/// What stands in a bag about a message: its definition, then each that it uses.
+/// Definition of a message in a bag: its own, then each that it uses.
 ///
 /// # Panics
 /// For a message that is not in the table; a test goes through all that are written.
@@ -200,15 +200,15 @@ fn uses(name: &str, known: Known) -> Vec<String> {
     found
 }
 
-/// A field as the description of a type tells it.
+/// A field as in the description of a type.
 #[derive(Debug, PartialEq, Eq)]
 struct Field {
     name: String,
-    /// Number of its type, with what it is one or many of.
+    /// Number of its type, including its multiplicity.
     id: u8,
     /// Elements of an array.
     capacity: u64,
-    /// Full name of a type that is no basic one.
+    /// Full name of a type that is not a basic one.
     nested: String,
 }
 
@@ -273,7 +273,7 @@ fn field(of: &str, name: &str, package: &str) -> Field {
 mod tests {
     use super::*;
 
-    /// Definitions that no bag of ours holds, for the table of hashes.
+    /// Definitions outside of our bags, for the table of hashes.
     fn more(name: &str) -> Option<&'static str> {
         let text = match name {
             "builtin_interfaces/msg/Duration" => "int32 sec\nuint32 nanosec\n",
@@ -299,9 +299,9 @@ mod tests {
     }
 
     #[test]
-    fn hashes_are_those_that_a_running_ros_2_tells() {
-        // Asked of rclpy on Jazzy and on Kilted, which agree in all of them.
-        let told = "
+    fn type_hashes_equal_those_of_a_running_ros_2() {
+        // Returned by rclpy on Jazzy and on Kilted, which agree in all of them.
+        let hashes = "
             sensor_msgs/msg/Image            d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47
             sensor_msgs/msg/CompressedImage  15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a
             sensor_msgs/msg/CameraInfo       b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275
@@ -323,7 +323,7 @@ mod tests {
             std_msgs/msg/Header              f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01
             tf2_msgs/msg/TFMessage           e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087";
         let mut count = 0;
-        for line in told.lines().filter(|line| !line.trim().is_empty()) {
+        for line in hashes.lines().filter(|line| !line.trim().is_empty()) {
             let mut words = line.split_whitespace();
             let (name, wanted) = (words.next().unwrap(), words.next().unwrap());
             assert_eq!(hash(name, more), format!("RIHS01_{wanted}"), "{name}");
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_are_taken_apart() {
+    fn fields_are_parsed() {
         let of = |of: &str| {
             let field = field(of, "a", "geometry_msgs");
             (field.id, field.capacity, field.nested)

@@ -1,5 +1,5 @@
 //! The messages, each with what a recording tells of it. What a recording does not
-//! tell stands as ROS says it: unknown covariances are zeros.
+//! give is written as ROS defines it: unknown covariances are zeros.
 
 use super::cdr::Cdr;
 use crate::calibration::PIXEL_CENTRE;
@@ -53,7 +53,7 @@ impl RosMessage for Clock {
     }
 }
 
-/// `sensor_msgs/msg/JointState`; numbers that are not told are an empty list.
+/// `sensor_msgs/msg/JointState`; unknown numbers are an empty list.
 pub(in crate::convert) struct JointState {
     pub stamp: u64,
     pub names: Vec<String>,
@@ -81,7 +81,7 @@ impl RosMessage for JointState {
 pub(in crate::convert) struct Imu {
     pub stamp: u64,
     pub frame: String,
-    /// x y z w; `None` where the unit does not tell it.
+    /// x y z w; `None` where the IMU does not report it.
     pub orientation: Option<[f64; 4]>,
     /// rad/s.
     pub angular_velocity: [f64; 3],
@@ -97,7 +97,7 @@ impl RosMessage for Imu {
         out.f64s(&self.orientation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
         let mut covariance = [0.0; 9];
         if self.orientation.is_none() {
-            // ROS's mark for what is not measured.
+            // ROS's mark of unmeasured values.
             covariance[0] = -1.0;
         }
         out.f64s(&covariance);
@@ -217,7 +217,7 @@ impl RosMessage for Image {
 pub(in crate::convert) struct CameraInfo {
     pub stamp: u64,
     pub frame: String,
-    /// Width, height, fx, fy, cx, cy in pixels, cx and cy from the picture's edge as
+    /// Width, height, fx, fy, cx, cy in pixels, cx and cy from the image's edge as
     /// recordings count them; ROS counts from the centre of the first pixel.
     pub intrinsics: [f64; 6],
 }
@@ -236,7 +236,7 @@ impl RosMessage for CameraInfo {
         out.f64s(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]);
         out.f64s(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
         out.f64s(&[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]);
-        // Not binned; the region of interest is the whole picture.
+        // Not binned; the region of interest is the whole image.
         (0..6).for_each(|_| out.u32(0));
         out.bool(false);
     }

@@ -1,6 +1,6 @@
 //! ROS 2's messages without ROS 2: how values are encoded, which fields a message
-//! has, the hash of its type, and what becomes of ours in them. No files, and
-//! nothing of a recording.
+//! has, the hash of its type, and the conversion of ours. No files, and
+//! no recordings.
 
 mod cdr;
 mod definition;

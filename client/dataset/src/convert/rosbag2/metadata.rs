@@ -1,4 +1,4 @@
-//! `metadata.yaml`, version 9, by which `ros2 bag` knows what is in a bag.
+//! `metadata.yaml`, version 9, which describes a bag to `ros2 bag`.
 
 use std::fmt::Write;
 
@@ -53,7 +53,7 @@ impl Topic {
     }
 }
 
-/// What a bag says of itself.
+/// Metadata of a bag.
 #[derive(Clone, Debug)]
 pub(super) struct Bag {
     /// Name of its only file.
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_file_tells_topics_with_counts_times_and_quoted_words() {
+    fn the_metadata_lists_topics_with_counts_times_and_quoted_text() {
         let topic = |name: &str, latched, messages| Topic {
             name: name.to_owned(),
             kind: "std_msgs/msg/String",

@@ -1,5 +1,5 @@
 //! A bag as `ros2 bag` writes it: the folder LABEL with LABEL_0.mcap and
-//! metadata.yaml, every recorded sample at its own time, nothing resampled.
+//! metadata.yaml, every recorded sample at its own time, without resampling.
 //! Standard messages where there is one, JSON in `std_msgs/msg/String` for the rest.
 
 mod metadata;
@@ -26,7 +26,7 @@ use crate::urdf::Robot;
 pub struct Rosbag2 {
     /// Folder of the bags.
     pub out: PathBuf,
-    /// Threads that read pictures.
+    /// Threads that read images.
     pub threads: usize,
 }
 
@@ -35,7 +35,7 @@ impl Format for Rosbag2 {
         false
     }
 
-    fn needs_pictures(&self) -> bool {
+    fn needs_images(&self) -> bool {
         false
     }
 
@@ -44,7 +44,7 @@ impl Format for Rosbag2 {
         let pending = PendingFolder::new(&self.out.join(label))?;
         let file = format!("{label}_0.mcap");
         let snapshot = recording.episode.snapshot()?;
-        let robot = Robot::of(&snapshot.assets);
+        let robot = Robot::from_assets(&snapshot.assets);
         let channels = topics::channels(recording, robot.as_ref(), &snapshot)?;
         let bag = bag(&file, recording, &channels);
         write(
@@ -70,7 +70,7 @@ impl Format for Rosbag2 {
     }
 }
 
-/// What the bag says of itself. Several channels may share a topic.
+/// Metadata of the bag. Several channels may share a topic.
 fn bag(file: &str, recording: &Recording, channels: &[Channel<'_>]) -> Bag {
     let mut topics: BTreeMap<&str, Topic> = BTreeMap::new();
     for channel in channels {
@@ -126,11 +126,11 @@ fn write(
     for topic in &bag.topics {
         let text = description(topic.kind);
         let schema = writer.add_schema(topic.kind, "ros2msg", text.as_bytes())?;
-        let told = BTreeMap::from([
+        let metadata = BTreeMap::from([
             ("offered_qos_profiles".to_owned(), topic.quality()),
             ("topic_type_hash".to_owned(), topic.hash.clone()),
         ]);
-        let id = writer.add_channel(schema, &topic.name, "cdr", &told)?;
+        let id = writer.add_channel(schema, &topic.name, "cdr", &metadata)?;
         ids.insert(topic.name.as_str(), (id, 0_u32));
     }
     let reference = topics::colour(&recording.aligned.reference);

@@ -1,6 +1,6 @@
 //! Which topics a recording becomes. Names and frames are those of the bridge to
-//! ROS 2 where it has the topic too; what was commanded stands below `/applied`,
-//! where a bag that is played drives nothing.
+//! ROS 2 where it has the topic too; commands are below `/applied`,
+//! where a played bag does not move a robot.
 
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ use crate::read::{Camera, Samples};
 use crate::urdf::{self, Robot};
 use crate::{depth, ids};
 
-/// The world, in which everything stands.
+/// The world frame, root of all poses.
 const WORLD: &str = "house";
 /// Frame in which wheel odometry counts.
 const ODOMETRY: &str = "odom";
 
-/// What a bag has to know of messages.
+/// Metadata of messages in a bag.
 pub(super) struct Kind {
     /// Full name of their type.
     pub name: &'static str,
@@ -61,7 +61,7 @@ impl<'a> Channel<'a> {
         })
     }
 
-    /// One message that holds from `stamp` on.
+    /// One message that is valid from `stamp` on.
     fn latched<M: RosMessage>(topic: &str, stamp: u64, message: &M) -> Self {
         let kind = Kind {
             name: M::NAME,
@@ -99,7 +99,7 @@ pub(super) fn channels<'a>(
     robot: Option<&'a Robot>,
     start: &v1::SnapshotReply,
 ) -> anyhow::Result<Vec<Channel<'a>>> {
-    // Of one stamp the time comes first, for whoever goes by it.
+    // At one stamp the clock is first, for readers that use it.
     let mut out = Vec::new();
     let clock = recording.episode.stamps(TopicId::Clock.name())?;
     out.push(Channel::of("/clock", &clock, |_, stamp| Ok(Clock(stamp))));
@@ -110,16 +110,16 @@ pub(super) fn channels<'a>(
         }
     }
     for (name, camera) in &recording.cameras {
-        pictures(&mut out, recording, name, camera);
+        images(&mut out, recording, name, camera);
     }
     for (name, sensor) in &recording.sensors {
-        pictures(&mut out, recording, name, sensor);
+        images(&mut out, recording, name, sensor);
     }
     out.retain(|channel| !channel.stamps.is_empty());
     Ok(out)
 }
 
-/// What holds for the whole episode.
+/// Messages for the whole episode.
 fn once(
     out: &mut Vec<Channel<'_>>,
     recording: &Recording,
@@ -155,7 +155,7 @@ fn once(
     Ok(())
 }
 
-/// Where the odometry's frame stands in the world: it counts from a place that is
+/// Pose of the odometry's frame in the world: it counts from a place that is
 /// not recorded, which follows from the first sample. `None` without one.
 fn odometry_in_world(recording: &Recording) -> anyhow::Result<Option<Pose>> {
     let episode = &recording.episode;
@@ -178,9 +178,9 @@ fn odometry_in_world(recording: &Recording) -> anyhow::Result<Option<Pose>> {
     Ok(found.iter().all(|v| v.is_finite()).then_some(found))
 }
 
-/// What a camera, or a sensor in its place, gave. A picture is stamped with its
-/// exposure, and stands in the bag when it arrived.
-fn pictures<'a>(
+/// Messages of a camera, or of a sensor in its place. An image is stamped with its
+/// exposure, and is logged at its arrival.
+fn images<'a>(
     out: &mut Vec<Channel<'a>>,
     recording: &'a Recording,
     name: &'a str,
@@ -260,7 +260,7 @@ fn pictures<'a>(
     }));
 }
 
-/// What becomes of one topic's samples.
+/// The channel of one topic's samples.
 fn of_topic<'a>(
     out: &mut Vec<Channel<'a>>,
     topic: TopicId,
@@ -383,7 +383,7 @@ fn of_topic<'a>(
         TopicId::Disturbance => words(out, recording, topic, "/disturbance")?,
         TopicId::Person => words(out, recording, topic, "/person")?,
         TopicId::StateHash => words(out, recording, topic, "/state_hash")?,
-        // The clock comes before all; pictures are taken by camera; the rest is not
+        // The clock precedes all; images are converted by camera; the rest is not
         // recorded.
         TopicId::Clock
         | TopicId::Camera
@@ -407,7 +407,7 @@ fn words(
     name: &str,
 ) -> anyhow::Result<()> {
     let episode = &recording.episode;
-    let words = Words::of(episode, topic.name())?;
+    let words = Words::read(episode, topic.name())?;
     let stamps = episode.stamps(topic.name())?;
     out.push(Channel::of(name, &stamps, move |i, _| {
         Ok(Text(words.sample(i)))
@@ -492,7 +492,7 @@ fn poses<'a>(
     }
 }
 
-/// What the robot was told.
+/// Commands to the robot.
 fn applied<'a>(out: &mut Vec<Channel<'a>>, samples: &Arc<Samples>, recording: &'a Recording) {
     let (robot, roles) = (&recording.robot, &recording.roles);
     let joint = |&place: &usize| robot.joints.get(place).map(|joint| joint.name.clone());
@@ -541,7 +541,7 @@ fn transform(stamp: u64, parent: &str, child: &str, pose: Pose) -> Transform {
     }
 }
 
-/// NaN where a part is not told.
+/// NaN where a part is not set.
 fn vector(v: Option<&v1::Vector3>) -> [f64; 3] {
     v.map_or([f64::NAN; 3], |v| [v.x, v.y, v.z])
 }

@@ -13,7 +13,7 @@ impl Words {
     ///
     /// # Errors
     /// When one cannot be read.
-    pub fn of(episode: &Episode, stream: &str) -> Result<Self, ReadError> {
+    pub fn read(episode: &Episode, stream: &str) -> Result<Self, ReadError> {
         let columns = episode.columns(stream)?.into_iter();
         let columns = columns.filter(|meta| meta.kind != ElementKind::Other);
         let columns = columns.map(|meta| {
@@ -24,7 +24,7 @@ impl Words {
     }
 
     /// A sample: every column with its name; along a named axis an object, along
-    /// another one a list; what is no number is `null`.
+    /// another one a list; a non-number is `null`.
     pub fn sample(&self, i: usize) -> String {
         let mut all = Map::new();
         for (meta, values) in &self.0 {
@@ -36,7 +36,7 @@ impl Words {
     }
 }
 
-/// The elements from `place` on in the shape that is left.
+/// The elements from `place` on in the remaining shape.
 fn shaped(
     meta: &ColumnMeta,
     shape: &[usize],

@@ -1,14 +1,14 @@
-//! Pictures that the server compressed.
+//! Images that the server compressed.
 
 use super::super::super::latest;
-use super::super::hearing::{LONGEST, LOOK, PATIENCE};
+use super::super::camera_subscription::{LONGEST, LOOK, PATIENCE};
 use super::*;
 use wheelarm_dataset::compress::Deflate;
 use wheelarm_dataset::compress::depth::to_millimetres;
 use wheelarm_dataset::depth::Depth;
 use wheelarm_proto::digest::{Digest, StreamDigest, of_message};
 
-/// A picture as it is, with other colours in each.
+/// An exact image; its colours depend on `sequence`.
 fn exact(sequence: u64) -> v1::CameraFrame {
     v1::CameraFrame {
         header: Some(header(1, sequence, 24 * sequence)),
@@ -79,12 +79,12 @@ fn begins(label: &str, compressed_cameras: bool) -> v1::EpisodeStarted {
     }
 }
 
-/// A recorder that hears compressed pictures, in episode 1.
+/// A recorder that receives compressed images, in episode 1.
 fn bench() -> Bench {
     bench_with(Depth::Metres)
 }
 
-/// The same that stores depth in a way of its own.
+/// The same, storing depth as `depth`.
 fn bench_with(depth: Depth) -> Bench {
     let mut b = Bench::new();
     let options = WriterOptions {
@@ -93,21 +93,21 @@ fn bench_with(depth: Depth) -> Bench {
     };
     b.recorder = Recorder::new(b.dir.path().to_owned(), options).with_compressed(true);
     let out = b.feed(runs(begins("small", true)));
-    assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
+    assert!(matches!(out[..], [Output::RequestSnapshot]), "{out:?}");
     b.feed(snapshot(1));
     b
 }
 
-/// The end of an episode of three pictures, with their digests.
-fn told() -> v1::EpisodeStopped {
-    let mut told = stopped(1, 0, 3);
+/// The end of an episode of three images, with their digests.
+fn stopped_with_digests() -> v1::EpisodeStopped {
+    let mut end = stopped(1, 0, 3);
     let all: Vec<_> = (0..3).map(exact_digest).collect();
-    told.manifest[1].digest = StreamDigest::from_messages(&all).to_vec();
+    end.manifest[1].digest = StreamDigest::from_messages(&all).to_vec();
     let all: Vec<_> = (0..3)
         .map(|i| of_message([&compressed(i).encode_to_vec()[..]]))
         .collect();
-    told.manifest[1].compressed_digest = StreamDigest::from_messages(&all).to_vec();
-    told
+    end.manifest[1].compressed_digest = StreamDigest::from_messages(&all).to_vec();
+    end
 }
 
 fn tick(sequence: u64) -> v1::Clock {
@@ -121,7 +121,7 @@ fn clock(sequence: u64) -> Input {
     sample("clock", &tick(sequence))
 }
 
-/// What the manifest says of `count` of them.
+/// The manifest entry of `count` clock samples.
 fn clocks(count: u64) -> v1::StreamCount {
     let all: Vec<_> = (0..count)
         .map(|i| of_message([&tick(i).encode_to_vec()[..]]))
@@ -136,8 +136,8 @@ fn clocks(count: u64) -> v1::StreamCount {
     }
 }
 
-/// The pictures of a file as the messages that they were.
-fn pictures(path: &Path) -> Vec<Vec<u8>> {
+/// The images of a file as their original messages.
+fn images(path: &Path) -> Vec<Vec<u8>> {
     let episode = Episode::open(path).unwrap();
     let camera = episode.camera("gen3").unwrap();
     (0..3)
@@ -146,25 +146,25 @@ fn pictures(path: &Path) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn compressed_pictures_are_in_the_file_as_they_were_and_count_as_credit() {
+fn compressed_images_are_stored_exactly_and_count_as_credit() {
     let mut b = bench();
     for i in 0..3 {
         let out = b.feed(sample("compressed/gen3", &compressed(i)));
         assert!(matches!(out[..], [Output::Status(_)]), "{out:?}");
     }
     assert_eq!(b.recorder.status().accepted_frames, 3);
-    // Once more, in either form: a double is no credit and no doubt.
+    // A repeated image in either form adds no credit and no doubt.
     assert!(b.feed(sample("compressed/gen3", &compressed(1))).is_empty());
     assert!(b.feed(sample("camera/gen3", &exact(1))).is_empty());
-    let out = b.feed(ended(told()));
+    let out = b.feed(ended(stopped_with_digests()));
     let done = report(&out);
     assert!(done.complete, "{:?}", done.problems);
     let expected: Vec<_> = (0..3).map(|i| exact(i).encode_to_vec()).collect();
-    assert_eq!(pictures(&done.path), expected);
+    assert_eq!(images(&done.path), expected);
 }
 
 #[test]
-fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
+fn an_uncompressed_or_lost_image_is_requested_as_exact_image() {
     let mut b = bench();
     b.feed(sample("compressed/gen3", &compressed(0)));
     let empty = v1::CompressedCameraFrame {
@@ -172,35 +172,35 @@ fn a_picture_that_nobody_compressed_or_that_was_lost_is_asked_for_as_it_is() {
         ..Default::default()
     };
     assert!(b.feed(sample("compressed/gen3", &empty)).is_empty());
-    let asked = |out: Vec<Output>| match &out[..] {
-        [Output::AskSamples { missing: m, .. }] => (m.stream.clone(), m.first, m.last),
+    let requested = |out: Vec<Output>| match &out[..] {
+        [Output::RequestSamples { missing: m, .. }] => (m.stream.clone(), m.first, m.last),
         other => panic!("{other:?}"),
     };
     let moment = Duration::from_millis(50);
     let exact_one = || ("camera/gen3".to_owned(), 1, Some(1));
-    assert_eq!(asked(b.wait(moment)), exact_one());
-    // What is asked for is not asked for again at once, whatever comes.
+    assert_eq!(requested(b.wait(moment)), exact_one());
+    // A pending request is not repeated at once.
     b.feed(sample("compressed/gen3", &empty));
     assert!(b.wait(moment).is_empty());
-    assert_eq!(asked(b.wait(Duration::from_secs(1))), exact_one());
+    assert_eq!(requested(b.wait(Duration::from_secs(1))), exact_one());
     b.feed(sample("camera/gen3", &exact(1)));
     assert!(b.wait(Duration::from_secs(1)).is_empty());
-    // The last one is lost: first what is small is asked for.
-    b.feed(ended(told()));
+    // The last image is lost: the compressed form is requested first.
+    b.feed(ended(stopped_with_digests()));
     let small = || ("compressed/gen3".to_owned(), 2, Some(2));
-    assert_eq!(asked(b.wait(moment)), small());
-    assert_eq!(asked(b.wait(Duration::from_secs(1))), small());
+    assert_eq!(requested(b.wait(moment)), small());
+    assert_eq!(requested(b.wait(Duration::from_secs(1))), small());
     let out = b.wait(Duration::from_secs(2));
-    assert_eq!(asked(out), ("camera/gen3".to_owned(), 2, Some(2)));
+    assert_eq!(requested(out), ("camera/gen3".to_owned(), 2, Some(2)));
     let out = b.feed(sample("camera/gen3", &exact(2)));
     let done = report(&out);
     assert!(done.complete, "{:?}", done.problems);
     let expected: Vec<_> = (0..3).map(|i| exact(i).encode_to_vec()).collect();
-    assert_eq!(pictures(&done.path), expected);
+    assert_eq!(images(&done.path), expected);
 }
 
 #[test]
-fn in_a_gap_each_picture_is_asked_for_in_the_form_in_which_it_can_be_had() {
+fn each_image_of_a_gap_is_requested_in_its_available_form() {
     let mut b = bench();
     b.feed(sample("compressed/gen3", &compressed(0)));
     let empty = v1::CompressedCameraFrame {
@@ -209,18 +209,18 @@ fn in_a_gap_each_picture_is_asked_for_in_the_form_in_which_it_can_be_had() {
     };
     b.feed(sample("compressed/gen3", &empty));
     b.feed(sample("compressed/gen3", &compressed(4)));
-    let mut asked: Vec<(String, u64, u64)> = Vec::new();
+    let mut requested: Vec<(String, u64, u64)> = Vec::new();
     let (small, full) = ("compressed/gen3", "camera/gen3");
     for _ in 0..10 {
         let out = b.wait(Duration::from_secs(4)).into_iter();
-        asked.extend(out.filter_map(|output| match output {
-            Output::AskSamples { missing: m, .. } => Some((m.stream, m.first, m.last?)),
+        requested.extend(out.filter_map(|output| match output {
+            Output::RequestSamples { missing: m, .. } => Some((m.stream, m.first, m.last?)),
             _ => None,
         }));
     }
     let times = |stream: &str, first, last| {
-        let asked = asked.iter();
-        let same = asked.filter(|asked| **asked == (stream.to_owned(), first, last));
+        let requested = requested.iter();
+        let same = requested.filter(|requested| **requested == (stream.to_owned(), first, last));
         same.count()
     };
     for number in [1, 3] {
@@ -230,13 +230,13 @@ fn in_a_gap_each_picture_is_asked_for_in_the_form_in_which_it_can_be_had() {
         );
     }
     assert_eq!(times(full, 2, 2), 5);
-    assert_eq!(asked.len(), 15, "{asked:?}");
-    // All three are given up, and hold nobody up any more.
+    assert_eq!(requested.len(), 15, "{requested:?}");
+    // All three are given up and no longer hold the credit.
     assert_eq!(b.recorder.status().credit_frames, Some(5));
 }
 
 #[test]
-fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
+fn compressed_depth_is_converted_to_the_stored_format() {
     for depth in [Depth::Metres, Depth::Millimetres, Depth::Nothing] {
         let stored = |is_compressed: bool| {
             let mut b = bench_with(depth);
@@ -246,7 +246,7 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
                     false => sample("camera/gen3", &exact(i)),
                 });
             }
-            let out = b.feed(ended(told()));
+            let out = b.feed(ended(stopped_with_digests()));
             let done = report(&out);
             assert!(done.complete, "{:?}", done.problems);
             let episode = Episode::open(&done.path).unwrap();
@@ -258,7 +258,7 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
         assert_eq!(stored(true), exact, "{depth:?}");
         assert_eq!(exact[0].contains("1.75"), depth != Depth::Nothing);
     }
-    // Depth that comes as it is kept is taken as it is, any other as the exact picture.
+    // Depth in the stored format is copied; otherwise the exact image is requested.
     let mut millimetres = Vec::new();
     to_millimetres(&exact(0).depth, &mut millimetres);
     let mut kept = Vec::new();
@@ -283,7 +283,7 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
         let mut out = b.feed(sample("compressed/gen3", &frame));
         out.extend(b.wait(Duration::from_secs(1)));
         let asks = |o: &Output| {
-            matches!(o, Output::AskSamples { missing: m, .. }
+            matches!(o, Output::RequestSamples { missing: m, .. }
                 if m.stream == "camera/gen3" && m.first == 0)
         };
         assert_eq!(
@@ -297,13 +297,13 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
         for i in 1..3 {
             b.feed(sample("camera/gen3", &exact(i)));
         }
-        let out = b.feed(ended(told()));
+        let out = b.feed(ended(stopped_with_digests()));
         let episode = Episode::open(&report(&out).path).unwrap();
         let camera = episode.camera("gen3").unwrap();
         let read = camera.frame(&episode, 0).unwrap().depth;
         match stored {
             Depth::Nothing => assert!(read.is_empty()),
-            // Zero is nothing in millimetres.
+            // Zero means no measurement in millimetres.
             _ => {
                 let whole: Vec<f32> = read.iter().map(|m| (m * 1000.0).round()).collect();
                 assert_eq!(
@@ -313,21 +313,21 @@ fn depth_that_is_stored_in_another_way_is_made_of_compressed_depth() {
             }
         }
     }
-    // What cannot be inflated fails the log with words and takes nobody else along.
+    // Depth that cannot be inflated fails the log with a reason and no other image.
     let mut b = bench_with(Depth::Millimetres);
     let broken = v1::CompressedCameraFrame {
         depth: Bytes::from_static(b"no stream"),
         ..compressed(0)
     };
     let mut out = b.feed(sample("compressed/gen3", &broken));
-    out.extend(b.feed(ended(told())));
+    out.extend(b.feed(ended(stopped_with_digests())));
     out.extend(b.wait(MANIFEST_PATIENCE));
-    let told = |o: &Output| matches!(o, Output::Failed(words) if words.contains("inflated"));
-    assert!(out.iter().any(told), "{out:?}");
+    let is_failure = |o: &Output| matches!(o, Output::Failed(words) if words.contains("inflated"));
+    assert!(out.iter().any(is_failure), "{out:?}");
 }
 
 #[test]
-fn what_is_asked_for_in_vain_holds_nobody_up() {
+fn failed_requests_do_not_hold_the_credit() {
     let mut b = bench();
     b.feed(sample("compressed/gen3", &compressed(0)));
     for sequence in 1..3 {
@@ -337,60 +337,60 @@ fn what_is_asked_for_in_vain_holds_nobody_up() {
         };
         b.feed(sample("compressed/gen3", &empty));
     }
-    let mut asked = 0;
+    let mut requested = 0;
     for _ in 0..20 {
         for output in b.wait(Duration::from_secs(1)) {
             match output {
-                // Nothing comes any more: newer ones are looked for.
-                Output::AskSamples { missing: m, .. } if m.last.is_none() => {}
-                Output::AskSamples { missing: m, .. } => {
+                // No sample arrives any more: newer ones are requested.
+                Output::RequestSamples { missing: m, .. } if m.last.is_none() => {}
+                Output::RequestSamples { missing: m, .. } => {
                     assert_eq!(
                         (m.stream.as_str(), m.first, m.last),
                         ("camera/gen3", 1, Some(2))
                     );
-                    asked += 1;
+                    requested += 1;
                 }
-                Output::Status(status) => assert_eq!((status.missed, asked), (2, 5)),
+                Output::Status(status) => assert_eq!((status.missed, requested), (2, 5)),
                 other => panic!("{other:?}"),
             }
         }
     }
-    assert_eq!((asked, b.recorder.status().missed), (5, 2));
-    // It comes after all.
+    assert_eq!((requested, b.recorder.status().missed), (5, 2));
+    // It arrives after all.
     b.feed(sample("camera/gen3", &exact(2)));
     assert_eq!(b.recorder.status().missed, 1);
 }
 
 #[test]
-fn where_nothing_comes_compressed_pictures_are_heard_as_they_are() {
+fn without_compressed_images_the_recorder_subscribes_to_exact_ones() {
     let mut b = bench();
-    // It waits for others: nothing is published yet.
+    // The server waits for others: nothing is published yet.
     assert!(b.wait(2 * LONGEST).is_empty());
     b.feed(hash(1, 0));
     assert!(b.wait(2 * LONGEST).is_empty());
     b.feed(clock(0));
     assert!(b.wait(LOOK / 2).is_empty());
-    let asks = |out: &[Output], from| matches!(out, [Output::AskSamples { missing: m, .. }] if (m.stream.as_str(), m.first) == ("camera/gen3", from));
+    let asks = |out: &[Output], from| matches!(out, [Output::RequestSamples { missing: m, .. }] if (m.stream.as_str(), m.first) == ("camera/gen3", from));
     let out = b.wait(LOOK);
     assert!(asks(&out, 0), "{out:?}");
     // None is published yet; then one is.
     assert!(b.wait(LOOK / 2).is_empty());
     b.feed(sample("camera/gen3", &exact(0)));
-    // A server that is slow for once is waited for.
+    // A temporarily slow server is awaited.
     let out = b.wait(LOOK);
     assert!(asks(&out, 1), "{out:?}");
     b.feed(sample("camera/gen3", &exact(1)));
     let out = b.wait(PATIENCE);
     assert!(
-        matches!(out[..], [Output::Hear { compressed: false }]),
+        matches!(out[..], [Output::SubscribeCameras { compressed: false }]),
         "{out:?}"
     );
     b.feed(sample("camera/gen3", &exact(2)));
     assert!(b.wait(LOOK).is_empty());
-    let mut told = told();
-    told.manifest[0] = stopped(1, 1, 0).manifest[0].clone();
-    told.manifest.push(clocks(1));
-    assert!(report(&b.feed(ended(told))).complete);
+    let mut end = stopped_with_digests();
+    end.manifest[0] = stopped(1, 1, 0).manifest[0].clone();
+    end.manifest.push(clocks(1));
+    assert!(report(&b.feed(ended(end))).complete);
 }
 
 fn event(sequence: u64) -> v1::Event {
@@ -400,39 +400,39 @@ fn event(sequence: u64) -> v1::Event {
     }
 }
 
-/// What was asked for, in order: stream, first and last number.
+/// Requests in order: stream, first number, and whether the end is open.
 fn questions(out: &[Output]) -> Vec<(&str, u64, bool)> {
-    let asked = out.iter().filter_map(|output| match output {
-        Output::AskSamples { missing: m, .. } => {
+    let requested = out.iter().filter_map(|output| match output {
+        Output::RequestSamples { missing: m, .. } => {
             Some((m.stream.as_str(), m.first, m.last.is_none()))
         }
         _ => None,
     });
-    asked.collect()
+    requested.collect()
 }
 
 #[test]
-fn pictures_that_are_lost_behind_the_last_are_looked_for_when_nothing_comes() {
+fn images_lost_after_the_last_received_one_are_requested_after_a_silence() {
     let mut b = bench();
     b.feed(clock(0));
     b.feed(sample("compressed/gen3", &compressed(0)));
     assert!(b.wait(Duration::ZERO).is_empty());
-    // Whoever sends commands that are refused is told of in events.
+    // Rejected commands appear as events.
     b.wait(latest::LOOK / 2);
     b.feed(sample("event", &event(0)));
     let out = b.wait(latest::LOOK / 2);
     assert_eq!(questions(&out), [("compressed/gen3", 1, true)]);
     // Not again before the answer.
-    b.asked.clear();
+    b.requests.clear();
     assert_eq!(questions(&b.wait(100 * latest::LOOK)), []);
     b.feed(sample("compressed/gen3", &compressed(1)));
     b.feed(sample("compressed/gen3", &compressed(2)));
-    let done = b.feed(ended(told()));
+    let done = b.feed(ended(stopped_with_digests()));
     assert_eq!(report(&done).frames, 3);
 }
 
 #[test]
-fn in_lock_step_a_silent_camera_is_looked_for_in_its_small_form_first() {
+fn in_lock_step_a_silent_camera_is_probed_in_compressed_form_first() {
     let mut b = Bench::new();
     let dir = b.dir.path().to_owned();
     b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
@@ -450,20 +450,20 @@ fn in_lock_step_a_silent_camera_is_looked_for_in_its_small_form_first() {
         [("compressed/gen3", 0, true)],
         "what is small"
     );
-    let asked = std::mem::take(&mut b.asked);
+    let requested = std::mem::take(&mut b.requests);
     assert_eq!(
         questions(&b.wait(LONGEST)),
         [],
         "the answer may be under way"
     );
-    b.asked = asked;
+    b.requests = requested;
     assert_eq!(questions(&b.wait(LONGEST)), [("camera/gen3", 0, true)]);
 }
 
 #[test]
-fn what_comes_one_by_one_after_the_end_is_waited_for() {
+fn samples_that_arrive_one_by_one_after_the_end_are_awaited() {
     let mut b = bench();
-    b.feed(ended(told()));
+    b.feed(ended(stopped_with_digests()));
     for i in 0..3 {
         b.wait(MANIFEST_PATIENCE * 9 / 10);
         let out = b.feed(sample("compressed/gen3", &compressed(i)));
@@ -474,7 +474,7 @@ fn what_comes_one_by_one_after_the_end_is_waited_for() {
 }
 
 #[test]
-fn a_server_that_compresses_late_is_heard_on() {
+fn a_server_that_compresses_late_keeps_its_subscription() {
     let mut b = bench();
     b.feed(clock(0));
     b.wait(Duration::ZERO);
@@ -485,14 +485,14 @@ fn a_server_that_compresses_late_is_heard_on() {
         b.feed(sample("compressed/gen3", &compressed(i)));
     }
     assert!(b.wait(2 * PATIENCE).is_empty());
-    let mut told = told();
-    told.manifest.remove(0);
-    told.manifest.push(clocks(1));
-    assert!(report(&b.feed(ended(told))).complete);
+    let mut end = stopped_with_digests();
+    end.manifest.remove(0);
+    end.manifest.push(clocks(1));
+    assert!(report(&b.feed(ended(end))).complete);
 }
 
 #[test]
-fn a_server_that_does_not_compress_is_heard_as_it_is() {
+fn exact_images_are_subscribed_of_a_server_that_does_not_compress() {
     let mut b = Bench::new();
     let dir = b.dir.path().to_owned();
     b.recorder = Recorder::new(dir, WriterOptions::default()).with_compressed(true);
@@ -500,7 +500,10 @@ fn a_server_that_does_not_compress_is_heard_as_it_is() {
     assert!(
         matches!(
             out[..],
-            [Output::Hear { compressed: false }, Output::AskSnapshot]
+            [
+                Output::SubscribeCameras { compressed: false },
+                Output::RequestSnapshot
+            ]
         ),
         "{out:?}"
     );
@@ -508,9 +511,9 @@ fn a_server_that_does_not_compress_is_heard_as_it_is() {
     for i in 0..3 {
         b.feed(sample("camera/gen3", &exact(i)));
     }
-    let mut told = told();
-    told.manifest[1].compressed_digest.clear();
-    assert!(report(&b.feed(ended(told))).complete);
+    let mut end = stopped_with_digests();
+    end.manifest[1].compressed_digest.clear();
+    assert!(report(&b.feed(ended(end))).complete);
     // Its successor does.
     let next = v1::EpisodeStarted {
         compressed_cameras: true,
@@ -520,15 +523,18 @@ fn a_server_that_does_not_compress_is_heard_as_it_is() {
     assert!(
         matches!(
             out[..],
-            [Output::Hear { compressed: true }, Output::AskSnapshot]
+            [
+                Output::SubscribeCameras { compressed: true },
+                Output::RequestSnapshot
+            ]
         ),
         "{out:?}"
     );
 }
 
 #[test]
-fn forged_compressed_pictures_are_found_and_malformed_ones_are_missing() {
-    // With the true digest of the exact picture and other planes.
+fn forged_compressed_images_are_found_and_malformed_ones_are_missing() {
+    // The true digest of the exact image with other planes.
     let forged = v1::CompressedCameraFrame {
         color: compressed(1).depth,
         ..compressed(2)
@@ -561,7 +567,7 @@ fn forged_compressed_pictures_are_found_and_malformed_ones_are_missing() {
         if let Some(more) = more {
             b.feed(sample("compressed/gen3", &more));
         }
-        let mut out = b.feed(ended(told()));
+        let mut out = b.feed(ended(stopped_with_digests()));
         out.extend(b.wait(MANIFEST_PATIENCE));
         let problems = &report(&out).problems;
         assert!(problems.iter().any(|p| p.contains(words)), "{problems:?}");

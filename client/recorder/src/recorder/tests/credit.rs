@@ -1,9 +1,9 @@
-//! What a recorder tells a server in lock-step: how far everything is here.
+//! The credit of a recorder for a lock-step server.
 
 use super::super::super::episode::SILENCE;
 use super::*;
 
-/// The newest credit, frames and tick, that outputs tell.
+/// The newest credit in the outputs: frames and tick.
 fn credit(out: &[Output]) -> Option<(u64, u64)> {
     out.iter().rev().find_map(|o| match o {
         Output::Status(s) => Some((s.credit_frames?, s.credit_tick?)),
@@ -12,23 +12,23 @@ fn credit(out: &[Output]) -> Option<(u64, u64)> {
 }
 
 #[test]
-fn credit_is_told_without_pictures_too() {
+fn credit_is_published_without_images_too() {
     let mut b = Bench::new();
     b.open(1, "dark");
-    let told: Vec<_> = (0..150)
+    let published: Vec<_> = (0..150)
         .filter_map(|n| credit(&b.feed(hash(1, n))))
         .collect();
-    assert_eq!(told, [(0, 48), (0, 96), (0, 144)]);
+    assert_eq!(published, [(0, 48), (0, 96), (0, 144)]);
 }
 
 #[test]
-fn credit_stands_still_while_something_is_missing_that_may_come() {
+fn credit_does_not_advance_while_a_missing_sample_may_arrive() {
     let mut b = Bench::new();
     b.open(1, "held");
     b.feed(hash(1, 0));
-    assert_eq!(credit(&b.feed(picture(1, 0))), Some((1, 0)));
+    assert_eq!(credit(&b.feed(image(1, 0))), Some((1, 0)));
     b.feed(hash(1, 2));
-    assert_eq!(credit(&b.feed(picture(1, 1))), Some((1, 0)));
+    assert_eq!(credit(&b.feed(image(1, 1))), Some((1, 0)));
     assert_eq!(credit(&b.feed(hash(1, 200))), None);
     b.feed(hash(1, 1));
     assert_eq!(b.recorder.status().credit_tick, Some(0));
@@ -36,19 +36,22 @@ fn credit_stands_still_while_something_is_missing_that_may_come() {
         b.feed(hash(1, n));
     }
     assert_eq!(credit(&b.feed(hash(1, 199))), Some((2, 200)), "all is here");
-    // A picture that does not come is given up, and holds nobody up any more.
-    assert_eq!(credit(&b.feed(picture(1, 3))), Some((2, 200)));
+    // A missing image is given up and no longer holds the credit.
+    assert_eq!(credit(&b.feed(image(1, 3))), Some((2, 200)));
     b.feed(hash(1, 201));
-    let mut told = Vec::new();
+    let mut published = Vec::new();
     for _ in 0..20 {
-        told.extend(credit(&b.wait(Duration::from_secs(1))));
+        published.extend(credit(&b.wait(Duration::from_secs(1))));
     }
-    assert_eq!(told, [(4, 201)]);
+    assert_eq!(published, [(4, 201)]);
     assert_eq!(b.recorder.status().missed, 1);
     b.feed(ended(stopped(1, 202, 4)));
     b.wait(MANIFEST_PATIENCE);
-    let told = b.recorder.status();
-    assert_eq!((told.credit_frames, told.credit_tick), (Some(4), Some(201)));
+    let published = b.recorder.status();
+    assert_eq!(
+        (published.credit_frames, published.credit_tick),
+        (Some(4), Some(201))
+    );
 }
 
 fn state_sample(stream: &str, message: impl Message) -> Input {
@@ -90,7 +93,7 @@ fn a_stream_that_is_held_back_holds_the_credit_and_one_that_ended_does_not() {
     }
     assert_eq!(credit(&b.wait(SILENCE / 2)), None);
     assert_eq!(credit(&b.wait(2 * SILENCE)), Some((0, 400)));
-    // It goes on.
+    // It advances.
     b.feed(clock(401));
     for n in 101..=500 {
         b.feed(imu(n));
@@ -99,20 +102,20 @@ fn a_stream_that_is_held_back_holds_the_credit_and_one_that_ended_does_not() {
 }
 
 #[test]
-fn the_answer_to_the_last_question_is_waited_for_before_credit_is_told() {
+fn credit_waits_for_the_answer_to_the_last_request() {
     let mut b = Bench::new();
     b.open(1, "late");
     for n in [0, 100] {
         b.feed(hash(1, n));
     }
-    let mut asked = 0;
-    while asked < 5 {
+    let mut requested = 0;
+    while requested < 5 {
         let out = b.wait(Duration::from_millis(500));
         assert_eq!(credit(&out), None);
         let questions = out
             .iter()
-            .filter(|o| matches!(o, Output::AskSamples { .. }));
-        asked += questions.count();
+            .filter(|o| matches!(o, Output::RequestSamples { .. }));
+        requested += questions.count();
     }
     for n in 1..99 {
         b.feed(hash(1, n));
@@ -122,13 +125,13 @@ fn the_answer_to_the_last_question_is_waited_for_before_credit_is_told() {
 }
 
 #[test]
-fn where_no_state_comes_through_pictures_tell_the_time() {
+fn without_states_images_show_the_time() {
     let mut b = Bench::new();
-    b.open(1, "pictures");
-    assert_eq!(credit(&b.feed(picture(1, 0))), Some((1, 0)));
-    let tick = credit(&b.feed(picture(1, 1))).expect("a credit").1;
-    assert!(tick > 0 && credit(&b.feed(picture(1, 2))) == Some((3, 2 * tick)));
-    // Where states come they do.
+    b.open(1, "images");
+    assert_eq!(credit(&b.feed(image(1, 0))), Some((1, 0)));
+    let tick = credit(&b.feed(image(1, 1))).expect("a credit").1;
+    assert!(tick > 0 && credit(&b.feed(image(1, 2))) == Some((3, 2 * tick)));
+    // With states, the states do.
     b.feed(clock(1));
-    assert_eq!(credit(&b.feed(picture(1, 3))), Some((4, 1)));
+    assert_eq!(credit(&b.feed(image(1, 3))), Some((4, 1)));
 }

@@ -39,17 +39,17 @@ fn state(running: Option<v1::EpisodeStarted>, ended: Vec<v1::EpisodeStopped>) ->
     }))
 }
 
-/// The server says that it runs an episode.
+/// The server reports a running episode.
 fn runs(started: v1::EpisodeStarted) -> Input {
     let run = started.header.clone().unwrap_or_default().run_id;
-    let mut told = state(Some(started), Vec::new());
-    if let Input::State(Ok(told)) = &mut told {
-        told.header.get_or_insert_default().run_id = run;
+    let mut reply = state(Some(started), Vec::new());
+    if let Input::State(Ok(reply)) = &mut reply {
+        reply.header.get_or_insert_default().run_id = run;
     }
-    told
+    reply
 }
 
-/// The server says that an episode has ended.
+/// The server reports an ended episode.
 fn ended(stopped: v1::EpisodeStopped) -> Input {
     state(None, vec![stopped])
 }
@@ -73,7 +73,7 @@ fn hash(episode: u64, sequence: u64) -> Input {
     }
 }
 
-fn picture(episode: u64, sequence: u64) -> Input {
+fn image(episode: u64, sequence: u64) -> Input {
     let message = v1::CameraFrame {
         header: Some(header(episode, sequence, 24 * sequence)),
         camera: "gen3".into(),
@@ -93,7 +93,7 @@ fn picture(episode: u64, sequence: u64) -> Input {
     }
 }
 
-fn stopped(episode: u64, hashes: u64, pictures: u64) -> v1::EpisodeStopped {
+fn stopped(episode: u64, hashes: u64, images: u64) -> v1::EpisodeStopped {
     let count = |stream: &str, count: u64| v1::StreamCount {
         stream: stream.into(),
         first: 0,
@@ -105,7 +105,7 @@ fn stopped(episode: u64, hashes: u64, pictures: u64) -> v1::EpisodeStopped {
         header: Some(header(episode, 0, 480)),
         manifest: vec![
             count("state_hash", hashes),
-            count("camera/gen3", pictures),
+            count("camera/gen3", images),
             count("imu", 0),
         ],
         ..Default::default()
@@ -117,8 +117,8 @@ struct Bench {
     recorder: Recorder,
     dir: tempfile::TempDir,
     now: Instant,
-    /// Questions without an answer.
-    asked: Vec<Missing>,
+    /// Unanswered requests.
+    requests: Vec<Missing>,
 }
 
 impl Bench {
@@ -132,7 +132,7 @@ impl Bench {
             recorder: Recorder::new(dir.path().to_owned(), options),
             dir,
             now: Instant::now(),
-            asked: Vec::new(),
+            requests: Vec::new(),
         }
     }
 
@@ -142,24 +142,24 @@ impl Bench {
         self.make_files(out)
     }
 
-    /// The server has nothing of what it was asked for; then time passes.
+    /// Answers all requests without samples, then advances the clock.
     fn wait(&mut self, time: Duration) -> Vec<Output> {
         let mut out = Vec::new();
-        for missing in std::mem::take(&mut self.asked) {
+        for missing in std::mem::take(&mut self.requests) {
             let answered = Input::Answered(missing);
             out.extend(self.recorder.handle(answered, self.now));
         }
         self.now += time;
         out.extend(self.recorder.tick(self.now));
-        let asked = out.iter().filter_map(|output| match output {
-            Output::AskSamples { missing, .. } => Some(missing.clone()),
+        let requests = out.iter().filter_map(|output| match output {
+            Output::RequestSamples { missing, .. } => Some(missing.clone()),
             _ => None,
         });
-        self.asked.extend(asked);
+        self.requests.extend(requests);
         self.make_files(out)
     }
 
-    /// Makes files at once instead of aside; leaves out that they are made.
+    /// Writes files at once instead of on a thread; drops these outputs.
     fn make_files(&mut self, mut out: Vec<Output>) -> Vec<Output> {
         while let Some(place) = out.iter().position(|o| matches!(o, Output::Finish(_))) {
             let Output::Finish(finishing) = out.remove(place) else {
@@ -179,7 +179,7 @@ impl Bench {
 
     fn open(&mut self, episode: u64, label: &str) {
         let out = self.feed(runs(started(episode, label)));
-        assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
+        assert!(matches!(out[..], [Output::RequestSnapshot]), "{out:?}");
         self.feed(snapshot(episode));
         assert_eq!(self.state(), v1::RecorderState::Ready);
     }
@@ -208,7 +208,7 @@ fn hashes(path: &Path) -> Vec<(u64, u64)> {
 }
 
 #[test]
-fn a_recorder_that_was_told_to_end_begins_nothing() {
+fn a_recorder_that_shuts_down_begins_no_episode() {
     let mut b = Bench::new();
     assert!(b.feed(Input::Shutdown).is_empty());
     let out = b.feed(runs(started(1, "a")));
@@ -256,10 +256,10 @@ fn a_practice_episode_is_left_out() {
 }
 
 #[test]
-fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
+fn samples_that_overtake_the_start_are_kept_and_credit_counts_images() {
     let mut b = Bench::new();
     b.feed(hash(1, 0));
-    b.feed(picture(1, 0));
+    b.feed(image(1, 0));
     b.feed(runs(started(1, "a")));
     b.feed(hash(1, 1));
     let out = b.feed(snapshot(1));
@@ -270,10 +270,13 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
             _ => None,
         })
         .collect();
-    assert_eq!(credit, [0, 1], "readiness, then one picture");
-    assert_eq!(b.feed(picture(1, 1)).len(), 1, "credit after each picture");
-    assert!(b.feed(picture(1, 1)).is_empty(), "a double is no credit");
-    // One sample is still under way when the end is told.
+    assert_eq!(credit, [0, 1], "readiness, then one image");
+    assert_eq!(b.feed(image(1, 1)).len(), 1, "credit after each image");
+    assert!(
+        b.feed(image(1, 1)).is_empty(),
+        "a repeated sample adds no credit"
+    );
+    // One sample is still in flight when the episode ends.
     let out = b.feed(ended(stopped(1, 3, 2)));
     assert!(out.is_empty(), "it must wait for the manifest: {out:?}");
     let out = b.feed(hash(1, 2));
@@ -288,31 +291,31 @@ fn samples_that_overtake_the_start_are_kept_and_credit_counts_pictures() {
 }
 
 #[test]
-fn what_never_comes_is_waited_for_a_while_and_then_counted() {
+fn missing_samples_are_awaited_for_a_while_and_then_counted() {
     let mut b = Bench::new();
     b.open(1, "gap");
     b.feed(hash(1, 0));
     b.feed(hash(1, 3));
-    assert_eq!(b.feed(picture(1, 0)).len(), 1);
+    assert_eq!(b.feed(image(1, 0)).len(), 1);
     assert_eq!(b.recorder.status().missed, 2);
     b.feed(ended(stopped(1, 5, 1)));
-    let asked: Vec<_> = b
+    let requests: Vec<_> = b
         .wait(MANIFEST_PATIENCE / 2)
         .into_iter()
         .map(|output| match output {
-            Output::AskSamples { missing: m, .. } => (m.stream, m.first, m.last),
+            Output::RequestSamples { missing: m, .. } => (m.stream, m.first, m.last),
             other => panic!("{other:?}"),
         })
         .collect();
     let gap = |first, last| ("state_hash".to_owned(), first, Some(last));
-    assert_eq!(asked, [gap(1, 2), gap(4, 4)]);
+    assert_eq!(requests, [gap(1, 2), gap(4, 4)]);
     let out = b.wait(MANIFEST_PATIENCE);
     assert_eq!((report(&out).complete, report(&out).missed), (false, 3));
     assert_eq!(b.recorder.status().missed, 3);
 }
 
 #[test]
-fn an_existing_file_fails_before_time_goes_on() {
+fn an_existing_file_fails_before_the_simulation_advances() {
     let mut b = Bench::new();
     let file = b.dir.path().join("mine.h5");
     std::fs::write(&file, "mine").unwrap();
@@ -321,11 +324,11 @@ fn an_existing_file_fails_before_time_goes_on() {
     assert_eq!(b.state(), v1::RecorderState::Failed);
     assert!(b.recorder.status().message.contains("choose another label"));
     b.feed(snapshot(1));
-    b.feed(picture(1, 0));
+    b.feed(image(1, 0));
     b.feed(ended(stopped(1, 0, 1)));
     assert_eq!(std::fs::read(&file).unwrap(), b"mine");
     assert_eq!(b.files(), ["mine.h5"]);
-    // The next episode is recorded as if nothing had been.
+    // The next episode is recorded normally.
     b.open(2, "next");
     b.feed(hash(2, 0));
     let out = b.feed(ended(stopped(2, 1, 0)));
@@ -349,7 +352,7 @@ fn a_removed_log_is_reported_at_once_and_saved() {
             true => std::fs::remove_dir_all(b.dir.path()).unwrap(),
             false => std::fs::remove_file(&log).unwrap(),
         }
-        // No sample comes: it is the passing time that shows it.
+        // Without a sample, the elapsed time shows it.
         let out = loop {
             let out = b.wait(Duration::ZERO);
             if !out.is_empty() {
@@ -373,7 +376,7 @@ fn a_removed_log_is_reported_at_once_and_saved() {
 }
 
 #[test]
-fn a_discarded_episode_leaves_nothing() {
+fn a_discarded_episode_leaves_no_file() {
     let mut b = Bench::new();
     b.open(1, "bad");
     b.feed(hash(1, 0));
@@ -396,14 +399,14 @@ fn an_early_end_leaves_a_partial_file_that_says_why() {
         assert_eq!(b.state(), v1::RecorderState::Ready);
         b.wait(AWAY_PATIENCE)
     };
-    let told = |b: &mut Bench| b.feed(Input::Shutdown);
+    let shutdown = |b: &mut Bench| b.feed(Input::Shutdown);
     // The next one began, and the end of this one is forgotten.
     let forgotten = |b: &mut Bench| b.feed(runs(started(20, "next")));
     type Way = fn(&mut Bench) -> Vec<Output>;
     for (way, words) in [
         (gone as Way, "server went away"),
-        (told, "recorder was stopped"),
-        (forgotten, "the end of the episode was not told"),
+        (shutdown, "recorder was stopped"),
+        (forgotten, "the server reports no end of the episode"),
     ] {
         let mut b = Bench::new();
         b.open(1, "cut");
@@ -421,7 +424,7 @@ fn an_early_end_leaves_a_partial_file_that_says_why() {
 }
 
 #[test]
-fn an_episode_goes_on_when_the_server_comes_back() {
+fn an_episode_continues_when_the_server_returns() {
     let mut b = Bench::new();
     b.open(1, "stall");
     b.feed(hash(1, 0));
@@ -442,17 +445,17 @@ fn an_episode_goes_on_when_the_server_comes_back() {
 }
 
 #[test]
-fn the_end_is_told_before_the_next_beginning_whatever_is_heard_first() {
+fn an_episode_ends_before_the_next_begins_in_any_order_of_hints() {
     let mut b = Bench::new();
     b.open(1, "former");
     b.feed(hash(1, 0));
-    // Heard: the start of the second, and nothing of the end of the first.
+    // Hint: the start of the second, without the end of the first.
     let out = b.feed(Input::Hint);
-    assert!(matches!(out[..], [Output::AskState]), "{out:?}");
+    assert!(matches!(out[..], [Output::RequestState]), "{out:?}");
     let out = b.feed(state(Some(started(2, "next")), vec![stopped(1, 1, 0)]));
     assert!(report(&out).complete, "{out:?}");
     assert!(
-        out.iter().any(|o| matches!(o, Output::AskSnapshot)),
+        out.iter().any(|o| matches!(o, Output::RequestSnapshot)),
         "{out:?}"
     );
     b.feed(snapshot(2));
@@ -470,36 +473,36 @@ fn the_end_is_told_before_the_next_beginning_whatever_is_heard_first() {
 }
 
 #[test]
-fn what_is_heard_only_makes_it_ask_and_one_question_is_open_at_a_time() {
+fn hints_only_cause_a_request_and_one_request_is_pending_at_a_time() {
     let mut b = Bench::new();
-    b.open(1, "asked");
+    b.open(1, "requests");
     b.feed(hash(1, 0));
-    assert!(matches!(b.feed(Input::Hint)[..], [Output::AskState]));
+    assert!(matches!(b.feed(Input::Hint)[..], [Output::RequestState]));
     for _ in 0..1000 {
         assert!(b.feed(Input::Hint).is_empty());
     }
-    // Asked again, for what was heard after the question.
-    assert!(b.feed(runs(started(1, "asked"))).is_empty());
+    // Requested again because of the hints after the request.
+    assert!(b.feed(runs(started(1, "requests"))).is_empty());
     let out = b.wait(HINT_PAUSE);
-    assert!(matches!(out[..], [Output::AskState]), "{out:?}");
+    assert!(matches!(out[..], [Output::RequestState]), "{out:?}");
     b.feed(Input::State(Err("no answer".into())));
     let out = b.wait(STATE_RETRY);
-    assert!(matches!(out[..], [Output::AskState]), "{out:?}");
-    assert!(b.feed(runs(started(1, "asked"))).is_empty());
+    assert!(matches!(out[..], [Output::RequestState]), "{out:?}");
+    assert!(b.feed(runs(started(1, "requests"))).is_empty());
     assert_eq!(b.state(), v1::RecorderState::Ready);
     assert!(report(&b.feed(ended(stopped(1, 1, 0)))).complete);
 }
 
 #[test]
-fn what_somebody_else_wrote_is_found_by_the_digest() {
+fn samples_of_another_publisher_are_found_by_the_digest() {
     use wheelarm_proto::digest::{StreamDigest, of_message};
     let encoded = |input: &Input| match input {
         Input::Sample { payload, .. } => of_message([&payload[..]]),
         other => panic!("{other:?}"),
     };
     let true_ones: Vec<_> = (0..3).map(|i| encoded(&hash(1, i))).collect();
-    let mut told = stopped(1, 3, 0);
-    told.manifest[0].digest = StreamDigest::from_messages(&true_ones).to_vec();
+    let mut end = stopped(1, 3, 0);
+    end.manifest[0].digest = StreamDigest::from_messages(&true_ones).to_vec();
     let forged = |tick: u64| {
         let message = v1::StateHash {
             header: Some(header(1, 2, tick)),
@@ -510,7 +513,7 @@ fn what_somebody_else_wrote_is_found_by_the_digest() {
             payload: message.encode_to_vec().into(),
         }
     };
-    // All true, one late; one replaced; one forged before the true one came.
+    // All original, one late; one replaced; one forged before the original arrived.
     for (third, more, words) in [
         (hash(1, 2), None, ""),
         (forged(2), None, "digests differ"),
@@ -522,7 +525,7 @@ fn what_somebody_else_wrote_is_found_by_the_digest() {
         b.feed(third);
         b.feed(more.unwrap_or_else(|| hash(1, 0)));
         b.feed(hash(1, 1));
-        let out = b.feed(ended(told.clone()));
+        let out = b.feed(ended(end.clone()));
         let done = report(&out);
         assert_eq!(done.complete, words.is_empty(), "{:?}", done.problems);
         let named = |p: &String| p.contains("state_hash: ") && p.contains(words);
@@ -531,9 +534,9 @@ fn what_somebody_else_wrote_is_found_by_the_digest() {
 }
 
 #[test]
-fn an_episode_that_nobody_told_of_is_told_as_not_recorded() {
+fn an_unannounced_episode_is_reported_as_not_recorded() {
     let mut b = Bench::new();
-    // What was over before it came is not its business.
+    // Episodes that ended before the recorder joined are not reported.
     assert!(b.feed(ended(stopped(4, 1, 0))).is_empty());
     b.open(5, "five");
     b.feed(hash(5, 0));
@@ -569,7 +572,7 @@ fn an_episode_that_nobody_told_of_is_told_as_not_recorded() {
 }
 
 #[test]
-fn an_episode_that_is_over_before_it_could_be_opened_is_let_go() {
+fn an_episode_that_ends_before_it_opens_is_dropped() {
     let mut b = Bench::new();
     b.feed(runs(started(1, "short")));
     b.feed(ended(stopped(1, 0, 0)));
@@ -580,13 +583,16 @@ fn an_episode_that_is_over_before_it_could_be_opened_is_let_go() {
 }
 
 #[test]
-fn the_snapshot_is_asked_for_until_it_comes_or_the_episode_fails() {
+fn the_snapshot_is_requested_until_it_arrives_or_the_episode_fails() {
     let mut b = Bench::new();
     b.feed(runs(started(1, "slow")));
     let out = b.feed(Input::Snapshot(Err("no route".into())));
-    assert!(matches!(out[..], [Output::AskState]), "is it over? {out:?}");
+    assert!(
+        matches!(out[..], [Output::RequestState]),
+        "is it over? {out:?}"
+    );
     let again = b.wait(SNAPSHOT_RETRY + Duration::from_millis(1));
-    assert!(matches!(again[..], [Output::AskSnapshot]));
+    assert!(matches!(again[..], [Output::RequestSnapshot]));
     b.feed(snapshot(7));
     assert_eq!(b.state(), v1::RecorderState::Idle, "of another episode");
     let out = b.wait(SNAPSHOT_PATIENCE);
@@ -595,7 +601,7 @@ fn the_snapshot_is_asked_for_until_it_comes_or_the_episode_fails() {
 }
 
 #[test]
-fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
+fn the_next_episode_begins_while_a_bounded_number_of_files_is_written() {
     let mut b = Bench::new();
     let mut made = Vec::new();
     let mut record = |b: &mut Bench, episode: u64| {
@@ -619,7 +625,11 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
     assert!(report(&out).complete);
     assert!(matches!(
         out[..],
-        [Output::Status(_), Output::Finished(_), Output::AskSnapshot]
+        [
+            Output::Status(_),
+            Output::Finished(_),
+            Output::RequestSnapshot
+        ]
     ));
     b.feed(snapshot(3));
     assert_eq!(b.state(), v1::RecorderState::Ready);
@@ -637,7 +647,7 @@ fn the_next_episode_begins_while_files_are_made_but_not_without_bound() {
 }
 
 #[test]
-fn a_restarted_server_ends_the_episode_and_its_first_is_taken() {
+fn a_restarted_server_ends_the_episode_and_its_first_one_is_recorded() {
     let mut b = Bench::new();
     b.open(1, "cut");
     b.feed(hash(1, 0));
@@ -656,7 +666,7 @@ fn a_restarted_server_ends_the_episode_and_its_first_is_taken() {
     let mut again = started(1, "after");
     again.header.as_mut().unwrap().run_id = "another run".into();
     let out = b.feed(runs(again));
-    assert!(matches!(out[..], [Output::AskSnapshot]), "{out:?}");
+    assert!(matches!(out[..], [Output::RequestSnapshot]), "{out:?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What a recorder tells: its status, with the credit of a server in lock-step.
+//! The status of a recorder, with the credit for a lock-step server.
 
 use wheelarm_dataset::writer::{WriteError, next_free_label};
 use wheelarm_proto::{CREDIT_STATUS_TICKS, v1};
@@ -7,15 +7,15 @@ use super::super::episode::Recording;
 use super::{Output, Recorder, Stage};
 
 impl Recorder {
-    /// Gives up the episode at hand. Dropping the writer keeps its log.
+    /// Gives up the current episode. Dropping the writer keeps its log.
     pub(super) fn fail(&mut self, words: String) {
         self.last = self.current();
         self.stage = Stage::Idle;
         self.fail_with(words);
     }
 
-    /// Gives up the episode at hand, whose label is taken, and proposes another label.
-    pub(super) fn fail_taken(&mut self, problem: &WriteError) {
+    /// Gives up the current episode, whose label exists already, and proposes a free label.
+    pub(super) fn fail_existing(&mut self, problem: &WriteError) {
         let label = match &self.stage {
             Stage::Opening { started, .. } => started.label.clone(),
             _ => String::new(),
@@ -31,14 +31,14 @@ impl Recorder {
 
     pub(super) fn fail_with(&mut self, words: String) {
         self.counted += 1;
-        self.early.forget(self.last.as_ref());
+        self.prebuffer.forget(self.last.as_ref());
         self.status.state = v1::RecorderState::Failed.into();
         self.status.message.clone_from(&words);
         self.out.push(Output::Status(self.status.clone()));
         self.out.push(Output::Failed(words));
     }
 
-    /// Whether a server in lock-step is to be told how far everything is here.
+    /// Whether the credit has changed enough to publish it.
     pub(super) fn has_new_credit(&self) -> bool {
         let Stage::Recording(recording) = &self.stage else {
             return false;
@@ -52,15 +52,15 @@ impl Recorder {
     /// Publishes readiness and credit.
     pub(super) fn publish(&mut self) {
         if let Stage::Recording(recording) | Stage::Stopping { recording, .. } = &self.stage {
-            follow(&mut self.status, recording);
+            update_status(&mut self.status, recording);
         }
         self.out.push(Output::Status(self.status.clone()));
     }
 }
 
-/// Brings a status up to what has come; the credit stays while something is missing
-/// that may still come.
-pub(super) fn follow(status: &mut v1::RecorderStatus, recording: &Recording) {
+/// Updates a status from the received samples. The credit stays while a missing sample
+/// may still arrive.
+pub(super) fn update_status(status: &mut v1::RecorderStatus, recording: &Recording) {
     status.accepted_frames = recording.accepted;
     status.missed = recording.missed();
     if let Some(credit) = recording.credit() {

@@ -1,14 +1,14 @@
-//! What a picture must be to be written.
+//! Checks of images before they are written.
 
 use wheelarm_proto::settings::Named;
 use wheelarm_proto::v1;
 
 use crate::depth::Depth;
 
-/// Largest picture side, pixels; keeps every length far below 4 GiB.
+/// Largest image side, pixels; keeps every length far below 4 GiB.
 pub const MAX_SIDE: u32 = 8192;
 
-/// Size of a picture by its intrinsics; all of a stream have one.
+/// Size of an image by its intrinsics; all of a stream have one.
 fn size(
     intrinsics: Option<v1::Intrinsics>,
     first: Option<(u32, u32)>,
@@ -23,12 +23,12 @@ fn size(
     if let Some((fw, fh)) = first
         && (w, h) != (fw, fh)
     {
-        return Err(format!("it is {w}x{h}, the first picture was {fw}x{fh}"));
+        return Err(format!("it is {w}x{h}, the first image was {fw}x{fh}"));
     }
     Ok((w, h))
 }
 
-/// A sensor's picture: colour or 16-bit depth, one of them.
+/// A sensor's image: either colour or 16-bit depth.
 pub(super) fn sensor(
     frame: &v1::SensorFrame,
     first: Option<(u32, u32)>,
@@ -46,7 +46,7 @@ pub(super) fn sensor(
     ))
 }
 
-/// A picture whose planes are zlib streams; what is in them stands under the digest of
+/// An image whose planes are zlib streams; their content is covered by the digest of
 /// the stream.
 pub(super) fn compressed(
     frame: &v1::CompressedCameraFrame,
@@ -67,7 +67,7 @@ pub(super) fn compressed(
         (_, other) => {
             let kept = depth.name();
             return Err(format!(
-                "its depth is {other:?}, of which no {kept} can be made"
+                "its depth is {other:?}, which cannot be converted to {kept}"
             ));
         }
     };
@@ -77,7 +77,7 @@ pub(super) fn compressed(
         ("ids", &frame.segmentation, Some(2 * pixels)),
     ] {
         let Some(bytes) = bytes else { continue };
-        // Deflate stores what does not shrink: 5 bytes for each block of it.
+        // Deflate stores incompressible data with 5 bytes for each block.
         let most = bytes + bytes / 1024 + 1024;
         if plane.is_empty() || plane.len() > most {
             return Err(format!(
@@ -89,7 +89,7 @@ pub(super) fn compressed(
     Ok((width, height))
 }
 
-/// A picture as it was rendered.
+/// An image as it was rendered.
 pub(super) fn exact(
     frame: &v1::CameraFrame,
     first: Option<(u32, u32)>,

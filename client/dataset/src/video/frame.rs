@@ -1,4 +1,4 @@
-//! One frame: the pictures, their names, and the words below them.
+//! One frame: the images, their names, and the text below them.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -7,10 +7,10 @@ use super::layout::{Layout, Place};
 use super::story::Story;
 use crate::convert::{Size, scaled};
 use crate::sheet::label;
-use crate::sheet::picture::Canvas;
+use crate::sheet::raster::Canvas;
 use crate::sheet::style::Area;
 
-/// Behind words and between pictures.
+/// Background of text and between images.
 const DARK: RGBColor = RGBColor(18, 21, 26);
 const BRIGHT: RGBColor = RGBColor(240, 242, 244);
 const DIM: RGBColor = RGBColor(150, 157, 166);
@@ -26,38 +26,38 @@ fn phase_colour(phase: u64) -> RGBColor {
     }
 }
 
-/// What is the same in every frame.
+/// Parts common to all frames.
 pub(super) struct Painter<'a> {
     pub layout: &'a Layout,
     pub story: &'a Story,
-    /// Names of the pictures.
+    /// Names of the images.
     pub names: Vec<String>,
     /// Simulated seconds per second.
     pub speed: f64,
 }
 
 impl Painter<'_> {
-    /// A frame, RGB8: `pictures` are as they were recorded, `moment` is simulation
+    /// A frame, RGB8: `images` are as they were recorded, `moment` is simulation
     /// time, nanoseconds.
     ///
     /// # Errors
-    /// When nothing can be drawn.
-    pub fn frame(&self, pictures: Vec<(Vec<u8>, Size)>, moment: u64) -> anyhow::Result<Vec<u8>> {
+    /// When a frame cannot be rendered.
+    pub fn frame(&self, images: Vec<(Vec<u8>, Size)>, moment: u64) -> anyhow::Result<Vec<u8>> {
         let Size { width, height } = self.layout.size;
         let mut canvas = Canvas::new(width, height, DARK.rgb());
-        for ((pixels, size), place) in pictures.into_iter().zip(&self.layout.pictures) {
-            let picture = Canvas {
+        for ((pixels, size), place) in images.into_iter().zip(&self.layout.images) {
+            let image = Canvas {
                 width: place.size.width,
                 height: place.size.height,
                 pixels: scaled(pixels, size, place.size),
             };
-            canvas.put(&picture, place.x, place.y);
+            canvas.put(&image, place.x, place.y);
         }
         {
             let size = (width as u32, height as u32);
             let root = BitMapBackend::with_buffer(&mut canvas.pixels, size).into_drawing_area();
             if let Some((strip, words)) = self.layout.strip.zip(self.layout.words) {
-                for (name, place) in self.names.iter().zip(&self.layout.pictures) {
+                for (name, place) in self.names.iter().zip(&self.layout.images) {
                     self.name(&root, name, place)?;
                 }
                 self.strip(&root, &strip, moment)?;
@@ -68,7 +68,7 @@ impl Painter<'_> {
         Ok(canvas.pixels)
     }
 
-    /// The name of a picture in its upper left corner.
+    /// The name of an image in its upper left corner.
     fn name(&self, root: &Area<'_>, name: &str, place: &Place) -> anyhow::Result<()> {
         let letters = (self.layout.letters * 3 / 4).max(11) as u32;
         let (x, y) = (place.x as i32, place.y as i32);
@@ -88,7 +88,7 @@ impl Painter<'_> {
         Ok(())
     }
 
-    /// The phases over time; what is still to come is dark.
+    /// The phases over time; the future is dark.
     fn strip(&self, root: &Area<'_>, place: &Place, moment: u64) -> anyhow::Result<()> {
         let span = self.story.span;
         let across = |at: u64| {
@@ -110,7 +110,7 @@ impl Painter<'_> {
         Ok(())
     }
 
-    /// The instruction; below it what is being done, and on the right the time.
+    /// The instruction; below it the phase, and on the right the time.
     fn words(&self, root: &Area<'_>, place: &Place, moment: u64) -> anyhow::Result<()> {
         let letters = self.layout.letters;
         let margin = (letters / 2) as i32;
@@ -131,14 +131,14 @@ impl Painter<'_> {
         let at = (place.size.width as i32 - margin, second);
         root.draw(&Text::new(time, at, style))?;
 
-        let Some(part) = self.story.at(moment) else {
+        let Some(part) = self.story.part_at(moment) else {
             return Ok(());
         };
         if part.words.is_empty() {
             return Ok(());
         }
         let radius = small as i32 * 3 / 10;
-        // Letters stand a little above the middle of their line.
+        // Letters are a little above the middle of their line.
         let dot = (margin + radius, second - small as i32 / 6);
         root.draw(&Circle::new(dot, radius, phase_colour(part.phase).filled()))?;
         let x = margin + 3 * radius + 4;

@@ -7,7 +7,7 @@ use super::layout::{FOLDER_FILES, VIDEO_BYTES};
 use super::video::Ffmpeg;
 use crate::publish;
 
-/// Where an episode stands in the videos of a feature.
+/// Place of an episode in the videos of a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// Number of the video.
@@ -18,7 +18,7 @@ pub(super) struct Place {
 
 /// Videos of a feature.
 #[derive(Debug, Default)]
-pub(super) struct Reel {
+pub(super) struct VideoConcat {
     /// Name and frames of the episodes that are not in a video of the set yet.
     parts: Vec<(String, usize)>,
     bytes: u64,
@@ -26,8 +26,8 @@ pub(super) struct Reel {
     file: usize,
 }
 
-impl Reel {
-    /// Takes up an episode's video, a file of the scratch folder.
+impl VideoConcat {
+    /// Adds an episode's video, a file of the scratch folder.
     pub fn add(&mut self, name: String, frames: usize, bytes: u64) -> Place {
         let place = Place {
             file: self.file,
@@ -44,7 +44,7 @@ impl Reel {
         self.bytes > VIDEO_BYTES
     }
 
-    /// Puts what has come since the last time into a video of the set.
+    /// Writes the videos added since the last call into a video of the set.
     ///
     /// # Errors
     /// When it cannot be joined or written.
@@ -91,12 +91,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn episodes_stand_one_behind_the_other_until_a_video_is_full() {
-        let mut reel = Reel::default();
-        assert_eq!(reel.add("a".into(), 7, 10), Place { file: 0, from: 0 });
-        assert!(!reel.is_full());
-        let second = reel.add("b".into(), 5, VIDEO_BYTES);
+    fn episodes_are_concatenated_until_a_video_is_full() {
+        let mut videos_of_feature = VideoConcat::default();
+        assert_eq!(
+            videos_of_feature.add("a".into(), 7, 10),
+            Place { file: 0, from: 0 }
+        );
+        assert!(!videos_of_feature.is_full());
+        let second = videos_of_feature.add("b".into(), 5, VIDEO_BYTES);
         assert_eq!(second, Place { file: 0, from: 7 });
-        assert!(reel.is_full());
+        assert!(videos_of_feature.is_full());
     }
 }

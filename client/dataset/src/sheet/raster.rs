@@ -1,4 +1,4 @@
-//! Pictures made small, depth made visible.
+//! Images made small, depth made visible.
 
 use std::path::Path;
 
@@ -21,18 +21,18 @@ impl Canvas {
         }
     }
 
-    /// Copies a picture with its upper left corner at (x, y), cut at the edges.
-    pub fn put(&mut self, picture: &Self, x: usize, y: usize) {
-        let columns = picture.width.min(self.width.saturating_sub(x));
-        for row in 0..picture.height.min(self.height.saturating_sub(y)) {
+    /// Copies an image with its upper left corner at (x, y), cut at the edges.
+    pub fn put(&mut self, image: &Self, x: usize, y: usize) {
+        let columns = image.width.min(self.width.saturating_sub(x));
+        for row in 0..image.height.min(self.height.saturating_sub(y)) {
             let to = 3 * ((y + row) * self.width + x);
-            let from = 3 * row * picture.width;
+            let from = 3 * row * image.width;
             self.pixels[to..to + 3 * columns]
-                .copy_from_slice(&picture.pixels[from..from + 3 * columns]);
+                .copy_from_slice(&image.pixels[from..from + 3 * columns]);
         }
     }
 
-    /// Writes it as a PNG file; one that is there is replaced, by a whole one.
+    /// Writes it as a PNG file; atomically replaces an existing one.
     pub fn write(&self, out: &Path) -> Result<(), png::EncodingError> {
         let mut part = out.as_os_str().to_owned();
         part.push(".part");
@@ -63,7 +63,7 @@ fn span(target: usize, targets: usize, sources: usize) -> std::ops::Range<usize>
     start..end.clamp(start + 1, sources.max(start + 1))
 }
 
-/// The colour picture, averaged down to `width` x `height`.
+/// The colour image, averaged down to `width` x `height`.
 pub fn colour(frame: &Frame, width: usize, height: usize) -> Canvas {
     let mut out = Canvas::new(width, height, (0, 0, 0));
     for y in 0..height {
@@ -87,7 +87,7 @@ pub fn colour(frame: &Frame, width: usize, height: usize) -> Canvas {
     out
 }
 
-/// The depth picture: near is warm, far is cold, nothing is dark grey.
+/// The depth image: near is warm, far is cold, nothing is dark grey.
 pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> Canvas {
     let mut out = Canvas::new(width, height, (58, 60, 64));
     if frame.depth.is_empty() {
@@ -95,7 +95,7 @@ pub fn depth(frame: &Frame, range: (f32, f32), width: usize, height: usize) -> C
     }
     for y in 0..height {
         for x in 0..width {
-            // The nearest surface of the block keeps thin things visible.
+            // The nearest surface of the block keeps thin objects visible.
             let mut nearest = f32::INFINITY;
             for sy in span(y, height, frame.height) {
                 for sx in span(x, width, frame.width) {

@@ -1,4 +1,4 @@
-//! Pictures in the formats that a file may have: depth in millimetres or none, ids of
+//! Images in the formats of a file: depth in millimetres or none, ids of
 //! 8 and 16 bits.
 
 use wheelarm_dataset::depth::Depth;
@@ -34,7 +34,7 @@ fn depth_in_millimetres_is_the_rounded_depth_in_metres() {
 }
 
 #[test]
-fn without_depth_there_are_colour_and_ids_as_they_came() {
+fn without_depth_colour_and_ids_are_stored_unchanged() {
     let dir = tempfile::tempdir().unwrap();
     let options = WriterOptions {
         depth: Depth::Nothing,
@@ -53,13 +53,13 @@ fn without_depth_there_are_colour_and_ids_as_they_came() {
         assert!(read.depth.is_empty());
         assert!(camera.encoded(&episode, i).unwrap().is_none());
     }
-    let asked = camera.depth(&episode, 0).unwrap_err().to_string();
-    assert!(asked.contains("depth"), "{asked}");
+    let error = camera.depth(&episode, 0).unwrap_err().to_string();
+    assert!(error.contains("depth"), "{error}");
     assert_eq!(episode.summary().unwrap().depth_unit, "none");
 }
 
 #[test]
-fn pictures_whose_ids_have_8_bits_are_read_like_those_of_16() {
+fn images_with_ids_of_8_bits_are_read_like_those_of_16() {
     let dir = tempfile::tempdir().unwrap();
     let mut r = Random(5);
     let wide = v1::CameraFrame::decode(camera_frame(&mut r, "gen3", 0)).unwrap();
@@ -84,7 +84,7 @@ fn pictures_whose_ids_have_8_bits_are_read_like_those_of_16() {
         let camera = episode.camera("gen3").unwrap();
         assert_eq!(camera.id_bytes(), each);
         assert_eq!(camera.ids(&episode, 0).unwrap(), ids);
-        // The message is made again to the bit: its digest holds.
+        // The message is restored bit for bit: its digest matches.
         assert_eq!(camera.encoded(&episode, 0).unwrap(), Some(sent));
     }
 }

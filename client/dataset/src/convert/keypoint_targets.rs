@@ -1,5 +1,5 @@
-//! Where what a task is about is: for a network that learns to find it beside what it
-//! learns to do. No robot knows this; it stands beside rows of training and in none
+//! Keypoint targets: positions of the task's object and goal, an auxiliary target for a
+//! policy network. No robot has this; it is stored beside training rows and in none
 //! of a policy.
 
 use wheelarm_proto::exact;
@@ -8,60 +8,67 @@ use super::Recording;
 use crate::annotate::{self, State};
 use crate::pose;
 
-/// Points of a row: the thing of the task, and where it is to be put.
+/// Points of a row: the task's object and its goal.
 pub const POINTS: [&str; 2] = ["thing", "goal"];
-/// Numbers of a point that no camera tells: its place in the frame of the arm's base.
+/// Numbers of a point that no camera gives: its position in the frame of the arm's base.
 const SPACE: [&str; 3] = ["x", "y", "z"];
 
 /// Names of the numbers in a row: for each point x, y, z in the frame of the arm's
-/// base, metres, then for each camera u and v, shares of the picture's width and
+/// base, metres, then for each camera u and v, shares of the image's width and
 /// height from its left and top edge.
 #[must_use]
 pub fn names<'a>(cameras: impl Iterator<Item = &'a str> + Clone) -> Vec<String> {
     let of_point = |point: &'static str| {
         let space = SPACE.map(|axis| format!("{point}.{axis}"));
-        let seen = cameras.clone().flat_map(move |camera| {
+        let pixels = cameras.clone().flat_map(move |camera| {
             ["u", "v"].map(|coordinate| format!("{point}.{camera}.{coordinate}"))
         });
-        space.into_iter().chain(seen)
+        space.into_iter().chain(pixels)
     };
     POINTS.into_iter().flat_map(of_point).collect()
 }
 
-/// Where things are in the rows of an alignment.
-pub struct Aims {
+/// Positions of objects in the rows of an alignment.
+pub struct KeypointTargets {
     /// Rows by the numbers of [`names`].
     pub rows: Vec<Vec<f64>>,
-    /// What the task is about: one of `things`.
-    pub thing: String,
-    /// All that can be asked for, objects and what slides, in the order of their names.
-    pub things: Vec<String>,
-    /// Rows by thing, each x, y, z, then u and v of each camera as in [`names`].
-    pub of_things: Vec<Vec<f64>>,
+    /// The target of the task: one of `objects`.
+    pub object: String,
+    /// All possible targets, objects and slides, in the order of their names.
+    pub objects: Vec<String>,
+    /// Rows by target, each x, y, z, then u and v of each camera as in [`names`].
+    pub of_objects: Vec<Vec<f64>>,
 }
 
 /// The places in each row of the alignment that is given. NaN for a point that the
 /// task does not have, and for pixels of a point behind the camera; what is out of
-/// the picture or hidden in it has pixels like any other. Places are those of the
-/// row, pixels those of the exposure that the row's picture shows.
+/// the image or hidden in it has pixels like any other. Places are those of the
+/// row, pixels those of the exposure that the row's image shows.
 ///
 /// # Errors
-/// When the recording tells no state of objects, or a row has no picture.
-pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::Result<Aims> {
+/// When the recording has no state of objects, or a row has no image.
+pub fn read(
+    recording: &Recording,
+    rows: &[usize],
+    cameras: &[&str],
+) -> anyhow::Result<KeypointTargets> {
     let state = State::read(&recording.episode)?;
     let slides = state.home.slides.iter().map(|slide| slide.name.as_str());
-    let things = state.objects.iter().map(String::as_str).chain(slides);
-    let things: std::collections::BTreeSet<&str> = things.collect();
-    let all: Vec<Point<'_>> = things.iter().map(|name| thing(&state, name)).collect();
-    let points = [thing(&state, &state.target), goal(&state)];
+    let names = state.objects.iter().map(String::as_str).chain(slides);
+    let names: std::collections::BTreeSet<&str> = names.collect();
+    let all: Vec<Point<'_>> = names
+        .iter()
+        .map(|name| object_point(&state, name))
+        .collect();
+    let points = [object_point(&state, &state.target), goal(&state)];
 
     let last = state.stamps.len().saturating_sub(1);
     let sample = |stamp: u64| state.stamps.partition_point(|&t| t < stamp).min(last);
-    let mut out = Aims {
+    let mut out = KeypointTargets {
         rows: Vec::with_capacity(rows.len()),
-        thing: state.target.clone(),
-        things: things.iter().map(ToString::to_string).collect(),
-        of_things: Vec::with_capacity(rows.len()),
+        object: state.target.clone(),
+        objects: names.iter().map(ToString::to_string).collect(),
+        of_objects: Vec::with_capacity(rows.len()),
     };
     for &row in rows {
         let now = sample(recording.aligned.stamps[row]);
@@ -87,16 +94,16 @@ pub fn read(recording: &Recording, rows: &[usize], cameras: &[&str]) -> anyhow::
             numbers
         };
         out.rows.push(points.iter().flat_map(&numbers).collect());
-        out.of_things.push(all.iter().flat_map(&numbers).collect());
+        out.of_objects.push(all.iter().flat_map(&numbers).collect());
     }
     Ok(out)
 }
 
-/// A place in `house` by the sample of the state, metres; none where there is none.
+/// A position in `house` by the sample of the state, metres; `None` without one.
 type Point<'a> = Box<dyn Fn(usize) -> Option<[f64; 3]> + 'a>;
 
-/// The middle of an object, or the handle's origin of what slides.
-fn thing<'a>(state: &'a State, name: &str) -> Point<'a> {
+/// The middle of an object, or the handle's origin of a slide.
+fn object_point<'a>(state: &'a State, name: &str) -> Point<'a> {
     if let Some(object) = state.objects.iter().position(|object| object == name) {
         let middle = annotate::middle(state, name);
         return Box::new(move |sample| {
@@ -113,7 +120,7 @@ fn thing<'a>(state: &'a State, name: &str) -> Point<'a> {
     })
 }
 
-/// The middle of the area where the thing is to be put.
+/// The middle of the goal area.
 fn goal(state: &State) -> Point<'_> {
     let goal = state.home.goals.iter().find(|goal| goal.0 == state.goal);
     let goal = goal.map(|(_, _, area, _)| {
