@@ -190,7 +190,7 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
     let again = wheelarm(here, &["replay", &new.to_string_lossy()]);
     let words = printed(&again);
     assert!(
-        words.contains("rendered from the states of another"),
+        words.contains("drawn from the states of another"),
         "{words}"
     );
 
