@@ -163,7 +163,7 @@ impl Plush {
         let appearances: Vec<usize> = self
             .lobes
             .iter()
-            .map(|lobe| self.appearance(lobe))
+            .map(|lobe| self.material_of(lobe))
             .collect();
         let mut meeting = vec![[usize::MAX; 2]; skin.positions.len()];
         for (triangle, lobe) in skin.triangles.iter().zip(&skin.lobes) {
@@ -201,7 +201,7 @@ impl Plush {
     }
 
     /// The first lobe with the same material.
-    fn appearance(&self, lobe: &Lobe) -> usize {
+    fn material_of(&self, lobe: &Lobe) -> usize {
         let same = |other: &Lobe| other.material == lobe.material;
         self.lobes.iter().position(same).unwrap_or(0)
     }

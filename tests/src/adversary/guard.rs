@@ -229,7 +229,7 @@ impl GuardRun {
                 verdict.fault = Some(words.to_owned());
                 break;
             }
-            touched += u64::from(appearance(&sim, tick, &operator, &mut verdict));
+            touched += u64::from(add_forces(&sim, tick, &operator, &mut verdict));
         }
         verdict.touched = touched as f64 / verdict.ticks.max(1) as f64;
         Ok(verdict)
@@ -261,7 +261,7 @@ fn in_hand(hand: &Isometry3<f64>, tool: f64) -> Isometry3<f64> {
 }
 
 /// Adds the forces of a tick; whether the person is touched.
-fn appearance(
+fn add_forces(
     sim: &Simulation,
     tick: u64,
     operator: &Operator,

@@ -384,7 +384,7 @@ fn problems(folder: &Path, all: &[PathBuf]) {
     let output = shell(folder, &line);
     assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     assert!(
-        printed(&output).contains("broken.h5 is no WheelArm episode"),
+        printed(&output).contains("broken.h5 is not a WheelArm episode"),
         "{}",
         printed(&output)
     );
@@ -467,7 +467,7 @@ fn problems(folder: &Path, all: &[PathBuf]) {
         "joint_state: position: 1 numbers are not finite",
         "pose: pose: the norm of a quaternion is off by 1.00e-2",
         "imu: stamps do not rise at sample 20",
-        "camera/gen3: 1 pictures of one colour",
+        "camera/gen3: 1 images of one colour",
     ] {
         assert!(text.contains(words), "{words} is not in {text}");
     }

@@ -46,7 +46,7 @@ impl Observer {
     }
 
     /// Takes the next sample of whatever stream.
-    fn appearance(&mut self) {
+    fn receive_next(&mut self) {
         let seconds =
             |h: &Option<v1::Header>| h.as_ref().map_or(0.0, |h| h.stamp_nanos as f64 * 1e-9);
         match self
@@ -74,7 +74,7 @@ impl Observer {
     fn until(&mut self, what: &str, mut done: impl FnMut(&mut Self) -> bool) {
         wait_until(what, || {
             (0..20).any(|_| {
-                self.appearance();
+                self.receive_next();
                 done(self)
             })
         });

@@ -191,7 +191,7 @@ fn a_copied_id_is_found_and_the_stream_is_named() {
     assert!(text.contains("copied.h5: PARTIAL"), "{text}");
     let named = text
         .lines()
-        .any(|l| l.contains("imu: ") && l.contains("somebody else"));
+        .any(|l| l.contains("imu: ") && l.contains("another publisher"));
     assert!(named, "{text}");
 }
 

@@ -15,7 +15,7 @@ const LOCKED: [&str; 2] = ["unable to lock file", "Resource temporarily unavaila
 /// The error of a file that HDF5 rejected with `source`.
 pub(super) fn refusal(path: &Path, source: &hdf5::Error) -> ReadError {
     let path_of = || path.to_owned();
-    match appearance(path) {
+    match check_file(path) {
         Ok(Some(known)) => known,
         Ok(None)
             if LOCKED
@@ -95,7 +95,7 @@ fn cure(path: &Path) -> String {
 }
 
 /// Checks the path itself; `None` when its beginning and its length are valid.
-fn appearance(path: &Path) -> std::io::Result<Option<ReadError>> {
+fn check_file(path: &Path) -> std::io::Result<Option<ReadError>> {
     let unreadable = |reason: String| {
         Ok(Some(ReadError::Unreadable {
             path: path.to_owned(),

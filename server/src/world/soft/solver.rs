@@ -176,7 +176,7 @@ impl Scratch {
         let good = GOOD * GOOD * tick.body.mass;
         let mut left = STEPS;
         loop {
-            let size = self.appearance(tick.body, velocity);
+            let size = self.residual_norm(tick.body, velocity);
             if size <= good || left == 0 || !size.is_finite() {
                 return;
             }
@@ -201,7 +201,7 @@ impl Scratch {
     }
 
     /// Converts the residual to lanes; returns its norm.
-    fn appearance(&mut self, body: &Elastic, velocity: &[Vector3<f64>]) -> f64 {
+    fn residual_norm(&mut self, body: &Elastic, velocity: &[Vector3<f64>]) -> f64 {
         self.left.clone_from(&self.rest);
         press(&mut self.left, &self.springs, body, velocity, 1.0);
         let mut size = Lanes::default();
