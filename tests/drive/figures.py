@@ -314,12 +314,12 @@ def drive(page, observed, gateway, line, seconds, server):
     factor = (observed.client.status().header.tick - ticks) / HZ / took
     page.running = False
     time.sleep(0.5)
-    # Time of the simulation as it passed here: a slow host falls behind the wall.
+    # Simulation time at arrival: a slow host falls behind the wall clock.
     painted, reached, moved, braked = [], [], [], []
     times = sorted((tick, now) for tick, now, _ in observed.speeds)
     stamps = {tick: now for tick, now in times}
     for now, camera, tick, *_ in page.pictures:
-        # Odometry of the tick of the exposure, published when the tick was simulated.
+        # Odometry of the exposure's tick, published when the tick was simulated.
         if now > began and tick in stamps:
             painted.append((now - stamps[tick]) * 1e3)
     seen = set()

@@ -1,6 +1,6 @@
-// A gateway without a robot that speaks client/teleop/web/PROTOCOL.md, for tests of the
-// page: it notes what it was told, and does with it what the protocol says. Its
-// chair and hand are points that move by what is in force.
+// A gateway without a robot that implements client/teleop/web/PROTOCOL.md, for tests of the
+// page: it records the received messages, and acts on them by the protocol. Its
+// chair and hand are points that move by the current command.
 
 import { randomBytes } from "node:crypto";
 import { readFileSync } from "node:fs";
@@ -19,10 +19,10 @@ const POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src
 const CHAIR = [0.1, 0.2, 0.35, 0.5, 0.63];
 const PICTURES = ["chair", "hand"].map((name) => readFileSync(join(HERE, `data/${name}.jpg`)));
 const STREAM = TEST_STREAM.map((line) => Buffer.from(line, "base64"));
-/** Simulation ticks between two pictures, at 240 per second and 10 pictures per second. */
+/** Simulation ticks between two images, at 240 per second and 10 images per second. */
 const TICKS = 24;
 
-/** A page that drives and is not heard for this long: brake. Longer than the real 0.25 s, see browser.js. */
+/** Brakes after this silence of a driving page. Longer than the real 0.25 s, see browser.js. */
 const STALL_MS = 1500;
 
 const USERS = { anna: { password: "abc", role: "operator" }, ben: { password: "abc", role: "operator" }, vera: { password: "abc", role: "viewer" } };
@@ -32,9 +32,9 @@ export class Gateway {
     this.tickets = new Map();
     this.sessions = new Map();
     this.sockets = new Set();
-    /** Control messages as they were taken, once each. */
+    /** Accepted control messages, once each. */
     this.taken = [];
-    /** All that came, with their lane. */
+    /** All received messages, with their lane. */
     this.came = [];
     this.asks = [];
     this.acks = [];
@@ -123,7 +123,7 @@ export class Gateway {
   file(path, response) {
     const name = normalize(path === "/" ? "/index.html" : path);
     try {
-      // Test assets stand beside the page under /test.
+      // Test assets are stored beside the page under /test.
       const from = name.startsWith("/test/") ? join(HERE, "node_modules", name.slice(6)) : join(PAGE, name);
       const content = readFileSync(from);
       response.writeHead(200, { "content-type": TYPES[extname(name)] || "application/octet-stream",
@@ -201,7 +201,7 @@ export class Gateway {
     return undefined;
   }
 
-  /** The gateway's own end of a motion. */
+  /** Ends a motion on the gateway's side. */
   brake() {
     this.held = null;
     this.goal = null;
@@ -230,7 +230,7 @@ export class Gateway {
     } else if (message.t === "key") one.key.add(message.camera);
   }
 
-  /** A picture of each camera to each who wants it, if it may have one more. */
+  /** Sends an image of each camera to each page that wants it, within the limit of unacknowledged ones. */
   pictures() {
     if (!this.faults.paused) this.tick += TICKS;
     if (this.frozen) return;
@@ -245,7 +245,7 @@ export class Gateway {
     if (flight.length >= 3 || camera > 1) return;
     const seq = (one.seq.get(camera) || 0) + 1;
     const h264 = one.want.codecs[0] === "h264" && this.codec !== "jpeg";
-    // After a lost key picture the stream begins again.
+    // After a lost key frame the stream begins again.
     if (one.key.delete(camera)) one.start = seq;
     const at = (seq - (one.start || 1)) % STREAM.length;
     const body = h264 ? STREAM[at] : PICTURES[camera];
@@ -327,7 +327,7 @@ export class Gateway {
     }
   }
 
-  /** The recorder says a moment later what became of the file. */
+  /** The recorder reports the state of the file a moment later. */
   written(label) {
     this.labels.push(label);
     setTimeout(() => {
@@ -342,7 +342,7 @@ export class Gateway {
     for (const one of this.sockets) if (one.kind === kind) one.socket.send(JSON.stringify(message));
   }
 
-  /** A refusal of the newest command, as the gate would say. */
+  /** A refusal of the newest command, as the command gate would send it. */
   refuse(reason) {
     this.brake();
     this.toAll("state", { t: "refusal", seq: this.seq, code: "TOO_OLD", reason });

@@ -1,7 +1,7 @@
-// One switch alone, against the real server: somebody who has nothing but the space bar
-// takes control, starts an episode, turns towards the table, points at the mustard, lets
-// it be taken and finishes. What the person sees is read from the pixels of the page:
-// where the frame is, where the bottle is yellow, where the line sweeps.
+// One switch alone, against the real server: a user who has only the space bar
+// takes control, starts an episode, turns towards the table, points at the mustard, starts
+// the skill that takes it and finishes. The test reads what the user sees from the pixels of
+// the page: the frame, the yellow of the bottle, the sweeping line.
 //   node lift.js [SEED]      programs in ../../target/release
 
 import assert from "node:assert/strict";
@@ -29,7 +29,7 @@ const url = await new Promise((found, failed) => {
 const browser = await launch();
 let presses = 0;
 try {
-  // The times of scanning are those that somebody has who changed nothing.
+  // The scanning times are the defaults.
   const settings = { ...preset("one_switch"), speed: 5, sound: false };
   const page = await (await browser.newContext({ viewport: { width: 1280, height: 800 } })).newPage();
   await page.addInitScript((value) => localStorage.setItem("wheelarm.drive", JSON.stringify(value)), settings);
@@ -58,7 +58,7 @@ try {
     await until(async () => !(await situation()).robot.moving, "the robot rests");
     await page.waitForTimeout(500);
   };
-  /** Middle of what is yellow in the first picture, 0 to 1; null where little is. */
+  /** Middle of the yellow pixels in the first image, 0 to 1; null when there are few. */
   const bottle = () => page.evaluate(() => {
     const canvas = document.querySelector("#stage canvas");
     const { width, height } = canvas;
@@ -74,9 +74,9 @@ try {
     }
     return count > 12 ? { u: x / count / width, v: y / count / height, count } : null;
   });
-  /** Where the sweeping line is, 0 to 1: `down` the one across the picture. */
+  /** Position of the sweeping line, 0 to 1: `down` is the one across the image. */
   const line = (down) => page.evaluate((isDown) => {
-    // Of the chair's camera, which shows the bottle; the line sweeps over the others too.
+    // In the chair camera's image, which shows the bottle; the line also sweeps over the others.
     for (const over of document.querySelectorAll("#stage figure:first-of-type canvas.over")) {
       const { width, height } = over;
       const { data } = over.getContext("2d").getImageData(0, 0, width, height);

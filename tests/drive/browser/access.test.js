@@ -15,16 +15,16 @@ let browser;
 before(async () => { browser = await launch(); });
 after(() => browser.close());
 
-/** What axe finds, in words. */
+/** Violations that axe finds, in words. */
 async function violations(page) {
-  // By the debugger: the page's policy forbids foreign scripts, as it should.
+  // By the debugger: the page's policy rightly forbids foreign scripts.
   const found = await page.evaluate(async () => (await window.axe.run(document, {
     runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
   })).violations.map((one) => `${one.id}: ${one.nodes.map((node) => `${node.target} ${node.any.concat(node.all).map((check) => check.message).join(" ")}`).slice(0, 3).join(" | ")}`));
   return found;
 }
 
-/** The targets that are smaller than they should be. */
+/** The targets that are smaller than required. */
 const small = (page) => page.evaluate(() => {
   const least = (one) => (one.id === "stop" ? 96 : one.closest(".pad .grid") ? 64 : 44);
   return [...document.querySelectorAll("button, input:not([type=range]), select, textarea, summary, a[href]")]

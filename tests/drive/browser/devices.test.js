@@ -1,5 +1,5 @@
 // Every device as a person uses it, in Chromium, against the gateway for tests.
-// What counts is what the gateway was told, and in which order.
+// The tests check the messages that the gateway received, and their order.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -15,7 +15,7 @@ const moves = (message) => message.t === "drive" && [...(message.chair || []), .
 const driven = (gateway) => gateway.taken.filter(moves);
 const count = (gateway, kind) => gateway.taken.filter((message) => message.t === kind).length;
 const item = (page, name) => page.locator(`[data-item="${name}"]`);
-/** Runs a test with a page of its own; errors of the page fail it. */
+/** Runs a test with its own page; errors of the page fail it. */
 const on = (name, options, body) => test(name, async () => {
   const one = await open(browser, { codec: "jpeg", ...options });
   try {
@@ -24,13 +24,13 @@ const on = (name, options, body) => test(name, async () => {
     await one.close();
   }
 });
-/** Nothing moves and nothing is told to, seen for some signs of life. */
+/** No motion and no command for it, during some "alive" messages. */
 async function rests(gateway) {
   await until(() => gateway.held === null, "the gateway holds nothing");
   const from = gateway.taken.length;
   await until(() => gateway.taken.slice(from).filter((message) => message.t === "alive").length >= 2, "two signs of life");
   const since = gateway.taken.slice(from);
-  // What was under way when the gateway braked is dead by its epoch.
+  // Messages on their way when the gateway braked are dead by their epoch.
   const alive = since.find((message) => moves(message) && message.epoch > gateway.dead);
   assert.ok(!alive, JSON.stringify(alive));
 }
@@ -158,7 +158,7 @@ on("a hidden tab stops, paints nothing, and gets no more than three pictures", {
   await until(() => driven(gateway).length >= 3, "it drives");
   const other = await context.newPage();
   await other.bringToFront();
-  // Headless Chromium may go on painting behind; then it is said by hand.
+  // Headless Chromium may continue painting; then the test reports the page as hidden itself.
   if (!(await page.evaluate(() => document.hidden))) {
     await page.evaluate(() => {
       Object.defineProperty(document, "hidden", { get: () => true });
@@ -177,7 +177,7 @@ on("a hidden tab stops, paints nothing, and gets no more than three pictures", {
   assert.ok(gateway.inFlight <= 3, String(gateway.inFlight));
 });
 
-/** A gamepad that tests can move. */
+/** A gamepad that tests control. */
 const PAD = `window.pad = { id: "Adaptive Joystick", index: 0, connected: true, mapping: "", axes: [0, 0],
   buttons: [0, 1].map(() => ({ pressed: false, value: 0 })) };
   navigator.getGamepads = () => [window.pad && { ...window.pad, axes: [...window.pad.axes], buttons: window.pad.buttons.map((one) => ({ ...one })) }];
@@ -293,12 +293,12 @@ on("dwelling: mouse moves alone step, start and stop", { settings: { ...preset("
   await until(() => gateway.asks.some((ask) => ask.ask === "pick"), "while choosing it is");
 });
 
-/** The settings of somebody with one switch who changed nothing; silent. */
+/** The default settings for one switch; silent. */
 const SWITCH = { ...preset("one_switch"), sound: false };
-/** The page in real time: with the scanning times as they are. */
+/** The page in real time, with the default scanning times. */
 const SIZES = [{ width: 1280, height: 800 }, { width: 1366, height: 768 }, { width: 360, height: 740 }];
 
-/** One switch: what is framed, a press, and taking what comes under the frame. */
+/** One switch: the framed item, a press, and choosing an item when it is framed. */
 function oneSwitch(page) {
   const framed = () => page.evaluate(() => {
     const one = document.querySelector(".framed");
@@ -317,7 +317,7 @@ function oneSwitch(page) {
   return { framed, hit, take };
 }
 
-/** How much of each image is seen, 0 to 1: within the window and under nothing else. */
+/** Visible share of each image, 0 to 1: within the window and not covered. */
 const seen = (page) => page.evaluate(() => [...document.querySelectorAll("#stage canvas:not(.over)")].map((canvas) => {
   const box = canvas.getBoundingClientRect();
   let sum = 0;
@@ -455,13 +455,13 @@ on("an episode that cannot be recorded does not start, and practice says that it
   await page.getByText("practice: nothing is kept").first().waitFor();
   await item(page, "finish").click();
   await until(() => !gateway.episode, "it is over");
-  // With a recorder the first free label is taken, and "kept" is said when the file is there.
+  // With a recorder the first free label is used, and "kept" appears when the file exists.
   gateway.recorders = ["disk"];
   await item(page, "start").click();
   await until(() => gateway.episode?.label === "mustard-seed3-2", "the next free label");
   await item(page, "finish").click();
   await page.getByText("kept in data/mustard-seed3-2.h5").first().waitFor();
-  // A recorder that failed keeps nothing.
+  // A failed recorder keeps nothing.
   await item(page, "start").click();
   await until(() => gateway.episode?.label === "mustard-seed3-3", "it runs");
   gateway.recorderState = "failed";

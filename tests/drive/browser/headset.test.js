@@ -1,4 +1,4 @@
-// A headset that IWER plays: clutch, stick, stop, lost pose, end, panels.
+// A headset that IWER emulates: clutch, stick, stop, lost pose, end, panels.
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -92,7 +92,7 @@ on("the end of the session and a hidden session let go", async ({ gateway, page 
   await until(() => gateway.held !== null, "engaged again");
   await page.evaluate(() => headset.activeSession.end());
   await until(() => gateway.held === null, "ended: it holds");
-  // The flat page drives on.
+  // The flat page still drives.
   await squeeze(page, false);
   await page.locator("#stage").focus();
   await page.keyboard.down("KeyW");
@@ -103,7 +103,7 @@ on("the end of the session and a hidden session let go", async ({ gateway, page 
 on("both panels and the words under them are drawn", async ({ gateway, page }) => {
   await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "pictures are painted in the headset");
   const shot = await page.evaluate(() => new Promise((done) => {
-    // Read right after the headset's frame, before the browser takes the picture away.
+    // Read right after the headset's frame, before the browser discards the image.
     headset.activeSession.requestAnimationFrame(() => queueMicrotask(() => {
       const gl = headset.activeSession.renderState.baseLayer.context;
       const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];

@@ -1,4 +1,4 @@
-// What the page does with pictures, sockets, rights and errors.
+// Behavior of the page with images, sockets, rights and errors.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -21,7 +21,7 @@ const on = (name, options, body) => test(name, async () => {
     await one.close();
   }
 });
-/** Whether the middle of the first picture is not black. */
+/** Whether the middle of the first image is not black. */
 const painted = (page) => page.evaluate(() => {
   const canvas = document.querySelector("#stage canvas");
   return canvas.getContext("2d").getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data.slice(0, 3).some((value) => value > 20);

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { Driver, LATCH_MS } from "../../../client/teleop/web/page/logic/driver.js";
 
-/** A driver that may drive. */
+/** A driver that is allowed to drive. */
 function free() {
   const driver = new Driver();
   driver.locked("", "", false, 0);
@@ -181,7 +181,7 @@ test("losing the window stops the chair at once and says why", () => {
   driver.guard("blur", "", 10);
   const [stop] = driver.frame(10, 1);
   assert.deepEqual([stop.t, stop.why], ["stop", "blur"]);
-  // With nothing held nothing is said.
+  // Without held input nothing is sent.
   const idle = free();
   idle.guard("blur", "", 10);
   assert.ok(!kinds(frames(idle, 10, 400)).includes("stop"));

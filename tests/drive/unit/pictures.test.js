@@ -88,7 +88,7 @@ test("the age of the loop is told with what it means", () => {
   assert.equal(loopAge(null).text, "–");
 });
 
-/** WebCodecs of a browser whose decoder holds `held` pictures back. */
+/** WebCodecs of a browser whose decoder holds `held` images back. */
 function codecs(held, supported = true) {
   return {
     isSecureContext: true,

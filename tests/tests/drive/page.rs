@@ -1,4 +1,4 @@
-//! A client of a gateway that does what the page does.
+//! A client of a gateway that behaves like the page.
 
 use std::collections::BTreeMap;
 use std::net::{Shutdown, TcpStream};
@@ -16,24 +16,24 @@ use wheelarm_tests::wait_until;
 
 use super::gateway::{Gateway, Socket};
 
-/// Time between two looks at what is to be sent.
+/// Time between two checks for messages to send.
 const LOOK: Duration = Duration::from_millis(5);
 /// Time between two messages of a held key.
 const HOLD: Duration = Duration::from_millis(33);
 
-/// What is held.
+/// Held input.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Held {
     chair: [f64; 2],
 }
 
 impl Held {
-    /// The chair goes forward.
+    /// Chair forward.
     pub fn forward() -> Self {
         Self { chair: [1.0, 0.0] }
     }
 
-    /// The chair goes back.
+    /// Chair back.
     pub fn back() -> Self {
         Self { chair: [-1.0, 0.0] }
     }
@@ -78,7 +78,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Opens all sockets that the role may open, and shows every camera.
+    /// Opens all sockets that the role may open, and requests every camera.
     pub fn open(gateway: &Gateway, page: &str, operator: bool) -> Self {
         let known = Arc::new(Mutex::new(Known::default()));
         let ended = Arc::new(AtomicBool::new(false));
@@ -122,7 +122,7 @@ impl Page {
         opened.keep_holding()
     }
 
-    /// Says what is held, or that the page is there.
+    /// Sends the held input, or a sign of life.
     fn keep_holding(mut self) -> Self {
         let (known, ended) = (Arc::clone(&self.known), Arc::clone(&self.ended));
         let lanes = self.lanes.clone();
@@ -165,7 +165,7 @@ impl Page {
         self.situation()["tick"].as_u64().unwrap_or(0)
     }
 
-    /// Asks, and waits for the answer.
+    /// Sends a request, and waits for the answer.
     pub fn request(&mut self, what: &str, more: Value) -> Value {
         let id = {
             let mut known = self.known.lock();
@@ -195,7 +195,7 @@ impl Page {
         known.held = Some(held);
     }
 
-    /// What is held stays so, without a fresh press.
+    /// Keeps holding, without a fresh press.
     pub fn hold_on(&mut self) {
         assert!(self.known.lock().held.is_some(), "nothing is held");
     }
@@ -205,7 +205,7 @@ impl Page {
         self.known.lock().held = Some(held);
     }
 
-    /// Lets go.
+    /// Releases.
     pub fn release(&mut self) {
         for _ in 0..3 {
             let message = {
@@ -249,40 +249,40 @@ impl Page {
         (known.epoch, known.seq)
     }
 
-    /// Goes on as the same page with other sockets.
+    /// Continues as the same page with other sockets.
     pub fn goes_on_from(&mut self, (epoch, seq): (u32, u32)) {
         let mut known = self.known.lock();
         known.epoch = epoch;
         known.seq += seq;
     }
 
-    /// Paints nothing any more, or again.
+    /// Stops painting, or starts again.
     pub fn freeze(&mut self, frozen: bool) {
         self.known.lock().frozen = frozen;
     }
 
-    /// The line is cut: nothing more goes, and nobody is told. The sockets stay open
+    /// Cuts the connection: all messages are dropped, without a close. The sockets stay open
     /// until the page is dropped.
     pub fn cut(&self) {
         self.ended.store(true, Ordering::Release);
     }
 
-    /// Whether a picture was painted.
+    /// Whether an image was painted.
     pub fn has_painted(&self) -> bool {
         !self.known.lock().painted.is_empty()
     }
 
-    /// Whether a message of this kind came.
+    /// Whether a message of this kind arrived.
     pub fn was_told(&self, kind: &str) -> bool {
         self.known.lock().said.iter().any(|said| said["t"] == kind)
     }
 
-    /// Forgets what was said.
+    /// Clears the received messages.
     pub fn forget_told(&mut self) {
         self.known.lock().said.clear();
     }
 
-    /// Whether a note with these words came.
+    /// Whether a note with these words arrived.
     pub fn was_noted(&self, words: &str) -> bool {
         let known = self.known.lock();
         let mut notes = known.said.iter().filter_map(|said| said["text"].as_str());
@@ -296,7 +296,7 @@ impl Page {
         gateway.enter(path, false, &hello).err()
     }
 
-    /// A candidate that can be taken, wherever it is seen.
+    /// A candidate that can be taken, in the image of any camera.
     pub fn points_at_anything(&mut self) -> Option<Value> {
         let cameras: Vec<u8> = self.known.lock().painted.keys().copied().collect();
         for camera in cameras {
@@ -334,10 +334,10 @@ impl Drop for Page {
     }
 }
 
-/// What is done with a message; what is answered.
+/// Handles a message; returns the answer.
 type Heard = fn(&mut Known, Message) -> Option<String>;
 
-/// Sends what is to be said and hears what comes, until the end.
+/// Sends the queued messages and handles the received ones, until the end.
 fn serve(
     mut socket: Socket,
     to_say: &Receiver<String>,
@@ -406,12 +406,12 @@ fn video(known: &mut Known, message: Message) -> Option<String> {
     Some(ack.to_string())
 }
 
-/// A command as it was recorded.
+/// A recorded command.
 #[derive(Debug)]
 pub struct Recorded {
-    /// What it was commanded with.
+    /// Input device.
     pub device: String,
-    /// How the input became motion.
+    /// Input mode.
     pub mode: String,
     /// Age of the state that it answers, ticks.
     pub loop_age_ticks: u64,

@@ -1,4 +1,4 @@
-//! Teleoperation at work: events in, the model's decisions out, the screen.
+//! The event loop of teleoperation: feeds the model, executes its effects, renders.
 
 use std::time::{Duration, Instant};
 use wheelarm_proto::TopicId;
@@ -32,7 +32,7 @@ const STREAMS: [TopicId; 11] = [
     TopicId::Refusal,
     TopicId::EpisodeStop,
 ];
-/// Time between two pictures of the screen.
+/// Time between two frames of the screen.
 const FRAME: f64 = 1.0 / 12.0;
 /// Time from the last command until the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(150);
@@ -48,9 +48,9 @@ enum Event {
 /// How teleoperation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// As the person asked.
+    /// The person left.
     Left,
-    /// By a signal or because the terminal died; the robot was stopped.
+    /// By a signal or a lost terminal; the robot was stopped.
     Cut(&'static str),
 }
 
@@ -64,10 +64,10 @@ struct Operation {
     redraw: bool,
 }
 
-/// Operates until the person leaves, the terminal dies or a signal comes.
+/// Operates until the person leaves, the terminal is lost or a signal arrives.
 ///
 /// # Errors
-/// When there is no terminal, or the page's address cannot be used.
+/// When standard input is not a terminal, or the page's address cannot be bound.
 pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
     let (events, came) = unbounded();
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -109,7 +109,7 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
         colours: std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()),
     };
     let ended = operation.work(&came, &mut screen, theme);
-    // First the robot, then the screen.
+    // The robot stops before the screen is restored.
     operation.farewell();
     drop(screen);
     drop(line);
@@ -155,7 +155,7 @@ impl Operation {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// The loop: ends when the person leaves or nobody is there any more.
+    /// The loop: ends when the person leaves or the terminal is lost.
     fn work(&mut self, came: &Receiver<Event>, screen: &mut Screen, theme: Theme) -> Ended {
         let mut next_frame = 0.0_f64;
         loop {
@@ -164,7 +164,7 @@ impl Operation {
             let wait = Duration::from_secs_f64((due - now).max(0.0));
             if let Ok(event) = came.recv_timeout(wait) {
                 self.take(event);
-                // What came meanwhile belongs to the same picture.
+                // Events that arrived meanwhile belong to the same frame.
                 for event in came.try_iter().take(500) {
                     self.take(event);
                 }
@@ -234,7 +234,7 @@ impl Operation {
                 self.model.lost(&reason, now);
                 self.link = None;
                 if let Some(commands) = self.commands.take() {
-                    // Its thread may hang in the dead link.
+                    // Its thread may hang in the dead connection.
                     std::thread::spawn(move || commands.finish());
                 }
                 Vec::new()
@@ -268,7 +268,7 @@ impl Operation {
                     if let Some(link) = &self.link {
                         let events = self.events.clone();
                         let name = self.model.settings.commander.clone();
-                        // Two lives of one commander would hold each other up.
+                        // Two command channels of one client would block each other.
                         let asks = matches!(errand, Errand::Lease { .. });
                         let former = if asks { self.commands.take() } else { None };
                         errand::run(link.clone(), name, errand, former, move |brought| {
@@ -282,7 +282,7 @@ impl Operation {
         }
     }
 
-    /// Brakes the chair, holds the arm and gives control back.
+    /// Brakes the chair, holds the arm and releases control.
     fn farewell(&mut self) {
         let effects = {
             let now = self.now();
@@ -291,7 +291,7 @@ impl Operation {
         self.ended = None;
         self.perform(effects);
         if let Some(commands) = self.commands.take() {
-            // The stop is on its way before control is given back.
+            // The stop must leave before control is released.
             std::thread::sleep(FAREWELL);
             commands.finish();
         }

@@ -1,4 +1,4 @@
-// The page: devices in, intents out, pictures and state on the screen.
+// The page: reads input devices, sends intents, shows images and state.
 
 import { Driver } from "./logic/driver.js";
 import { STICK_MODES } from "./logic/gamepad.js";
@@ -35,9 +35,9 @@ class Page {
     this.candidates = null;
     this.lastStep = null;
     this.inForce = false;
-    /** Alarms that the person has read. */
+    /** Alarms that the person has acknowledged. */
     this.read = new Set();
-    /** With scanning on: the pointer presses what it points at instead of being the switch. */
+    /** With scanning on: the pointer presses its target instead of acting as the switch. */
     this.carer = false;
     this.isArranging = false;
     this.where = "login";
@@ -64,7 +64,7 @@ class Page {
   }
 
   async begin() {
-    // What is below the images scrolls to where it can be seen.
+    // Content below the images scrolls into view.
     new ResizeObserver(([{ target }]) => {
       document.documentElement.style.setProperty("--view", `${target.offsetHeight}px`);
     }).observe($("view"));
@@ -82,7 +82,7 @@ class Page {
     }
   }
 
-  // Signing in and the views
+  // Login and views
 
   async signedIn(session) {
     this.role = session.role;
@@ -170,7 +170,7 @@ class Page {
     if (!settings.scan.on) this.carer = false;
     this.pads.draw(this.isArranging);
     this.drawVoice();
-    // A finger taps the picture itself.
+    // A tap on the image itself.
     document.body.classList.toggle("tap", settings.preset === "touch");
     for (const item of ["write:user", "write:password"]) {
       const one = document.querySelector(`[data-item="${item}"]`);
@@ -178,7 +178,7 @@ class Page {
     }
   }
 
-  /** Whether letters on the screen are of use. */
+  /** Whether the on-screen letters are needed. */
   letters() {
     return this.settings.scan.on || this.settings.dwell.on || this.inputs.gamepads.pads.size > 0;
   }
@@ -212,7 +212,7 @@ class Page {
     this.change({ ...this.settings, mode });
   }
 
-  // What the gateway says
+  // Messages of the gateway
 
   heard(kind, data) {
     if (kind === "video") {
@@ -272,7 +272,7 @@ class Page {
     this.saidAt = now();
   }
 
-  // Asking
+  // Requests
 
   async ask(what, fields) {
     try {
@@ -350,7 +350,7 @@ class Page {
 
   async startGoal(candidate, action) {
     this.closeMenu();
-    // From here on any press stops, also before the first situation that names it.
+    // From here on any press stops, also before the first situation that contains the goal.
     if (await this.ask("goal.start", { candidate, action })) this.driver.goal = true;
   }
 
@@ -373,7 +373,7 @@ class Page {
     this.sockets.control(this.driver.frame(at, this.pictures.shown(this.stage.shown(), at)));
   }
 
-  /** Presses what an item stands for, for a device that cannot hold. */
+  /** Presses an item, for a device that cannot hold. */
   activate(item, device) {
     if (item === "stop") {
       this.stop(device);
@@ -423,15 +423,15 @@ class Page {
     ]);
   }
 
-  // Only the thread that paints sends what is held.
+  // Only animation frames send held input, so that a frozen page stops the robot.
   loop() {
     const frame = () => {
       requestAnimationFrame(frame);
-      // In a headset its own frames drive the page.
+      // In VR the headset's frames run the page.
       if (!this.xr) this.frame(now());
     };
     requestAnimationFrame(frame);
-    // Captions, rights, and words need no more than this.
+    // Captions, rights, and texts need no higher rate.
     setInterval(() => this.slow(now()), 200);
   }
 
@@ -487,14 +487,14 @@ class Page {
     $("keys_state").classList.toggle("told", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
   }
 
-  /** What to do while the frame of scanning rests, or nothing. */
+  /** Instruction while scanning rests, or "". */
   resting() {
     if (!this.settings.scan.on) return "";
     if (this.carer) return "Carer: the pointer presses buttons. Press Carer again, or your switch, to begin.";
     return this.inputs.scanner.resting ? "Press your switch to begin." : "";
   }
 
-  /** Whether the pointer belongs to a carer instead of being the switch. */
+  /** Whether the pointer belongs to a carer instead of acting as the switch. */
   setCarer(on) {
     if (on === this.carer || (on && !this.settings.scan.on)) return;
     this.carer = on;
@@ -507,7 +507,7 @@ class Page {
     const { settings, driver } = this;
     if (this.situation?.goal) return "The robot moves on its own: any press stops it.";
     if (driver.lock) return `Driving is off: ${driver.lock}.`;
-    // The hint beside STOP says what to press.
+    // The hint beside STOP names the key to press.
     if (settings.scan.on) return this.resting() ? "" : "Scanning.";
     if (this.inputs.gamepads.pads.size > 0) return `Stick: ${STICK_MODES[this.inputs.gamepads.mode].label}`;
     if (!settings.keysOn) return "";

@@ -1,17 +1,17 @@
-//! Pictures as they go to one page: JPEG as the server made it, or H.264 with an
-//! encoder of the page's own, where this program was built with it.
+//! Images for one page: JPEG as the server sent it, or H.264 from an encoder of this
+//! page, if the program was built with one.
 
 use bytes::Bytes;
 
 use crate::feed::Picture;
 
-/// How pictures are made.
+/// Codec of the images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Codec {
-    /// A file per picture.
+    /// One file per image.
     #[default]
     Jpeg,
-    /// Annex B, constrained baseline, no picture but after those before it.
+    /// Annex B, constrained baseline; each image refers only to earlier ones.
     #[cfg(feature = "h264")]
     H264,
 }
@@ -28,7 +28,7 @@ impl Codec {
         Self::Jpeg
     }
 
-    /// As pages know it.
+    /// Name in the page protocol.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl Codec {
         }
     }
 
-    /// Its number in a message.
+    /// Number in a message header.
     #[must_use]
     pub fn number(self) -> u8 {
         match self {
@@ -49,16 +49,16 @@ impl Codec {
     }
 }
 
-/// An encoded picture.
+/// An encoded image.
 #[derive(Clone, Debug)]
 pub struct Encoded {
-    /// It needs no other.
+    /// Decodes without any other image.
     pub key: bool,
     /// Its bytes.
     pub bytes: Bytes,
 }
 
-/// Makes pictures of one camera for one page.
+/// Encodes the images of one camera for one page.
 #[derive(Default)]
 pub struct Encoder {
     #[cfg(feature = "h264")]
@@ -66,7 +66,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// The next picture must be a key picture.
+    /// Makes the next image a key frame.
     pub fn restart(&mut self) {
         #[cfg(feature = "h264")]
         {
@@ -74,7 +74,7 @@ impl Encoder {
         }
     }
 
-    /// Encodes a picture at so many bits per second; `None` when nothing came of it.
+    /// Encodes an image at `bits` per second; `None` when the encoder returned no data.
     pub fn encode(&mut self, codec: Codec, picture: &Picture, bits: u32) -> Option<Encoded> {
         match codec {
             Codec::Jpeg => {
@@ -109,10 +109,10 @@ mod h264 {
 
     use super::Encoded;
 
-    /// Pictures per second that the rate is reckoned with, Hz.
+    /// Image rate that the encoder's rate control assumes, Hz.
     const RATE: f32 = 10.0;
 
-    /// A run of pictures of one size and rate; it begins with a key picture.
+    /// A stream of images of one size and bit rate; it begins with a key frame.
     pub struct Stream {
         encoder: Encoder,
         /// Width, height, bits per second.

@@ -1,5 +1,5 @@
-//! Queries that take time: control, episodes, scenarios. Each runs on a thread of
-//! its own, and what came of it goes back to whoever decides.
+//! Server operations that take time: control, episodes, scenarios. Each runs on its own
+//! thread and hands its result to the caller's event queue.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -9,10 +9,10 @@ use wheelarm_proto::{check, v1};
 use super::send::Commands;
 use wheelarm_sdk::{Client, ClientError, Commander};
 
-/// A query that takes time; its result comes back as [`Done`].
+/// An operation that takes time; its result arrives as [`Done`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Errand {
-    /// Ask for control; `take` takes it from whoever holds it.
+    /// Request control; `take` takes it from the current holder.
     Lease {
         /// Take it over.
         take: bool,
@@ -43,7 +43,7 @@ pub enum Errand {
 
 /// How long a person who starts an episode waits for recorders that are not connected.
 const RECORDERS_COME: Duration = Duration::from_secs(2);
-/// Time between two questions for them.
+/// Time between two checks for them.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// How an episode is started.
@@ -51,7 +51,7 @@ const LOOK: Duration = Duration::from_millis(100);
 pub struct Start {
     /// File label.
     pub label: String,
-    /// Nobody chose the label: a recorder that has such a file numbers it anew.
+    /// The label is generated: a recorder that already has such a file adds a number.
     pub numbered: bool,
     /// Instruction sentence.
     pub instruction: String,
@@ -59,10 +59,10 @@ pub struct Start {
     pub recorders: u32,
 }
 
-/// What came of an errand; the error in words.
+/// Result of an operation; the error is text for the person.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Done {
-    /// Control is ours, or why not.
+    /// Control is ours, or the reason why not.
     Lease(Result<(), String>),
     /// An episode began.
     Started(Result<Box<v1::EpisodeStarted>, String>),
@@ -70,7 +70,7 @@ pub enum Done {
     Stopped(Result<Box<v1::EpisodeStopped>, String>),
     /// A scenario is set up.
     Reset(Result<Box<v1::Scenario>, String>),
-    /// Time is paused, or resumes.
+    /// Time is paused or resumed.
     Paused(Result<bool, String>),
     /// The tasks.
     Tasks(Result<Vec<v1::TaskInfo>, String>),
@@ -78,16 +78,16 @@ pub enum Done {
     Scene(Result<Box<v1::SceneReply>, String>),
 }
 
-/// What an errand brought.
+/// A message of a running operation.
 pub enum Brought {
-    /// An answer.
+    /// The operation ended.
     Done(Done),
-    /// Control, with the channel for commands.
+    /// Control was granted, with the channel for commands.
     Control(Box<Commander>),
 }
 
-/// Runs an errand and hands over what it brought. `former` is a channel that
-/// is given back before.
+/// Runs an operation on a thread and passes its messages on. `former` is a command
+/// channel that is released first.
 pub fn run(
     link: Client,
     name: String,
@@ -140,7 +140,7 @@ pub fn run(
     });
 }
 
-/// The server's own words where it refused; else the whole error.
+/// The server's own words where it rejected the request; otherwise the whole error.
 fn words(error: &ClientError) -> String {
     match error {
         ClientError::Refused { message, .. } => message.clone(),
@@ -148,7 +148,7 @@ fn words(error: &ClientError) -> String {
     }
 }
 
-/// Starts an episode of a person: it has no time limit, and it begins only when its
+/// Starts an episode for a person: it has no time limit and begins only when its
 /// recorders have opened their files.
 fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
     wait_for_recorders(link, args.recorders)?;
@@ -168,8 +168,8 @@ fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStart
     started.map(Box::new).map_err(|e| words(&e))
 }
 
-/// The server waits half a minute for recorders that are not connected, which a person
-/// would take for a fault.
+/// Waits here, because the server waits half a minute for recorders that are not
+/// connected, which a person would take for a fault.
 fn wait_for_recorders(link: &Client, wanted: u32) -> Result<(), String> {
     if wanted == 0 {
         return Ok(());
@@ -200,7 +200,7 @@ fn stop(link: &Client, discard: bool) -> Result<Box<v1::EpisodeStopped>, String>
         .map_err(|e| words(&e))
 }
 
-/// Sets up again; the instruction of the scenario is kept.
+/// Resets the same scenario; its instruction is kept.
 fn reset(link: &Client, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
     link.reset(scenario, false)
         .map(Box::new)

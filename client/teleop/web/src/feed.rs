@@ -1,5 +1,5 @@
-//! Pictures of the cameras: each level of each camera is subscribed once while some
-//! page is shown it, and not at all while nobody is.
+//! Camera images: each level of each camera is subscribed once while at least one page
+//! shows it, and not at all otherwise.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
@@ -11,10 +11,10 @@ use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
 use wheelarm_sdk::Client;
 
-/// One picture as the server made it.
+/// One image as the server sent it.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Counts up by one per picture of its feed.
+    /// Sequence number within its feed.
     pub number: u64,
     /// Tick of the exposure.
     pub tick: u64,
@@ -24,9 +24,9 @@ pub struct Picture {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// JPEG file; empty of a raw level.
+    /// JPEG file; empty for a raw level.
     pub jpeg: Bytes,
-    /// I420 planes; empty of a compressed level.
+    /// I420 planes; empty for a compressed level.
     pub i420: Bytes,
 }
 
@@ -40,7 +40,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// The newest picture.
+    /// The newest image.
     #[must_use]
     pub fn newest(&self) -> Option<Arc<Picture>> {
         self.newest.lock().1.clone()
@@ -90,7 +90,7 @@ pub struct Feeds {
 }
 
 impl Feeds {
-    /// Feeds that subscribe through whatever link there is.
+    /// Feeds that subscribe through the current connection.
     #[must_use]
     pub fn new(link: latest::Receiver<Option<Client>>) -> Self {
         Self {
@@ -100,13 +100,13 @@ impl Feeds {
         }
     }
 
-    /// Tells when any feed has a new picture.
+    /// Signals that any feed has a new image.
     #[must_use]
     pub fn pulse(&self) -> latest::Receiver<u64> {
         self.pulse.subscribe()
     }
 
-    /// A level of a camera, subscribed while it is kept.
+    /// Subscription to one level of a camera; ends when dropped.
     #[must_use]
     pub fn get(&self, camera: &str, level: PreviewLevel) -> Arc<Feed> {
         let mut open = self.open.lock();
@@ -129,7 +129,7 @@ impl Feeds {
     }
 }
 
-/// Keeps the subscription to the present link.
+/// Moves the subscriptions to the current connection.
 async fn keep(feed: Weak<Feed>, mut link: latest::Receiver<Option<Client>>) {
     loop {
         let present = link.borrow_and_update().clone();

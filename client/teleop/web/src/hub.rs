@@ -24,7 +24,7 @@ use crate::skills::{self, Skills};
 use crate::visitor::Visitor;
 use crate::watch::{Heard, Line};
 
-/// Streams that are taken.
+/// Streams that the gateway subscribes.
 const STREAMS: [TopicId; 12] = [
     TopicId::Pose,
     TopicId::JointState,
@@ -41,58 +41,58 @@ const STREAMS: [TopicId; 12] = [
 ];
 /// Time between two reports to the pages.
 const REPORT: Duration = Duration::from_millis(100);
-/// Time between two looks at what is due: while something moves, and else.
+/// Time between two checks for due work: while motion is active, and otherwise.
 const LOOK: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
 /// Events of the server that may wait.
 const SERVER: usize = 256;
-/// Events that are taken before time goes on.
+/// Most events that are handled before time advances.
 const AT_ONCE: usize = 500;
 /// Time from the last command until the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(150);
 
-/// Where a page is told something.
+/// Channels to one page.
 #[derive(Debug)]
 pub struct Outlet {
-    /// At once; a page that does not read loses its socket.
+    /// Immediate messages; a page that does not read loses its socket.
     pub said: mpsc::Sender<String>,
     /// The newest report.
     pub report: latest::Sender<String>,
 }
 
-/// What comes to the hub.
+/// Events of the hub.
 #[derive(Debug)]
 pub enum Event {
-    /// A socket was opened; a state socket with where to tell.
+    /// A socket was opened; a state socket with its channels.
     Joined(String, Visitor, Socket, Option<Outlet>),
     /// A socket was closed.
     Left(String, Socket),
-    /// The session of a page's socket ended; why.
+    /// The session of a page's socket ended, with the reason.
     SignedOut(String, String),
     /// An intent of a page.
     Intent(String, Intent),
-    /// A stop that came before the event that its socket was opened.
+    /// A stop that arrived before its socket was registered.
     Late(String, Intent),
-    /// A question of a page.
+    /// A request of a page.
     Asked(String, Asked),
-    /// What a page gets of the cameras.
+    /// Codec and width of each camera that a page receives.
     Sent(String, Vec<Sent>),
     /// The newest report, as a page of this visitor would get it.
     Report(oneshot::Sender<String>),
-    /// What somebody did beside the model, for the audit.
+    /// A user action outside the model, for the audit.
     Audit(serde_json::Value),
     /// From the server.
     Server(Server),
-    /// The gateway ends.
+    /// The gateway shuts down.
     End,
 }
 
-/// What comes from the server.
+/// Events from the server.
 pub enum Server {
-    /// From the line.
+    /// From the connection.
     Heard(Heard),
-    /// From an errand.
+    /// From a pending operation.
     Brought(Brought),
-    /// What stands at a pixel.
+    /// Reply to a pick.
     Picked(Picked, Result<v1::PickReply, String>),
     /// From a skill.
     Skill(skills::Said),
@@ -104,7 +104,7 @@ impl std::fmt::Debug for Server {
     }
 }
 
-/// Where events are put.
+/// Sending ends of the event queues.
 #[derive(Clone)]
 struct Lanes {
     stops: Sender<Event>,
@@ -113,7 +113,7 @@ struct Lanes {
 }
 
 impl Lanes {
-    /// Hands an event over; one that comes after the end is dropped.
+    /// Queues an event; dropped after shutdown.
     fn tell(&self, event: Event) {
         let lane = match &event {
             Event::Intent(_, intent) if intent.action == Action::Stop => &self.stops,
@@ -123,7 +123,7 @@ impl Lanes {
     }
 }
 
-/// Where events come from.
+/// Receiving ends of the event queues.
 struct Came {
     stops: Receiver<Event>,
     pages: Receiver<Event>,
@@ -154,19 +154,19 @@ impl Came {
         lanes.find_map(|lane| lane.try_recv().ok())
     }
 
-    /// As [`Came::next`]; waits for one.
+    /// Like [`Queues::next`], but waits.
     fn wait(&self, patience: Duration) -> Option<Event> {
         let mut select = Select::new();
         for lane in [&self.stops, &self.pages, &self.server] {
             select.recv(lane);
         }
-        // Which lane has one does not matter here.
+        // The woken lane is irrelevant: `next` checks all.
         let _ = select.ready_timeout(patience);
         self.next()
     }
 }
 
-/// How to speak to the hub.
+/// Handle to the hub.
 #[derive(Clone)]
 pub struct Hub {
     lanes: Lanes,
@@ -207,7 +207,7 @@ impl Hub {
         });
         let thread = std::thread::spawn(move || {
             work.run(&came);
-            // The line may wait for room: without a reader it ends.
+            // The connection may wait for room in the queue: without a reader it ends.
             drop(came);
             drop(line);
         });
@@ -220,7 +220,7 @@ impl Hub {
         (hub, thread)
     }
 
-    /// Hands an event over; one that comes after the end is dropped.
+    /// Queues an event; dropped after shutdown.
     pub fn tell(&self, event: Event) {
         self.lanes.tell(event);
     }
@@ -253,7 +253,7 @@ impl Work {
             let look = LOOK[usize::from(!self.model.is_busy())];
             let due = next_report.saturating_duration_since(Instant::now());
             let mut event = came.wait(look.min(due));
-            // What came meanwhile is taken before time goes on.
+            // Events that arrived meanwhile are handled before time advances.
             let mut taken = 0;
             while let Some(one) = event {
                 if matches!(one, Event::End) {
@@ -296,7 +296,7 @@ impl Work {
             }
             Event::SignedOut(page, why) => self.model.signed_out(&page, &why, now),
             Event::Intent(page, intent) => {
-                // A stop overtook the opening of its socket: it waits behind it, once.
+                // A stop overtook the opening of its socket: it is queued behind it, once.
                 if intent.action == Action::Stop && !self.model.knows(&page) {
                     let _ = self.lanes.pages.send(Event::Late(page, intent));
                     return;
@@ -385,7 +385,7 @@ impl Work {
         self.commands = Some(Commands::new(link, commander, name, |_| {}));
     }
 
-    /// Gives control back, on a thread: the link may hang.
+    /// Releases control on a thread: the connection may hang.
     fn release(&mut self) {
         if let Some(commands) = self.commands.take() {
             std::thread::spawn(move || commands.finish());
@@ -437,7 +437,7 @@ impl Work {
         let Some(outlet) = self.outlets.get(page) else {
             return;
         };
-        // Whoever does not read is closed by its own socket.
+        // A page that does not read is closed by its own socket.
         if outlet.said.try_send(text).is_err() {
             self.outlets.remove(page);
         }
@@ -458,7 +458,7 @@ impl Work {
             }
             return;
         };
-        // Two lives of one commander would hold each other up.
+        // Two command channels of one client would block each other.
         let asks = matches!(errand, Errand::Lease { .. });
         let former = if asks { self.commands.take() } else { None };
         errand::run(link.clone(), name, errand, former, bring);
@@ -490,12 +490,12 @@ impl Work {
         }
     }
 
-    /// Brakes the chair, holds the arm and gives control back.
+    /// Brakes the chair, holds the arm and releases control.
     fn farewell(&mut self) {
         let effects = self.model.farewell(self.now());
         self.perform(effects);
         if let Some(commands) = self.commands.take() {
-            // The stop is on its way before control is given back.
+            // The stop must leave before control is released.
             std::thread::sleep(FAREWELL);
             commands.finish();
         }

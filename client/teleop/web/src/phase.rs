@@ -1,15 +1,15 @@
-//! The phase of the work, told from what the person does. Pure.
+//! The phase of the work, derived from the operator's input. Pure.
 //!
 //! Driving is navigating, gripper keys are grasping, arm keys are reaching
 //! until something is held and retracting from then on: the four labels of
-//! WheelArm-Sim, without a key of their own.
+//! WheelArm-Sim, without keys for them.
 
 use wheelarm_proto::v1::Phase;
 
 /// A pad touches from this force, N.
 const TOUCH: f64 = 1.0;
 
-/// What a key does to the robot.
+/// Part of the robot that a key moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Work {
     /// The chair.

@@ -1,4 +1,4 @@
-//! What every page is told ten times a second, as `PROTOCOL.md` has it.
+//! The `situation` message that every page receives ten times a second (`PROTOCOL.md`).
 
 use serde_json::{Map, Value, json};
 use wheelarm_proto::v1;
@@ -7,12 +7,12 @@ use crate::model::{Control, Model};
 use crate::speed::{self, Allow, Speeds};
 use crate::watch::Connection;
 
-/// Slower than this it stands, m/s and rad/s.
+/// The chair counts as at rest below these speeds, m/s and rad/s.
 const STANDS: [f64; 2] = [0.01, 0.02];
-/// A push that counts as a contact, N.
+/// Contact force that is shown as a contact, N.
 const PUSH: f64 = 2.0;
 
-/// What is sent of a camera: codec and width.
+/// Codec and width that are sent of a camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sent {
     /// `jpeg` or `h264`; empty while nothing is sent.
@@ -21,7 +21,7 @@ pub struct Sent {
     pub width: u32,
 }
 
-/// What all pages are told alike at `time`, s.
+/// The part of the message that is the same for all pages, at `time`, s.
 #[must_use]
 pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
     let situation = &model.situation;
@@ -96,7 +96,7 @@ pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
     }
 }
 
-/// What one page is told: what all are, and what is its own. `sent` is what it gets
+/// The message for one page: the common part and its own. `sent` is the codec and width
 /// of each camera.
 #[must_use]
 pub fn of_page(
@@ -225,7 +225,7 @@ fn cameras(model: &Model, sent: &[Sent]) -> Vec<Value> {
         .collect()
 }
 
-/// Pairs of the robot and something else that touch.
+/// Contacts between the robot and other bodies.
 fn touching(model: &Model) -> impl Iterator<Item = &v1::Contact> {
     let contacts = model.situation.contacts.iter();
     contacts.filter(|contact| {
@@ -244,7 +244,7 @@ fn contacts(model: &Model) -> Vec<String> {
         .collect()
 }
 
-/// Directions that lead against something, and why.
+/// Directions that are blocked, with the reason.
 fn blocked(model: &Model) -> Map<String, Value> {
     let mut blocked = Map::new();
     let situation = &model.situation;

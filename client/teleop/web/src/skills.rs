@@ -1,6 +1,6 @@
-//! A skill at work for somebody who named a thing: the scripted operator's own
-//! skills, on a thread, tick by tick. It sends nothing itself: what it would do goes
-//! to the hub, which has the last word.
+//! Runs a skill for an object that the person selected: the skills of the scripted
+//! operator, on a thread, tick by tick. It sends no commands itself: it proposes them to
+//! the hub, which decides.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,17 +23,17 @@ use crate::model::GoalAsked;
 
 /// Silence of the server after which a skill gives up.
 const SILENCE: Duration = Duration::from_secs(3);
-/// Time between two looks whether it is still wanted.
+/// Time between two checks whether it is still wanted.
 const LOOK: Duration = Duration::from_millis(50);
-/// What is put down stands within this of the point, m: half sides of a box.
+/// A placed object is within this distance of the point, m: half sides of a box.
 const PLACE: [f64; 3] = [0.05, 0.05, 0.10];
-/// What is this near to the middle of the pads is in the hand, m.
+/// An object this near to the middle of the pads counts as held, m.
 const IN_HAND: f64 = 0.12;
 
-/// What a skill says.
+/// Messages of a skill.
 #[derive(Debug)]
 pub enum Said {
-    /// What it would do at a tick.
+    /// Proposed command for a tick.
     Acts {
         /// Number of the goal.
         number: u64,
@@ -41,25 +41,25 @@ pub enum Said {
         header: Box<v1::Header>,
         /// The command.
         command: Box<v1::Command>,
-        /// What happened, in words.
+        /// Events, in words.
         notes: Vec<String>,
     },
-    /// It is over.
+    /// The skill ended.
     Over {
         /// Number of the goal.
         number: u64,
-        /// In words.
+        /// Result, in words.
         result: Result<String, String>,
     },
 }
 
-/// A skill at work; it ends when this is dropped.
+/// A running skill; it ends when this is dropped.
 pub struct Skills {
     ended: Arc<AtomicBool>,
 }
 
 impl Skills {
-    /// Begins on a thread; `tell` is told what it does.
+    /// Starts it on a thread; `send` receives its messages.
     #[must_use]
     pub fn start(link: Client, asked: GoalAsked, tell: impl Fn(Said) + Send + 'static) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
@@ -110,7 +110,7 @@ fn work(
             continue;
         };
         let header = clock.header.unwrap_or_default();
-        // Planning took a while: the ticks that passed meanwhile are over.
+        // Planning took a while: ticks that passed meanwhile are skipped.
         let due = |last: u64| header.tick >= last + TICKS_PER_CONTROL;
         if !answered.is_none_or(due) {
             continue;
@@ -153,7 +153,7 @@ fn words(asked: &GoalAsked) -> String {
     }
 }
 
-/// The operator for what is asked.
+/// Sets up the operator for the requested goal.
 fn begin(asked: &GoalAsked, scene: &SceneModel, seen: &Observation) -> Result<Operator, String> {
     let (goal, extent) = match asked.action {
         "put" => {

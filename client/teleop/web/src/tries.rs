@@ -1,5 +1,5 @@
-//! Limits on wrong passwords: per address, and per address and user together. A name
-//! alone has no limit, so that nobody locks a user out from elsewhere.
+//! Limits on wrong passwords: per address, and per address and user together. User names
+//! alone have no limit, so that an attacker cannot lock a user out.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -8,25 +8,25 @@ use std::net::IpAddr;
 const MOST: [usize; 2] = [5, 20];
 /// s.
 const WINDOW: f64 = 60.0;
-/// Most accounts that are remembered; the one that was quiet longest goes first.
+/// Most accounts that are stored; the one that was quiet longest is dropped first.
 const ACCOUNTS: usize = 4096;
-/// Most pairs of address and user that are remembered for a right password.
+/// Most pairs of address and user that are stored after a right password.
 const RIGHT: usize = 1024;
 
-/// An address, and a user or none.
+/// An address, and optionally a user.
 type Account = (IpAddr, String);
 
 /// Wrong passwords of the last minute.
 #[derive(Debug, Default)]
 pub struct Tries {
     wrong: BTreeMap<Account, Vec<f64>>,
-    /// Users that were let in from an address, and when, s. Strangers behind the same
-    /// address (a tunnel, a router) do not use up their tries.
+    /// Users that logged in from an address, and when, s. Strangers behind the same
+    /// address (a tunnel, a router) do not use up their attempts.
     right: BTreeMap<Account, f64>,
 }
 
 impl Tries {
-    /// Whether `user` may try from an address at `now`, s.
+    /// Whether `user` may try a password from an address at `now`, s.
     ///
     /// # Errors
     /// The time to wait, s.
@@ -64,7 +64,7 @@ impl Tries {
         }
     }
 
-    /// The password of [`Tries::wrong`] at `now` was right after all.
+    /// The password counted by [`PasswordAttempts::wrong`] at `now` was right after all.
     pub fn right(&mut self, from: IpAddr, user: &str, now: f64) {
         let accounts = accounts(from, user);
         for account in &accounts {
@@ -89,13 +89,13 @@ fn forget_first<T>(all: &mut BTreeMap<Account, T>, at: impl Fn(&T) -> f64) {
     }
 }
 
-/// The accounts of the pair and of the address alone. A host has a whole /64 of IPv6.
+/// The accounts of the pair and of the address alone.
 fn accounts(from: IpAddr, user: &str) -> [Account; 2] {
     let from = network(from);
     [(from, user.to_owned()), (from, String::new())]
 }
 
-/// The address, or the /64 of an IPv6 address.
+/// The address, or the /64 of an IPv6 address: one host has a whole /64.
 pub fn network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(ip) => IpAddr::V6((ip.to_bits() & (u128::MAX << 64)).into()),

@@ -25,7 +25,7 @@ impl Model {
         } else {
             self.start.instruction.clone()
         };
-        // Nobody steers while they type.
+        // Motion stops while the person types.
         let effects = self.stop_everything(now);
         self.message = None;
         self.form = Some(Form::start(&label, &instruction, self.start.recorders));
@@ -42,7 +42,7 @@ impl Model {
         effects
     }
 
-    /// Whether this is the second press; says so when it is the first.
+    /// Whether this is the second press; shows a message at the first.
     fn confirmed(&mut self, what: Twice, words: &str, now: f64) -> bool {
         let again = self
             .twice
@@ -113,7 +113,7 @@ impl Model {
         effects
     }
 
-    /// Takes what came of an errand.
+    /// Handles the result of a pending operation.
     pub fn done(&mut self, done: Done, now: f64) -> Vec<Effect> {
         if let Done::Lease(result) = done {
             self.leased(result, now);
@@ -177,7 +177,7 @@ impl Model {
             Done::Tasks(Ok(tasks)) => {
                 let scenario = self.situation.scenario().cloned().unwrap_or_default();
                 let effects = match self.drive.direction {
-                    // Pressed while the list was on its way: nobody steers while they type.
+                    // Pressed while the list was loading: motion stops while the person types.
                     Some(_) => self.stop_everything(now),
                     None => Vec::new(),
                 };

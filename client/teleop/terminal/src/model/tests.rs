@@ -1,4 +1,4 @@
-//! A person's keys, and what comes of them, without terminal and network.
+//! Keys of an operator and their effects, without terminal and network.
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
@@ -142,14 +142,14 @@ fn every_key_without_a_meaning_stops_a_latched_chair() {
         assert!(stops.iter().all(|b| *b == [0.0, 0.0]), "{key:?}");
         assert!(!said(&model).is_empty(), "{key:?}");
     }
-    // A key that closes the help stops as well, and so does one in a form.
+    // A key that closes the help stops the robot as well, and so does one in a form.
     let mut model = operating();
     press(&mut model, "j?x", 1.0);
     assert!(!model.help && model.drive.direction.is_none());
     press(&mut model, "j", 2.0);
     model.done(Done::Tasks(Ok(Vec::new())), 2.1);
     assert!(model.form.is_some() && model.drive.direction.is_none());
-    // Keys with a meaning leave the chair running.
+    // Keys with a function leave the chair running.
     let mut model = operating();
     press(&mut model, "j", 1.0);
     press(&mut model, "vwqr- ", 1.1);
@@ -204,7 +204,7 @@ fn keys_on_a_lost_link_do_nothing_and_say_so() {
         assert!(press(&mut model, key, 3.0).is_empty());
         assert!(said(&model).contains("nothing is sent"), "{}", said(&model));
     }
-    // When it is back, nothing drives before a key is pressed.
+    // After reconnecting, the chair moves only after a fresh press.
     model.connected(4.0);
     model.done(Done::Lease(Ok(())), 4.1);
     model.status(status(ANNA), 0.002, 4.1);
@@ -216,7 +216,7 @@ fn keys_on_a_lost_link_do_nothing_and_say_so() {
 fn whoever_is_not_in_control_sends_nothing_and_takes_it_only_explicitly() {
     let mut model = operating();
     press(&mut model, "i", 1.0);
-    // An answer that was sent before control was given says nothing.
+    // A status from before control was granted has no effect.
     assert!(model.status(status(""), 0.002, 1.1).is_empty());
     assert_eq!(model.control, Control::Ours);
     model.status(status("bernd"), 0.002, 2.5);
@@ -301,7 +301,7 @@ fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
     let Some(v1::arm_command::Target::Pose(target)) = arm.target else {
         panic!("{arm:?}")
     };
-    // From where the arm is, not from the target it never reached.
+    // From the measured pose of the arm, not from the unreached target.
     let x = target.pose.unwrap().position.unwrap().x;
     assert!((x + 0.475).abs() < 1e-12, "{x}");
 }
@@ -336,7 +336,7 @@ fn in_lock_step_every_control_tick_is_answered_once_and_not_faster_than_time() {
     model.done(Done::Started(Ok(Box::new(started))), 1.0);
     let (mut tick, mut answers, mut now) = (240, 0, 1.0);
     while now < 2.0 {
-        // The server answers at once: time must not run away.
+        // The server answers at once: simulation time must not run away.
         let clock = v1::Clock {
             header: Some(header(tick, 7)),
             real_time_factor: 1.0,

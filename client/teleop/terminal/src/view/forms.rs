@@ -42,7 +42,7 @@ fn said<'a>(problem: &str, theme: Theme) -> Line<'a> {
     Line::from(Span::styled(format!(" {problem}"), theme.bad()))
 }
 
-/// Draws a form over the screen.
+/// Renders a form over the screen.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, form: &Form, model: &Model, theme: Theme) {
     match form {
         Form::Start {

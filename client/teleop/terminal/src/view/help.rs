@@ -1,4 +1,4 @@
-//! The keys, all of them.
+//! The help: all keys.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -44,7 +44,7 @@ const KEYS: [(&str, &str); 22] = [
     ("!  Ctrl-C", "take control from somebody; leave"),
 ];
 
-/// Draws the list over the screen.
+/// Renders the list over the screen.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, theme: Theme) {
     let mut lines: Vec<Line<'_>> = KEYS
         .iter()

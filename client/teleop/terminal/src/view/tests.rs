@@ -1,4 +1,4 @@
-//! What a person reads at several sizes of the terminal.
+//! The rendered text at several sizes of the terminal.
 
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;

@@ -1,11 +1,11 @@
-// What may be done now and why not, and the age of the loop in words. Pure.
+// Whether driving is allowed and why not, and the age of the loop in words. Pure.
 
-/** No situation for this long: the gateway is not heard, ms. */
+/** Without a situation for this long the connection to the gateway counts as lost, ms. */
 const SILENT_MS = 1500;
 
 /**
- * Why nothing may be driven: {reason, why, stepsOnly}; an empty reason when it may.
- * `s` is the newest situation or null; `frozenMs` how long the picture has stood.
+ * Why driving is not allowed: {reason, why, stepsOnly}; an empty reason when it is.
+ * `s` is the newest situation or null; `frozenMs` the age of the oldest painted image.
  */
 export function rights({ s, heardMs, role, lanes, frozenMs, hidden, away }) {
   const no = (reason, why = "guard") => ({ reason, why, stepsOnly: false });
@@ -24,7 +24,7 @@ export function rights({ s, heardMs, role, lanes, frozenMs, hidden, away }) {
   return { reason: "", why: "", stepsOnly: s.control?.allow === "steps" };
 }
 
-/** The age of the loop and what it means for the speed: {text, state}. */
+/** The age of the loop and its effect on the speed: {text, state}. */
 export function loopAge(control) {
   if (!control || control.age_ms === null || control.age_ms === undefined) return { text: "–", state: "" };
   const age = control.age_ms < 950 ? `${Math.round(control.age_ms / 10) * 10} ms` : `${(control.age_ms / 1000).toFixed(1)} s`;

@@ -1,6 +1,6 @@
-// What must be pressed twice, or held: the first press asks, the second does it. Pure.
+// Actions that must be confirmed by a second press: the first press asks, the second acts. Pure.
 
-/** The second press counts within this time, ms. There is no hurry: it only asks again. */
+/** The second press counts within this time, ms. It may be long: it only asks again. */
 const WITHIN_MS = 6000;
 
 export class Twice {
@@ -8,14 +8,14 @@ export class Twice {
     this.asked = null;
   }
 
-  /** A press of `what`. Whether it is the second. */
+  /** A press of `what`. Returns whether it is the second. */
   press(what, now) {
     const again = this.asked !== null && this.asked.what === what && now - this.asked.at < WITHIN_MS;
     this.asked = again ? null : { what, at: now };
     return again;
   }
 
-  /** What is asked about now, or null. */
+  /** The action that waits for its second press, or null. */
   asks(now) {
     if (this.asked && now - this.asked.at >= WITHIN_MS) this.asked = null;
     return this.asked ? this.asked.what : null;

@@ -1,4 +1,4 @@
-// What the newest situation says: chips, episode, control, robot, messages.
+// Panels of the newest situation: chips, episode, control, robot, messages.
 
 import { loopAge } from "../logic/rights.js";
 import { $, button, children, h, text } from "./dom.js";
@@ -11,7 +11,7 @@ const RECORDER_WORDS = {
 const fixed = (value, digits) =>
   (value === null || value === undefined ? "–" : value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1"));
 
-/** A line of the list of messages; the newest comes first. */
+/** A line of the list of messages; the newest is first. */
 export function message(words, bad) {
   const list = $("messages");
   const clock = new Date().toTimeString().slice(0, 8);
@@ -28,7 +28,7 @@ export class Panels {
     this.alarmed = [];
   }
 
-  /** Everything, from a situation. */
+  /** Updates everything from a situation. */
   show(s, now) {
     const mine = Boolean(s.lease?.mine);
     const asks = this.app.twice.asks(now);
@@ -42,10 +42,10 @@ export class Panels {
     this.robot(s);
   }
 
-  /** What must not be overlooked stays until the person says that it was read, or it is over. */
+  /** An alarm stays until the person acknowledges it, or it is over. */
   alarms(s) {
     const { read, settings, role } = this.app;
-    // Who watches can do nothing about it.
+    // A viewer cannot act on alarms.
     const all = role === "viewer" ? [] : s.alarms || [];
     for (const words of read) if (!all.includes(words)) read.delete(words);
     const list = all.filter((words) => !read.has(words));

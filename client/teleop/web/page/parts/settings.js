@@ -8,7 +8,7 @@ import { Voice } from "./voice.js";
 
 const KEY = "wheelarm.drive";
 
-/** The settings that this browser keeps, checked. */
+/** The validated settings stored in this browser. */
 export function stored() {
   try {
     return checked(JSON.parse(localStorage.getItem(KEY) || "{}"));
@@ -17,12 +17,12 @@ export function stored() {
   }
 }
 
-/** Keeps the settings in this browser, where it allows that. */
+/** Stores the settings in this browser, where it allows that. */
 export function keep(settings) {
   try {
     localStorage.setItem(KEY, JSON.stringify(settings));
   } catch {
-    // A private window keeps nothing; the file still can.
+    // A private window stores nothing; the file still can.
   }
 }
 
@@ -65,10 +65,10 @@ export class Settings {
     return this.section("How I drive", "", h("div", { className: "presets" },
       ...Object.entries(PRESETS).map(([name, { label, words }]) => {
         const one = button(`preset:${name}`, "", () => {
-          // What was set by hand for the devices stays with the browser's keys and maps.
+          // Manual settings of devices stay with the browser's keys and maps.
           const { keys, gamepad, theme } = this.app.settings;
           this.change({ ...preset(name), keys, gamepad, theme });
-          // Who chose it with a pointer still needs the pointer, for Done.
+          // A person who chose it with a pointer still needs the pointer, for Done.
           if (this.app.clickDevice === null) this.app.setCarer(true);
         }, { "aria-pressed": String(settings.preset === name) });
         one.append(h("b", {}, label), h("small", {}, words));
@@ -157,7 +157,7 @@ export class Settings {
       h("p", { className: "quiet" }, "A QuadStick or an adaptive controller appears here, or as mouse or keyboard, as it is set up."));
   }
 
-  /** A button of a device was pressed while one is being learnt. */
+  /** A button of a device was pressed while a button is being assigned. */
   learned(id, index) {
     if (!this.learning || this.learning.id !== id) return;
     const { name } = this.learning;

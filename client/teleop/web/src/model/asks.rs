@@ -1,4 +1,4 @@
-//! What pages ask on the state socket: control, tasks, scenarios, episodes, time.
+//! Requests of pages on the state socket: control, tasks, scenarios, episodes, time.
 
 use serde_json::{Value, json};
 use wheelarm_proto::label;
@@ -8,14 +8,14 @@ use crate::errand::{Done, Errand, Start};
 use crate::protocol::{Ask, Asked};
 use crate::watch::Connection;
 
-/// The errand during which the server is not expected to be silent.
+/// Name of the operation during which silence of the server is expected.
 pub(super) const LISTING: &str = "listing the tasks";
 
-/// What an ask brought: further fields of the answer, or why not.
+/// Result of a request: further fields of the answer, or the error text.
 pub type Answered = Result<Value, String>;
 
 impl Model {
-    /// Takes what a page asks.
+    /// Handles a request of a page.
     pub fn asked(&mut self, page: &str, asked: &Asked, time: f64) -> Vec<Effect> {
         let id = asked.id;
         match &asked.ask {
@@ -102,7 +102,7 @@ impl Model {
                 _,
             ) => return Vec::new(),
         };
-        // Nobody steers while the world changes.
+        // Motion stops while the scene changes.
         let mut effects = self.end_goal(word, time);
         effects.extend(self.cut(page, word, time));
         effects.push(self.audit(page, "episode", word));
@@ -127,7 +127,7 @@ impl Model {
         vec![Effect::Errand(errand, name)]
     }
 
-    /// Answers a page's question.
+    /// Answers a page's request.
     pub(crate) fn answer(&self, page: &str, id: u64, answered: Answered) -> Vec<Effect> {
         let mut answer = json!({"t": "answer", "id": id, "ok": answered.is_ok()});
         match answered {
@@ -149,7 +149,7 @@ impl Model {
         }
     }
 
-    /// Takes what came of an errand.
+    /// Handles the result of a pending operation.
     pub fn done(&mut self, done: Done, time: f64) -> Vec<Effect> {
         let answered = match done {
             Done::Lease(result) => return self.leased(result, time),

@@ -1,4 +1,4 @@
-//! Who is in control: one page, through one lease of the server.
+//! Control: held by one page, through one lease of the server.
 
 use serde_json::json;
 use wheelarm_proto::v1;
@@ -9,30 +9,30 @@ use crate::errand::Errand;
 use crate::motion::rest;
 use crate::watch::{Connection, Verdict};
 
-/// A status this soon after control was given may be older than that, s.
+/// A status may be older than the lease for this long after control was granted, s.
 const FRESH: f64 = 2.0;
-/// Time between two attempts to get lost control back, s.
+/// Time between two attempts to regain lost control, s.
 const AGAIN: f64 = 1.0;
 
-/// In the place of a page whose session ended while the server was asked for it; no
-/// page has an empty name.
+/// Page name after the session of the requesting page ended; real pages never have an
+/// empty name.
 const SIGNED_OUT: &str = "";
 
-/// Who is in control.
+/// The page in control.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Control {
     /// No page.
     #[default]
     None,
-    /// The server is being asked for a page.
+    /// Control was requested from the server for a page.
     Asking {
         /// The page.
         page: String,
         /// Name under which it will command.
         name: String,
-        /// Number of the page's question, if it asked.
+        /// Number of the page's request, if it sent one.
         id: Option<u64>,
-        /// Control is taken for a STOP: the robot is told to rest as soon as it is ours.
+        /// Control is taken for a STOP: the robot rests as soon as the lease is ours.
         stops: bool,
     },
     /// A page.
@@ -70,7 +70,7 @@ impl Control {
 }
 
 impl Model {
-    /// The connection stands.
+    /// The connection is open.
     pub fn connected(&mut self, time: f64) -> Vec<Effect> {
         self.situation.connection = Connection::Open;
         self.situation.note(time, false, "connected".to_owned());
@@ -80,7 +80,7 @@ impl Model {
         }
     }
 
-    /// The connection is gone; it is tried again by itself.
+    /// The connection is lost; it reconnects by itself.
     pub fn lost(&mut self, reason: &str, time: f64) -> Vec<Effect> {
         self.situation.lose(time, reason);
         let mut effects = self.halt("the connection to the simulation is lost", time);
@@ -94,7 +94,7 @@ impl Model {
 
     /// The server did not answer in time.
     pub fn silent(&mut self, time: f64) -> Vec<Effect> {
-        // While it works on an errand its silence is expected.
+        // While the server works on an operation its silence is expected.
         if self.busy.as_ref().is_some_and(|(word, _)| *word != LISTING) {
             return Vec::new();
         }
@@ -102,7 +102,7 @@ impl Model {
         self.halt("the simulation does not answer", time)
     }
 
-    /// The server's account of itself, and the round trip it took, s.
+    /// The server's status, and the round trip it took, s.
     pub fn status(&mut self, status: v1::Status, round_trip: f64, time: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
         let verdicts = self.situation.take_status(status, round_trip, time);
@@ -126,7 +126,7 @@ impl Model {
         effects
     }
 
-    /// Every page that may drive is told what became of an episode's file.
+    /// Notifies every page that may drive of the state of an episode's file.
     fn tell_verdicts(&self, verdicts: &[Verdict]) -> Vec<Effect> {
         let driving = self
             .pages
@@ -137,7 +137,7 @@ impl Model {
             .collect()
     }
 
-    /// A page asks for control, or takes it.
+    /// A page requests control, or takes it.
     pub(super) fn ask_lease(&mut self, page: &str, id: u64, take: bool, time: f64) -> Vec<Effect> {
         let Some(asker) = self.pages.get(page).map(|p| p.visitor.clone()) else {
             return Vec::new();
@@ -153,7 +153,7 @@ impl Model {
                 self.refuse_ask(page, Some(id), "somebody is being given control; ask again")
             }
             Control::Ours { page: holder, .. } if holder == page => self.mine(page, Some(id)),
-            // A page that was loaded anew is another page of the same person.
+            // A reloaded page is another page of the same person.
             Control::Ours { page: holder, .. } if !take && self.is_open(&holder) => {
                 let owner = self.pages.get(&holder).map(|p| p.visitor.name.clone());
                 let owner = owner.unwrap_or_default();
@@ -236,7 +236,7 @@ impl Model {
         vec![Effect::Errand(Errand::Lease { take }, name.to_owned())]
     }
 
-    /// Control that this page had was lost without anybody taking it.
+    /// This page lost control without a takeover.
     pub(super) fn ask_again(&mut self, page: &str, time: f64) -> Vec<Effect> {
         let Control::Ours { name, since, .. } = &self.control else {
             return Vec::new();
@@ -249,14 +249,14 @@ impl Model {
         self.ask_server(page, &name, None, false)
     }
 
-    /// What was pressed before control came moves nothing.
+    /// A press from before control was granted moves nothing.
     fn forget_motion(&mut self, page: &str) {
         if let Some(page) = self.pages.get_mut(page) {
             page.motion.forget();
         }
     }
 
-    /// What came of asking the server.
+    /// Result of the lease request.
     pub(super) fn leased(&mut self, result: Result<(), String>, time: f64) -> Vec<Effect> {
         let Control::Asking {
             page,
@@ -309,7 +309,7 @@ impl Model {
         say.into_iter().collect()
     }
 
-    /// The page in control gives it up, and offers it to somebody.
+    /// The page in control gives it up, and offers it to another user.
     pub(super) fn give_lease(
         &mut self,
         page: &str,
@@ -340,7 +340,7 @@ impl Model {
         effects
     }
 
-    /// Takes control back from a page, also where the server has not answered yet.
+    /// Releases control of a page, also while the request for it is pending.
     pub(super) fn take_back(&mut self, page: &str, why: &str) -> Vec<Effect> {
         match &mut self.control {
             Control::Ours { page: holder, .. } if holder == page => self.give_up(why),
@@ -360,7 +360,7 @@ impl Model {
         vec![self.audit(&page, "released", why), Effect::Release]
     }
 
-    /// The gateway ends: everything stops and control goes back.
+    /// The gateway shuts down: everything stops and control is released.
     pub fn farewell(&mut self, time: f64) -> Vec<Effect> {
         let mut effects = self.end_goal("the gateway ends", time);
         if let Some(page) = self.control.page().map(str::to_owned) {

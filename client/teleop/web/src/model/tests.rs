@@ -187,7 +187,7 @@ fn control_is_asked_for_taken_and_given() {
         drives(&model.intent("a", &intent(2, 1, 1.0), 0.3)),
         "asking moves nobody"
     );
-    // Taking stops what moves and tells who had it.
+    // Taking control stops all motion and notifies the former holder.
     let effects = request(&mut model, "b", r#""ask":"lease.take""#, 0.4);
     assert!(stops(&effects), "{effects:?}");
     assert!(notes(&effects, "a").contains(&"ben took control"));
@@ -218,7 +218,7 @@ fn control_that_somebody_takes_at_the_server_is_lost_at_once() {
     assert!(notes(&effects, "a").contains(&"operator took control"));
     assert!(!drives(&model.intent("a", &intent(2, 1, 1.0), 5.1)));
     assert!(!drives(&model.intent("a", &intent(3, 2, 1.0), 5.1)));
-    // An answer that was under way when control was given does not take it.
+    // A status from before control was granted does not revoke it.
     let mut model = driving();
     assert!(model.status(status(""), 0.001, 0.5).is_empty());
     assert!(drives(&model.intent("a", &intent(1, 1, 1.0), 0.6)));
@@ -234,13 +234,13 @@ fn stop_takes_control_from_a_program_and_brakes() {
     let effects = model.intent("b", &stop(1), 0.2);
     assert!(effects.contains(&take), "{effects:?}");
     assert!(notes(&effects, "b").iter().any(|n| n.contains("policy")));
-    // Pressed again before the server has answered: it is asked once.
+    // A second press before the server has answered sends one request.
     let effects = model.intent("b", &stop(2), 0.25);
     assert!(!effects.contains(&take), "{effects:?}");
     let effects = model.done(Done::Lease(Ok(())), 0.3);
     assert!(stops(&effects), "{effects:?}");
     assert_eq!(model.control.page(), Some("b"));
-    // Nobody is in control: there is nobody to take it from.
+    // Control is free: no holder has to be interrupted.
     let mut model = open();
     let effects = model.intent("b", &stop(1), 0.2);
     assert!(!effects.contains(&take), "{effects:?}");
@@ -363,7 +363,7 @@ fn a_refusal_and_a_contact_end_the_press_and_are_told() {
     assert!(stops(&effects));
     assert!(!drives(&model.intent("a", &intent(8, 1, 1.0), 0.3)));
     assert!(drives(&model.intent("a", &intent(9, 2, 1.0), 0.3)));
-    // Of somebody else's commands nothing is taken.
+    // Commands of other clients have no effect.
     let other = v1::Refusal {
         commander: "zoe".to_owned(),
         ..refusal
@@ -423,9 +423,9 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
         (begun.label.as_str(), name.as_str()),
         ("pick_mustard-seed5-1", "anna")
     );
-    // A person who starts an episode wants it recorded, under whichever label is free.
+    // An episode started by a person is recorded, under any label that is free.
     assert!(begun.numbered && begun.recorders == 1, "{begun:?}");
-    // One errand at a time.
+    // One pending operation at a time.
     assert!(answers(&request(&mut model, "a", start, 0.3))["error"].is_string());
     let started = v1::EpisodeStarted {
         header: Some(header(2500)),
@@ -505,11 +505,11 @@ fn a_goal_is_picked_begun_marked_and_ended_by_hand() {
             .goal_acts(9, header(2400), command.clone(), &[])
             .is_empty()
     );
-    // Whatever is done by hand ends it; what the skill still says is not heard.
+    // Manual input ends it; later proposals of the skill are ignored.
     let effects = model.intent("a", &intent(2, 1, 1.0), 0.4);
     assert!(effects.contains(&Effect::EndGoal(1)) && stops(&effects) && !drives(&effects));
     assert!(model.goal_acts(1, header(2404), command, &[]).is_empty());
-    // A choice does not last.
+    // A candidate expires.
     assert!(model.candidates.contains_key(&key));
     model.tick(40.0);
     assert!(model.candidates.is_empty());
@@ -567,7 +567,7 @@ fn the_end_of_a_session_stops_the_chair_and_gives_control_back() {
     let release = effects.iter().position(|e| *e == Effect::Release);
     assert!(stop < release, "the stop goes before control: {effects:?}");
     assert_eq!(model.control, Control::None);
-    // What is still under way moves nothing.
+    // Commands that are still queued move nothing.
     assert!(sent(&model.intent("a", &intent(2, 2, 1.0), 0.31)).is_empty());
 }
 

@@ -1,4 +1,4 @@
-//! Every rule of safety, without a page and without a server.
+//! Every safety rule, without a page and without a server.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::geometry::{self, normalized};
@@ -23,7 +23,7 @@ fn at(tick: u64) -> Situation {
     situation
 }
 
-/// A person who drives a robot at 240 ticks per second.
+/// An operator who drives a robot at 240 ticks per second.
 struct Desk {
     motion: Motion,
     situation: Situation,
@@ -31,7 +31,7 @@ struct Desk {
     time: f64,
     in_control: bool,
     goal: bool,
-    /// How old the shown picture is, ticks; `None` when there is none.
+    /// Age of the displayed image, ticks; `None` without an image.
     late: Option<u64>,
     mode: v1::InputMode,
 }
@@ -82,7 +82,7 @@ impl Desk {
         self.take(&intent)
     }
 
-    /// Time goes on, and the simulation with it.
+    /// Advances time and the simulation.
     fn wait(&mut self, seconds: f64) -> Vec<Out> {
         let mut out = Vec::new();
         for _ in 0..(seconds / 0.01).round() as u32 {
@@ -100,7 +100,7 @@ impl Desk {
         out
     }
 
-    /// Holds a key for a while, said 20 times a second.
+    /// Holds a key for a while, sent 20 times a second.
     fn hold(&mut self, epoch: u32, held: Held, seconds: f64) -> Vec<Out> {
         let mut out = Vec::new();
         for _ in 0..(seconds / 0.05).round() as u32 {
@@ -169,7 +169,7 @@ fn a_held_key_drives_and_its_release_stops() {
     let out = desk.say(1, Action::Drive(Held::default()));
     assert!(stops(&out) && !drives(&out));
     assert!(!desk.motion.is_moving());
-    // It is said again, and then no more.
+    // It is repeated, and then no more.
     assert_eq!(commands(&desk.wait(1.0)).len(), 2);
     assert_eq!(desk.wait(1.0), []);
 }
@@ -215,7 +215,7 @@ fn every_intent_is_taken_once_and_in_order() {
     let second = desk.intent(1, Action::Drive(Held::default()));
     assert!(drives(&desk.take(&first)));
     assert!(stops(&desk.take(&second)));
-    // The other lane brings both once more, later.
+    // The other lane delivers both again, later.
     assert_eq!(desk.take(&first), []);
     assert_eq!(desk.take(&second), []);
 }
@@ -283,7 +283,7 @@ fn a_picture_that_freezes_while_driving_stops_the_chair_for_good() {
     }
     assert!(stops(&out));
     assert!(!desk.motion.is_moving());
-    // The picture is back and the key is still held.
+    // A new image arrives while the key is still held.
     assert!(!drives(&desk.hold(1, forward(), 0.5)));
     assert!(drives(&desk.hold(2, forward(), 0.1)));
 }
@@ -292,7 +292,7 @@ fn a_picture_that_freezes_while_driving_stops_the_chair_for_good() {
 fn a_silent_page_is_braked_and_what_was_queued_moves_nothing() {
     let mut desk = Desk::new();
     assert!(drives(&desk.hold(1, forward(), 0.3)));
-    // The line is cut for a second; what the page said meanwhile comes in one go.
+    // The connection stalls for a second; then all messages arrive at once.
     let queued: Vec<Intent> = (0..20)
         .map(|_| desk.intent(1, Action::Drive(forward())))
         .collect();
@@ -303,7 +303,7 @@ fn a_silent_page_is_braked_and_what_was_queued_moves_nothing() {
     for intent in &queued {
         assert!(!drives(&desk.take(intent)));
     }
-    // The key is still held, and pictures are fresh again.
+    // The key is still held, and images are fresh again.
     assert!(!drives(&desk.hold(1, forward(), 1.0)));
     assert!(drives(&desk.hold(2, forward(), 0.1)));
 }
@@ -354,7 +354,7 @@ fn without_control_nothing_moves_and_a_stop_still_stops() {
         ["NO_CONTROL"]
     );
     assert!(stops(&desk.say(1, Action::Stop)));
-    // Control comes while the key is still held.
+    // Control is granted while the key is still held.
     desk.in_control = true;
     desk.motion.forget();
     assert!(!drives(&desk.hold(1, forward(), 0.3)));
@@ -382,7 +382,7 @@ fn whatever_is_done_by_hand_ends_a_goal_and_holds() {
         desk.goal = false;
         assert!(!drives(&desk.hold(1, forward(), 0.2)), "{action:?}");
     }
-    // Whoever only looks does not end it.
+    // Idle messages do not end it.
     let mut desk = Desk::new();
     desk.goal = true;
     assert_eq!(desk.say(1, Action::Alive), []);
@@ -405,7 +405,7 @@ fn a_step_is_one_step_however_often_it_is_said() {
     assert!((step_told.translation.unwrap().x + 0.10).abs() < 1e-12);
     assert_eq!(desk.say(1, step), []);
     assert_eq!(commands(&desk.say(2, step)).len(), 1);
-    // The hand does not follow: no way piles up.
+    // The hand does not follow: the lead does not grow.
     if let Some(applied) = &mut desk.situation.applied {
         applied.desired_pose = Some(geometry::pose(&Isometry3::translation(-0.65, 0.0, 0.5)));
     }
@@ -433,7 +433,7 @@ fn a_step_of_the_chair_ends_by_itself_and_by_a_stop() {
     assert!(drives(&desk.say(2, step)));
     assert!(stops(&desk.say(2, Action::Stop)));
     assert!(!drives(&desk.wait(1.0)));
-    // A page that is gone does not finish its step.
+    // A vanished page does not finish its step.
     assert!(drives(&desk.say(3, step)));
     let out = desk.wait(GONE + 0.05);
     assert!(stops(&out) && !desk.motion.is_moving());
@@ -452,7 +452,7 @@ fn the_hand_moves_along_the_axes_of_the_chair_and_holds_when_let_go() {
         linear.z > 0.1 && linear.x == 0.0 && linear.y == 0.0,
         "{linear:?}"
     );
-    // The chair joins, and the hand is let go.
+    // With chair input the hand is released.
     let out = desk.say(1, Action::Drive(forward()));
     let command = commands(&out)[0];
     let arm = command.arm.clone().unwrap().target;

@@ -1,10 +1,10 @@
-//! A control socket: intents, of which the same come on two lanes.
+//! A control socket: intents, which arrive on two lanes.
 
 use crate::hub::Event;
 use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::Intent;
 
-/// Serves until its end; why it is closed, if it is.
+/// Serves the socket until it ends; returns the close reason, if there is one.
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
     let mut ends = entered.ends;
     let joined = Event::Joined(entered.page.clone(), entered.visitor, entered.socket, None);

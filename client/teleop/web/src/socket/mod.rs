@@ -21,7 +21,7 @@ const HELLO: Duration = Duration::from_secs(5);
 /// Longest name of a page, bytes.
 const PAGE: usize = 64;
 
-/// What a socket is for, by its path.
+/// Purpose of a socket, from its path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `/ws/state`.
@@ -32,7 +32,7 @@ pub enum Kind {
     Control,
 }
 
-/// Serves a socket until its end. `cookie` came with the request for it, on the
+/// Serves a socket until it ends. `cookie` is that of its request, on the
 /// connection at `place`.
 pub async fn serve(
     shared: Arc<Shared>,
@@ -135,7 +135,7 @@ async fn live(shared: &Arc<Shared>, pipe: &mut Pipe, entered: Entered) -> Option
             Socket::Control(_) => control::serve(shared, pipe, entered).await,
         },
     };
-    // Nothing of a session that ended stays in control.
+    // A session that ended must not stay in control.
     if let Some(close) = close.as_ref().filter(|close| close.code == SIGNED_OUT) {
         let gone = Event::SignedOut(page.clone(), close.why.clone());
         shared.hub.tell(gone);

@@ -1,4 +1,4 @@
-//! A state socket: reports ten times a second, answers and words at once, questions.
+//! A state socket: reports ten times a second, answers and notes at once, requests.
 
 use tokio::sync::{mpsc, watch as latest};
 
@@ -6,10 +6,10 @@ use crate::hub::{Event, Outlet};
 use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::{self, Asked};
 
-/// Words that may wait for a page that reads slowly.
+/// Messages that may wait for a page that reads slowly.
 const WAITING: usize = 64;
 
-/// Serves until its end; why it is closed, if it is.
+/// Serves the socket until it ends; returns the close reason, if there is one.
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
     let mut ends = entered.ends;
     let (said, mut words) = mpsc::channel(WAITING);

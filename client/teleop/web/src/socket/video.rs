@@ -1,5 +1,5 @@
-//! A video socket: the newest picture of every camera that the page shows, never
-//! more than three that it has not acknowledged, so that nothing ever queues.
+//! A video socket: the newest image of every camera that the page shows, with at most
+//! three unacknowledged images, so that images never queue.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -17,29 +17,29 @@ use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::{self, Viewing, WantedCamera};
 use crate::report::Sent;
 
-/// Pictures of a camera that may be under way.
+/// Most unacknowledged images of a camera.
 const FLIGHT: usize = 3;
-/// Cameras that one page may be shown.
+/// Most cameras of one page.
 const CAMERAS: usize = 8;
-/// Bytes before the picture.
+/// Size of the header before the image, bytes.
 const HEADER: usize = 40;
 
-/// A camera as this page is shown it.
+/// A camera that this page shows.
 struct Shown {
     index: usize,
     name: String,
-    /// What can be shown, pixels.
+    /// Width that the page can show, pixels.
     width: u32,
     ladder: Ladder,
     feed: Arc<Feed>,
-    /// The level that takes its place with its first picture.
+    /// The next level, which replaces the current one with its first image.
     next: Option<Arc<Feed>>,
-    /// Number of the feed's picture that was sent last; 0 before the first.
+    /// Sequence number of the last image sent; 0 before the first.
     newest: u64,
     seq: u32,
-    /// Numbers that are under way, and when they went, s.
+    /// Unacknowledged sequence numbers, and when they were sent, s.
     flight: VecDeque<(u32, f64)>,
-    /// Pictures that were let go since the last acknowledgement.
+    /// Images skipped since the last acknowledgement.
     skipped: u64,
     sent_width: u32,
     codec: Codec,
@@ -74,7 +74,7 @@ impl Shown {
         }
     }
 
-    /// Goes to the level that link and page can take now.
+    /// Switches to the level that network and page can carry now.
     fn choose(&mut self, feeds: &Feeds, now: f64) {
         self.ladder.decide(now);
         let (level, _) = rung(self.codec, self.ladder.level(), self.width);
@@ -88,13 +88,13 @@ impl Shown {
         }
     }
 
-    /// The picture that is to be sent now, if one is.
+    /// The image to send now, if there is one.
     fn due(&mut self) -> Option<Arc<Picture>> {
         let newest = self.feed.newest()?;
         if newest.number == self.newest || self.flight.len() >= FLIGHT {
             return None;
         }
-        // What came meanwhile was let go before anything was made of it.
+        // Images that arrived meanwhile are skipped before they are encoded.
         if self.newest > 0 {
             self.skipped += newest.number.saturating_sub(self.newest + 1);
         }
@@ -114,8 +114,8 @@ impl Shown {
     }
 }
 
-/// What is subscribed for a rung of the ladder and a picture of so many pixels, and
-/// the bits per second that an encoder makes of it.
+/// The subscription for a rung of the ladder and a width in pixels, and
+/// the bits per second of an encoder.
 fn rung(codec: Codec, level: PreviewLevel, width: u32) -> (PreviewLevel, u32) {
     let most = match width {
         0..=320 => PreviewLevel::Low,
@@ -134,13 +134,13 @@ fn rung(codec: Codec, level: PreviewLevel, width: u32) -> (PreviewLevel, u32) {
     }
 }
 
-/// Serves until its end; why it is closed, if it is.
+/// Serves the socket until it ends; returns the close reason, if there is one.
 pub(super) async fn serve(
     shared: &Arc<Shared>,
     pipe: &mut Pipe,
     entered: Entered,
 ) -> Option<Close> {
-    // Those who only look share what the server encodes.
+    // Viewers share the server's encoding.
     let may_encode = entered.visitor.role.may_drive();
     let mut ends = entered.ends;
     let page = entered.page;
@@ -151,7 +151,7 @@ pub(super) async fn serve(
     let mut codec = Codec::default();
     let mut wanted: Vec<WantedCamera> = Vec::new();
     let mut shown: Vec<Shown> = Vec::new();
-    // Numbers go on when a camera is shown again.
+    // Sequence numbers continue when a camera is shown again.
     let mut numbers = BTreeMap::new();
     let began = Instant::now();
     let mut told = Vec::new();
@@ -162,7 +162,7 @@ pub(super) async fn serve(
             let Some(picture) = one.due() else { continue };
             let (_, bits) = rung(one.codec, one.ladder.level(), one.width);
             let (codec, encoder) = (one.codec, &mut one.encoder);
-            // An encoder takes some milliseconds, in which others are served.
+            // Encoding takes some milliseconds, in which other tasks must run.
             let made = match codec {
                 Codec::Jpeg => encoder.encode(codec, &picture, bits),
                 #[cfg(feature = "h264")]
@@ -247,7 +247,7 @@ pub(super) async fn serve(
     }
 }
 
-/// Shows what is wanted, and goes on with what was shown before.
+/// Shows the wanted cameras, and continues those that were shown before.
 fn show(
     shown: &mut Vec<Shown>,
     wanted: &[WantedCamera],
@@ -278,7 +278,7 @@ fn show(
     }
 }
 
-/// What is sent of each camera, by its index.
+/// Codec and width of each camera, by its index.
 fn sent(shown: &[Shown]) -> Vec<Sent> {
     let most = shown.iter().map(|one| one.index + 1).max().unwrap_or(0);
     let mut sent = vec![Sent::default(); most];
@@ -291,7 +291,7 @@ fn sent(shown: &[Shown]) -> Vec<Sent> {
     sent
 }
 
-/// A picture as a message.
+/// Assembles the message of an image.
 fn message(picture: &Picture, shown: &Shown, made: &Encoded, began: Instant) -> Bytes {
     let mut message = BytesMut::with_capacity(HEADER + made.bytes.len());
     message.put_u8(1);

@@ -1,4 +1,4 @@
-//! The hand in words and numbers that a person on the chair understands.
+//! Converts hand vectors into directions that a person on the chair understands.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -9,7 +9,7 @@ pub fn seen_from_the_chair(
     vector: Vector3<f64>,
     chair_from_base: &UnitQuaternion<f64>,
 ) -> [f64; 3] {
-    // Without the sign of a zero.
+    // Without negative zeros.
     (chair_from_base * vector).map(|part| part + 0.0).into()
 }
 

@@ -1,7 +1,7 @@
-//! A connection that keeps itself open: it connects, tells what comes, notices
-//! when the server is gone and connects again, until its owner drops it.
+//! A connection that keeps itself open: it connects, reports samples, detects the loss
+//! of the server and reconnects, until its owner drops it.
 //!
-//! All of it is told in one queue, in the order in which it came.
+//! All reports arrive in one queue, in order.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,38 +13,38 @@ use wheelarm_proto::{TopicId, v1};
 
 use wheelarm_sdk::{Bound, Client, ClientError, Connect};
 
-/// Time between two questions for the status.
+/// Time between two status requests.
 const PULSE: Duration = Duration::from_millis(400);
-/// Longest wait for the answer to one.
+/// Longest wait for a status reply.
 const PULSE_PATIENCE: Duration = Duration::from_millis(1500);
-/// The connection is opened anew after this long without any answer.
+/// The connection is reopened after this long without a reply.
 const GIVE_UP: Duration = Duration::from_secs(8);
 /// Wait between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for one attempt, s.
 const ATTEMPT_SECS: f64 = 2.0;
 
-/// Samples that may wait: several seconds of all streams. Under a flood the newest
-/// count.
+/// Samples that may wait: several seconds of all streams. On overflow the oldest are
+/// dropped.
 const WAITING: Bound = Bound {
     samples: 4096,
     bytes: 32 << 20,
 };
 
-/// What a line tells.
+/// Reports of a connection.
 pub enum Heard {
-    /// Connected; the link may be used until [`Heard::Lost`].
+    /// Connected; the client may be used until [`Report::Lost`].
     Connected(Box<Client>),
     /// A sample.
     Sample(Box<Sample>),
-    /// The robot that is simulated: told after the connection, and again when
-    /// there is another one.
+    /// The simulated robot: reported after connecting, and again when
+    /// it changes.
     Robot(Box<v1::RobotDescription>),
-    /// The server's account of itself, and the round trip it took, s.
+    /// The server's status, and the round trip it took, s.
     Status(Box<v1::Status>, f64),
-    /// No answer within the patience; the connection may recover.
+    /// No reply within the timeout; the connection may recover.
     Silent,
-    /// The connection is gone; it is tried again.
+    /// The connection is lost; it reconnects by itself.
     Lost(String),
 }
 
@@ -55,7 +55,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Starts connecting; `tell` makes the owner's event of what is heard.
+    /// Starts connecting; `to_event` converts a report into the owner's event.
     #[must_use]
     pub fn open<E: Send + 'static>(
         connect: Connect,
@@ -120,12 +120,12 @@ fn keep_open(
     }
 }
 
-/// Closing waits for the peer, which may be gone: nobody waits for that.
+/// Closing waits for the peer, which may be gone: it runs on its own thread.
 fn close(link: Client) {
     std::thread::spawn(move || link.close());
 }
 
-/// Serves one connection; why it is lost, or `None` when the owner ended it.
+/// Serves one connection; returns why it was lost, or `None` when the owner ended it.
 fn stay(
     link: &Client,
     streams: &[TopicId],
@@ -138,7 +138,7 @@ fn stay(
     std::thread::scope(|scope| {
         scope.spawn(move || {
             while !closed.load(Ordering::Acquire) {
-                // A sample that cannot be read is told by `wheelarm watch`.
+                // `wheelarm watch` reports samples that cannot be read.
                 if let Ok(Some(sample)) = samples.next(Duration::from_millis(50)) {
                     send(Heard::Sample(Box::new(sample)));
                 }
@@ -185,13 +185,13 @@ fn stay(
     })
 }
 
-/// Asks for the robot's description.
+/// Requests the robot's description.
 fn describe(link: &Client) -> Option<v1::RobotDescription> {
     let scene = link.request_within(&v1::SceneRequest {}, PULSE_PATIENCE);
     scene.ok()?.robot
 }
 
-/// Asks for the status, with less patience than a query of a command has.
+/// Requests the status, with a shorter timeout than that of a command's query.
 fn pulse(link: &Client) -> Option<v1::Status> {
     link.request_within(&v1::StatusRequest {}, PULSE_PATIENCE)
         .ok()

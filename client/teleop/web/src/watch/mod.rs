@@ -1,5 +1,5 @@
-//! What a person at the controls is told: [`Line`] keeps a connection open,
-//! [`Situation`] keeps the newest of everything. Nothing here commands.
+//! State for a person at the controls: [`Line`] keeps a connection open, [`Situation`]
+//! stores the newest samples and status. This module sends no commands.
 
 mod files;
 mod hand;
