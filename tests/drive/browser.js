@@ -51,7 +51,7 @@ export async function open(browser, { user = "anna", drive = true, size = { widt
     if (drive) {
       gateway.holder = user;
       // A busy machine may show nothing for a second at the start.
-      await until(() => gateway.acks.filter((ack) => ack.painted).length > 6, "pictures are painted");
+      await until(() => gateway.acks.filter((ack) => ack.painted).length > 6, "images are painted");
       await page.waitForFunction(() => !document.body.classList.contains("locked"));
     }
     if (episode) gateway.episode = { number: 4, label: "mustard-seed3-1", instruction: "Bring the mustard to the person.", seconds: 12 };

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""What somebody who drives through the page's gateway sees and feels, over a good line
-and a bad one: goal beside measured.
+"""Measures driving through the page's gateway over good and bad network paths: image rate,
+latencies and braking, each beside its goal.
 
     figures.py [--seconds 60] [--size 640x360] [--programs target/release] [--out FILE]
 
 A server, a gateway with keys and a page without a screen: it speaks the page's protocol
-(client/teleop/web/PROTOCOL.md), counts a picture as painted when it has come, drives forward
+(client/teleop/web/PROTOCOL.md), counts an image as painted when it arrives, drives forward
 and back by key and stops. An observer beside the server sees what arrives there. All
 clocks are the host's. Needs root (network namespaces) and the Python package `wheelarm`.
 """
@@ -39,9 +39,9 @@ PASSWORD = "right and long"
 # One way delay ms, loss %, Mbit/s, queue ms.
 LINES = {"LAN": (0.15, 0, 1000, 100), "100 ms, 2 %, 5 Mbit/s": (50, 2, 5, 200)}
 GOALS = {
-    "LAN": {"painted": (50, 100), "pictures": 9.5, "gate": (3, 8, 15), "press": (200, 300), "stop": 20},
-    "bbr": {"painted": (150, 320), "pictures": 9.0, "gate": (55, 65, 120), "press": (350, 600), "stop": 150},
-    "cubic": {"painted": (180, 350), "pictures": 8.0, "gate": (55, 65, 120), "press": (350, 600), "stop": 150},
+    "LAN": {"painted": (50, 100), "images": 9.5, "gate": (3, 8, 15), "press": (200, 300), "stop": 20},
+    "bbr": {"painted": (150, 320), "images": 9.0, "gate": (55, 65, 120), "press": (350, 600), "stop": 150},
+    "cubic": {"painted": (180, 350), "images": 8.0, "gate": (55, 65, 120), "press": (350, 600), "stop": 150},
 }
 
 
@@ -84,7 +84,7 @@ class Page:
         self.tls = ssl.create_default_context(cafile=authority)
         self.page = secrets.token_hex(16)
         self.running, self.lock = True, threading.Lock()
-        self.pictures, self.situations, self.told, self.rounds = [], [], [], []
+        self.images, self.situations, self.messages, self.rounds = [], [], [], []
         self.seq, self.epoch, self.held, self.shown = 0, 0, None, {}
         self.first_sent = {}  # shown tick: when it was first answered
         self.answers, self.asked = {}, 0
@@ -133,7 +133,7 @@ class Page:
                 if echo.get("ms") is not None:
                     self.rounds.append(now * 1e3 - echo["ms"] - echo["held_ms"])
             else:
-                self.told.append((now, message))
+                self.messages.append((now, message))
 
     def ask(self, what, **more):
         self.asked += 1
@@ -147,13 +147,13 @@ class Page:
     def look(self):
         wanted = [{"camera": index, "width": 640} for index in (0, 1)]
         self.video.send(json.dumps({"t": "want", "codecs": self.codecs, "cameras": wanted}))
-        for picture in self.video:
+        for image in self.video:
             now = time.monotonic()
-            codec, camera = picture[1], picture[3]
-            width, seq, tick = struct.unpack_from("<HxxI4xQ", picture, 4)
+            codec, camera = image[1], image[3]
+            width, seq, tick = struct.unpack_from("<HxxI4xQ", image, 4)
             with self.lock:
                 self.shown[camera] = tick
-                self.pictures.append((now, camera, tick, len(picture), width, codec))
+                self.images.append((now, camera, tick, len(image), width, codec))
             self.video.send(json.dumps({"t": "ack", "camera": camera, "seq": seq, "painted": True}))
 
     def message(self, kind, **more):
@@ -209,7 +209,7 @@ def far(work):
         bad_line.enter(FAR)
         try:
             out["value"] = work()
-        except Exception as problem:  # told below
+        except Exception as problem:  # raised below
             out["problem"] = problem
 
     thread = threading.Thread(target=inside)
@@ -318,7 +318,7 @@ def drive(page, observed, gateway, line, seconds, server):
     painted, reached, moved, braked = [], [], [], []
     times = sorted((tick, now) for tick, now, _ in observed.speeds)
     stamps = {tick: now for tick, now in times}
-    for now, camera, tick, *_ in page.pictures:
+    for now, camera, tick, *_ in page.images:
         # Odometry of the exposure's tick, published when the tick was simulated.
         if now > began and tick in stamps:
             painted.append((now - stamps[tick]) * 1e3)
@@ -330,20 +330,20 @@ def drive(page, observed, gateway, line, seconds, server):
             reached.append((now - page.first_sent[answers]) * 1e3)
     for at, _ in presses:
         tick = next((tick for tick, now, v in observed.speeds if now > at and abs(v) > 0.02), None)
-        shown = tick and next((now for now, _, t, *_ in page.pictures if t >= tick and now > at), None)
+        shown = tick and next((now for now, _, t, *_ in page.images if t >= tick and now > at), None)
         if shown and shown - at < 2:
             moved.append((shown - at) * 1e3)
     for at in stops:
-        told = next((now for tick, now, m in observed.commands if now > at and is_still(m)), None)
-        if told and told - at < 2:
-            braked.append((told - at) * 1e3)
+        stopped = next((now for tick, now, m in observed.commands if now > at and is_still(m)), None)
+        if stopped and stopped - at < 2:
+            braked.append((stopped - at) * 1e3)
     per_camera = {}
-    for now, camera, *_ in page.pictures:
+    for now, camera, *_ in page.images:
         if now > began:
             per_camera.setdefault(camera, []).append(now)
     gaps = [b - a for all in per_camera.values() for a, b in zip(all, all[1:])]
     arrivals = sorted(now for _, now, _ in observed.commands if now > began)
-    sizes = [size for now, _, _, size, *_ in page.pictures if now > began]
+    sizes = [size for now, _, _, size, *_ in page.images if now > began]
     return {
         "painted_ms": [quantile(painted, q) for q in (0.5, 0.95)],
         "pictures_hz": min(len(all) for all in per_camera.values()) / took,
@@ -358,9 +358,9 @@ def drive(page, observed, gateway, line, seconds, server):
         "lost": after["to_far"]["lost"] + after["to_near"]["lost"],
         "gateway_cores": cores,
         "factor": factor,
-        "width": statistics.mode(width for now, _, _, _, width, _ in page.pictures if now > began),
+        "width": statistics.mode(width for now, _, _, _, width, _ in page.images if now > began),
         "picture_kB": sum(sizes) / len(sizes) / 1e3,
-        "codec": {0: "jpeg", 1: "h264"}[page.pictures[-1][5]],
+        "codec": {0: "jpeg", 1: "h264"}[page.images[-1][5]],
     }  # fmt: skip
 
 
@@ -381,7 +381,7 @@ def table(results):
 
     rows = [
         ("exposure to painted, p50 / p95 (ms)", lambda g: numbers(g["painted"]), lambda r: numbers(r["painted_ms"])),
-        ("pictures a second, each camera", lambda g: f">= {g['pictures']}", lambda r: f"{r['pictures_hz']:.1f}"),
+        ("pictures a second, each camera", lambda g: f">= {g['images']}", lambda r: f"{r['pictures_hz']:.1f}"),
         ("longest time without one (ms)", lambda g: "", lambda r: f"{r['longest_gap_ms']:.0f}"),
         ("page to gate, p50 / p95 / p99 (ms)", lambda g: numbers(g["gate"]), lambda r: numbers(r["gate_ms"])),
         ("page to gateway and back, p50 / p95 / p99 (ms)", lambda g: "", lambda r: numbers(r["round_ms"])),

@@ -70,7 +70,7 @@ export class Gateway {
     this.server.on("upgrade", (request, socket, head) => this.wss.handleUpgrade(request, socket, head, (one) => this.socket(one, request)));
     await new Promise((done) => { this.server.listen(0, "127.0.0.1", done); });
     this.url = `http://localhost:${this.server.address().port}`;
-    this.timers = [setInterval(() => this.pictures(), 100), setInterval(() => this.situations(), 100), setInterval(() => this.guard(), 25)];
+    this.timers = [setInterval(() => this.sendImages(), 100), setInterval(() => this.situations(), 100), setInterval(() => this.guard(), 25)];
     return this;
   }
 
@@ -231,16 +231,16 @@ export class Gateway {
   }
 
   /** Sends an image of each camera to each page that wants it, within the limit of unacknowledged ones. */
-  pictures() {
+  sendImages() {
     if (!this.faults.paused) this.tick += TICKS;
     if (this.frozen) return;
     for (const one of this.sockets) {
       if (one.kind !== "video" || !one.want) continue;
-      for (const { camera } of one.want.cameras) this.picture(one, camera);
+      for (const { camera } of one.want.cameras) this.sendImage(one, camera);
     }
   }
 
-  picture(one, camera) {
+  sendImage(one, camera) {
     const flight = one.flight.get(camera) || [];
     if (flight.length >= 3 || camera > 1) return;
     const seq = (one.seq.get(camera) || 0) + 1;
@@ -275,7 +275,7 @@ export class Gateway {
       case "tasks": return answer({ tasks: [{ name: "pick_mustard", instruction: "Take the mustard" }, { name: "bear", instruction: "Take the bear" }] });
       case "lease.ask":
         if (this.holder && this.holder !== one.user) {
-          this.asked = one.user;
+          this.requestedBy = one.user;
           this.toAll("state", { t: "note", bad: false, text: `${one.user} asks for control` });
           return refuse(`${this.holder} is in control; wait, or take it`);
         }
@@ -362,7 +362,7 @@ export class Gateway {
     const chair = CHAIR[2];
     return {
       t: "situation", n: this.count, tick: this.tick, sim_s: this.tick / 240, link: "open", link_for_s: 10,
-      you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, asked: this.asked && this.asked !== this.holder ? [this.asked] : [], for_s: 10 },
+      you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, asked: this.requestedBy && this.requestedBy !== this.holder ? [this.requestedBy] : [], for_s: 10 },
       people, scenario: { task: "pick_mustard", seed: 3, instruction: "Bring the mustard to the person." }, episode: this.episode,
       alarms: this.alarms,
       recorders: this.recorders.map((name) => ({ name, state: this.recorderState || (this.episode ? "ready" : "idle"), missed: 0, frames: this.episode ? Math.round(this.episode.seconds * 20) : 0, complete: false, message: "" })),

@@ -101,14 +101,14 @@ try {
     await page.screenshot({ path: process.env.LOOK });
   }
   await take("ask");
-  await until(async () => (await situation()).people.some((one) => one.control), "somebody is in control");
+  await until(async () => (await situation()).people.some((one) => one.control), "the page is in control");
   await take("row:Episode", "start");
   await until(async () => (await situation()).episode, "the episode runs");
   say("an episode runs");
   await take("back", "row:Chair");
   for (let turns = 0; turns < 30; turns += 1) {
-    const seen = await bottle();
-    if (seen && seen.u > 0.25 && seen.u < 0.75) break;
+    const found = await bottle();
+    if (found && found.u > 0.25 && found.u < 0.75) break;
     await take("chair.right");
     await rests();
     say(`turned, ${JSON.stringify(await bottle())}`);
@@ -116,12 +116,12 @@ try {
   await take("back");
   for (let tries = 0; ; tries += 1) {
     assert.ok(tries < 4, "the mustard was not met in four tries");
-    const seen = await bottle();
-    say(`points at ${JSON.stringify(seen)}`);
+    const found = await bottle();
+    say(`points at ${JSON.stringify(found)}`);
     await take("pick");
-    await until(async () => Math.abs((await line(true) ?? 9) - seen.v) < 0.012, "the line across is over it", 30);
+    await until(async () => Math.abs((await line(true) ?? 9) - found.v) < 0.012, "the line across is over it", 30);
     await hit();
-    await until(async () => Math.abs((await line(false) ?? 9) - seen.u) < 0.008, "the line down is over it", 30);
+    await until(async () => Math.abs((await line(false) ?? 9) - found.u) < 0.008, "the line down is over it", 30);
     await hit();
     const answer = await until(() => page.evaluate(() => document.querySelector("#goal_text").textContent), "an answer");
     await page.waitForTimeout(600);
@@ -130,7 +130,7 @@ try {
     if (names.includes("goal:take")) break;
   }
   if (process.env.LOOK) await page.screenshot({ path: process.env.LOOK.replace(".", "-goal.") });
-  await take("row:Choose in the picture", "goal:take");
+  await take("row:Choose in the image", "goal:take");
   await until(async () => (await situation()).evaluation?.success, "it is lifted and held", 120);
   say("lifted and held");
   await until(async () => !(await situation()).goal, "the goal is over", 60);

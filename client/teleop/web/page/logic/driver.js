@@ -141,7 +141,7 @@ export class Driver {
   }
 
   /**
-   * Whether a press must stop the robot instead of doing what it stands for: it
+   * Whether a press must stop the robot instead of doing its own action: it
    * moves on a latch or towards a goal, or by a step of a slow device.
    */
   intercept(device, now) {
@@ -164,7 +164,7 @@ export class Driver {
   // Messages of the gateway
 
   /** The newest situation: dead epoch, goal, whether the robot moves. */
-  heard(control, goal, robotMoving, now) {
+  receive(control, goal, robotMoving, now) {
     this.goal = Boolean(goal);
     this.robotMoving = robotMoving;
     if (robotMoving) this.robotMoved = true;
@@ -181,7 +181,7 @@ export class Driver {
   locked(reason, why, stepsOnly) {
     if (reason && !this.lock) this.guard(why, reason);
     if (stepsOnly && !this.stepsOnly && this.anything()) {
-      this.guard("frozen", "The picture is too old: only steps and goals");
+      this.guard("frozen", "The image is too old: only steps and goals");
     }
     this.lock = reason;
     this.stepsOnly = stepsOnly;
@@ -288,7 +288,7 @@ export class Driver {
 
   refusal(isStep) {
     if (this.lock) return this.lock;
-    if (this.stepsOnly && !isStep) return "The picture is too old: only steps and goals";
+    if (this.stepsOnly && !isStep) return "The image is too old: only steps and goals";
     return "";
   }
 

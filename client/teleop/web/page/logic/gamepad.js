@@ -59,11 +59,11 @@ export class Gamepads {
    */
   read(list) {
     const out = { axes: still(), presses: [], arrived: [], gone: [], waiting: [], menu: null, stick: [0, 0] };
-    const seen = new Set();
+    const present = new Set();
     for (const pad of list) {
       if (!pad || !pad.connected) continue;
       const key = `${pad.index}:${pad.id}`;
-      seen.add(key);
+      present.add(key);
       let known = this.pads.get(key);
       if (!known) {
         known = { id: pad.id, armed: false, down: new Set() };
@@ -73,7 +73,7 @@ export class Gamepads {
       this.one(pad, known, out);
     }
     for (const [key, known] of this.pads) {
-      if (seen.has(key)) continue;
+      if (present.has(key)) continue;
       this.pads.delete(key);
       out.gone.push(known.id);
     }
@@ -95,8 +95,8 @@ export class Gamepads {
     }
     // STOP also works on a device that is not armed; its edge counts.
     const fresh = [...down].filter((name) => !known.down.has(name));
-    const first = known.down.size === 0 && !known.seen;
-    known.seen = true;
+    const first = known.down.size === 0 && !known.sampled;
+    known.sampled = true;
     known.down = down;
     if (!known.armed) {
       if (fresh.includes("stop") && !first) out.presses.push("stop");

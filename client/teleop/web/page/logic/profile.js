@@ -40,16 +40,16 @@ export const PRESETS = {
     change: {},
   },
   one_switch: {
-    label: "One switch", words: "A frame goes round; the switch takes what is framed. Every press moves one step.",
+    label: "One switch", words: "A frame goes round; the switch chooses the framed item. Every press moves one step.",
     change: { mode: "step", scan: { ...BASE.scan, on: true, kind: "rows" }, keysOn: false, tabs: "never",
       pads: BASE.pads.map((pad) => ({ ...pad, size: 80 })) },
   },
   two_switches: {
-    label: "Two switches", words: "The first switch (Space) goes on, the second one (Enter) takes.",
+    label: "Two switches", words: "The first switch (Space) moves the frame, the second one (Enter) chooses.",
     change: { mode: "step", scan: { ...BASE.scan, on: true, kind: "two" }, keysOn: false, tabs: "never" },
   },
   dwell: {
-    label: "Eyes or head mouse", words: "Resting the pointer on a button presses it. Every press moves one step.",
+    label: "Eye tracker or head mouse", words: "Resting the pointer on a button presses it. Every press moves one step.",
     change: { mode: "step", dwell: { ...BASE.dwell, on: true }, keysOn: false,
       pads: BASE.pads.map((pad) => ({ ...pad, size: 112 })) },
   },

@@ -38,6 +38,6 @@ export const saysStop = (text) => words(text).includes("stop");
  */
 export function understand(text) {
   if (saysStop(text)) return { stop: true };
-  const said = words(text).filter((word) => !["please", "the", "a"].includes(word)).join(" ");
-  return Object.hasOwn(PHRASES, said) ? { ...PHRASES[said], said } : null;
+  const phrase = words(text).filter((word) => !["please", "the", "a"].includes(word)).join(" ");
+  return Object.hasOwn(PHRASES, phrase) ? { ...PHRASES[phrase], phrase } : null;
 }

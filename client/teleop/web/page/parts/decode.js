@@ -1,7 +1,7 @@
 // Decodes images: JPEG by createImageBitmap, H.264 by WebCodecs
 // if the decoder returns one image for each input.
 
-import { readHeader } from "../logic/pictures.js";
+import { readHeader } from "../logic/images.js";
 import { TEST_STREAM } from "./test_stream.js";
 
 export const CONFIG = {
@@ -51,8 +51,8 @@ export async function oneInOneOut(scope = globalThis, stream = TEST_STREAM, pati
 
 export class Decoders {
   /** `images` receives the decoded images; `send` sends on the video socket. */
-  constructor(pictures, send) {
-    this.pictures = pictures;
+  constructor(images, send) {
+    this.images = images;
     this.send = send;
     this.cameras = new Map();
     this.problem = "";
@@ -74,8 +74,8 @@ export class Decoders {
 
   async jpeg(header) {
     try {
-      const picture = await createImageBitmap(new Blob([header.body], { type: "image/jpeg" }));
-      this.pictures.decoded(header, picture);
+      const image = await createImageBitmap(new Blob([header.body], { type: "image/jpeg" }));
+      this.images.decoded(header, image);
     } catch {
       this.lost(header);
     }
@@ -108,7 +108,7 @@ export class Decoders {
       output: (frame) => {
         const header = one.headers.get(frame.timestamp);
         for (const seq of one.headers.keys()) if (seq <= frame.timestamp) one.headers.delete(seq);
-        if (header) this.pictures.decoded(header, frame);
+        if (header) this.images.decoded(header, frame);
         else frame.close();
       },
       error: () => this.broken(camera),

@@ -38,7 +38,7 @@ export function takesKeys(element) {
 }
 
 /** Order of the rows for scanning; rows that are not listed are last. */
-const ORDER = ["Alarm", "Letters", "Choose in the picture", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
+const ORDER = ["Alarm", "Letters", "Choose in the image", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
   "Episode", "Control", "Instruction"];
 const rank = (row) => {
   const at = ORDER.indexOf(row.dataset.row);

@@ -252,7 +252,7 @@ export class Inputs {
     if (canvas) {
       const found = [...app.stage.figures].find(([, figure]) => figure.canvas === canvas);
       box = canvas.getBoundingClientRect();
-      canvas.dataset.item = `picture:${found[0]}`;
+      canvas.dataset.item = `image:${found[0]}`;
       target = canvas.dataset.item;
     }
     this.pointer = { x: event.clientX, y: event.clientY };
@@ -278,7 +278,7 @@ export class Inputs {
       this.gamepads.disarm();
     }
     const read = this.gamepads.read(list);
-    for (const id of read.arrived) app.say(`Gamepad: ${id}. It drives once its stick was let go`, false);
+    for (const id of read.arrived) app.say(`Gamepad: ${id}. It drives after its stick was released`, false);
     if (read.gone.length > 0) {
       app.driver.release("gamepad");
       app.driver.guard("lost_device", "The gamepad is gone: everything stops");

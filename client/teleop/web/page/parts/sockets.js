@@ -78,7 +78,7 @@ export class Sockets {
   /** Sends a request; resolves with the answer, throws its error. */
   ask(what, fields = {}) {
     const socket = this.open.get("state");
-    if (!socket) return Promise.reject(new Error("no connection: nothing was asked"));
+    if (!socket) return Promise.reject(new Error("no connection: the request was not sent"));
     this.number += 1;
     const id = this.number;
     return new Promise((done, fail) => {
@@ -132,7 +132,7 @@ export class Sockets {
   message(kind, socket, data, life) {
     if (life !== this.life) return;
     if (typeof data !== "string") {
-      this.handlers.heard(kind, data);
+      this.handlers.received(kind, data);
       return;
     }
     const message = JSON.parse(data);
@@ -147,7 +147,7 @@ export class Sockets {
       clearTimeout(ask.timer);
       if (message.ok) ask.done(message);
       else ask.fail(new Error(message.error || "refused"));
-    } else this.handlers.heard(kind, message);
+    } else this.handlers.received(kind, message);
   }
 
   gone(kind, socket, code, reason, life) {

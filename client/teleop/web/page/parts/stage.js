@@ -88,23 +88,23 @@ export class Stage {
   }
 
   /** Paints a decoded image. */
-  paint(header, picture) {
+  paint(header, image) {
     const one = this.figures.get(header.camera);
     if (!one) return;
     const { canvas, context } = one;
     if (canvas.width !== header.width) canvas.width = header.width;
     if (canvas.height !== header.height) canvas.height = header.height;
-    context.drawImage(picture, 0, 0, canvas.width, canvas.height);
+    context.drawImage(image, 0, 0, canvas.width, canvas.height);
   }
 
   /** Updates captions and overlays of the images. */
   show(now, frozen) {
-    const { pictures } = this.app;
+    const { images } = this.app;
     $("stage").classList.toggle("picking", this.picking);
     for (const [index, { figure, figures, canvas }] of this.figures) {
-      const last = pictures.painted.get(index);
+      const last = images.painted.get(index);
       figure.classList.toggle("frozen", frozen && Boolean(last) && !this.off.has(index));
-      text(figures, last ? `${pictures.rate(index, now).toFixed(0)} /s, ${canvas.width}×${canvas.height}` : "waiting");
+      text(figures, last ? `${images.rate(index, now).toFixed(0)} /s, ${canvas.width}×${canvas.height}` : "waiting");
     }
     this.drawOver(now);
   }
@@ -135,7 +135,7 @@ export class Stage {
 
   /** A point in an image was clicked. */
   pick(camera, u, v) {
-    const tick = this.app.pictures.painted.get(camera)?.tick;
+    const tick = this.app.images.painted.get(camera)?.tick;
     if (tick === undefined || u < 0 || u > 1 || v < 0 || v > 1) return;
     this.app.picked(camera, tick, u, v);
   }

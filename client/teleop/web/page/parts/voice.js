@@ -43,7 +43,7 @@ export class Voice {
           if (stopped !== index) this.handlers.stop();
           stopped = index;
         } else if (result.isFinal) {
-          this.handlers.heard(understand(words), words);
+          this.handlers.received(understand(words), words);
           this.wait();
         }
       }

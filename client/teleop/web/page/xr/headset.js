@@ -80,8 +80,8 @@ export class Headset {
   }
 
   /** Shows a decoded image on its panel. */
-  paint(header, picture) {
-    this.painter?.picture(header.camera, picture);
+  paint(header, image) {
+    this.painter?.setImage(header.camera, image);
   }
 
   frame(frame) {
@@ -126,7 +126,7 @@ export class Headset {
       const pad = source.gamepad;
       if (!pad || !source.gripSpace) continue;
       const grip = frame.getPose(source.gripSpace, this.space);
-      const pose = this.seen(source.handedness, grip)
+      const pose = this.isTracked(source.handedness, grip)
         ? { position: list(grip.transform.position), orientation: quaternion(grip.transform.orientation) } : null;
       const own = this.clutchOf(source.handedness);
       const was = own.engaged;
@@ -146,7 +146,7 @@ export class Headset {
       if (down(pad, OPEN)) axes.grip += 1;
     }
     if (lost) {
-      this.letGo("The controller is lost: squeeze again when it is seen");
+      this.letGo("The controller is lost: squeeze again when it is tracked");
       return;
     }
     const clamp = (value) => Math.max(-1, Math.min(1, value));
@@ -157,7 +157,7 @@ export class Headset {
    * Whether the controller is tracked. Some headsets report "emulated" only
    * while they guess its position; others always do, which means nothing.
    */
-  seen(hand, pose) {
+  isTracked(hand, pose) {
     if (!pose) return false;
     if (!pose.emulatedPosition) this.tracked.add(hand);
     return !(pose.emulatedPosition && this.tracked.has(hand));

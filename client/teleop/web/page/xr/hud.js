@@ -18,8 +18,8 @@ export class Hud {
 
   /** Buttons that can be pressed now: [item, label]. */
   buttons() {
-    const { situation: s, twice } = this.app;
-    const asks = twice.asks(this.app.now());
+    const { situation: s, confirmation } = this.app;
+    const asks = confirmation.asks(this.app.now());
     const again = (what, words) => [what, asks === what ? "again?" : words];
     if (!s?.lease?.mine) return [["ask", "Ask for control"], ["leave", "Leave"]];
     const alarms = this.app.panels.alarmed.length > 0 ? [["alarm:0", "I have read this"]] : [];

@@ -7,8 +7,8 @@ const VERTEX = `#version 300 es
 in vec2 place; out vec2 at; uniform mat4 clip;
 void main() { at = vec2(place.x + 0.5, 0.5 - place.y); gl_Position = clip * vec4(place, 0.0, 1.0); }`;
 const FRAGMENT = `#version 300 es
-precision mediump float; in vec2 at; out vec4 colour; uniform sampler2D picture;
-void main() { colour = texture(picture, at); }`;
+precision mediump float; in vec2 at; out vec4 color; uniform sampler2D panel;
+void main() { color = texture(panel, at); }`;
 
 /** Turns a vector by a quaternion. */
 export function turned(q, [x, y, z]) {
@@ -81,7 +81,7 @@ export class Painter {
   }
 
   /** Uploads an image for the panel of that name. */
-  picture(name, source) {
+  setImage(name, source) {
     const { gl } = this;
     let texture = this.textures.get(name);
     if (!texture) {
@@ -97,7 +97,7 @@ export class Painter {
 
   /** Shows the text panel under the images; `canvas` is null when it is unchanged. */
   hud(canvas) {
-    if (canvas) this.picture("hud", canvas);
+    if (canvas) this.setImage("hud", canvas);
   }
 
   draw(name, { middle, right, up, normal, size }, view) {

@@ -7,10 +7,10 @@ export const FROZEN_MS = 1000;
 
 /** Parses the header of a message, with the encoded image; throws an Error when it is invalid. */
 export function readHeader(buffer) {
-  if (buffer.byteLength <= HEADER_BYTES) throw new Error("a picture without content");
+  if (buffer.byteLength <= HEADER_BYTES) throw new Error("an image without content");
   const view = new DataView(buffer);
   const version = view.getUint8(0);
-  if (version !== 1) throw new Error(`pictures of version ${version}: load the page again`);
+  if (version !== 1) throw new Error(`images of version ${version}: load the page again`);
   return {
     codec: ["jpeg", "h264"][view.getUint8(1)] || "unknown",
     key: (view.getUint8(2) & 1) === 1,
@@ -26,21 +26,21 @@ export function readHeader(buffer) {
 }
 
 /** Images that wait to be painted and painted ones, by camera. */
-export class Pictures {
+export class Images {
   constructor() {
     this.waiting = new Map();
     this.painted = new Map();
   }
 
   /** A decoded image; an older waiting image of its camera is closed. */
-  decoded(header, picture) {
+  decoded(header, image) {
     const old = this.waiting.get(header.camera);
     if (old && old.header.seq > header.seq) {
-      picture.close();
+      image.close();
       return;
     }
-    if (old) old.picture.close();
-    this.waiting.set(header.camera, { header, picture });
+    if (old) old.image.close();
+    this.waiting.set(header.camera, { header, image });
   }
 
   /**
@@ -49,9 +49,9 @@ export class Pictures {
    */
   paint(now, paint) {
     const acks = [];
-    for (const [camera, { header, picture }] of this.waiting) {
-      paint(header, picture);
-      picture.close();
+    for (const [camera, { header, image }] of this.waiting) {
+      paint(header, image);
+      image.close();
       const last = this.painted.get(camera);
       const times = (last?.times || []).filter((time) => now - time < 3000);
       this.painted.set(camera, { ...header, body: undefined, at: now, times: [...times, now] });
@@ -80,7 +80,7 @@ export class Pictures {
 
   /** The sockets are new: sequence numbers start again. */
   forget() {
-    for (const { picture } of this.waiting.values()) picture.close();
+    for (const { image } of this.waiting.values()) image.close();
     this.waiting.clear();
     this.painted.clear();
   }

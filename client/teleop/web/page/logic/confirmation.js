@@ -3,21 +3,21 @@
 /** The second press counts within this time, ms. It may be long: it only asks again. */
 const WITHIN_MS = 6000;
 
-export class Twice {
+export class Confirmation {
   constructor() {
-    this.asked = null;
+    this.pending = null;
   }
 
   /** A press of `what`. Returns whether it is the second. */
   press(what, now) {
-    const again = this.asked !== null && this.asked.what === what && now - this.asked.at < WITHIN_MS;
-    this.asked = again ? null : { what, at: now };
+    const again = this.pending !== null && this.pending.what === what && now - this.pending.at < WITHIN_MS;
+    this.pending = again ? null : { what, at: now };
     return again;
   }
 
   /** The action that waits for its second press, or null. */
   asks(now) {
-    if (this.asked && now - this.asked.at >= WITHIN_MS) this.asked = null;
-    return this.asked ? this.asked.what : null;
+    if (this.pending && now - this.pending.at >= WITHIN_MS) this.pending = null;
+    return this.pending ? this.pending.what : null;
   }
 }
