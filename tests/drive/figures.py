@@ -381,24 +381,24 @@ def table(results):
 
     rows = [
         ("exposure to painted, p50 / p95 (ms)", lambda g: numbers(g["painted"]), lambda r: numbers(r["painted_ms"])),
-        ("pictures a second, each camera", lambda g: f">= {g['images']}", lambda r: f"{r['pictures_hz']:.1f}"),
+        ("images per second, each camera", lambda g: f">= {g['images']}", lambda r: f"{r['pictures_hz']:.1f}"),
         ("longest time without one (ms)", lambda g: "", lambda r: f"{r['longest_gap_ms']:.0f}"),
         ("page to gate, p50 / p95 / p99 (ms)", lambda g: numbers(g["gate"]), lambda r: numbers(r["gate_ms"])),
         ("page to gateway and back, p50 / p95 / p99 (ms)", lambda g: "", lambda r: numbers(r["round_ms"])),
-        ("press to changed picture, p50 / p95 (ms)", lambda g: numbers(g["press"]), lambda r: numbers(r["press_ms"])),
+        ("press to changed image, p50 / p95 (ms)", lambda g: numbers(g["press"]), lambda r: numbers(r["press_ms"])),
         ("STOP to brake at the gate, p50 / worst (ms)", lambda g: f"p99 {g['stop']}", lambda r: numbers(r["stop_ms"])),
         ("down (Mbit/s) / up (kbit/s)", lambda g: "0.8 to 1.0 / 60", lambda r: f"{r['down_mbit']:.2f} / {r['up_kbit']:.0f}"),
         ("gateway (share of a core)", lambda g: "0.20", lambda r: f"{r['gateway_cores']:.2f}"),
         ("simulated over wall seconds", lambda g: "", lambda r: f"{r['factor']:.2f}"),
-        ("pictures", lambda g: "", lambda r: f"{r['codec']}, {r['width']} wide, {r['picture_kB']:.1f} kB"),
+        ("images", lambda g: "", lambda r: f"{r['codec']}, {r['width']} wide, {r['picture_kB']:.1f} kB"),
         ("presses, stops seen at the gate", lambda g: "", lambda r: f"{r['presses']}, {r['braked']}"),
     ]
     head = [f"{name}, {congestion}" for name, congestion in results]
     lines = ["| | " + " | ".join(f"goal | {title}" for title in head) + " |", "|---" * (1 + 2 * len(head)) + "|"]
-    for title, goal, told in rows:
+    for title, goal, measured in rows:
         cells = []
         for (name, congestion), result in results.items():
-            cells += [goal(GOALS["LAN" if name == "LAN" else congestion]), told(result)]
+            cells += [goal(GOALS["LAN" if name == "LAN" else congestion]), measured(result)]
         lines.append(f"| {title} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
