@@ -183,8 +183,8 @@ impl Gateway {
         let mut socket = self
             .upgrade(path, &self.address, &origin, &cookie)
             .expect("a socket");
-        let said = Message::Text(hello.to_string().into());
-        socket.send(said).expect("a hello");
+        let message = Message::Text(hello.to_string().into());
+        socket.send(message).expect("a hello");
         match socket.read().expect("an answer") {
             Message::Text(text) => {
                 assert!(text.contains("welcome"), "{text}");

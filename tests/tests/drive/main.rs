@@ -64,8 +64,8 @@ fn gets_going(page: &mut Page, held: Held) {
 #[test]
 fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     let server = server("drive");
-    let link = server.link();
-    let refusals = link.samples::<v1::Refusal>().expect("refusals");
+    let client = server.link();
+    let refusals = client.samples::<v1::Refusal>().expect("refusals");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
     assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
@@ -76,7 +76,7 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     // A stop: the page gets a message when it is in force.
     gets_going(&mut page, Held::back());
     page.stop();
-    wait_until("the stop is in force", || page.was_told("stopped"));
+    wait_until("the stop is in force", || page.has_received("stopped"));
     rests(&page);
     let stopped = page.situation();
     assert_eq!(stopped["control"]["stopped"], true, "{stopped}");
@@ -94,11 +94,13 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     wait_until("only a stop is allowed", || {
         page.situation()["control"]["allow"] == "stop"
     });
-    page.forget_told();
+    page.forget_received();
     page.stop();
-    wait_until("a stop is taken all the same", || page.was_told("stopped"));
+    wait_until("a stop is taken all the same", || {
+        page.has_received("stopped")
+    });
     page.freeze(false);
-    wait_until("pictures are fresh", || {
+    wait_until("images are fresh", || {
         page.situation()["control"]["allow"] == "drive"
     });
     // The connection stalls while driving.
@@ -129,20 +131,20 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     drop(again);
     let watching = Page::open(&gateway, "w1", false);
     rests(&watching);
-    let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
-    let mut told = 0;
-    wait_until("every refusal is told", || {
+    let status: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
+    let mut received = 0;
+    wait_until("every refusal is received", || {
         while let Some(refusal) = refusals.next(Duration::ZERO).expect("a refusal") {
             // A busy machine can delay a command; other reasons must not occur.
             assert_eq!(refusal.code(), v1::RefusalCode::TooOld, "{refusal:?}");
-            told += refusal.count.max(1);
+            received += refusal.count.max(1);
         }
-        told >= status.refused
+        received >= status.refused
     });
 }
 
 #[test]
-fn a_preview_is_the_same_page_and_nobody_drives_from_it() {
+fn a_preview_is_the_same_page_without_driving() {
     let server = server("preview");
     let gateway = Gateway::preview(&server);
     let (code, text) = gateway.get("/", &gateway.address, "");
@@ -151,7 +153,7 @@ fn a_preview_is_the_same_page_and_nobody_drives_from_it() {
     assert_eq!(gateway.get("/", "evil.example", "").0, 403);
     assert_eq!(gateway.get("/../etc/passwd", &gateway.address, "").0, 404);
     let page = Page::open(&gateway, "w1", false);
-    wait_until("a picture is painted", || page.has_painted());
+    wait_until("an image is painted", || page.has_painted());
     let situation = page.situation();
     assert_eq!(situation["you"]["role"], "viewer", "{situation}");
     assert_eq!(situation["scenario"]["task"], "pick_mustard", "{situation}");
@@ -168,10 +170,10 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
     assert_eq!(anna.request("lease.ask", json!({}))["mine"], true);
     let refused = ben.request("lease.ask", json!({}));
     assert_eq!(refused["ok"], false, "{refused}");
-    wait_until("anna is told", || anna.was_noted("asks for control"));
+    wait_until("anna is notified", || anna.was_noted("asks for control"));
     gets_going(&mut anna, Held::back());
     assert_eq!(ben.request("lease.take", json!({}))["mine"], true);
-    wait_until("anna is told", || anna.was_noted("took control"));
+    wait_until("anna is notified", || anna.was_noted("took control"));
     rests(&carl);
     let at = chair(&carl);
     anna.hold_on();
@@ -180,10 +182,10 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
     gets_going(&mut ben, Held::forward());
     // Every operator may stop.
     anna.stop();
-    wait_until("ben is told", || ben.was_noted("stopped everything"));
+    wait_until("ben is notified", || ben.was_noted("stopped everything"));
     rests(&carl);
     assert_eq!(ben.request("lease.give", json!({}))["ok"], true);
-    wait_until("nobody is in control", || {
+    wait_until("control is free", || {
         let situation = carl.situation();
         situation["lease"]["holder"] == "" && situation["lease"]["mine"] == false
     });
@@ -192,7 +194,7 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
 }
 
 #[test]
-fn what_is_hostile_is_refused_and_moves_nothing() {
+fn hostile_requests_are_rejected_and_move_nothing() {
     let server = server("hostile");
     let gateway = Gateway::open(&server);
     let mut anna = Page::open(&gateway, "a1", true);
@@ -240,7 +242,7 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
     let ticket = gateway.ticket(true);
     let first = gateway.enter("/ws/state", true, &hello(&ticket));
     assert!(first.is_ok(), "{:?}", first.err());
-    for (said, code) in [
+    for (hello, code) in [
         (hello(&ticket), 4401),
         (hello("nothing"), 4401),
         (hello(&gateway.ticket(false)), 4401),
@@ -254,8 +256,8 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
             4400,
         ),
     ] {
-        let refused = gateway.enter("/ws/control", true, &said);
-        assert_eq!(refused.err(), Some(code), "{said}");
+        let refused = gateway.enter("/ws/control", true, &hello);
+        assert_eq!(refused.err(), Some(code), "{hello}");
     }
 
     // Too long, too many, binary, not JSON.
@@ -348,7 +350,7 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
 }
 
 #[test]
-fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
+fn an_episode_is_kept_when_its_recorder_confirms_it_and_practice_is_not_recorded() {
     let folder = tempfile::tempdir().expect("a folder");
     let server = server("kept");
     let gateway = Gateway::open(&server);
@@ -357,12 +359,12 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
     // Without a recorder no episode starts, and an alarm says so.
     let refused = page.request("episode.start", json!({}));
     assert_eq!(refused["ok"], false, "{refused}");
-    let told = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
-    wait_until("the alarm", || told(&page, "nothing can be recorded"));
+    let alarmed = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
+    wait_until("the alarm", || alarmed(&page, "nothing can be recorded"));
     let practice = page.request("episode.start", json!({"recorders": 0}));
     assert_eq!(practice["practice"], true, "{practice}");
     let label = practice["label"].as_str().expect("a label").to_owned();
-    wait_until("it clears the alarm", || !told(&page, "recorded"));
+    wait_until("it clears the alarm", || !alarmed(&page, "recorded"));
     page.request("episode.finish", json!({}));
 
     // The folder has a file of this label: the next free label is used.
@@ -404,7 +406,7 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
     // A recorder that vanishes during an episode raises an alarm at once.
     assert_eq!(page.request("episode.start", json!({}))["ok"], true);
     recorder.kill();
-    wait_until("the alarm", || told(&page, "NOTHING IS RECORDED"));
+    wait_until("the alarm", || alarmed(&page, "NOTHING IS RECORDED"));
     assert_eq!(
         std::fs::read_to_string(file(1)).expect("the file"),
         "precious"
@@ -412,7 +414,7 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
 }
 
 #[test]
-fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
+fn a_click_selects_an_object_and_a_key_ends_the_skill() {
     let server = Server::start(
         "goal",
         &[
@@ -441,7 +443,7 @@ fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
             .as_str()
             .is_some_and(|s| !s.is_empty())
     });
-    wait_until("its phase is told", || {
+    wait_until("its phase is reported", || {
         let phase = page.situation()["robot"]["phase"].clone();
         phase.as_str().is_some_and(|p| p.starts_with("assist:"))
     });
@@ -455,7 +457,7 @@ fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
 }
 
 #[test]
-fn other_machines_are_let_in_encrypted_and_by_password_alone() {
+fn other_machines_need_encryption_and_a_password() {
     let refused =
         std::process::Command::new(wheelarm_tests::program("wheelarm").expect("a client"))
             .args(["drive", "--page", "0.0.0.0:0", "--task", "pick_mustard"])
@@ -476,7 +478,7 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     let (code, text) = safe.request("GET /session", "", "");
     assert_eq!(code, 401, "{text}");
     let (code, _) = safe.request("GET /?token=0", "", "");
-    assert_eq!(code, 401, "there are no links that let in");
+    assert_eq!(code, 401, "login links do not exist");
     let login = |user: &str, password: &str| {
         let body = json!({"user": user, "password": password}).to_string();
         safe.request("POST /login", "", &body)
@@ -504,25 +506,25 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     }
     // Now even the right password is rejected; other users may still log in.
     assert_eq!(login("anna", "right and long").0, 429);
-    assert_eq!(login("nobody", "wrong").0, 401);
+    assert_eq!(login("unknown", "wrong").0, 401);
     assert_eq!(safe.request("POST /logout", cookie, "{}").0, 204);
     assert_eq!(safe.request("GET /session", cookie, "").0, 401);
 }
 
 /// Takes control for the page `s1`, whose login ends in the way of `how`.
 fn loses_control(safe: &Safe, cookie: &str, how: impl FnOnce()) {
-    let link = safe.link();
+    let client = safe.client();
     let holder = || {
-        let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
         status.holder
     };
     let lane = safe.enter("/ws/control", cookie);
     let mut state = safe.enter("/ws/state", cookie);
-    let mut asked = 0;
+    let mut requests = 0;
     wait_until("anna is in control", || {
         // The gateway may not be connected yet.
-        asked += 1;
-        let ask = json!({"t": "ask", "id": asked, "ask": "lease.ask"}).to_string();
+        requests += 1;
+        let ask = json!({"t": "ask", "id": requests, "ask": "lease.ask"}).to_string();
         let sent = state.send(tungstenite::Message::Text(ask.into()));
         sent.is_ok() && holder() == "anna"
     });

@@ -48,8 +48,8 @@ struct Known {
     painted: BTreeMap<u8, u64>,
     situation: Value,
     answers: BTreeMap<u64, Value>,
-    said: Vec<Value>,
-    asked: u64,
+    received: Vec<Value>,
+    requests: u64,
 }
 
 impl Known {
@@ -83,17 +83,17 @@ impl Page {
         let known = Arc::new(Mutex::new(Known::default()));
         let ended = Arc::new(AtomicBool::new(false));
         let (mut streams, mut threads) = (Vec::new(), Vec::new());
-        let mut open = |path: &str, lane: u8, heard: Heard| {
+        let mut open = |path: &str, lane: u8, handler: Handler| {
             let ticket = gateway.ticket(operator);
             let hello = json!({"t":"hello","protocol":1,"ticket":ticket,"page":page,"lane":lane});
             let socket = gateway.enter(path, operator, &hello).expect("a socket");
             streams.push(socket.get_ref().try_clone().expect("a stream"));
-            let (said, to_say) = mpsc::channel();
+            let (sender, to_send) = mpsc::channel();
             let (known, ended) = (Arc::clone(&known), Arc::clone(&ended));
             threads.push(std::thread::spawn(move || {
-                serve(socket, &to_say, &known, &ended, heard);
+                serve(socket, &to_send, &known, &ended, handler);
             }));
-            said
+            sender
         };
         let state = open("/ws/state", 0, state);
         let video = open("/ws/video", 0, video);
@@ -169,15 +169,15 @@ impl Page {
     pub fn request(&mut self, what: &str, more: Value) -> Value {
         let id = {
             let mut known = self.known.lock();
-            known.asked += 1;
-            known.asked
+            known.requests += 1;
+            known.requests
         };
-        let mut asked = json!({"t": "ask", "id": id, "ask": what});
-        if let (Value::Object(asked), Value::Object(more)) = (&mut asked, more) {
-            asked.extend(more);
+        let mut request = json!({"t": "ask", "id": id, "ask": what});
+        if let (Value::Object(request), Value::Object(more)) = (&mut request, more) {
+            request.extend(more);
         }
         self.state
-            .send(asked.to_string())
+            .send(request.to_string())
             .expect("the state socket");
         let mut answer = Value::Null;
         wait_until("an answer", || {
@@ -273,19 +273,26 @@ impl Page {
     }
 
     /// Whether a message of this kind arrived.
-    pub fn was_told(&self, kind: &str) -> bool {
-        self.known.lock().said.iter().any(|said| said["t"] == kind)
+    pub fn has_received(&self, kind: &str) -> bool {
+        self.known
+            .lock()
+            .received
+            .iter()
+            .any(|message| message["t"] == kind)
     }
 
     /// Clears the received messages.
-    pub fn forget_told(&mut self) {
-        self.known.lock().said.clear();
+    pub fn forget_received(&mut self) {
+        self.known.lock().received.clear();
     }
 
     /// Whether a note with these words arrived.
     pub fn was_noted(&self, words: &str) -> bool {
         let known = self.known.lock();
-        let mut notes = known.said.iter().filter_map(|said| said["text"].as_str());
+        let mut notes = known
+            .received
+            .iter()
+            .filter_map(|message| message["text"].as_str());
         notes.any(|note| note.contains(words))
     }
 
@@ -304,8 +311,8 @@ impl Page {
                 let tick = self.known.lock().painted[&camera];
                 let u = (f64::from(cell % 8) + 0.5) / 8.0;
                 let v = (f64::from(cell / 8) + 0.5) / 6.0;
-                let asked = json!({"camera": camera, "tick": tick, "u": u, "v": v});
-                let answer = self.request("pick", asked);
+                let request = json!({"camera": camera, "tick": tick, "u": u, "v": v});
+                let answer = self.request("pick", request);
                 assert_eq!(answer["ok"], true, "{answer}");
                 let found = &answer["candidates"][0];
                 if !found.is_null() {
@@ -335,20 +342,20 @@ impl Drop for Page {
 }
 
 /// Handles a message; returns the answer.
-type Heard = fn(&mut Known, Message) -> Option<String>;
+type Handler = fn(&mut Known, Message) -> Option<String>;
 
 /// Sends the queued messages and handles the received ones, until the end.
 fn serve(
     mut socket: Socket,
-    to_say: &Receiver<String>,
+    to_send: &Receiver<String>,
     known: &Mutex<Known>,
     ended: &AtomicBool,
-    heard: Heard,
+    handler: Handler,
 ) {
     let stream = socket.get_ref();
     stream.set_read_timeout(Some(LOOK)).expect("a patience");
     while !ended.load(Ordering::Acquire) {
-        for text in to_say.try_iter() {
+        for text in to_send.try_iter() {
             if socket.send(Message::Text(text.into())).is_err() {
                 return;
             }
@@ -356,7 +363,7 @@ fn serve(
         match socket.read() {
             Ok(Message::Close(_)) => return,
             Ok(message) => {
-                let answer = heard(&mut known.lock(), message);
+                let answer = handler(&mut known.lock(), message);
                 if let Some(answer) = answer
                     && socket.send(Message::Text(answer.into())).is_err()
                 {
@@ -377,14 +384,14 @@ fn state(known: &mut Known, message: Message) -> Option<String> {
     let Message::Text(text) = message else {
         return None;
     };
-    let said: Value = serde_json::from_str(&text).expect("JSON");
-    match said["t"].as_str().unwrap_or_default() {
-        "situation" => known.situation = said,
+    let message: Value = serde_json::from_str(&text).expect("JSON");
+    match message["t"].as_str().unwrap_or_default() {
+        "situation" => known.situation = message,
         "answer" => {
-            let id = said["id"].as_u64().expect("a number");
-            known.answers.insert(id, said);
+            let id = message["id"].as_u64().expect("a number");
+            known.answers.insert(id, message);
         }
-        _ => known.said.push(said),
+        _ => known.received.push(message),
     }
     None
 }

@@ -119,7 +119,7 @@ impl Safe {
     }
 
     /// The connection to the server behind it.
-    pub fn link(&self) -> wheelarm_sdk::Client {
+    pub fn client(&self) -> wheelarm_sdk::Client {
         self.server.link()
     }
 

@@ -104,7 +104,7 @@ impl Drive {
 
     /// Current speeds, m/s and rad/s.
     #[must_use]
-    pub fn told(&self) -> [f64; 2] {
+    pub fn commanded_speeds(&self) -> [f64; 2] {
         let [forward, left] = self.direction.unwrap_or_default();
         [forward * self.speeds[0], left * self.speeds[1]]
     }
@@ -121,7 +121,7 @@ impl Drive {
         }
         self.stops = self.stops.saturating_sub(1);
         self.next = now + RESEND;
-        let [linear, angular] = self.told();
+        let [linear, angular] = self.commanded_speeds();
         Some(v1::BaseCommand { linear, angular })
     }
 }
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_direction_is_sent_again_at_20_hz_until_k() {
+    fn a_direction_is_repeated_at_20_hz_until_k() {
         let mut drive = Drive::new(None);
         assert!(drive.key('o', 0.0));
         let messages = sent(&mut drive, 0.0, 2.0);
@@ -158,7 +158,7 @@ mod tests {
         let mut drive = Drive::new(None);
         drive.key('i', 0.0);
         drive.key('w', 0.0);
-        assert!((drive.told()[0] - 0.55).abs() < 1e-12);
+        assert!((drive.commanded_speeds()[0] - 0.55).abs() < 1e-12);
         for _ in 0..100 {
             drive.key('z', 0.0);
         }

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn an_instruction_is_taken_as_typed_and_pasted() {
+    fn an_instruction_is_kept_as_typed_and_pasted() {
         let mut form = Form::start("try-1", "", 1);
         typed(&mut form, "bring mir die große ");
         form.key(&Key::Paste("Tasse 茶\n".to_owned()));

@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_told_apart() {
+    fn keys_are_distinguished() {
         let mut decoder = Decoder::default();
         let keys = decoder.feed("ä \r\x7f\x03\x1b[A\x1bOC\x1b[Z\x1b[3~".as_bytes());
         let expected = [

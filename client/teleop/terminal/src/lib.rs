@@ -33,7 +33,7 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<ExitCode> {
             // The terminal may be gone, so a write error is ignored.
             let _ = writeln!(
                 std::io::stderr(),
-                "ended by {why}: the chair was told to stop and the arm to hold; a running episode continues (wheelarm status)"
+                "ended by {why}: the chair was stopped and the arm holds; a running episode continues (wheelarm status)"
             );
             ExitCode::FAILURE
         }

@@ -123,7 +123,7 @@ pub enum Typed {
 }
 
 /// Reads keys until the terminal is gone or the receiver is dropped.
-pub fn read_keys<E: Send + 'static>(events: Sender<E>, tell: fn(Typed) -> E) {
+pub fn read_keys<E: Send + 'static>(events: Sender<E>, to_event: fn(Typed) -> E) {
     std::thread::spawn(move || {
         let mut decoder = Decoder::default();
         loop {
@@ -133,7 +133,7 @@ pub fn read_keys<E: Send + 'static>(events: Sender<E>, tell: fn(Typed) -> E) {
                 None => Typed::Gone,
             };
             let over = typed == Typed::Gone;
-            if events.send(tell(typed)).is_err() || over {
+            if events.send(to_event(typed)).is_err() || over {
                 return;
             }
         }
@@ -154,8 +154,8 @@ fn wait_for_bytes(input: impl AsFd, decoder: &mut Decoder) -> Option<Vec<Key>> {
         Err(rustix::io::Errno::INTR) => return Some(Vec::new()),
         Err(_) => return None,
     }
-    let seen = watched[0].revents();
-    if !seen.contains(PollFlags::IN) {
+    let ready = watched[0].revents();
+    if !ready.contains(PollFlags::IN) {
         // Hung up, or an error: no key will arrive any more.
         return None;
     }

@@ -7,7 +7,7 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::v1;
 
-use crate::watch::seen_from_the_chair;
+use crate::watch::chair_directions;
 
 /// Steps at the start, m and rad: those of WheelArm-Sim.
 pub const START: [f64; 2] = [0.025, 0.05];
@@ -180,11 +180,11 @@ impl Arm {
 
     /// Knuckle angle for a key pressed at `now`; `commanded` is the knuckle angle of the
     /// last command, rad. `None` before the robot's limits are known.
-    pub fn grip(&mut self, closing: bool, told: f64, now: f64) -> Option<f64> {
+    pub fn grip(&mut self, closing: bool, commanded: f64, now: f64) -> Option<f64> {
         let most = self.limits?.knuckle;
         let from = match self.knuckle {
             Some((knuckle, at)) if now - at < FORGET => knuckle,
-            _ => told,
+            _ => commanded,
         };
         let step = if closing { KNUCKLE } else { -KNUCKLE };
         let knuckle = (from + step).clamp(0.0, most);
@@ -220,7 +220,7 @@ pub fn label(
         return if turning { "turn" } else { "step" };
     };
     if !turning {
-        return match dominant(seen_from_the_chair(along, mount)) {
+        return match dominant(chair_directions(along, mount)) {
             (0, true) => "forward",
             (0, false) => "back",
             (1, true) => "left",
@@ -232,7 +232,7 @@ pub fn label(
     let Some(tool) = tool else {
         return "turn";
     };
-    match dominant(seen_from_the_chair(tool.rotation * along, mount)) {
+    match dominant(chair_directions(tool.rotation * along, mount)) {
         // About the axis that points forward, left or up of the chair.
         (0, true) => "roll right",
         (0, false) => "roll left",
@@ -258,7 +258,7 @@ fn dominant(vector: [f64; 3]) -> (usize, bool) {
 #[must_use]
 pub fn pointing(tool: &Isometry3<f64>, mount: &UnitQuaternion<f64>) -> &'static str {
     let ahead = tool * Point3::new(0.0, 0.0, 1.0) - tool * Point3::origin();
-    match dominant(seen_from_the_chair(ahead, mount)) {
+    match dominant(chair_directions(ahead, mount)) {
         (0, true) => "forward",
         (0, false) => "back",
         (1, true) => "left",
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_repeats_too_fast_does_not_pile_up_a_long_way() {
+    fn a_fast_key_repeat_does_not_accumulate_a_long_way() {
         let mut arm = Arm::new(false);
         let hand = at(-0.5, 0.0, 0.5);
         let taken = (0..30)
@@ -367,7 +367,7 @@ mod tests {
             "nothing is known of the gripper"
         );
         arm.fit(&robot());
-        let mut grip = |closing, told, now| arm.grip(closing, told, now).unwrap();
+        let mut grip = |closing, commanded, now| arm.grip(closing, commanded, now).unwrap();
         assert!((grip(true, 0.1, 0.0) - 0.15).abs() < 1e-12);
         assert!((grip(true, 0.1, 0.1) - 0.2).abs() < 1e-12);
         assert!((0..40).map(|_| grip(true, 0.0, 0.2)).all(|q| q <= 0.8));

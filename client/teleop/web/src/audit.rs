@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn the_folder_of_the_audit_file_is_made() {
+    fn the_folder_of_the_audit_file_is_created() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a/b/audit.jsonl");
         let mut audit = Audit::open(Some(&path)).unwrap();

@@ -3,7 +3,7 @@
 
 use bytes::Bytes;
 
-use crate::feed::Picture;
+use crate::feed::Image;
 
 /// Codec of the images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,24 +75,24 @@ impl Encoder {
     }
 
     /// Encodes an image at `bits` per second; `None` when the encoder returned no data.
-    pub fn encode(&mut self, codec: Codec, picture: &Picture, bits: u32) -> Option<Encoded> {
+    pub fn encode(&mut self, codec: Codec, image: &Image, bits: u32) -> Option<Encoded> {
         match codec {
             Codec::Jpeg => {
                 let _ = bits;
-                (!picture.jpeg.is_empty()).then(|| Encoded {
+                (!image.jpeg.is_empty()).then(|| Encoded {
                     key: true,
-                    bytes: picture.jpeg.clone(),
+                    bytes: image.jpeg.clone(),
                 })
             }
             #[cfg(feature = "h264")]
             Codec::H264 => {
-                let wanted = [picture.width, picture.height, bits];
+                let wanted = [image.width, image.height, bits];
                 if self.h264.as_ref().is_none_or(|stream| !stream.is(wanted)) {
                     self.h264 = h264::Stream::new(wanted)
                         .inspect_err(|e| tracing::error!("no H.264 encoder: {e}"))
                         .ok();
                 }
-                self.h264.as_mut()?.encode(&picture.i420)
+                self.h264.as_mut()?.encode(&image.i420)
             }
         }
     }
@@ -146,10 +146,10 @@ mod h264 {
             if red.len() != blue.len() {
                 return None;
             }
-            let picture = YUVSlices::new((luma, blue, red), (w, h), (w, w / 2, w / 2));
-            let made = self.encoder.encode(&picture);
+            let image = YUVSlices::new((luma, blue, red), (w, h), (w, w / 2, w / 2));
+            let made = self.encoder.encode(&image);
             let made = made
-                .inspect_err(|e| tracing::warn!("a picture was not encoded: {e}"))
+                .inspect_err(|e| tracing::warn!("cannot encode an image: {e}"))
                 .ok()?;
             let key = matches!(made.frame_type(), FrameType::IDR | FrameType::I);
             let bytes = made.to_vec();
@@ -165,22 +165,22 @@ mod h264 {
         use super::*;
 
         /// A slow pan over stripes.
-        fn picture(at: usize) -> Vec<u8> {
+        fn image(at: usize) -> Vec<u8> {
             let luma = (0..320 * 180).map(|i| (((i % 320 + at) / 16 % 2) * 120 + 60) as u8);
             let colour = std::iter::repeat_n(128, 320 * 180 / 2);
             luma.chain(colour).collect()
         }
 
         #[test]
-        fn a_run_begins_with_a_key_picture_and_goes_on_without() {
+        fn a_stream_begins_with_a_key_frame_and_continues_without() {
             let mut stream = Stream::new([320, 180, 200_000]).unwrap();
-            let first = stream.encode(&picture(0)).unwrap();
+            let first = stream.encode(&image(0)).unwrap();
             assert!(first.key);
             // Start code and a sequence parameter set of a baseline profile.
             assert_eq!(first.bytes[..4], [0, 0, 0, 1]);
             assert_eq!(first.bytes[4] & 31, 7);
             assert_eq!(first.bytes[5], 66);
-            let later: Vec<_> = (1..20).filter_map(|i| stream.encode(&picture(i))).collect();
+            let later: Vec<_> = (1..20).filter_map(|i| stream.encode(&image(i))).collect();
             assert_eq!(later.len(), 19);
             assert!(later.iter().all(|one| !one.key));
             assert!(later.iter().all(|one| one.bytes.len() < first.bytes.len()));

@@ -13,7 +13,7 @@ use wheelarm_sdk::Client;
 
 /// One image as the server sent it.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct Image {
     /// Sequence number within its feed.
     pub number: u64,
     /// Tick of the exposure.
@@ -34,7 +34,7 @@ pub struct Picture {
 pub struct Feed {
     camera: String,
     level: PreviewLevel,
-    newest: Mutex<(u64, Option<Arc<Picture>>)>,
+    newest: Mutex<(u64, Option<Arc<Image>>)>,
     pulse: latest::Sender<u64>,
     task: Mutex<Option<tokio::task::AbortHandle>>,
 }
@@ -42,7 +42,7 @@ pub struct Feed {
 impl Feed {
     /// The newest image.
     #[must_use]
-    pub fn newest(&self) -> Option<Arc<Picture>> {
+    pub fn newest(&self) -> Option<Arc<Image>> {
         self.newest.lock().1.clone()
     }
 
@@ -60,7 +60,7 @@ impl Feed {
         {
             let mut newest = self.newest.lock();
             newest.0 += 1;
-            newest.1 = Some(Arc::new(Picture {
+            newest.1 = Some(Arc::new(Image {
                 number: newest.0,
                 tick: header.tick,
                 stamp_nanos: header.stamp_nanos,
@@ -84,7 +84,7 @@ impl Drop for Feed {
 
 /// All feeds.
 pub struct Feeds {
-    link: latest::Receiver<Option<Client>>,
+    client: latest::Receiver<Option<Client>>,
     open: Mutex<BTreeMap<(String, PreviewLevel), Weak<Feed>>>,
     pulse: latest::Sender<u64>,
 }
@@ -92,9 +92,9 @@ pub struct Feeds {
 impl Feeds {
     /// Feeds that subscribe through the current connection.
     #[must_use]
-    pub fn new(link: latest::Receiver<Option<Client>>) -> Self {
+    pub fn new(client: latest::Receiver<Option<Client>>) -> Self {
         Self {
-            link,
+            client,
             open: Mutex::default(),
             pulse: latest::Sender::new(0),
         }
@@ -122,7 +122,7 @@ impl Feeds {
             pulse: self.pulse.clone(),
             task: Mutex::default(),
         });
-        let task = tokio::spawn(keep(Arc::downgrade(&feed), self.link.clone()));
+        let task = tokio::spawn(keep(Arc::downgrade(&feed), self.client.clone()));
         *feed.task.lock() = Some(task.abort_handle());
         open.insert(key, Arc::downgrade(&feed));
         feed
@@ -130,26 +130,28 @@ impl Feeds {
 }
 
 /// Moves the subscriptions to the current connection.
-async fn keep(feed: Weak<Feed>, mut link: latest::Receiver<Option<Client>>) {
+async fn keep(feed: Weak<Feed>, mut clients: latest::Receiver<Option<Client>>) {
     loop {
-        let present = link.borrow_and_update().clone();
+        let present = clients.borrow_and_update().clone();
         let held = match (present, feed.upgrade()) {
             (_, None) => return,
             (None, _) => None,
-            (Some(link), Some(known)) => {
+            (Some(client), Some(known)) => {
                 let taking = Weak::clone(&feed);
-                let key = link.keys().preview(&known.camera, known.level);
-                let subscribed = link.subscribe(&key, move |sample| {
+                let key = client.keys().preview(&known.camera, known.level);
+                let subscribed = client.subscribe(&key, move |sample| {
                     if let Some(feed) = taking.upgrade() {
                         feed.take(&sample.payload().to_bytes());
                     }
                 });
                 subscribed
-                    .inspect_err(|e| tracing::warn!("no picture of {}: {e}", known.camera))
+                    .inspect_err(|e| {
+                        tracing::warn!("cannot subscribe to the images of {}: {e}", known.camera)
+                    })
                     .ok()
             }
         };
-        let changed = link.changed().await;
+        let changed = clients.changed().await;
         drop(held);
         if changed.is_err() {
             return;

@@ -114,7 +114,7 @@ impl Gateway {
         ];
         let (hub, thread) = Hub::start(&options.connect, audit);
         let shared = Arc::new(Shared {
-            feeds: Feeds::new(hub.link.clone()),
+            feeds: Feeds::new(hub.client.clone()),
             hub: hub.clone(),
             sessions: Sessions::default(),
             registry: Registry::default(),
@@ -129,7 +129,7 @@ impl Gateway {
             address,
             tls,
             names: options.names.clone(),
-            tries: Mutex::default(),
+            attempts: Mutex::default(),
             gate: Semaphore::new(1),
             began: Instant::now(),
             everybody: visitors
@@ -195,7 +195,7 @@ impl Gateway {
     }
 
     fn end(&mut self) {
-        self.hub.tell(Event::End);
+        self.hub.send(Event::End);
         if let Some(thread) = self.thread.take() {
             // A panic of the thread has been printed already.
             let _ = thread.join();
@@ -233,7 +233,8 @@ struct FolderUsers {
 impl LogIn for FolderUsers {
     fn verify(&self, name: &str, password: &str) -> Option<(Role, User)> {
         let users = self.watch.reread();
-        let users = users.inspect_err(|e| tracing::error!("nobody is let in: {e}"));
+        let users = users
+            .inspect_err(|e| tracing::error!("users cannot be read, so logins are rejected: {e}"));
         let user = users.ok()?.verify(name, password)?.clone();
         let role = match user.role {
             wheelarm_access::Role::Viewer | wheelarm_access::Role::Recorder => Role::Viewer,
@@ -276,15 +277,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_for_other_machines_is_told_by_its_name() {
+    fn a_page_for_other_machines_has_the_host_name_in_its_url() {
         let names = ["lab.example".to_owned()];
-        let told = |ip: [u8; 4], names| host(SocketAddr::from((ip, 7460)), names);
-        assert_eq!(told([0, 0, 0, 0], &names), "lab.example:7460");
+        let named = |ip: [u8; 4], names| host(SocketAddr::from((ip, 7460)), names);
+        assert_eq!(named([0, 0, 0, 0], &names), "lab.example:7460");
         // A browser cannot open every address at once.
         let machine = rustix::system::uname();
         let machine = machine.nodename().to_string_lossy();
-        assert_eq!(told([0, 0, 0, 0], &[]), format!("{machine}:7460"));
-        assert_eq!(told([192, 0, 2, 1], &[]), "192.0.2.1:7460");
-        assert_eq!(told([127, 0, 0, 1], &names), "127.0.0.1:7460");
+        assert_eq!(named([0, 0, 0, 0], &[]), format!("{machine}:7460"));
+        assert_eq!(named([192, 0, 2, 1], &[]), "192.0.2.1:7460");
+        assert_eq!(named([127, 0, 0, 1], &names), "127.0.0.1:7460");
     }
 }

@@ -29,7 +29,7 @@ const QUICKEST: f64 = 60.0;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Window {
     began: f64,
-    came: u64,
+    arrived: u64,
     missed: u64,
     growth: f64,
     shown: u64,
@@ -87,7 +87,7 @@ impl Ladder {
 
     /// Records an arrival: sequence number and delay, which is the arrival time of this
     /// host's clock minus the send time of the server's clock.
-    pub fn came(&mut self, sequence: u64, way: f64, now: f64) {
+    pub fn arrived(&mut self, sequence: u64, way: f64, now: f64) {
         if now - self.period > QUICKEST {
             self.quickest = [way, self.quickest[0]];
             self.period = now;
@@ -101,7 +101,7 @@ impl Ladder {
             self.window.missed += sequence - next;
         }
         self.next = Some(sequence + 1);
-        self.window.came += 1;
+        self.window.arrived += 1;
         self.window.growth += growth;
     }
 
@@ -132,9 +132,9 @@ impl Ladder {
             return None;
         }
         let share = |part: u64, rest: u64| part as f64 / (part + rest).max(1) as f64;
-        let trouble = window.came + window.missed >= ENOUGH
-            && (window.growth / window.came.max(1) as f64 > GROWTH
-                || share(window.missed, window.came) > MISSED)
+        let trouble = window.arrived + window.missed >= ENOUGH
+            && (window.growth / window.arrived.max(1) as f64 > GROWTH
+                || share(window.missed, window.arrived) > MISSED)
             || window.shown >= ENOUGH && share(window.skipped, window.shown) > SKIPPED;
         let step = PreviewLevel::ALL.iter().position(|l| *l == self.level)?;
         if trouble {
@@ -149,7 +149,7 @@ impl Ladder {
             self.quiet = QUIET[0];
         }
         // No verdict without images: simulation may be paused.
-        if window.came == 0 {
+        if window.arrived == 0 {
             self.changed = self.changed.max(now - self.quiet);
             return None;
         }
@@ -193,7 +193,7 @@ mod tests {
                 if queue < speed {
                     queue += bytes;
                     // The clocks of both ends differ by a thousand seconds.
-                    ladder.came(sequence, 1000.0 + queue / speed, now);
+                    ladder.arrived(sequence, 1000.0 + queue / speed, now);
                     ladder.shown(0);
                 }
             }
@@ -209,20 +209,20 @@ mod tests {
     }
 
     #[test]
-    fn a_fast_link_climbs_to_the_top_and_stays() {
+    fn a_fast_path_climbs_to_the_top_and_stays() {
         let levels = levels(|_| 100e6, 60.0);
         assert!(share(&levels[1500..], PreviewLevel::High) > 0.99);
     }
 
     #[test]
-    fn a_link_of_5_mbit_carries_medium_and_rarely_tries_more() {
+    fn a_path_of_5_mbit_carries_medium_and_rarely_attempts_more() {
         let levels = levels(|_| 625e3, 240.0);
         assert!(share(&levels, PreviewLevel::Low) < 0.1);
         assert!(share(&levels[12_000..], PreviewLevel::Medium) > 0.8);
     }
 
     #[test]
-    fn a_link_that_becomes_slow_falls_and_one_that_recovers_climbs() {
+    fn a_path_that_becomes_slow_falls_and_one_that_recovers_climbs() {
         let speed = |now: f64| {
             if (30.0..60.0).contains(&now) {
                 60e3
@@ -237,11 +237,11 @@ mod tests {
     }
 
     #[test]
-    fn a_browser_that_cannot_follow_gets_smaller_pictures() {
+    fn a_browser_that_cannot_follow_gets_smaller_images() {
         let mut ladder = Ladder::new(0.0);
         for i in 0..60_u64 {
             let now = i as f64 * 0.1;
-            ladder.came(i, 0.02, now);
+            ladder.arrived(i, 0.02, now);
             if i % 4 == 0 {
                 ladder.shown(3);
             }

@@ -16,7 +16,6 @@
 pub mod arm;
 mod audit;
 pub mod encode;
-pub mod errand;
 pub mod feed;
 mod files;
 pub mod gateway;
@@ -24,6 +23,8 @@ pub mod hub;
 pub mod ladder;
 pub mod model;
 pub mod motion;
+pub mod password_attempts;
+pub mod pending_operation;
 pub mod phase;
 pub mod pipe;
 mod places;
@@ -38,7 +39,6 @@ pub mod site;
 pub mod skills;
 pub mod socket;
 pub mod speed;
-pub mod tries;
 pub mod visitor;
 pub mod watch;
 

@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holding_something_turns_reaching_into_retracting() {
+    fn holding_an_object_turns_reaching_into_retracting() {
         assert_eq!(of(Work::Arm, [0.0, 5.0]).0, Phase::Reaching);
         assert_eq!(of(Work::Arm, [5.0, 5.0]).0, Phase::Retracting);
         assert_eq!(of(Work::Chair, [0.0, 0.0]).0, Phase::Navigating);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
-use crate::tries::network;
+use crate::password_attempts::network;
 use crate::visitor::Visitor;
 
 /// Most connections at a time, sockets included.
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn silent_connections_take_no_place_of_a_driver() {
+    fn silent_connections_do_not_displace_a_driver() {
         let places = Arc::new(Places::default());
         let driver = places.take(ip(1));
         driver.belongs_to(&visitor("anna", Role::Operator));

@@ -66,7 +66,7 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
     // A reader that closes the pipe after the first line has the address.
     match announce(&gateway) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-        told => told.context("writing the page's address")?,
+        result => result.context("writing the page's address")?,
     }
     let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     runtime.block_on(signals.next());

@@ -126,7 +126,7 @@ pub struct Intent {
 }
 
 #[derive(Deserialize)]
-struct Said {
+struct RawIntent {
     t: String,
     seq: u32,
     epoch: u32,
@@ -175,51 +175,52 @@ impl Intent {
     /// # Errors
     /// [`Unreadable`] when the message violates the protocol.
     pub fn read(text: &str) -> Result<Option<Self>, Unreadable> {
-        let said: Said = read(text)?;
+        let raw: RawIntent = read(text)?;
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite() && v.abs() <= 1.0);
-        let action = match said.t.as_str() {
+        let action = match raw.t.as_str() {
             "drive" => {
-                let single = [said.grip];
-                let held: [&[f64]; 4] = [&said.chair, &said.hand, &said.turn, &single];
+                let single = [raw.grip];
+                let held: [&[f64]; 4] = [&raw.chair, &raw.hand, &raw.turn, &single];
                 if !held.iter().all(|values| finite(values)) {
-                    return Err(Unreadable("what is held is -1 to 1".to_owned()));
+                    return Err(Unreadable("held inputs must be -1 to 1".to_owned()));
                 }
-                if let Some(clutch) = &said.clutch {
+                if let Some(clutch) = &raw.clutch {
                     let far = clutch
                         .moved
                         .iter()
                         .any(|m| !(0.0..=10.0).contains(&m.abs()));
                     let norm: f64 = clutch.turn.iter().map(|q| q * q).sum();
                     if far || !(0.25..4.0).contains(&norm) {
-                        let words = "clutch.move is within 10 m and clutch.turn a unit quaternion";
+                        let words =
+                            "clutch.move must be within 10 m and clutch.turn a unit quaternion";
                         return Err(Unreadable(words.to_owned()));
                     }
                 }
                 Action::Drive(Held {
-                    chair: said.chair,
-                    hand: said.hand,
-                    turn: said.turn,
-                    grip: said.grip,
-                    clutch: said.clutch,
+                    chair: raw.chair,
+                    hand: raw.hand,
+                    turn: raw.turn,
+                    grip: raw.grip,
+                    clutch: raw.clutch,
                 })
             }
             "step" => {
-                let part = said
-                    .part
-                    .ok_or_else(|| Unreadable("a step names its part".to_owned()))?;
+                let part = raw.part.ok_or_else(|| {
+                    Unreadable("a step needs its part: chair, hand, turn or grip".to_owned())
+                })?;
                 let axes = match part {
                     Part::Chair => 2,
                     Part::Hand | Part::Turn => 3,
                     Part::Grip => 1,
                 };
-                if said.axis >= axes || said.sign.abs() != 1.0 {
-                    let words = format!("a step's axis is below {axes} and its sign 1 or -1");
+                if raw.axis >= axes || raw.sign.abs() != 1.0 {
+                    let words = format!("a step needs an axis below {axes} and a sign of 1 or -1");
                     return Err(Unreadable(words));
                 }
                 Action::Step {
                     part,
-                    axis: said.axis,
-                    sign: said.sign,
+                    axis: raw.axis,
+                    sign: raw.sign,
                 }
             }
             "stop" => Action::Stop,
@@ -228,17 +229,17 @@ impl Intent {
         };
         // A stop or a release is accepted with any device name.
         if action.moves() {
-            check_named("device", &DEVICES, &said.device)?;
-            check_named("mode", &MODES, &said.mode)?;
+            check_named("device", &DEVICES, &raw.device)?;
+            check_named("mode", &MODES, &raw.mode)?;
         }
         Ok(Some(Self {
-            seq: said.seq,
-            epoch: said.epoch,
-            shown: said.shown,
-            ms: if said.ms.is_finite() { said.ms } else { 0.0 },
-            device: named(&DEVICES, &said.device),
-            mode: named(&MODES, &said.mode),
-            speed: said.speed.clamp(1, 5),
+            seq: raw.seq,
+            epoch: raw.epoch,
+            shown: raw.shown,
+            ms: if raw.ms.is_finite() { raw.ms } else { 0.0 },
+            device: named(&DEVICES, &raw.device),
+            mode: named(&MODES, &raw.mode),
+            speed: raw.speed.clamp(1, 5),
             action,
         }))
     }
@@ -333,21 +334,21 @@ pub enum Viewing {
 
 /// A request on the state socket, with its number.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
-pub struct Asked {
+pub struct Request {
     /// Repeated in the answer.
     pub id: u64,
     /// The request.
     #[serde(flatten)]
-    pub ask: Ask,
+    pub kind: RequestKind,
 }
 
 /// Requests of a page.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "ask")]
-pub enum Ask {
+pub enum RequestKind {
     /// Requests control, if it is free.
     #[serde(rename = "lease.ask")]
-    LeaseAsk,
+    LeaseRequest,
     /// Takes control from its holder.
     #[serde(rename = "lease.take")]
     LeaseTake,
@@ -433,7 +434,7 @@ mod tests {
         "device":"keyboard","mode":"hold","speed":3,"chair":[1,0],"hand":[0,0,0],"turn":[0,0,0],"grip":0}"#;
 
     #[test]
-    fn the_examples_of_the_protocol_are_read() {
+    fn the_examples_of_the_protocol_are_parsed() {
         let intent = Intent::read(DRIVE).unwrap().unwrap();
         assert_eq!(
             (intent.seq, intent.epoch, intent.shown),
@@ -463,10 +464,13 @@ mod tests {
             })
         ));
         let ask = r#"{"t":"ask","id":9,"ask":"pick","camera":0,"tick":5012,"u":0.52,"v":0.31}"#;
-        let ask: Asked = read(ask).unwrap();
-        assert!(matches!(ask.ask, Ask::Pick { tick: 5012, .. }), "{ask:?}");
-        let newer: Asked = read(r#"{"t":"ask","id":1,"ask":"sing","song":2}"#).unwrap();
-        assert_eq!(newer.ask, Ask::Unknown);
+        let ask: Request = read(ask).unwrap();
+        assert!(
+            matches!(ask.kind, RequestKind::Pick { tick: 5012, .. }),
+            "{ask:?}"
+        );
+        let newer: Request = read(r#"{"t":"ask","id":1,"ask":"sing","song":2}"#).unwrap();
+        assert_eq!(newer.kind, RequestKind::Unknown);
         let want = r#"{"t":"want","codecs":["h264","jpeg"],"cameras":[{"camera":0,"width":1280}]}"#;
         assert!(matches!(read(want).unwrap(), Viewing::Want { .. }));
         assert_eq!(
@@ -503,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_refused() {
+    fn values_out_of_range_are_rejected() {
         for bad in [
             "",
             "{}",

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hundred_a_second_are_taken_and_a_flood_is_not() {
+    fn a_hundred_messages_a_second_are_accepted_and_a_flood_is_not() {
         let mut steady = Allowance::new(0.0);
         assert!((0..1000).all(|i| steady.take(f64::from(i) * 0.01)));
         let mut flood = Allowance::new(0.0);

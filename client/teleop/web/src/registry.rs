@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_of_viewers_keep_no_driver_out() {
+    fn pages_of_viewers_do_not_block_a_driver() {
         let registry = Registry::default();
         let (viewer, anna) = (
             visitor("viewer", Role::Viewer),

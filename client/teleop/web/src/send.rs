@@ -30,15 +30,15 @@ impl Commands {
     /// Sends by `commander`; `echoed` receives the seconds from sending a
     /// command until the server published it as accepted.
     pub fn new(
-        link: &Client,
+        client: &Client,
         mut commander: Commander,
         name: String,
         echoed: impl Fn(f64) + Send + Sync + 'static,
     ) -> Self {
         let flight = Flight::default();
         let returning = Arc::clone(&flight);
-        let echoes = link
-            .subscribe(&link.keys().topic(TopicId::Command), move |sample| {
+        let echoes = client
+            .subscribe(&client.keys().topic(TopicId::Command), move |sample| {
                 let Ok(log) = v1::CommandLog::decode(&*sample.payload().to_bytes()) else {
                     return;
                 };
@@ -73,7 +73,7 @@ impl Commands {
                 }
                 if let Err(error) = commander.answer(&header, command) {
                     // The connection monitor notices a dead connection.
-                    tracing::warn!("a command was not sent: {error}");
+                    tracing::warn!("cannot send a command: {error}");
                 }
             }
         });

@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn log_out_ends_the_sockets_of_the_session_and_of_no_other() {
+    fn log_out_ends_only_the_sockets_of_its_session() {
         let (sessions, now) = (Sessions::default(), Instant::now());
         let mut lives: Vec<(String, Life)> = (0..2)
             .map(|_| {
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_of_sessions_and_tickets_takes_no_place_of_others() {
+    fn a_flood_of_sessions_and_tickets_does_not_displace_other_users() {
         let (sessions, now) = (Sessions::default(), Instant::now());
         let driver = sessions.begin(anna(), None, now).unwrap();
         let ticket = sessions.ticket(&driver, now).unwrap().unwrap();

@@ -27,12 +27,12 @@ use wheelarm_proto::keys;
 
 use crate::files::Files;
 use crate::hub::Event;
+use crate::password_attempts::PasswordAttempts;
 use crate::pipe::Shared;
 use crate::places::{Place, Places};
 use crate::protocol::{MOST_BYTES, PROTOCOL};
 use crate::session::{TICKET, same};
 use crate::socket::{self, Kind};
-use crate::tries::Tries;
 use crate::visitor::{Role, Visitor};
 
 /// Longest time that a browser may take to send the head, or the body, of a request.
@@ -86,7 +86,7 @@ pub struct Site {
     /// Names of this host, beside those of the loopback interface.
     pub names: Vec<String>,
     /// Wrong passwords.
-    pub tries: Mutex<Tries>,
+    pub attempts: Mutex<PasswordAttempts>,
     /// One password is verified at a time: the hash is expensive by design.
     pub gate: Semaphore,
     /// Zero of the clock of `tries`.
@@ -253,7 +253,7 @@ impl Site {
 
     fn session(&self, headers: &HeaderMap) -> Answer {
         match self.visitor(headers) {
-            Some((_, visitor)) => told(&visitor),
+            Some((_, visitor)) => session_info(&visitor),
             None => not_signed_in(),
         }
     }
@@ -263,7 +263,7 @@ impl Site {
             return not_signed_in();
         }
         let (answer, report) = tokio::sync::oneshot::channel();
-        self.shared.hub.tell(Event::Report(answer));
+        self.shared.hub.send(Event::Report(answer));
         match report.await {
             Ok(report) => whole(StatusCode::OK, "application/json", report.into()),
             Err(_) => problem(StatusCode::SERVICE_UNAVAILABLE, "the gateway ends"),
@@ -308,7 +308,7 @@ impl Site {
             }
         }
         let line = json!({"what": "signed in", "who": visitor.name, "role": visitor.role.name()});
-        self.shared.hub.tell(Event::Audit(line));
+        self.shared.hub.send(Event::Audit(line));
         let cookie = format!(
             "{}={key}; Path=/; HttpOnly; SameSite=Strict; Max-Age=43200{}",
             self.cookie_name(),
@@ -377,7 +377,7 @@ impl Site {
         }
         let from = from.ip();
         let now = self.began.elapsed().as_secs_f64();
-        if let Err(wait) = self.tries.lock().may(from, &name, now) {
+        if let Err(wait) = self.attempts.lock().may(from, &name, now) {
             let wait = wait.ceil();
             let words = json!({
                 "error": format!("too many wrong passwords; try again in {wait:.0} s"),
@@ -386,24 +386,24 @@ impl Site {
             return json_answer(StatusCode::TOO_MANY_REQUESTS, &words);
         }
         // Counted before the check, so that parallel requests cannot exceed the limit.
-        self.tries.lock().wrong(from, &name, now);
+        self.attempts.lock().wrong(from, &name, now);
         let Ok(_one) = self.gate.acquire().await else {
             return problem(StatusCode::SERVICE_UNAVAILABLE, "the gateway ends");
         };
-        let asked = name.clone();
-        let verified = tokio::task::spawn_blocking(move || users.verify(&asked, &password)).await;
+        let user = name.clone();
+        let verified = tokio::task::spawn_blocking(move || users.verify(&user, &password)).await;
         let Ok(Some((role, user))) = verified else {
             let line = json!({"what": "wrong password", "who": name, "text": from.to_string()});
-            self.shared.hub.tell(Event::Audit(line));
+            self.shared.hub.send(Event::Audit(line));
             return not_together();
         };
-        self.tries.lock().right(from, &name, now);
+        self.attempts.lock().right(from, &name, now);
         // The former login of this browser ends.
         if let Some(key) = self.cookie(headers) {
             self.shared.sessions.end(key, "signed in again");
         }
         let visitor = Visitor { name, role };
-        self.let_in(told(&visitor), &visitor, Some(user))
+        self.let_in(session_info(&visitor), &visitor, Some(user))
     }
 
     fn tickets(&self, headers: &HeaderMap, body: &Value) -> Answer {
@@ -437,7 +437,7 @@ impl Site {
         let headers = request.headers();
         if !self.is_own_origin(headers) {
             let line = json!({"what": "foreign origin", "text": text(headers, &header::ORIGIN)});
-            self.shared.hub.tell(Event::Audit(line));
+            self.shared.hub.send(Event::Audit(line));
             return problem(
                 StatusCode::FORBIDDEN,
                 "only this site's own page may connect",
@@ -482,7 +482,7 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> &'a str {
     value.unwrap_or_default()
 }
 
-fn told(visitor: &Visitor) -> Answer {
+fn session_info(visitor: &Visitor) -> Answer {
     json_answer(
         StatusCode::OK,
         &json!({
@@ -508,7 +508,7 @@ fn not_together() -> Answer {
 }
 
 fn not_signed_in() -> Answer {
-    let words = "nobody is signed in: open the link that `wheelarm drive` printed";
+    let words = "not signed in: open the link that `wheelarm drive` printed";
     problem(StatusCode::UNAUTHORIZED, words)
 }
 
@@ -564,7 +564,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_strange_name_for_this_host_is_refused() {
+    fn an_unknown_host_name_is_rejected() {
         let local = SocketAddr::from(([127, 0, 0, 1], 7460));
         for good in [
             "127.0.0.1:7460",

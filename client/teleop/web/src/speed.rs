@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_cap_is_that_of_the_stopping_way() {
+    fn the_cap_follows_from_the_stopping_distance() {
         // Loops of a local network, 0.2 s and 0.5 s.
         for (age, expected) in [(0.1, 0.63), (0.2, 0.57), (0.5, 0.42)] {
             assert!((cap(age) - expected).abs() < 0.006, "{age}: {}", cap(age));
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn an_old_picture_allows_steps_and_then_only_a_stop() {
+    fn an_old_image_allows_steps_and_then_only_a_stop() {
         assert_eq!(Allow::at(None), Allow::Stop);
         for (age, allowed) in [
             (0.0, Allow::Drive),

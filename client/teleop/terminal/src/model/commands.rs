@@ -79,12 +79,12 @@ impl Model {
             self.warn(now, why);
             return Vec::new();
         }
-        let told = self.situation.applied.as_ref().map(|a| a.knuckle);
-        let Some(told) = told.or(self.situation.knuckle()) else {
+        let commanded = self.situation.applied.as_ref().map(|a| a.knuckle);
+        let Some(commanded) = commanded.or(self.situation.knuckle()) else {
             self.warn(now, "the gripper's angle has not come yet");
             return Vec::new();
         };
-        let Some(knuckle) = self.arm.grip(closing, told, now) else {
+        let Some(knuckle) = self.arm.grip(closing, commanded, now) else {
             self.warn(now, "the robot's description has not come yet");
             return Vec::new();
         };

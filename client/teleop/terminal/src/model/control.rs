@@ -2,7 +2,7 @@
 
 use wheelarm_proto::v1;
 
-use super::{Effect, Errand, Form, Model};
+use super::{Effect, Form, Model, Operation};
 use wheelarm_teleop_web::watch::Connection;
 
 /// A status may be older than the lease for this long after control was granted, s.
@@ -14,7 +14,7 @@ pub enum Control {
     /// Control was not requested.
     None,
     /// The request is pending.
-    Asking,
+    Requested,
     /// This program.
     Ours,
     /// Another client, by name.
@@ -26,17 +26,17 @@ impl Model {
     pub fn connected(&mut self, now: f64) -> Vec<Effect> {
         self.situation.connection = Connection::Open;
         self.situation.note(now, false, "connected".to_owned());
-        self.control = Control::Asking;
+        self.control = Control::Requested;
         self.busy = None;
         self.arm.forget();
         self.drive.forget();
         self.answered = None;
         self.answer_due = None;
-        let mut effects = vec![Effect::Errand(Errand::Lease {
+        let mut effects = vec![Effect::Operation(Operation::Lease {
             take: std::mem::take(&mut self.settings.take),
         })];
         if self.settings.target_hint {
-            effects.push(Effect::Errand(Errand::Scene));
+            effects.push(Effect::Operation(Operation::Scene));
         }
         effects
     }
@@ -63,7 +63,7 @@ impl Model {
     pub fn status(&mut self, status: v1::Status, round_trip: f64, now: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
         for verdict in self.situation.take_status(status, round_trip, now) {
-            self.tell(now, verdict.bad, verdict.text);
+            self.show_message(now, verdict.bad, verdict.text);
         }
         match &self.control {
             // A status from before control was granted is outdated.
@@ -72,16 +72,16 @@ impl Model {
                 self.drive.forget();
                 if holder.is_empty() {
                     // The server started anew or gave the lease up.
-                    self.control = Control::Asking;
-                    return vec![Effect::Errand(Errand::Lease { take: false })];
+                    self.control = Control::Requested;
+                    return vec![Effect::Operation(Operation::Lease { take: false })];
                 }
                 self.warn(now, format!("{holder} took control; ! takes it back"));
                 self.control = Control::Held(holder);
             }
             Control::Held(_) if holder.is_empty() => {
-                self.say(now, "nobody holds control any more");
-                self.control = Control::Asking;
-                return vec![Effect::Errand(Errand::Lease { take: false })];
+                self.say(now, "control is free: press ! to take it");
+                self.control = Control::Requested;
+                return vec![Effect::Operation(Operation::Lease { take: false })];
             }
             Control::Held(known) if *known != holder => self.control = Control::Held(holder),
             _ => {}
@@ -100,7 +100,7 @@ impl Model {
             Err(why) => {
                 let holder = self.situation.status.as_ref().map(|s| s.holder.clone());
                 let holder = holder.filter(|h| !h.is_empty());
-                self.control = Control::Held(holder.unwrap_or_else(|| "somebody else".to_owned()));
+                self.control = Control::Held(holder.unwrap_or_else(|| "another client".to_owned()));
                 self.warn(now, why);
             }
         }
@@ -114,7 +114,7 @@ impl Model {
                 });
             }
             Control::Ours => self.say(now, "control is yours"),
-            Control::None | Control::Asking => self.warn(now, "not connected yet"),
+            Control::None | Control::Requested => self.warn(now, "not connected yet"),
         }
         Vec::new()
     }

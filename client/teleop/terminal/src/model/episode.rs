@@ -2,7 +2,7 @@
 
 use wheelarm_proto::{label, v1};
 
-use super::{CONFIRM, Done, Effect, Errand, Form, Model, Start, Twice};
+use super::{CONFIRM, Done, Effect, Form, Model, Operation, Start, Twice};
 
 impl Model {
     pub(super) fn open_start(&mut self, now: f64) -> Vec<Effect> {
@@ -38,7 +38,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("finishing", Errand::Stop { discard: false }, now));
+        effects.extend(self.start_operation("finishing", Operation::Stop { discard: false }, now));
         effects
     }
 
@@ -47,7 +47,7 @@ impl Model {
         let again = self
             .twice
             .take()
-            .is_some_and(|(asked, at)| asked == what && now - at < CONFIRM);
+            .is_some_and(|(pending, at)| pending == what && now - at < CONFIRM);
         if !again {
             self.twice = Some((what, now));
             self.warn(now, words);
@@ -64,7 +64,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("discarding", Errand::Stop { discard: true }, now));
+        effects.extend(self.start_operation("discarding", Operation::Stop { discard: true }, now));
         effects
     }
 
@@ -91,7 +91,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("starting anew", Errand::Redo(again), now));
+        effects.extend(self.start_operation("starting anew", Operation::Redo(again), now));
         effects
     }
 
@@ -101,7 +101,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("listing the tasks", Errand::Tasks, now));
+        effects.extend(self.start_operation("listing the tasks", Operation::Tasks, now));
         effects
     }
 
@@ -109,7 +109,7 @@ impl Model {
         let paused = self.situation.status.as_ref().is_some_and(|s| s.paused);
         let mut effects = self.stop_everything(now);
         let word = if paused { "resuming" } else { "pausing" };
-        effects.extend(self.errand(word, Errand::Pause(!paused), now));
+        effects.extend(self.start_operation(word, Operation::Pause(!paused), now));
         effects
     }
 
@@ -158,7 +158,7 @@ impl Model {
                 }
                 self.situation.evaluation = None;
                 if self.settings.target_hint {
-                    return vec![Effect::Errand(Errand::Scene)];
+                    return vec![Effect::Operation(Operation::Scene)];
                 }
             }
             Done::Paused(Ok(paused)) => {

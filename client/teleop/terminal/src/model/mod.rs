@@ -18,7 +18,7 @@ use crate::keys::Key;
 use wheelarm_teleop_web::watch::{Connection, Situation};
 
 pub use control::Control;
-pub use wheelarm_teleop_web::errand::{Done, Errand, Start};
+pub use wheelarm_teleop_web::pending_operation::{Done, Operation, Start};
 
 /// A second press within this time confirms, s.
 const CONFIRM: f64 = 2.5;
@@ -33,7 +33,7 @@ pub enum Effect {
     /// Send a command that answers the tick of the header.
     Send(Box<v1::Header>, Box<v1::Command>),
     /// Start a pending operation.
-    Errand(Errand),
+    Operation(Operation),
     /// End the program.
     Quit,
 }
@@ -110,7 +110,7 @@ pub struct Model {
     twice: Option<(Twice, f64)>,
     start: Start,
     leaving: bool,
-    asked_again: f64,
+    last_request: f64,
     /// When control was granted, s.
     leased_at: f64,
     arm_problem: String,
@@ -148,7 +148,7 @@ impl Model {
             page: String::new(),
             twice: None,
             leaving: false,
-            asked_again: f64::NEG_INFINITY,
+            last_request: f64::NEG_INFINITY,
             leased_at: f64::NEG_INFINITY,
             arm_problem: String::new(),
             pending: v1::Command::default(),
@@ -159,14 +159,14 @@ impl Model {
     }
 
     fn say(&mut self, now: f64, text: impl Into<String>) {
-        self.tell(now, false, text.into());
+        self.show_message(now, false, text.into());
     }
 
     fn warn(&mut self, now: f64, text: impl Into<String>) {
-        self.tell(now, true, text.into());
+        self.show_message(now, true, text.into());
     }
 
-    fn tell(&mut self, at: f64, bad: bool, text: String) {
+    fn show_message(&mut self, at: f64, bad: bool, text: String) {
         self.message = Some(Message { at, bad, text });
     }
 
@@ -190,7 +190,7 @@ impl Model {
         }
         match &self.control {
             Control::Ours => Ok(()),
-            Control::None | Control::Asking => Err("control is not ours yet".to_owned()),
+            Control::None | Control::Requested => Err("control is not ours yet".to_owned()),
             Control::Held(holder) => Err(format!("{holder} holds control; ! takes it over")),
         }
     }
@@ -339,20 +339,25 @@ impl Model {
                     instruction,
                     recorders,
                 };
-                self.errand("starting", Errand::Start(self.start.clone()), now)
+                self.start_operation("starting", Operation::Start(self.start.clone()), now)
             }
             Answer::Reset { task, seed } => {
-                self.errand("setting up", Errand::Reset { task, seed }, now)
+                self.start_operation("setting up", Operation::Reset { task, seed }, now)
             }
             Answer::Take => {
-                self.control = Control::Asking;
-                vec![Effect::Errand(Errand::Lease { take: true })]
+                self.control = Control::Requested;
+                vec![Effect::Operation(Operation::Lease { take: true })]
             }
             Answer::Leave(leaving) => self.leave_so(leaving, now),
         }
     }
 
-    fn errand(&mut self, word: &'static str, errand: Errand, now: f64) -> Vec<Effect> {
+    fn start_operation(
+        &mut self,
+        word: &'static str,
+        operation: Operation,
+        now: f64,
+    ) -> Vec<Effect> {
         if let Some(busy) = self.busy {
             self.warn(now, format!("wait: {busy}"));
             return Vec::new();
@@ -363,14 +368,14 @@ impl Model {
         }
         self.busy = Some(word);
         if matches!(
-            errand,
-            Errand::Start(_) | Errand::Stop { .. } | Errand::Redo(_)
+            operation,
+            Operation::Start(_) | Operation::Stop { .. } | Operation::Redo(_)
         ) {
             // The number of the episode changes: a repeated stop would
             // carry the wrong one.
             self.drive.forget();
         }
-        vec![Effect::Errand(errand)]
+        vec![Effect::Operation(operation)]
     }
 
     fn leave(&mut self, now: f64) -> Vec<Effect> {
@@ -390,7 +395,7 @@ impl Model {
             return vec![Effect::Quit];
         }
         let discard = leaving == Leaving::Discard;
-        let effects = self.errand("ending", Errand::Stop { discard }, now);
+        let effects = self.start_operation("ending", Operation::Stop { discard }, now);
         self.leaving = !effects.is_empty();
         effects
     }
@@ -489,11 +494,11 @@ impl Model {
         self.warn(now, format!("refused: {}", refusal.reason));
         self.situation
             .note(now, true, format!("refused: {}", refusal.reason));
-        if lost_control(refusal.code()) && now - self.asked_again > 1.0 {
-            self.asked_again = now;
+        if lost_control(refusal.code()) && now - self.last_request > 1.0 {
+            self.last_request = now;
             self.drive.forget();
-            self.control = Control::Asking;
-            return vec![Effect::Errand(Errand::Lease { take: false })];
+            self.control = Control::Requested;
+            return vec![Effect::Operation(Operation::Lease { take: false })];
         }
         Vec::new()
     }

@@ -41,7 +41,7 @@ const KEYS: [(&str, &str); 22] = [
     ("d d", "discard the episode"),
     ("t", "set up another task or seed"),
     ("p", "pauses or resumes time"),
-    ("!  Ctrl-C", "take control from somebody; leave"),
+    ("!  Ctrl-C", "take control from another client; leave"),
 ];
 
 /// Renders the list over the screen.

@@ -51,7 +51,7 @@ pub fn header<'a>(model: &Model, theme: Theme, now: f64, width: u16) -> Vec<Line
     let control = match &model.control {
         Control::Ours => Span::styled("control is yours", theme.good()),
         Control::Held(holder) => Span::styled(format!("{holder} HOLDS CONTROL (!)"), theme.bad()),
-        Control::Asking => Span::styled("asking for control", theme.warning()),
+        Control::Requested => Span::styled("asking for control", theme.warning()),
         Control::None => Span::styled("no control", theme.quiet()),
     };
     let paused = situation.status.as_ref().is_some_and(|s| s.paused);
@@ -158,7 +158,7 @@ fn chair_keys<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     };
     let direction = match model.drive.direction {
         Some(_) => {
-            let [linear, angular] = model.drive.told();
+            let [linear, angular] = model.drive.commanded_speeds();
             Span::styled(
                 format!("drives {linear:.2} m/s {angular:.2} rad/s"),
                 theme.latched(),
@@ -260,7 +260,7 @@ pub fn state<'a>(model: &Model, theme: Theme, now: f64) -> Vec<(&'static str, Ve
         ("task", task(model, theme)),
         ("robot", robot(model, theme)),
         ("recorders", recorders(model, theme)),
-        ("link", link(model, theme, now)),
+        ("link", connection(model, theme, now)),
     ]
 }
 
@@ -441,7 +441,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         Line::from(vec![
             Span::raw(format!("{:<10} ", recorder.recorder)),
             Span::styled(format!("{word}  "), style),
-            Span::raw(format!("{} pictures  ", recorder.accepted_frames)),
+            Span::raw(format!("{} images  ", recorder.accepted_frames)),
             Span::styled(format!("{} missed  ", recorder.missed), missed),
             Span::raw(more),
         ])
@@ -449,7 +449,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     lines.collect()
 }
 
-fn link<'a>(model: &Model, theme: Theme, now: f64) -> Vec<Line<'a>> {
+fn connection<'a>(model: &Model, theme: Theme, now: f64) -> Vec<Line<'a>> {
     let milliseconds = |seconds: f64| format!("{:.1} ms", seconds * 1e3);
     let round_trip = model
         .situation

@@ -3,10 +3,10 @@
 use serde_json::json;
 use wheelarm_proto::v1;
 
-use super::asks::LISTING;
+use super::requests::LISTING;
 use super::{Effect, Model, note};
-use crate::errand::Errand;
 use crate::motion::rest;
+use crate::pending_operation::Operation;
 use crate::watch::{Connection, Verdict};
 
 /// A status may be older than the lease for this long after control was granted, s.
@@ -25,7 +25,7 @@ pub enum Control {
     #[default]
     None,
     /// Control was requested from the server for a page.
-    Asking {
+    Requested {
         /// The page.
         page: String,
         /// Name under which it will command.
@@ -52,7 +52,7 @@ impl Control {
     pub fn page(&self) -> Option<&str> {
         match self {
             Self::Ours { page, .. } => Some(page),
-            Self::None | Self::Asking { .. } => None,
+            Self::None | Self::Requested { .. } => None,
         }
     }
 
@@ -84,10 +84,10 @@ impl Model {
     pub fn lost(&mut self, reason: &str, time: f64) -> Vec<Effect> {
         self.situation.lose(time, reason);
         let mut effects = self.halt("the connection to the simulation is lost", time);
-        effects.extend(self.answer_errand(Err("the connection was lost".to_owned())));
-        if let Control::Asking { page, id, .. } = self.control.clone() {
+        effects.extend(self.answer_operation(Err("the connection was lost".to_owned())));
+        if let Control::Requested { page, id, .. } = self.control.clone() {
             self.control = Control::None;
-            effects.extend(self.refuse_ask(&page, id, "the connection was lost"));
+            effects.extend(self.refuse_request(&page, id, "the connection was lost"));
         }
         effects
     }
@@ -138,48 +138,64 @@ impl Model {
     }
 
     /// A page requests control, or takes it.
-    pub(super) fn ask_lease(&mut self, page: &str, id: u64, take: bool, time: f64) -> Vec<Effect> {
-        let Some(asker) = self.pages.get(page).map(|p| p.visitor.clone()) else {
+    pub(super) fn request_lease(
+        &mut self,
+        page: &str,
+        id: u64,
+        take: bool,
+        time: f64,
+    ) -> Vec<Effect> {
+        let Some(requester) = self.pages.get(page).map(|p| p.visitor.clone()) else {
             return Vec::new();
         };
-        if !asker.role.may_drive() {
-            return self.refuse_ask(page, Some(id), "a viewer cannot drive");
+        if !requester.role.may_drive() {
+            return self.refuse_request(page, Some(id), "a viewer cannot drive");
         }
         if self.situation.connection != Connection::Open {
-            return self.refuse_ask(page, Some(id), "there is no connection to the simulation");
+            return self.refuse_request(
+                page,
+                Some(id),
+                "no connection to the simulation: wait until it is back",
+            );
         }
         match self.control.clone() {
-            Control::Asking { .. } => {
-                self.refuse_ask(page, Some(id), "somebody is being given control; ask again")
-            }
+            Control::Requested { .. } => self.refuse_request(
+                page,
+                Some(id),
+                "another request for control is pending: ask again",
+            ),
             Control::Ours { page: holder, .. } if holder == page => self.mine(page, Some(id)),
             // A reloaded page is another page of the same person.
             Control::Ours { page: holder, .. } if !take && self.is_open(&holder) => {
                 let owner = self.pages.get(&holder).map(|p| p.visitor.name.clone());
                 let owner = owner.unwrap_or_default();
-                if !self.asked.contains(&asker.name) {
-                    self.asked.push(asker.name.clone());
+                if !self.control_requests.contains(&requester.name) {
+                    self.control_requests.push(requester.name.clone());
                 }
                 let mut effects = vec![
-                    note(&holder, false, &format!("{} asks for control", asker.name)),
+                    note(
+                        &holder,
+                        false,
+                        &format!("{} asks for control", requester.name),
+                    ),
                     self.audit(page, "asked", &owner),
                 ];
-                effects.extend(self.refuse_ask(
+                effects.extend(self.refuse_request(
                     page,
                     Some(id),
-                    &format!("{owner} is in control and was told that you ask"),
+                    &format!("{owner} is in control and was notified of your request"),
                 ));
                 effects
             }
             Control::Ours {
                 page: holder, name, ..
             } => {
-                let words = format!("{} took control", asker.name);
+                let words = format!("{} took control", requester.name);
                 let mut effects = self.end_goal(&words, time);
                 effects.extend(self.cut(&holder, &words, time));
                 effects.push(note(&holder, true, &words));
                 effects.push(self.audit(page, "took", &name));
-                if name == asker.name {
+                if name == requester.name {
                     self.control = Control::Ours {
                         page: page.to_owned(),
                         name,
@@ -189,12 +205,12 @@ impl Model {
                     effects.extend(self.mine(page, Some(id)));
                     return effects;
                 }
-                effects.extend(self.ask_server(page, &asker.name, Some(id), true));
+                effects.extend(self.ask_server(page, &requester.name, Some(id), true));
                 effects
             }
             Control::None => {
                 let mut effects = vec![self.audit(page, if take { "took" } else { "asked" }, "")];
-                effects.extend(self.ask_server(page, &asker.name, Some(id), take));
+                effects.extend(self.ask_server(page, &requester.name, Some(id), take));
                 effects
             }
         }
@@ -210,8 +226,8 @@ impl Model {
         let status = self.situation.status.as_ref();
         let holder = status.map_or_else(String::new, |status| status.holder.clone());
         let is_open = self.situation.connection == Connection::Open;
-        let asker = self.pages.get(page).map(|p| p.visitor.name.clone());
-        let Some(asker) = asker.filter(|_| is_open && !holder.is_empty()) else {
+        let requester = self.pages.get(page).map(|p| p.visitor.name.clone());
+        let Some(requester) = requester.filter(|_| is_open && !holder.is_empty()) else {
             return Vec::new();
         };
         if self.control != Control::None {
@@ -219,21 +235,24 @@ impl Model {
         }
         let words = format!("STOP takes control from {holder}");
         let mut effects = vec![note(page, true, &words), self.audit(page, "took", &holder)];
-        effects.extend(self.ask_server(page, &asker, None, true));
-        if let Control::Asking { stops, .. } = &mut self.control {
+        effects.extend(self.ask_server(page, &requester, None, true));
+        if let Control::Requested { stops, .. } = &mut self.control {
             *stops = true;
         }
         effects
     }
 
     fn ask_server(&mut self, page: &str, name: &str, id: Option<u64>, take: bool) -> Vec<Effect> {
-        self.control = Control::Asking {
+        self.control = Control::Requested {
             page: page.to_owned(),
             name: name.to_owned(),
             id,
             stops: false,
         };
-        vec![Effect::Errand(Errand::Lease { take }, name.to_owned())]
+        vec![Effect::Operation(
+            Operation::Lease { take },
+            name.to_owned(),
+        )]
     }
 
     /// This page lost control without a takeover.
@@ -258,7 +277,7 @@ impl Model {
 
     /// Result of the lease request.
     pub(super) fn leased(&mut self, result: Result<(), String>, time: f64) -> Vec<Effect> {
-        let Control::Asking {
+        let Control::Requested {
             page,
             name,
             id,
@@ -271,7 +290,7 @@ impl Model {
             Ok(()) => {
                 self.sent = 0;
                 self.numbers.clear();
-                self.asked.retain(|asked| *asked != name);
+                self.control_requests.retain(|waiting| *waiting != name);
                 self.control = Control::Ours {
                     page: page.clone(),
                     name,
@@ -291,7 +310,7 @@ impl Model {
             }
             Err(why) => {
                 let mut effects = vec![note(&page, true, &why)];
-                effects.extend(self.refuse_ask(&page, id, &why));
+                effects.extend(self.refuse_request(&page, id, &why));
                 effects
             }
         }
@@ -303,7 +322,7 @@ impl Model {
         say.into_iter().collect()
     }
 
-    fn refuse_ask(&self, page: &str, id: Option<u64>, why: &str) -> Vec<Effect> {
+    fn refuse_request(&self, page: &str, id: Option<u64>, why: &str) -> Vec<Effect> {
         let answer = id.map(|id| json!({"t": "answer", "id": id, "ok": false, "error": why}));
         let say = answer.map(|answer| Effect::Say(page.to_owned(), answer));
         say.into_iter().collect()
@@ -318,7 +337,7 @@ impl Model {
         time: f64,
     ) -> Vec<Effect> {
         if self.control.page() != Some(page) {
-            return self.refuse_ask(page, Some(id), "this page is not in control");
+            return self.refuse_request(page, Some(id), "this page is not in control");
         }
         let mut effects = self.end_goal("control was given back", time);
         effects.extend(self.cut(page, "control was given back", time));
@@ -326,9 +345,9 @@ impl Model {
         effects.extend(self.give_up("control was given back"));
         let offered = to
             .map(str::to_owned)
-            .or_else(|| self.asked.first().cloned());
+            .or_else(|| self.control_requests.first().cloned());
         if let Some(offered) = offered {
-            self.asked.retain(|asked| *asked != offered);
+            self.control_requests.retain(|name| *name != offered);
             let pages = self.pages.iter();
             let theirs = pages.filter(|(_, p)| p.is_open() && p.visitor.name == offered);
             for (name, _) in theirs {
@@ -344,8 +363,10 @@ impl Model {
     pub(super) fn take_back(&mut self, page: &str, why: &str) -> Vec<Effect> {
         match &mut self.control {
             Control::Ours { page: holder, .. } if holder == page => self.give_up(why),
-            Control::Asking { page: asker, .. } if asker == page => {
-                SIGNED_OUT.clone_into(asker);
+            Control::Requested {
+                page: requester, ..
+            } if requester == page => {
+                SIGNED_OUT.clone_into(requester);
                 Vec::new()
             }
             _ => Vec::new(),

@@ -20,7 +20,7 @@ const HELD: f64 = 1.0;
 
 /// A pick request: the object at a pixel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picked {
+pub struct PendingPick {
     /// The page that sent it.
     pub page: String,
     /// Number of the page's request.
@@ -44,7 +44,7 @@ pub struct Candidate {
 
 /// A requested skill.
 #[derive(Clone, Debug, PartialEq)]
-pub struct GoalAsked {
+pub struct GoalRequest {
     /// Its number.
     pub number: u64,
     /// Body.
@@ -85,7 +85,7 @@ impl Model {
     ) -> Vec<Effect> {
         let scenario = self.situation.scenario().cloned().unwrap_or_default();
         let Some(camera) = scenario.cameras.get(camera) else {
-            return self.answer(page, id, Err("there is no such camera".to_owned()));
+            return self.answer(page, id, Err("unknown camera: reload the page".to_owned()));
         };
         let request = v1::PickRequest {
             camera: camera.name.clone(),
@@ -95,7 +95,7 @@ impl Model {
             snap: SNAP,
         };
         let page = page.to_owned();
-        vec![Effect::Pick(Picked { page, id, request })]
+        vec![Effect::Pick(PendingPick { page, id, request })]
     }
 
     /// Handles the reply to a pick.
@@ -141,7 +141,7 @@ impl Model {
             }
             _ => json!([]),
         };
-        let told = json!({"candidates": [{
+        let found = json!({"candidates": [{
             "candidate": key,
             "name": name,
             "actions": actions,
@@ -158,7 +158,7 @@ impl Model {
                 until: time + CHOICE,
             },
         );
-        told
+        found
     }
 
     pub(super) fn start_goal(
@@ -186,13 +186,13 @@ impl Model {
         time: f64,
     ) -> Result<(Vec<Effect>, u64), String> {
         let known = self.candidates.get(candidate).cloned();
-        let chosen = known.ok_or("this choice is over; point at the thing again")?;
+        let chosen = known.ok_or("this choice has expired: point at the object again")?;
         let action = chosen.actions.iter().find(|known| **known == action);
         let action = *action.ok_or("this cannot be done with it")?;
-        let seen = self.pages.get(page).map(|page| &page.motion);
-        let age = seen.and_then(|motion| motion.age(self.situation.header.tick));
+        let motion = self.pages.get(page).map(|page| &page.motion);
+        let age = motion.and_then(|motion| motion.age(self.situation.header.tick));
         if Allow::at(age) == Allow::Stop {
-            return Err("the picture is too old: only a stop is taken".to_owned());
+            return Err("the image is too old: only a stop is accepted".to_owned());
         }
         if self.lock_step() {
             return Err("this server is in lock-step; goals need real time".to_owned());
@@ -210,7 +210,7 @@ impl Model {
             text: "thinking".to_owned(),
         });
         effects.push(self.audit(page, "goal", &format!("{action} {}", chosen.body)));
-        effects.push(Effect::Goal(GoalAsked {
+        effects.push(Effect::Goal(GoalRequest {
             number: self.goals,
             body: chosen.body,
             action,
@@ -317,7 +317,7 @@ impl Model {
             return self.end_goal("the page was silent", time);
         }
         if Allow::at(age) == Allow::Stop {
-            return self.end_goal("the picture is too old", time);
+            return self.end_goal("the image is too old", time);
         }
         Vec::new()
     }

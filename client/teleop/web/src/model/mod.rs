@@ -5,9 +5,9 @@
 //! At most one page is in control. Its intents become commands by [`crate::motion`];
 //! an intent of any other page is accepted only when it is a stop.
 
-mod asks;
 mod control;
 mod goals;
+mod requests;
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -16,15 +16,15 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::RefusalCode;
 
-use crate::errand::Errand;
 use crate::motion::{Motion, Now, Out};
+use crate::pending_operation::Operation;
 use crate::protocol::{Action, Intent};
 use crate::visitor::Visitor;
 use crate::watch::{Connection, Situation};
 
-pub use self::asks::Answered;
 pub use self::control::Control;
-pub use self::goals::{Candidate, Goal, GoalAsked, Picked};
+pub use self::goals::{Candidate, Goal, GoalRequest, PendingPick};
+pub use self::requests::Answered;
 
 /// A page without sockets is removed after this long, s; until then it keeps
 /// control, which moves nothing.
@@ -40,13 +40,13 @@ pub enum Effect {
     /// Send a message to a page at once.
     Say(String, Value),
     /// Start a pending operation under this name.
-    Errand(Errand, String),
+    Operation(Operation, String),
     /// Release control.
     Release,
     /// Request the object at a pixel.
-    Pick(Picked),
+    Pick(PendingPick),
     /// Start a skill.
-    Goal(GoalAsked),
+    Goal(GoalRequest),
     /// End the skill of this number.
     EndGoal(u64),
     /// Write a line of the audit.
@@ -107,7 +107,7 @@ pub struct Model {
     pub(crate) pages: BTreeMap<String, Page>,
     pub(crate) control: Control,
     /// Users that requested control, first come first.
-    pub(crate) asked: Vec<String>,
+    pub(crate) control_requests: Vec<String>,
     /// The pending operation, its word, and the page and number of the request.
     pub(crate) busy: Option<(&'static str, Option<(String, u64)>)>,
     pub(crate) goal: Option<Goal>,
@@ -281,8 +281,9 @@ impl Model {
                     effects.push(self.send(header, *command));
                 }
                 Out::Refuse { seq, code, reason } => {
-                    let said = json!({"t": "refusal", "seq": seq, "code": code, "reason": reason});
-                    effects.push(Effect::Say(page.to_owned(), said));
+                    let message =
+                        json!({"t": "refusal", "seq": seq, "code": code, "reason": reason});
+                    effects.push(Effect::Say(page.to_owned(), message));
                     effects.push(self.audit(page, "refused", &reason));
                 }
                 Out::Note(text) => effects.push(note(page, true, &text)),
@@ -316,7 +317,7 @@ impl Model {
         let sent = self.sent;
         self.numbers.retain(|number| number.command < sent);
         self.situation.fall_silent(time);
-        self.halt("the link to the simulation stalls", time)
+        self.halt("the connection to the simulation stalls", time)
     }
 
     /// No command can be sent: every motion is cleared.
@@ -438,8 +439,8 @@ impl Model {
                 break;
             }
             if first.stop && first.command == sequence {
-                let said = json!({"t": "stopped", "seq": first.seq});
-                effects.push(Effect::Say(first.page.clone(), said));
+                let message = json!({"t": "stopped", "seq": first.seq});
+                effects.push(Effect::Say(first.page.clone(), message));
             }
             self.numbers.pop_front();
         }
@@ -469,13 +470,13 @@ impl Model {
         let seq = number.map_or(0, |number| number.seq);
         let mut effects = self.end_goal("a command was refused", time);
         effects.extend(self.cut(&holder, "a command was refused", time));
-        let said = json!({
+        let message = json!({
             "t": "refusal",
             "seq": seq,
             "code": code_name(refusal.code()),
             "reason": refusal.reason,
         });
-        effects.push(Effect::Say(holder.clone(), said));
+        effects.push(Effect::Say(holder.clone(), message));
         effects.push(self.audit(&holder, "refused", &refusal.reason));
         let lost = [
             RefusalCode::NoControl,

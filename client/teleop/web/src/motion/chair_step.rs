@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_ends_where_it_was_meant_to_or_after_its_time() {
+    fn a_step_ends_at_its_goal_or_after_its_timeout() {
         let mut situation = Situation::default();
         situation.house_from_chair = Some(Isometry3::translation(3.0, 1.0, 0.0));
         let mut step = ChairStep::new(false, 0.05, 0.0, &situation).unwrap();

@@ -69,8 +69,8 @@ impl Fingers {
 
     /// Opening of the last command, m.
     fn opening(&self, situation: &Situation) -> Option<f64> {
-        let told = situation.applied.as_ref().map(|a| a.knuckle);
-        let opening = self.linkage.zip(told.or(situation.knuckle()));
+        let commanded = situation.applied.as_ref().map(|a| a.knuckle);
+        let opening = self.linkage.zip(commanded.or(situation.knuckle()));
         opening.map(|(linkage, knuckle)| linkage.opening(knuckle).max(0.0))
     }
 }

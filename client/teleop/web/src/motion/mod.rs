@@ -117,7 +117,7 @@ pub struct Motion {
     epoch: u32,
     dead: u32,
     /// When the newest message arrived, s.
-    heard: Option<f64>,
+    received_at: Option<f64>,
     shown: Option<u64>,
     echo: f64,
     speed: u8,
@@ -130,7 +130,7 @@ pub struct Motion {
     next_stop: f64,
     clutch: Option<Engaged>,
     /// Epoch for which a refusal was sent.
-    told: u32,
+    refused_epoch: u32,
     /// Last held or stepped input.
     held: Held,
 }
@@ -170,7 +170,7 @@ impl Motion {
     /// at `time`, s.
     #[must_use]
     pub fn echo(&self, time: f64) -> Option<(f64, f64)> {
-        self.heard.map(|heard| (self.echo, time - heard))
+        self.received_at.map(|at| (self.echo, time - at))
     }
 
     /// The person's speed, 1 to 5.
@@ -188,7 +188,7 @@ impl Motion {
     /// Silence of the page at `time`, s.
     #[must_use]
     pub fn silence(&self, time: f64) -> f64 {
-        self.heard.map_or(f64::INFINITY, |heard| time - heard)
+        self.received_at.map_or(f64::INFINITY, |at| time - at)
     }
 
     /// Directions of the last hand motion, as the page protocol names them.
@@ -203,7 +203,7 @@ impl Motion {
             return Vec::new();
         }
         self.seq = Some(intent.seq);
-        self.heard = Some(now.time);
+        self.received_at = Some(now.time);
         self.epoch = self.epoch.max(intent.epoch);
         self.echo = intent.ms;
         self.shown = intent.shown;
@@ -234,13 +234,13 @@ impl Motion {
         match (Allow::at(age), intent.action) {
             (Allow::Drive, _) | (Allow::Steps, Action::Step { .. }) => {}
             (Allow::Steps, _) => {
-                let words = "the picture is more than 0.9 s old: only single steps are taken";
+                let words = "the image is more than 0.9 s old: only single steps are accepted";
                 return self.refuse(intent, "TOO_OLD", words, now);
             }
             (Allow::Stop, _) => {
                 let words = match age {
-                    None => "no picture is shown: only a stop is taken",
-                    Some(_) => "the picture is more than 2 s old: only a stop is taken",
+                    None => "no image is shown: only a stop is accepted",
+                    Some(_) => "the image is more than 2 s old: only a stop is accepted",
                 };
                 return self.refuse(intent, "FROZEN", words, now);
             }
@@ -265,7 +265,7 @@ impl Motion {
                 let why = if silence > STALL {
                     Some("the page was silent: everything stops")
                 } else if allow != Allow::Drive {
-                    Some("the picture is too old: everything stops")
+                    Some("the image is too old: everything stops")
                 } else if driving.latch && held >= LATCH {
                     Some("the press is over: press again to go on")
                 } else {
@@ -280,7 +280,7 @@ impl Motion {
             Going::Stepping(step) => {
                 if silence > GONE || allow == Allow::Stop {
                     let mut out = self.end(now, true);
-                    out.push(Out::Note("the step was broken off".to_owned()));
+                    out.push(Out::Note("the step was interrupted".to_owned()));
                     return out;
                 }
                 match step.due(now.time, now.situation) {
@@ -379,8 +379,8 @@ impl Motion {
             out.extend(self.end(now, true));
         }
         self.dead = self.dead.max(intent.epoch);
-        if self.told != intent.epoch {
-            self.told = intent.epoch;
+        if self.refused_epoch != intent.epoch {
+            self.refused_epoch = intent.epoch;
             out.push(Out::Refuse {
                 seq: intent.seq,
                 code,

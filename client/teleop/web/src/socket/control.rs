@@ -8,7 +8,7 @@ use crate::protocol::Intent;
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
     let mut ends = entered.ends;
     let joined = Event::Joined(entered.page.clone(), entered.visitor, entered.socket, None);
-    shared.hub.tell(joined);
+    shared.hub.send(joined);
     loop {
         let next = tokio::select! {
             biased;
@@ -21,7 +21,7 @@ pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) ->
             Err(close) => return Some(close),
         };
         match Intent::read(&text) {
-            Ok(Some(intent)) => shared.hub.tell(Event::Intent(entered.page.clone(), intent)),
+            Ok(Some(intent)) => shared.hub.send(Event::Intent(entered.page.clone(), intent)),
             Ok(None) => {}
             Err(why) => return Some(Close::new(4400, why.to_string())),
         }

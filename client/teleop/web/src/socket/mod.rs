@@ -53,7 +53,7 @@ pub async fn serve(
     if let Some(close) = close {
         if close.code != 4409 && close.code != 1000 {
             let line = serde_json::json!({"what": "closed", "code": close.code, "text": close.why});
-            shared.hub.tell(Event::Audit(line));
+            shared.hub.send(Event::Audit(line));
         }
         pipe.close(close).await;
     }
@@ -67,7 +67,7 @@ async fn enter(
     place: &Arc<Place>,
 ) -> Result<Entered, Close> {
     let first = tokio::time::timeout(HELLO, pipe.next()).await;
-    let first = first.map_err(|_| Close::new(4408, "no hello came within 5 s"))??;
+    let first = first.map_err(|_| Close::new(4408, "no hello arrived within 5 s"))??;
     let text = first.ok_or_else(|| Close::new(1000, ""))?;
     let hello: Hello = protocol::read(&text).map_err(|e| Close::new(4400, e.to_string()))?;
     if hello.t != "hello" {
@@ -109,7 +109,10 @@ async fn enter(
     };
     let (number, registered) = opened.map_err(|full| match full {
         Full::Pages => Close::new(4429, "too many pages are open"),
-        Full::Foreign => Close::new(SIGNED_OUT, "this page is somebody else's"),
+        Full::Foreign => Close::new(
+            SIGNED_OUT,
+            "this page belongs to another user: load the page again",
+        ),
     })?;
     Ok(Entered {
         page: hello.page,
@@ -138,9 +141,9 @@ async fn live(shared: &Arc<Shared>, pipe: &mut Pipe, entered: Entered) -> Option
     // A session that ended must not stay in control.
     if let Some(close) = close.as_ref().filter(|close| close.code == SIGNED_OUT) {
         let gone = Event::SignedOut(page.clone(), close.why.clone());
-        shared.hub.tell(gone);
+        shared.hub.send(gone);
     }
     shared.registry.close(&page, socket, number);
-    shared.hub.tell(Event::Left(page, socket));
+    shared.hub.send(Event::Left(page, socket));
     close
 }

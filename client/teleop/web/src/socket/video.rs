@@ -10,7 +10,7 @@ use tokio_tungstenite::tungstenite::Message;
 use wheelarm_proto::preview::PreviewLevel;
 
 use crate::encode::{Codec, Encoded, Encoder};
-use crate::feed::{Feed, Feeds, Picture};
+use crate::feed::{Feed, Feeds, Image};
 use crate::hub::Event;
 use crate::ladder::Ladder;
 use crate::pipe::{Close, Entered, Pipe, Shared};
@@ -89,7 +89,7 @@ impl Shown {
     }
 
     /// The image to send now, if there is one.
-    fn due(&mut self) -> Option<Arc<Picture>> {
+    fn due(&mut self) -> Option<Arc<Image>> {
         let newest = self.feed.newest()?;
         if newest.number == self.newest || self.flight.len() >= FLIGHT {
             return None;
@@ -108,7 +108,7 @@ impl Shown {
                 break;
             }
             self.flight.pop_front();
-            self.ladder.came(u64::from(first), now - at, now);
+            self.ladder.arrived(u64::from(first), now - at, now);
         }
         self.ladder.shown(std::mem::take(&mut self.skipped));
     }
@@ -145,7 +145,7 @@ pub(super) async fn serve(
     let mut ends = entered.ends;
     let page = entered.page;
     let joined = Event::Joined(page.clone(), entered.visitor, entered.socket, None);
-    shared.hub.tell(joined);
+    shared.hub.send(joined);
     let mut pulse = shared.feeds.pulse();
     let mut cameras = shared.hub.cameras.clone();
     let mut codec = Codec::default();
@@ -154,36 +154,34 @@ pub(super) async fn serve(
     // Sequence numbers continue when a camera is shown again.
     let mut numbers = BTreeMap::new();
     let began = Instant::now();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     loop {
         let now = began.elapsed().as_secs_f64();
         for one in &mut shown {
             one.choose(&shared.feeds, now);
-            let Some(picture) = one.due() else { continue };
+            let Some(image) = one.due() else { continue };
             let (_, bits) = rung(one.codec, one.ladder.level(), one.width);
             let (codec, encoder) = (one.codec, &mut one.encoder);
             // Encoding takes some milliseconds, in which other tasks must run.
             let made = match codec {
-                Codec::Jpeg => encoder.encode(codec, &picture, bits),
+                Codec::Jpeg => encoder.encode(codec, &image, bits),
                 #[cfg(feature = "h264")]
-                Codec::H264 => {
-                    tokio::task::block_in_place(|| encoder.encode(codec, &picture, bits))
-                }
+                Codec::H264 => tokio::task::block_in_place(|| encoder.encode(codec, &image, bits)),
             };
             let Some(made) = made else { continue };
             one.seq += 1;
             numbers.insert(one.index, one.seq);
             one.flight.push_back((one.seq, now));
-            one.sent_width = picture.width;
-            let message = message(&picture, one, &made, began);
+            one.sent_width = image.width;
+            let message = message(&image, one, &made, began);
             if !pipe.send(Message::Binary(message)).await {
                 return None;
             }
         }
         let sent = sent(&shown);
-        if sent != told {
-            shared.hub.tell(Event::Sent(page.clone(), sent.clone()));
-            told = sent;
+        if sent != reported {
+            shared.hub.send(Event::Sent(page.clone(), sent.clone()));
+            reported = sent;
         }
         let next = tokio::select! {
             biased;
@@ -212,13 +210,13 @@ pub(super) async fn serve(
         let now = began.elapsed().as_secs_f64();
         match protocol::read::<Viewing>(&text) {
             Ok(Viewing::Want {
-                cameras: asked,
+                cameras: requested,
                 codecs,
             }) => {
                 if may_encode {
                     codec = Codec::of(&codecs);
                 }
-                wanted = asked;
+                wanted = requested;
                 wanted.truncate(CAMERAS);
                 let names = cameras.borrow().clone();
                 show(
@@ -292,18 +290,18 @@ fn sent(shown: &[Shown]) -> Vec<Sent> {
 }
 
 /// Assembles the message of an image.
-fn message(picture: &Picture, shown: &Shown, made: &Encoded, began: Instant) -> Bytes {
+fn message(image: &Image, shown: &Shown, made: &Encoded, began: Instant) -> Bytes {
     let mut message = BytesMut::with_capacity(HEADER + made.bytes.len());
     message.put_u8(1);
     message.put_u8(shown.codec.number());
     message.put_u8(u8::from(made.key));
     message.put_u8(u8::try_from(shown.index).unwrap_or(u8::MAX));
-    message.put_u16_le(u16::try_from(picture.width).unwrap_or(u16::MAX));
-    message.put_u16_le(u16::try_from(picture.height).unwrap_or(u16::MAX));
+    message.put_u16_le(u16::try_from(image.width).unwrap_or(u16::MAX));
+    message.put_u16_le(u16::try_from(image.height).unwrap_or(u16::MAX));
     message.put_u32_le(shown.seq);
     message.put_u32_le(0);
-    message.put_u64_le(picture.tick);
-    message.put_u64_le(picture.stamp_nanos);
+    message.put_u64_le(image.tick);
+    message.put_u64_le(image.stamp_nanos);
     message.put_u64_le(u64::try_from(began.elapsed().as_micros()).unwrap_or(u64::MAX));
     message.extend_from_slice(&made.bytes);
     message.freeze()

@@ -46,7 +46,7 @@ struct Episode {
     /// When it ended, s.
     ended: Option<f64>,
     /// The server confirmed the end, which states whether it is discarded.
-    heard: bool,
+    confirmed: bool,
 }
 
 /// The files of the running episode and of those that ended recently.
@@ -79,7 +79,7 @@ impl Files {
             unrecorded: None,
             is_lost: false,
             ended: None,
-            heard: false,
+            confirmed: false,
         });
     }
 
@@ -90,7 +90,7 @@ impl Files {
             self.episodes.retain(|episode| episode.id != id);
         } else if let Some(episode) = self.episodes.iter_mut().find(|e| e.id == id) {
             episode.ended.get_or_insert(now);
-            episode.heard = true;
+            episode.confirmed = true;
         }
     }
 
@@ -208,7 +208,7 @@ impl Episode {
     fn verdict(&self, now: f64) -> Option<Verdict> {
         let ended = self.ended?;
         let settled = self.files.values().all(|file| file.is_settled(now));
-        let early = !self.heard || self.files.is_empty();
+        let early = !self.confirmed || self.files.is_empty();
         if !settled || (early && now - ended < APPEARS) {
             return None;
         }
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_called_kept_that_no_recorder_has() {
+    fn an_episode_without_a_complete_file_is_not_reported_as_kept() {
         let partial = v1::RecorderStatus {
             complete: false,
             ..recorder("disk", Finished)
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn episode_whose_recorder_was_never_seen_is_a_problem() {
+    fn episode_whose_recorder_never_appeared_is_a_problem() {
         let mut files = Files::default();
         let running = status(true, &[]);
         files.began(running.episode.as_ref().expect("an episode"), true);
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_that_fails_or_goes_is_a_problem_at_once() {
+    fn a_recorder_that_fails_or_disconnects_is_a_problem_at_once() {
         let mut files = Files::default();
         let both = [recorder("a", Ready), recorder("b", Ready)];
         files.status(&status(true, &both), 0.0);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn practice_and_what_is_discarded_is_expected_from_no_recorder() {
+    fn practice_and_discarded_episodes_need_no_recorder() {
         let mut files = Files::default();
         files.began(&started(true), true);
         files.status(

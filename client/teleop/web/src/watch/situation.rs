@@ -380,7 +380,7 @@ impl Situation {
     #[must_use]
     pub fn hand(&self) -> Option<[f64; 3]> {
         let tool = self.base_from_tool?.translation;
-        Some(hand::seen_from_the_chair(tool.vector, &self.mount()?))
+        Some(hand::chair_directions(tool.vector, &self.mount()?))
     }
 
     /// Rotation of the arm's base on the chair.
@@ -414,7 +414,7 @@ impl Situation {
         let away = base_from_house * place - grasp;
         Some(Target {
             name: scene.target.clone(),
-            from_hand: hand::seen_from_the_chair(away, &robot.chair_from_base.rotation),
+            from_hand: hand::chair_directions(away, &robot.chair_from_base.rotation),
             place: place.coords.into(),
         })
     }
@@ -426,7 +426,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_server_that_starts_anew_replaces_the_clock() {
+    fn a_restarted_server_replaces_the_clock() {
         let mut situation = Situation::default();
         let at = |run: &str, tick| {
             Sample::Clock(v1::Clock {
@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_is_told_along_the_axes_of_the_chair() {
+    fn the_target_is_given_along_the_axes_of_the_chair() {
         let mut situation = Situation::default();
         let pose = |x: f64, y: f64, z: f64| v1::Pose {
             position: Some(v1::Vector3 { x, y, z }),

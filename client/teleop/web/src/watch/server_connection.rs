@@ -32,8 +32,8 @@ const WAITING: Bound = Bound {
 };
 
 /// Reports of a connection.
-pub enum Heard {
-    /// Connected; the client may be used until [`Report::Lost`].
+pub enum ConnectionEvent {
+    /// Connected; the client may be used until [`ConnectionEvent::Lost`].
     Connected(Box<Client>),
     /// A sample.
     Sample(Box<Sample>),
@@ -49,25 +49,25 @@ pub enum Heard {
 }
 
 /// A connection that keeps itself open; it ends when dropped.
-pub struct Line {
+pub struct ServerConnection {
     ended: Arc<AtomicBool>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
-impl Line {
+impl ServerConnection {
     /// Starts connecting; `to_event` converts a report into the owner's event.
     #[must_use]
     pub fn open<E: Send + 'static>(
         connect: Connect,
         streams: Vec<TopicId>,
         events: Sender<E>,
-        tell: fn(Heard) -> E,
+        to_event: fn(ConnectionEvent) -> E,
     ) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
         let ours = Arc::clone(&ended);
         let thread = std::thread::spawn(move || {
-            let send = |heard| {
-                if events.send(tell(heard)).is_err() {
+            let send = |event| {
+                if events.send(to_event(event)).is_err() {
                     ours.store(true, Ordering::Release);
                 }
             };
@@ -80,7 +80,7 @@ impl Line {
     }
 }
 
-impl Drop for Line {
+impl Drop for ServerConnection {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
@@ -94,7 +94,7 @@ fn keep_open(
     connect: &Connect,
     streams: &[TopicId],
     ended: &AtomicBool,
-    send: &(dyn Fn(Heard) + Sync),
+    send: &(dyn Fn(ConnectionEvent) + Sync),
 ) {
     let attempt = Connect {
         timeout_secs: connect.timeout_secs.clamp(0.2, ATTEMPT_SECS),
@@ -102,45 +102,45 @@ fn keep_open(
     };
     while !ended.load(Ordering::Acquire) {
         let reason = match Client::open(&attempt) {
-            Ok(link) => match stay(&link, streams, ended, send) {
+            Ok(client) => match stay(&client, streams, ended, send) {
                 Ok(Some(reason)) => {
-                    close(link);
+                    close(client);
                     reason
                 }
                 Ok(None) => {
-                    close(link);
+                    close(client);
                     return;
                 }
                 Err(error) => error.to_string(),
             },
             Err(error) => error.to_string(),
         };
-        send(Heard::Lost(reason));
+        send(ConnectionEvent::Lost(reason));
         std::thread::sleep(RETRY);
     }
 }
 
 /// Closing waits for the peer, which may be gone: it runs on its own thread.
-fn close(link: Client) {
-    std::thread::spawn(move || link.close());
+fn close(client: Client) {
+    std::thread::spawn(move || client.close());
 }
 
 /// Serves one connection; returns why it was lost, or `None` when the owner ended it.
 fn stay(
-    link: &Client,
+    client: &Client,
     streams: &[TopicId],
     ended: &AtomicBool,
-    send: &(dyn Fn(Heard) + Sync),
+    send: &(dyn Fn(ConnectionEvent) + Sync),
 ) -> Result<Option<String>, ClientError> {
-    let samples = link.newest_streams(streams, WAITING)?;
-    send(Heard::Connected(Box::new(link.clone())));
+    let samples = client.newest_streams(streams, WAITING)?;
+    send(ConnectionEvent::Connected(Box::new(client.clone())));
     let closed = &AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(move || {
             while !closed.load(Ordering::Acquire) {
                 // `wheelarm watch` reports samples that cannot be read.
                 if let Ok(Some(sample)) = samples.next(Duration::from_millis(50)) {
-                    send(Heard::Sample(Box::new(sample)));
+                    send(ConnectionEvent::Sample(Box::new(sample)));
                 }
             }
         });
@@ -150,33 +150,33 @@ fn stay(
             if ended.load(Ordering::Acquire) {
                 break None;
             }
-            if link.is_gone() {
-                break Some("the server has gone".to_owned());
+            if client.is_gone() {
+                break Some("the server has disconnected".to_owned());
             }
-            let asked = Instant::now();
-            match pulse(link) {
+            let requested = Instant::now();
+            match pulse(client) {
                 Some(status) => {
                     answered = Instant::now();
-                    let round_trip = asked.elapsed().as_secs_f64();
+                    let round_trip = requested.elapsed().as_secs_f64();
                     let named = status.scenario.as_ref().map(|s| s.robot.clone());
-                    send(Heard::Status(Box::new(status), round_trip));
+                    send(ConnectionEvent::Status(Box::new(status), round_trip));
                     if robot != named
-                        && let Some(told) = describe(link)
+                        && let Some(description) = describe(client)
                     {
                         robot = named;
-                        send(Heard::Robot(Box::new(told)));
+                        send(ConnectionEvent::Robot(Box::new(description)));
                     }
-                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                    std::thread::sleep(PULSE.saturating_sub(requested.elapsed()));
                 }
                 None if answered.elapsed() > GIVE_UP => {
                     break Some(format!(
-                        "no answer for {:.0} s",
+                        "no reply for {:.0} s",
                         answered.elapsed().as_secs_f64()
                     ));
                 }
                 None => {
-                    send(Heard::Silent);
-                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                    send(ConnectionEvent::Silent);
+                    std::thread::sleep(PULSE.saturating_sub(requested.elapsed()));
                 }
             }
         };
@@ -186,13 +186,14 @@ fn stay(
 }
 
 /// Requests the robot's description.
-fn describe(link: &Client) -> Option<v1::RobotDescription> {
-    let scene = link.request_within(&v1::SceneRequest {}, PULSE_PATIENCE);
+fn describe(client: &Client) -> Option<v1::RobotDescription> {
+    let scene = client.request_within(&v1::SceneRequest {}, PULSE_PATIENCE);
     scene.ok()?.robot
 }
 
 /// Requests the status, with a shorter timeout than that of a command's query.
-fn pulse(link: &Client) -> Option<v1::Status> {
-    link.request_within(&v1::StatusRequest {}, PULSE_PATIENCE)
+fn pulse(client: &Client) -> Option<v1::Status> {
+    client
+        .request_within(&v1::StatusRequest {}, PULSE_PATIENCE)
         .ok()
 }

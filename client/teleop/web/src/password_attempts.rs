@@ -18,14 +18,14 @@ type Account = (IpAddr, String);
 
 /// Wrong passwords of the last minute.
 #[derive(Debug, Default)]
-pub struct Tries {
+pub struct PasswordAttempts {
     wrong: BTreeMap<Account, Vec<f64>>,
     /// Users that logged in from an address, and when, s. Strangers behind the same
     /// address (a tunnel, a router) do not use up their attempts.
     right: BTreeMap<Account, f64>,
 }
 
-impl Tries {
+impl PasswordAttempts {
     /// Whether `user` may try a password from an address at `now`, s.
     ///
     /// # Errors
@@ -113,62 +113,62 @@ mod tests {
 
     #[test]
     fn five_wrong_passwords_a_minute_of_one_user_from_one_address() {
-        let mut tries = Tries::default();
+        let mut attempts = PasswordAttempts::default();
         for i in 0..5 {
-            assert_eq!(tries.may(ip(1), "anna", f64::from(i)), Ok(()));
-            tries.wrong(ip(1), "anna", f64::from(i));
+            assert_eq!(attempts.may(ip(1), "anna", f64::from(i)), Ok(()));
+            attempts.wrong(ip(1), "anna", f64::from(i));
         }
-        assert_eq!(tries.may(ip(1), "anna", 5.0), Err(55.0));
-        assert_eq!(tries.may(ip(1), "anna", 61.0), Ok(()));
-        tries.wrong(ip(9), "zoe", 4.0);
-        tries.right(ip(9), "zoe", 4.0);
-        assert_eq!(tries.may(ip(9), "zoe", 5.0), Ok(()));
+        assert_eq!(attempts.may(ip(1), "anna", 5.0), Err(55.0));
+        assert_eq!(attempts.may(ip(1), "anna", 61.0), Ok(()));
+        attempts.wrong(ip(9), "zoe", 4.0);
+        attempts.right(ip(9), "zoe", 4.0);
+        assert_eq!(attempts.may(ip(9), "zoe", 5.0), Ok(()));
     }
 
     #[test]
     fn wrong_passwords_from_elsewhere_lock_no_user_out() {
-        let mut tries = Tries::default();
+        let mut attempts = PasswordAttempts::default();
         for i in 0..400 {
-            tries.wrong(ip(i % 40), "anna", f64::from(i) * 0.1);
+            attempts.wrong(ip(i % 40), "anna", f64::from(i) * 0.1);
         }
-        assert!(tries.may(ip(3), "anna", 40.0).is_err());
-        assert_eq!(tries.may(ip(77), "anna", 40.0), Ok(()));
+        assert!(attempts.may(ip(3), "anna", 40.0).is_err());
+        assert_eq!(attempts.may(ip(77), "anna", 40.0), Ok(()));
     }
 
     #[test]
-    fn strangers_behind_the_same_address_do_not_lock_out_a_user_who_was_let_in() {
-        let mut tries = Tries::default();
-        tries.wrong(ip(1), "anna", 0.0);
-        tries.right(ip(1), "anna", 0.0);
+    fn strangers_behind_the_same_address_do_not_lock_out_a_user_who_logged_in_before() {
+        let mut attempts = PasswordAttempts::default();
+        attempts.wrong(ip(1), "anna", 0.0);
+        attempts.right(ip(1), "anna", 0.0);
         for i in 0..30 {
-            tries.wrong(ip(1), &format!("guess{i}"), 1.0);
+            attempts.wrong(ip(1), &format!("guess{i}"), 1.0);
         }
-        assert!(tries.may(ip(1), "ben", 2.0).is_err(), "unknown there");
-        assert_eq!(tries.may(ip(1), "anna", 2.0), Ok(()));
+        assert!(attempts.may(ip(1), "ben", 2.0).is_err(), "unknown there");
+        assert_eq!(attempts.may(ip(1), "anna", 2.0), Ok(()));
     }
 
     #[test]
-    fn a_full_table_refuses_nobody_and_does_not_grow() {
-        let mut tries = Tries::default();
+    fn a_full_table_rejects_no_user_and_does_not_grow() {
+        let mut attempts = PasswordAttempts::default();
         for i in 0..10_000 {
-            tries.wrong(ip(i), &format!("user{i}"), 100.0);
+            attempts.wrong(ip(i), &format!("user{i}"), 100.0);
         }
-        assert!(tries.wrong.len() <= ACCOUNTS);
-        assert_eq!(tries.may(ip(99_999), "anna", 101.0), Ok(()));
+        assert!(attempts.wrong.len() <= ACCOUNTS);
+        assert_eq!(attempts.may(ip(99_999), "anna", 101.0), Ok(()));
         for i in 0..5000 {
-            tries.right(ip(i), "anna", 101.0);
+            attempts.right(ip(i), "anna", 101.0);
         }
-        assert!(tries.right.len() <= RIGHT);
+        assert!(attempts.right.len() <= RIGHT);
     }
 
     #[test]
     fn addresses_of_one_ipv6_network_count_as_one() {
-        let mut tries = Tries::default();
+        let mut attempts = PasswordAttempts::default();
         let ip = |text: &str| -> IpAddr { text.parse().unwrap() };
         for i in 0..5 {
-            tries.wrong(ip(&format!("2001:db8::{i}")), "anna", 0.0);
+            attempts.wrong(ip(&format!("2001:db8::{i}")), "anna", 0.0);
         }
-        assert!(tries.may(ip("2001:db8::ffff"), "anna", 1.0).is_err());
-        assert!(tries.may(ip("2001:db8:0:1::1"), "anna", 1.0).is_ok());
+        assert!(attempts.may(ip("2001:db8::ffff"), "anna", 1.0).is_err());
+        assert!(attempts.may(ip("2001:db8:0:1::1"), "anna", 1.0).is_ok());
     }
 }

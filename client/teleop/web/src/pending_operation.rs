@@ -11,7 +11,7 @@ use wheelarm_sdk::{Client, ClientError, Commander};
 
 /// An operation that takes time; its result arrives as [`Done`].
 #[derive(Clone, Debug, PartialEq)]
-pub enum Errand {
+pub enum Operation {
     /// Request control; `take` takes it from the current holder.
     Lease {
         /// Take it over.
@@ -79,7 +79,7 @@ pub enum Done {
 }
 
 /// A message of a running operation.
-pub enum Brought {
+pub enum OperationEvent {
     /// The operation ended.
     Done(Done),
     /// Control was granted, with the channel for commands.
@@ -89,54 +89,54 @@ pub enum Brought {
 /// Runs an operation on a thread and passes its messages on. `former` is a command
 /// channel that is released first.
 pub fn run(
-    link: Client,
+    client: Client,
     name: String,
-    errand: Errand,
+    operation: Operation,
     former: Option<Commands>,
-    bring: impl Fn(Brought) + Send + 'static,
+    send: impl Fn(OperationEvent) + Send + 'static,
 ) {
     std::thread::spawn(move || {
         if let Some(former) = former {
             former.finish();
         }
-        let done = match errand {
-            Errand::Lease { take } => match link.commander(&name, take) {
+        let done = match operation {
+            Operation::Lease { take } => match client.commander(&name, take) {
                 Ok(commander) => {
-                    bring(Brought::Control(Box::new(commander)));
+                    send(OperationEvent::Control(Box::new(commander)));
                     Done::Lease(Ok(()))
                 }
                 Err(error) => Done::Lease(Err(words(&error))),
             },
-            Errand::Start(args) => Done::Started(start(&link, &name, &args)),
-            Errand::Stop { discard } => Done::Stopped(stop(&link, discard)),
-            Errand::Redo(args) => {
-                let again = stop(&link, true)
-                    .and_then(|_| reset(&link, v1::Scenario::default()))
-                    .and_then(|_| start(&link, &name, &args));
+            Operation::Start(args) => Done::Started(start(&client, &name, &args)),
+            Operation::Stop { discard } => Done::Stopped(stop(&client, discard)),
+            Operation::Redo(args) => {
+                let again = stop(&client, true)
+                    .and_then(|_| reset(&client, v1::Scenario::default()))
+                    .and_then(|_| start(&client, &name, &args));
                 Done::Started(again)
             }
-            Errand::Reset { task, seed } => {
+            Operation::Reset { task, seed } => {
                 let scenario = v1::Scenario {
                     task: Some(task),
                     seed: Some(seed),
                     ..v1::Scenario::default()
                 };
-                Done::Reset(reset(&link, scenario))
+                Done::Reset(reset(&client, scenario))
             }
-            Errand::Pause(pause) => {
-                let result = pause_time(&link, pause);
+            Operation::Pause(pause) => {
+                let result = pause_time(&client, pause);
                 Done::Paused(result.map(|()| pause).map_err(|e| words(&e)))
             }
-            Errand::Tasks => {
-                let list = link.request(&v1::TasksRequest {});
+            Operation::Tasks => {
+                let list = client.request(&v1::TasksRequest {});
                 Done::Tasks(list.map(|l| l.tasks).map_err(|e| words(&e)))
             }
-            Errand::Scene => {
-                let scene = link.request(&v1::SceneRequest {});
+            Operation::Scene => {
+                let scene = client.request(&v1::SceneRequest {});
                 Done::Scene(scene.map(Box::new).map_err(|e| words(&e)))
             }
         };
-        bring(Brought::Done(done));
+        send(OperationEvent::Done(done));
     });
 }
 
@@ -150,8 +150,8 @@ fn words(error: &ClientError) -> String {
 
 /// Starts an episode for a person: it has no time limit and begins only when its
 /// recorders have opened their files.
-fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
-    wait_for_recorders(link, args.recorders)?;
+fn start(client: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
+    wait_for_recorders(client, args.recorders)?;
     let request = v1::EpisodeStartRequest {
         label: args.label.clone(),
         instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
@@ -162,21 +162,23 @@ fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStart
         ..Default::default()
     };
     let started = match args.numbered {
-        true => link.start_episode_numbered(request),
-        false => link.start_episode(&request),
+        true => client.start_episode_numbered(request),
+        false => client.start_episode(&request),
     };
     started.map(Box::new).map_err(|e| words(&e))
 }
 
 /// Waits here, because the server waits half a minute for recorders that are not
 /// connected, which a person would take for a fault.
-fn wait_for_recorders(link: &Client, wanted: u32) -> Result<(), String> {
+fn wait_for_recorders(client: &Client, wanted: u32) -> Result<(), String> {
     if wanted == 0 {
         return Ok(());
     }
     let since = Instant::now();
     loop {
-        let status = link.request(&v1::StatusRequest {}).map_err(|e| words(&e))?;
+        let status = client
+            .request(&v1::StatusRequest {})
+            .map_err(|e| words(&e))?;
         let all = status.recorders.iter();
         let answering = all.filter(|recorder| recorder.silent_seconds.is_none());
         let names: BTreeSet<_> = answering.map(|recorder| &recorder.recorder).collect();
@@ -194,23 +196,25 @@ fn wait_for_recorders(link: &Client, wanted: u32) -> Result<(), String> {
     }
 }
 
-fn stop(link: &Client, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
-    link.stop_episode(discard)
+fn stop(client: &Client, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
+    client
+        .stop_episode(discard)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
 /// Resets the same scenario; its instruction is kept.
-fn reset(link: &Client, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
-    link.reset(scenario, false)
+fn reset(client: &Client, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
+    client
+        .reset(scenario, false)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
-fn pause_time(link: &Client, pause: bool) -> Result<(), ClientError> {
+fn pause_time(client: &Client, pause: bool) -> Result<(), ClientError> {
     let done = match pause {
-        true => link.request(&v1::PauseRequest {}),
-        false => link.request(&v1::ResumeRequest {}),
+        true => client.request(&v1::PauseRequest {}),
+        false => client.request(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
 }
