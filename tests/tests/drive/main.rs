@@ -24,13 +24,13 @@ fn server(name: &str) -> Server {
 /// Waits for ticks of the server.
 fn pass(page: &Page, ticks: u64) {
     let from = page.tick();
-    wait_until("time goes on", || page.tick() >= from + ticks);
+    wait_until("simulation time advances", || page.tick() >= from + ticks);
 }
 
 /// Position and heading of the chair, from the server itself.
 fn chair(page: &Page) -> [f64; 3] {
     let place = page.situation()["robot"]["chair"].clone();
-    [0, 1, 2].map(|i| place[i].as_f64().expect("a place of the chair"))
+    [0, 1, 2].map(|i| place[i].as_f64().expect("a pose of the chair"))
 }
 
 fn moved(page: &Page, from: [f64; 3]) -> f64 {
@@ -87,7 +87,7 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     // The image freezes while the key is held.
     gets_going(&mut page, Held::forward());
     page.freeze(true);
-    wait_until("the freeze is seen", || {
+    wait_until("the freeze is detected", || {
         page.situation()["control"]["allow"] != "drive"
     });
     rests(&page);
@@ -96,7 +96,7 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     });
     page.forget_received();
     page.stop();
-    wait_until("a stop is taken all the same", || {
+    wait_until("a stop is accepted nevertheless", || {
         page.has_received("stopped")
     });
     page.freeze(false);
@@ -308,14 +308,14 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
     assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
-    wait_until("the recorder is there", || {
+    wait_until("the recorder is connected", || {
         !page.situation()["recorders"]
             .as_array()
             .is_none_or(Vec::is_empty)
     });
     let started = page.request("episode.start", json!({"label": "driven", "recorders": 1}));
     assert_eq!(started["ok"], true, "{started}");
-    wait_until("it runs", || {
+    wait_until("the episode runs", || {
         page.situation()["episode"]["label"] == "driven"
     });
     gets_going(&mut page, Held::back());
@@ -375,7 +375,7 @@ fn an_episode_is_kept_when_its_recorder_confirms_it_and_practice_is_not_recorded
     std::fs::write(file(1), "precious").expect("a file");
     let mut recorder = wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &[]);
     let there = |page: &Page| !page.situation()["recorders"].to_string().eq("[]");
-    wait_until("the recorder is there", || there(&page));
+    wait_until("the recorder is connected", || there(&page));
     let practice = page.request("episode.start", json!({"recorders": 0}));
     assert_eq!(practice["label"], label.as_str(), "{practice}");
     pass(&page, 48);
@@ -438,7 +438,7 @@ fn a_click_selects_an_object_and_a_key_ends_the_skill() {
         json!({"candidate": chosen["candidate"], "action": "near"}),
     );
     assert_eq!(begun["ok"], true, "{begun}");
-    wait_until("a skill is at work", || {
+    wait_until("a skill runs", || {
         page.situation()["goal"]["stage"]
             .as_str()
             .is_some_and(|s| !s.is_empty())
@@ -448,7 +448,7 @@ fn a_click_selects_an_object_and_a_key_ends_the_skill() {
         phase.as_str().is_some_and(|p| p.starts_with("assist:"))
     });
     page.press(Held::forward());
-    wait_until("the goal is over", || page.situation()["goal"].is_null());
+    wait_until("the goal has ended", || page.situation()["goal"].is_null());
     rests(&page);
     let at = chair(&page);
     page.hold_on();

@@ -91,7 +91,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.start_operation("starting anew", Operation::Redo(again), now));
+        effects.extend(self.start_operation("restarting", Operation::Redo(again), now));
         effects
     }
 

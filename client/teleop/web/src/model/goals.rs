@@ -207,7 +207,7 @@ impl Model {
             action,
             stage: String::new(),
             stages: Vec::new(),
-            text: "thinking".to_owned(),
+            text: "planning".to_owned(),
         });
         effects.push(self.audit(page, "goal", &format!("{action} {}", chosen.body)));
         effects.push(Effect::Goal(GoalRequest {

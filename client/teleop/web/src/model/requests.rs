@@ -90,7 +90,7 @@ impl Model {
                     instruction: running.instruction,
                     recorders: u32::from(!running.practice),
                 };
-                ("starting anew", Operation::Redo(start))
+                ("restarting", Operation::Redo(start))
             }
             (RequestKind::Pause, _) => ("pausing", Operation::Pause(true)),
             (RequestKind::Resume, _) => ("resuming", Operation::Pause(false)),

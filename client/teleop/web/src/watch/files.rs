@@ -324,7 +324,7 @@ mod tests {
         assert_eq!(
             files.status(&status(false, &finished), 62.0),
             [],
-            "said once"
+            "reported once"
         );
     }
 
@@ -373,7 +373,7 @@ mod tests {
         let problem = files.problem().unwrap_or_default();
         assert!(problem.starts_with("NOTHING IS RECORDED"), "{problem}");
         files.status(&status(true, &[recorder("a", Ready)]), 2.0 * APPEARS);
-        assert_eq!(files.problem(), None, "it has come");
+        assert_eq!(files.problem(), None, "it has appeared");
     }
 
     #[test]

@@ -17,9 +17,9 @@ mod tests {
     #[test]
     fn a_base_that_is_turned_by_a_quarter_points_to_the_left() {
         let turned = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
-        let seen = chair_directions(Vector3::new(1.0, 2.0, 3.0), &turned);
-        for (got, expected) in seen.iter().zip([-2.0, 1.0, 3.0]) {
-            assert!((got - expected).abs() < 1e-12, "{seen:?}");
+        let directions = chair_directions(Vector3::new(1.0, 2.0, 3.0), &turned);
+        for (got, expected) in directions.iter().zip([-2.0, 1.0, 3.0]) {
+            assert!((got - expected).abs() < 1e-12, "{directions:?}");
         }
     }
 }
