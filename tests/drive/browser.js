@@ -1,15 +1,15 @@
-// A page of the fake gateway in Chromium, for tests and for the guide's pictures.
+// A page of the fake gateway in Chromium, for tests and for the guide's images.
 
 import { chromium } from "playwright-core";
 
 import { Gateway } from "./gateway.js";
 
 export const EXECUTABLE = process.env.CHROMIUM || "/usr/bin/chromium";
-// Playwright turns off that hidden pages sleep; here they must.
+// Playwright disables the throttling of hidden pages; these tests need it.
 const AWAKE = ["--disable-background-timer-throttling", "--disable-backgrounding-occluded-windows", "--disable-renderer-backgrounding"];
 
-// The page's clock goes at a third of its speed: its limits of a second and less
-// are then no race on a machine that has other work. Tests wait for order alone.
+// The page's clock runs at a third of its speed: its limits of a second and less
+// are then no race on a machine that has other work. Tests check order alone.
 const SLOW = "{ const real = performance.now.bind(performance); performance.now = () => real() / 3; }";
 
 /** Starts Chromium once for all tests of a file. */
@@ -50,8 +50,8 @@ export async function open(browser, { user = "anna", drive = true, size = { widt
     await page.locator("#stage canvas").first().waitFor();
     if (drive) {
       gateway.holder = user;
-      // A machine that is busy with the start may show nothing for a second.
-      await until(() => gateway.acks.filter((ack) => ack.painted).length > 6, "pictures are painted");
+      // A busy machine may show nothing for a second at the start.
+      await until(() => gateway.acks.filter((ack) => ack.painted).length > 6, "images are painted");
       await page.waitForFunction(() => !document.body.classList.contains("locked"));
     }
     if (episode) gateway.episode = { number: 4, label: "mustard-seed3-1", instruction: "Bring the mustard to the person.", seconds: 12 };

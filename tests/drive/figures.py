@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Measures driving through the page's gateway over a good and a bad network link,
-and prints each value with its goal.
+"""Measures driving through the page's gateway over good and bad network paths: image rate,
+latencies and braking, each beside its goal.
 
     figures.py [--seconds 60] [--size 640x360] [--programs target/release] [--out FILE]
 
-Starts a server, a gateway with keys and a page without a screen. The page uses the page's
-protocol (client/teleop/web/PROTOCOL.md), counts an image as painted when it arrives, drives
-forward and back by key and stops. An observer next to the server records what arrives there.
-All clocks are the host's. Needs root (network namespaces) and the Python package `wheelarm`.
+A server, a gateway with keys and a page without a screen: it speaks the page's protocol
+(client/teleop/web/PROTOCOL.md), counts an image as painted when it arrives, drives forward
+and back by key and stops. An observer beside the server sees what arrives there. All
+clocks are the host's. Needs root (network namespaces) and the Python package `wheelarm`.
 """
 
 import argparse
@@ -36,7 +36,7 @@ HZ = 240
 NEAR, FAR = bad_line.ENDS
 HOST, PORT = bad_line.ENDS[NEAR][0], 7460
 PASSWORD = "right and long"
-# One-way delay in ms, loss in %, rate in Mbit/s, queue in ms.
+# One way delay ms, loss %, Mbit/s, queue ms.
 LINES = {"LAN": (0.15, 0, 1000, 100), "100 ms, 2 %, 5 Mbit/s": (50, 2, 5, 200)}
 GOALS = {
     "LAN": {"painted": (50, 100), "images": 9.5, "gate": (3, 8, 15), "press": (200, 300), "stop": 20},
@@ -53,12 +53,12 @@ def quantile(values, share):
 
 
 class Observer:
-    """Commands and state of the server, each with the time of its arrival here."""
+    """What the server hears and does, with the moment at which it was known here."""
 
     def __init__(self, endpoint):
         self.client = wheelarm.connect(endpoint, timeout=20)
         self.streams = self.client.streams("command", "odometry", "clock")
-        self.zero = None  # monotonic time of tick 0, the earliest estimate
+        self.zero = None  # monotonic moment of tick 0, the earliest seen
         self.commands, self.speeds = [], []
         threading.Thread(target=self.listen, daemon=True).start()
 
@@ -69,7 +69,7 @@ class Observer:
             tick = message.header.tick
             if sample.topic == "clock":
                 zero = now - tick / HZ
-                # Pacing may fall behind but never runs ahead: the estimate may grow slowly.
+                # Pacing may fall behind and never runs ahead: the newest second counts.
                 self.zero = zero if self.zero is None else min(zero, self.zero + 2e-5)
             elif sample.topic == "odometry":
                 self.speeds.append((tick, now, message.twist.linear.x))
@@ -84,10 +84,10 @@ class Page:
         self.tls = ssl.create_default_context(cafile=authority)
         self.page = secrets.token_hex(16)
         self.running, self.lock = True, threading.Lock()
-        self.images, self.situations, self.events, self.rounds = [], [], [], []
+        self.images, self.situations, self.messages, self.rounds = [], [], [], []
         self.seq, self.epoch, self.held, self.shown = 0, 0, None, {}
-        self.first_sent = {}  # shown tick: when it was first answered by a command
-        self.answers, self.request_count = {}, 0
+        self.first_sent = {}  # shown tick: when it was first answered
+        self.answers, self.asked = {}, 0
 
     def post(self, path, body, cookie=""):
         connection = http.client.HTTPSConnection(HOST, PORT, context=self.tls, timeout=20)
@@ -108,21 +108,21 @@ class Page:
 
         def socket(name, lane=0):
             headers = {"Cookie": self.cookie}
-            connection = connect(  # kept open until the program ends
+            made = connect(  # kept open until the program ends
                 f"wss://{HOST}:{PORT}/ws/{name}", ssl=self.tls, additional_headers=headers,
                 origin=f"https://{HOST}:{PORT}", compression=None, max_size=None, open_timeout=20,
             )  # fmt: skip
             hello = {"t": "hello", "protocol": 1, "ticket": next(tickets), "page": self.page, "lane": lane}
-            connection.send(json.dumps(hello))
-            assert json.loads(connection.recv())["t"] == "welcome"
-            return connection
+            made.send(json.dumps(hello))
+            assert json.loads(made.recv())["t"] == "welcome"
+            return made
 
         self.state, self.video = socket("state"), socket("video")
         self.lanes = [socket("control", lane) for lane in (0, 1)]
-        for work in (self.receive_state, self.receive_video, self.send_control):
+        for work in (self.watch, self.look, self.drive):
             threading.Thread(target=work, daemon=True).start()
 
-    def receive_state(self):
+    def watch(self):
         for text in self.state:
             now, message = time.monotonic(), json.loads(text)
             if message["t"] == "answer":
@@ -133,18 +133,18 @@ class Page:
                 if echo.get("ms") is not None:
                     self.rounds.append(now * 1e3 - echo["ms"] - echo["held_ms"])
             else:
-                self.events.append((now, message))
+                self.messages.append((now, message))
 
-    def request(self, what, **more):
-        self.request_count += 1
-        number = self.request_count
+    def ask(self, what, **more):
+        self.asked += 1
+        number = self.asked
         self.state.send(json.dumps({"t": "ask", "id": number, "ask": what, **more}))
         until = time.monotonic() + 20
         while number not in self.answers and time.monotonic() < until:
             time.sleep(0.01)
         return self.answers[number]
 
-    def receive_video(self):
+    def look(self):
         wanted = [{"camera": index, "width": 640} for index in (0, 1)]
         self.video.send(json.dumps({"t": "want", "codecs": self.codecs, "cameras": wanted}))
         for image in self.video:
@@ -168,7 +168,7 @@ class Page:
         for lane in self.lanes:
             lane.send(text)
 
-    def send_control(self):
+    def drive(self):
         rounds = 0
         while self.running:
             with self.lock:
@@ -201,15 +201,15 @@ def processor_seconds(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def run_far(work):
-    """Runs `work` in a thread in the far namespace."""
+def far(work):
+    """Does the work in a thread beyond the line."""
     out = {}
 
     def inside():
         bad_line.enter(FAR)
         try:
             out["value"] = work()
-        except Exception as problem:  # raised again below
+        except Exception as problem:  # raised below
             out["problem"] = problem
 
     thread = threading.Thread(target=inside)
@@ -221,11 +221,11 @@ def run_far(work):
 
 
 @contextlib.contextmanager
-def allow_congestion_control(name):
-    """Allows a congestion control on the whole host while the context is open."""
+def allowed(congestion):
+    """What this host allows to connections, for so long: it is the whole host's."""
     path = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
     before = path.read_text()
-    path.write_text(f"reno {name}")
+    path.write_text(f"reno {congestion}")
     try:
         yield
     finally:
@@ -241,7 +241,7 @@ def measure(name, congestion, options):
     others = []
     try:
         if line.stdout.readline().strip() != "ready":
-            raise SystemExit("network link failed to start: see the message above")
+            raise SystemExit("there is no line: see the message above")
         inside = ["ip", "netns", "exec", NEAR]
         subprocess.run([*inside, "sysctl", "-qw", f"net.ipv4.tcp_congestion_control={congestion}"], check=True)
         keys = place / "keys"
@@ -257,7 +257,7 @@ def measure(name, congestion, options):
             [*inside, str(programs / "wheelarm-server"), "--listen", "tcp/127.0.0.1:7447", "--task", "pick_mustard",
              "--camera", f"gen3={size}@{rate}", "--camera", f"wheelchair={size}@{rate}"], **quiet, stderr=subprocess.DEVNULL)  # fmt: skip
         others.append(server)
-        # The gateway uses BBR if its user may.
+        # The gateway takes BBR where it may.
         rights = ["setpriv", "--reuid=nobody", "--clear-groups"]
         subprocess.run(["chown", "-R", "nobody", str(place)], check=True)
         place.chmod(0o711)
@@ -283,10 +283,10 @@ def measure(name, congestion, options):
         gateway.stdout.readline()
         page = Page(keys / "ca.pem")
         page.codecs = options.codecs.split(",")
-        run_far(page.open)
+        far(page.open)
         while len(page.shown) < 2:
             time.sleep(0.1)
-        assert page.request("lease.ask")["mine"]
+        assert page.ask("lease.ask")["mine"]
         return drive(page, observed, gateway.pid, line, options.seconds, server.pid)
     finally:
         for process in others:
@@ -301,7 +301,7 @@ def drive(page, observed, gateway, line, seconds, server):
     time.sleep(3)
     presses, stops, side = [], [], 1
     began, busy, ticks = time.monotonic(), processor_seconds(gateway), observed.client.status().header.tick
-    before = read_counters(line)
+    before = counted(line)
     while time.monotonic() - began < seconds:
         presses.append((page.press([-side, 0]), side))
         time.sleep(1.0)
@@ -310,11 +310,11 @@ def drive(page, observed, gateway, line, seconds, server):
         side = -side
     took = time.monotonic() - began
     cores = (processor_seconds(gateway) - busy) / took
-    after = read_counters(line)
+    after = counted(line)
     factor = (observed.client.status().header.tick - ticks) / HZ / took
     page.running = False
     time.sleep(0.5)
-    # Arrival time of each tick here: a slow host falls behind wall time.
+    # Simulation time at arrival: a slow host falls behind the wall clock.
     painted, reached, moved, braked = [], [], [], []
     times = sorted((tick, now) for tick, now, _ in observed.speeds)
     stamps = {tick: now for tick, now in times}
@@ -322,11 +322,11 @@ def drive(page, observed, gateway, line, seconds, server):
         # Odometry of the exposure's tick, published when the tick was simulated.
         if now > began and tick in stamps:
             painted.append((now - stamps[tick]) * 1e3)
-    answered = set()
+    seen = set()
     for tick, now, message in observed.commands:
         answers = message.command.answers_tick if hasattr(message, "command") else message.answers_tick
-        if answers in page.first_sent and answers not in answered and now > began:
-            answered.add(answers)
+        if answers in page.first_sent and answers not in seen and now > began:
+            seen.add(answers)
             reached.append((now - page.first_sent[answers]) * 1e3)
     for at, _ in presses:
         tick = next((tick for tick, now, v in observed.speeds if now > at and abs(v) > 0.02), None)
@@ -369,7 +369,7 @@ def is_still(message):
     return command.HasField("base") and command.base.linear == 0 and command.base.angular == 0
 
 
-def read_counters(line):
+def counted(line):
     line.stdin.write("\n")
     line.stdin.flush()
     return json.loads(line.stdout.readline())
@@ -382,7 +382,7 @@ def table(results):
     rows = [
         ("exposure to painted, p50 / p95 (ms)", lambda g: numbers(g["painted"]), lambda r: numbers(r["painted_ms"])),
         ("images per second, each camera", lambda g: f">= {g['images']}", lambda r: f"{r['pictures_hz']:.1f}"),
-        ("longest time without an image (ms)", lambda g: "", lambda r: f"{r['longest_gap_ms']:.0f}"),
+        ("longest time without one (ms)", lambda g: "", lambda r: f"{r['longest_gap_ms']:.0f}"),
         ("page to gate, p50 / p95 / p99 (ms)", lambda g: numbers(g["gate"]), lambda r: numbers(r["gate_ms"])),
         ("page to gateway and back, p50 / p95 / p99 (ms)", lambda g: "", lambda r: numbers(r["round_ms"])),
         ("press to changed image, p50 / p95 (ms)", lambda g: numbers(g["press"]), lambda r: numbers(r["press_ms"])),
@@ -391,27 +391,27 @@ def table(results):
         ("gateway (share of a core)", lambda g: "0.20", lambda r: f"{r['gateway_cores']:.2f}"),
         ("simulated over wall seconds", lambda g: "", lambda r: f"{r['factor']:.2f}"),
         ("images", lambda g: "", lambda r: f"{r['codec']}, {r['width']} wide, {r['picture_kB']:.1f} kB"),
-        ("presses, stops that reached the gate", lambda g: "", lambda r: f"{r['presses']}, {r['braked']}"),
+        ("presses, stops seen at the gate", lambda g: "", lambda r: f"{r['presses']}, {r['braked']}"),
     ]
     head = [f"{name}, {congestion}" for name, congestion in results]
     lines = ["| | " + " | ".join(f"goal | {title}" for title in head) + " |", "|---" * (1 + 2 * len(head)) + "|"]
-    for title, goal, value in rows:
+    for title, goal, measured in rows:
         cells = []
         for (name, congestion), result in results.items():
-            cells += [goal(GOALS["LAN" if name == "LAN" else congestion]), value(result)]
+            cells += [goal(GOALS["LAN" if name == "LAN" else congestion]), measured(result)]
         lines.append(f"| {title} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=60, help="of driving on each link")
+    parser.add_argument("--seconds", type=float, default=60, help="of driving on each line")
     parser.add_argument("--size", default="640x360", help="of both cameras")
     parser.add_argument("--hz", type=int, default=10)
     parser.add_argument("--codecs", default="h264,jpeg", help="in order of preference")
     parser.add_argument("--programs", default="target/release", help="folder with wheelarm and wheelarm-server")
-    parser.add_argument("--only", help="one link: LAN or bad")
-    parser.add_argument("--out", type=Path, help="measurements as JSON")
+    parser.add_argument("--only", help="one line: LAN or bad")
+    parser.add_argument("--out", type=Path, help="figures as JSON")
     options = parser.parse_args()
     lan, bad = LINES
     runs = [(lan, "bbr"), (bad, "bbr"), (bad, "cubic")]
@@ -419,7 +419,7 @@ def main():
         runs = [run for run in runs if (run[0] == lan) == (options.only == "LAN")]
     results = {}
     for name, congestion in runs:
-        with allow_congestion_control(congestion):
+        with allowed(congestion):
             results[name, congestion] = measure(name, congestion, options)
         print(f"{name}, {congestion}: {json.dumps(results[name, congestion])}", flush=True)
     print(table(results))

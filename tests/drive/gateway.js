@@ -1,6 +1,6 @@
-// A gateway without a robot that speaks client/teleop/web/PROTOCOL.md, for tests of the
-// page: it notes what it was told, and does with it what the protocol says. Its
-// chair and hand are points that move by what is in force.
+// A gateway without a robot that implements client/teleop/web/PROTOCOL.md, for tests of the
+// page: it records the received messages, and acts on them by the protocol. Its
+// chair and hand are points that move by the current command.
 
 import { randomBytes } from "node:crypto";
 import { readFileSync } from "node:fs";
@@ -19,10 +19,10 @@ const POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src
 const CHAIR = [0.1, 0.2, 0.35, 0.5, 0.63];
 const PICTURES = ["chair", "hand"].map((name) => readFileSync(join(HERE, `data/${name}.jpg`)));
 const STREAM = TEST_STREAM.map((line) => Buffer.from(line, "base64"));
-/** Simulation ticks between two pictures, at 240 per second and 10 pictures per second. */
+/** Simulation ticks between two images, at 240 per second and 10 images per second. */
 const TICKS = 24;
 
-/** A page that drives and is not heard for this long: brake. Longer than the real 0.25 s, see browser.js. */
+/** Brakes after this silence of a driving page. Longer than the real 0.25 s, see browser.js. */
 const STALL_MS = 1500;
 
 const USERS = { anna: { password: "abc", role: "operator" }, ben: { password: "abc", role: "operator" }, vera: { password: "abc", role: "viewer" } };
@@ -32,9 +32,9 @@ export class Gateway {
     this.tickets = new Map();
     this.sessions = new Map();
     this.sockets = new Set();
-    /** Control messages as they were taken, once each. */
+    /** Accepted control messages, once each. */
     this.taken = [];
-    /** All that came, with their lane. */
+    /** All received messages, with their lane. */
     this.came = [];
     this.asks = [];
     this.acks = [];
@@ -70,7 +70,7 @@ export class Gateway {
     this.server.on("upgrade", (request, socket, head) => this.wss.handleUpgrade(request, socket, head, (one) => this.socket(one, request)));
     await new Promise((done) => { this.server.listen(0, "127.0.0.1", done); });
     this.url = `http://localhost:${this.server.address().port}`;
-    this.timers = [setInterval(() => this.pictures(), 100), setInterval(() => this.situations(), 100), setInterval(() => this.guard(), 25)];
+    this.timers = [setInterval(() => this.sendImages(), 100), setInterval(() => this.situations(), 100), setInterval(() => this.guard(), 25)];
     return this;
   }
 
@@ -123,7 +123,7 @@ export class Gateway {
   file(path, response) {
     const name = normalize(path === "/" ? "/index.html" : path);
     try {
-      // Test assets stand beside the page under /test.
+      // Test assets are stored beside the page under /test.
       const from = name.startsWith("/test/") ? join(HERE, "node_modules", name.slice(6)) : join(PAGE, name);
       const content = readFileSync(from);
       response.writeHead(200, { "content-type": TYPES[extname(name)] || "application/octet-stream",
@@ -201,7 +201,7 @@ export class Gateway {
     return undefined;
   }
 
-  /** The gateway's own end of a motion. */
+  /** Ends a motion on the gateway's side. */
   brake() {
     this.held = null;
     this.goal = null;
@@ -230,22 +230,22 @@ export class Gateway {
     } else if (message.t === "key") one.key.add(message.camera);
   }
 
-  /** A picture of each camera to each who wants it, if it may have one more. */
-  pictures() {
+  /** Sends an image of each camera to each page that wants it, within the limit of unacknowledged ones. */
+  sendImages() {
     if (!this.faults.paused) this.tick += TICKS;
     if (this.frozen) return;
     for (const one of this.sockets) {
       if (one.kind !== "video" || !one.want) continue;
-      for (const { camera } of one.want.cameras) this.picture(one, camera);
+      for (const { camera } of one.want.cameras) this.sendImage(one, camera);
     }
   }
 
-  picture(one, camera) {
+  sendImage(one, camera) {
     const flight = one.flight.get(camera) || [];
     if (flight.length >= 3 || camera > 1) return;
     const seq = (one.seq.get(camera) || 0) + 1;
     const h264 = one.want.codecs[0] === "h264" && this.codec !== "jpeg";
-    // After a lost key picture the stream begins again.
+    // After a lost key frame the stream begins again.
     if (one.key.delete(camera)) one.start = seq;
     const at = (seq - (one.start || 1)) % STREAM.length;
     const body = h264 ? STREAM[at] : PICTURES[camera];
@@ -275,7 +275,7 @@ export class Gateway {
       case "tasks": return answer({ tasks: [{ name: "pick_mustard", instruction: "Take the mustard" }, { name: "bear", instruction: "Take the bear" }] });
       case "lease.ask":
         if (this.holder && this.holder !== one.user) {
-          this.asked = one.user;
+          this.requestedBy = one.user;
           this.toAll("state", { t: "note", bad: false, text: `${one.user} asks for control` });
           return refuse(`${this.holder} is in control; wait, or take it`);
         }
@@ -327,7 +327,7 @@ export class Gateway {
     }
   }
 
-  /** The recorder says a moment later what became of the file. */
+  /** The recorder reports the state of the file a moment later. */
   written(label) {
     this.labels.push(label);
     setTimeout(() => {
@@ -342,7 +342,7 @@ export class Gateway {
     for (const one of this.sockets) if (one.kind === kind) one.socket.send(JSON.stringify(message));
   }
 
-  /** A refusal of the newest command, as the gate would say. */
+  /** A refusal of the newest command, as the command gate would send it. */
   refuse(reason) {
     this.brake();
     this.toAll("state", { t: "refusal", seq: this.seq, code: "TOO_OLD", reason });
@@ -362,7 +362,7 @@ export class Gateway {
     const chair = CHAIR[2];
     return {
       t: "situation", n: this.count, tick: this.tick, sim_s: this.tick / 240, link: "open", link_for_s: 10,
-      you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, asked: this.asked && this.asked !== this.holder ? [this.asked] : [], for_s: 10 },
+      you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, asked: this.requestedBy && this.requestedBy !== this.holder ? [this.requestedBy] : [], for_s: 10 },
       people, scenario: { task: "pick_mustard", seed: 3, instruction: "Bring the mustard to the person." }, episode: this.episode,
       alarms: this.alarms,
       recorders: this.recorders.map((name) => ({ name, state: this.recorderState || (this.episode ? "ready" : "idle"), missed: 0, frames: this.episode ? Math.round(this.episode.seconds * 20) : 0, complete: false, message: "" })),

@@ -1,7 +1,7 @@
-// One switch alone, against the real server: somebody who has nothing but the space bar
-// takes control, starts an episode, turns towards the table, points at the mustard, lets
-// it be taken and finishes. What the person sees is read from the pixels of the page:
-// where the frame is, where the bottle is yellow, where the line sweeps.
+// One switch alone, against the real server: a user who has only the space bar
+// takes control, starts an episode, turns towards the table, points at the mustard, starts
+// the skill that takes it and finishes. The test reads what the user sees from the pixels of
+// the page: the frame, the yellow of the bottle, the sweeping line.
 //   node lift.js [SEED]      programs in ../../target/release
 
 import assert from "node:assert/strict";
@@ -29,7 +29,7 @@ const url = await new Promise((found, failed) => {
 const browser = await launch();
 let presses = 0;
 try {
-  // The times of scanning are those that somebody has who changed nothing.
+  // The scanning times are the defaults.
   const settings = { ...preset("one_switch"), speed: 5, sound: false };
   const page = await (await browser.newContext({ viewport: { width: 1280, height: 800 } })).newPage();
   await page.addInitScript((value) => localStorage.setItem("wheelarm.drive", JSON.stringify(value)), settings);
@@ -58,7 +58,7 @@ try {
     await until(async () => !(await situation()).robot.moving, "the robot rests");
     await page.waitForTimeout(500);
   };
-  /** Middle of what is yellow in the first picture, 0 to 1; null where little is. */
+  /** Middle of the yellow pixels in the first image, 0 to 1; null when there are few. */
   const bottle = () => page.evaluate(() => {
     const canvas = document.querySelector("#stage canvas");
     const { width, height } = canvas;
@@ -74,9 +74,9 @@ try {
     }
     return count > 12 ? { u: x / count / width, v: y / count / height, count } : null;
   });
-  /** Where the sweeping line is, 0 to 1: `down` the one across the picture. */
+  /** Position of the sweeping line, 0 to 1: `down` is the one across the image. */
   const line = (down) => page.evaluate((isDown) => {
-    // Of the chair's camera, which shows the bottle; the line sweeps over the others too.
+    // In the chair camera's image, which shows the bottle; the line also sweeps over the others.
     for (const over of document.querySelectorAll("#stage figure:first-of-type canvas.over")) {
       const { width, height } = over;
       const { data } = over.getContext("2d").getImageData(0, 0, width, height);
@@ -101,14 +101,14 @@ try {
     await page.screenshot({ path: process.env.LOOK });
   }
   await take("ask");
-  await until(async () => (await situation()).people.some((one) => one.control), "somebody is in control");
+  await until(async () => (await situation()).people.some((one) => one.control), "the page is in control");
   await take("row:Episode", "start");
   await until(async () => (await situation()).episode, "the episode runs");
   say("an episode runs");
   await take("back", "row:Chair");
   for (let turns = 0; turns < 30; turns += 1) {
-    const seen = await bottle();
-    if (seen && seen.u > 0.25 && seen.u < 0.75) break;
+    const found = await bottle();
+    if (found && found.u > 0.25 && found.u < 0.75) break;
     await take("chair.right");
     await rests();
     say(`turned, ${JSON.stringify(await bottle())}`);
@@ -116,12 +116,12 @@ try {
   await take("back");
   for (let tries = 0; ; tries += 1) {
     assert.ok(tries < 4, "the mustard was not met in four tries");
-    const seen = await bottle();
-    say(`points at ${JSON.stringify(seen)}`);
+    const found = await bottle();
+    say(`points at ${JSON.stringify(found)}`);
     await take("pick");
-    await until(async () => Math.abs((await line(true) ?? 9) - seen.v) < 0.012, "the line across is over it", 30);
+    await until(async () => Math.abs((await line(true) ?? 9) - found.v) < 0.012, "the line across is over it", 30);
     await hit();
-    await until(async () => Math.abs((await line(false) ?? 9) - seen.u) < 0.008, "the line down is over it", 30);
+    await until(async () => Math.abs((await line(false) ?? 9) - found.u) < 0.008, "the line down is over it", 30);
     await hit();
     const answer = await until(() => page.evaluate(() => document.querySelector("#goal_text").textContent), "an answer");
     await page.waitForTimeout(600);
@@ -130,7 +130,7 @@ try {
     if (names.includes("goal:take")) break;
   }
   if (process.env.LOOK) await page.screenshot({ path: process.env.LOOK.replace(".", "-goal.") });
-  await take("row:Choose in the picture", "goal:take");
+  await take("row:Choose in the image", "goal:take");
   await until(async () => (await situation()).evaluation?.success, "it is lifted and held", 120);
   say("lifted and held");
   await until(async () => !(await situation()).goal, "the goal is over", 60);

@@ -1,4 +1,4 @@
-// Pictures of the page as each person sees it: node look.js FOLDER [NAME…]
+// Images of the page as each person sees it: node look.js FOLDER [NAME…]
 
 import { mkdirSync } from "node:fs";
 

@@ -1,4 +1,4 @@
-//! Puts the files of the page into the program: a table of path and bytes.
+//! Embeds the page's files in the program: a table of path and bytes.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        // Tests of the page stand beside it and are not served.
+        // Tests of the page are stored beside it and are not served.
         let is_test = path.file_name().is_some_and(|name| name == "tests");
         if path.is_dir() && !is_test {
             walk(&path, found)?;

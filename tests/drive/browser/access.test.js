@@ -15,16 +15,16 @@ let browser;
 before(async () => { browser = await launch(); });
 after(() => browser.close());
 
-/** What axe finds, in words. */
+/** Violations that axe finds, in words. */
 async function violations(page) {
-  // By the debugger: the page's policy forbids foreign scripts, as it should.
+  // By the debugger: the page's policy rightly forbids foreign scripts.
   const found = await page.evaluate(async () => (await window.axe.run(document, {
     runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
   })).violations.map((one) => `${one.id}: ${one.nodes.map((node) => `${node.target} ${node.any.concat(node.all).map((check) => check.message).join(" ")}`).slice(0, 3).join(" | ")}`));
   return found;
 }
 
-/** The targets that are smaller than they should be. */
+/** The targets that are smaller than required. */
 const small = (page) => page.evaluate(() => {
   const least = (one) => (one.id === "stop" ? 96 : one.closest(".pad .grid") ? 64 : 44);
   return [...document.querySelectorAll("button, input:not([type=range]), select, textarea, summary, a[href]")]
@@ -67,7 +67,7 @@ test("a phone of 360 px and a page at 400 % never scroll sideways; STOP is in si
   }
 });
 
-test("on a phone pictures, instruction, pads and STOP are on one screen", async () => {
+test("on a phone images, instruction, pads and STOP are on one screen", async () => {
   const one = await open(browser, { codec: "jpeg", size: { width: 360, height: 740 }, touch: true, settings: preset("touch"), episode: true });
   const bar = await one.page.locator("#bar").boundingBox();
   for (const what of ["#stage canvas >> nth=0", "#instruction", '[data-item="chair.left"]']) {
@@ -80,7 +80,7 @@ test("on a phone pictures, instruction, pads and STOP are on one screen", async 
 test("Tab reaches every button in the order of the page, and the focus is never hidden", async () => {
   const one = await open(browser, { codec: "jpeg" });
   await one.page.locator('[data-item="settings"]').focus();
-  const seen = ["settings"];
+  const visited = ["settings"];
   for (let tries = 0; tries < 120; tries += 1) {
     await one.page.keyboard.press("Tab");
     const state = await one.page.evaluate(() => {
@@ -96,11 +96,11 @@ test("Tab reaches every button in the order of the page, and the focus is never 
     });
     if (!state) break;
     assert.ok(state.inSight, `${state.name} has the focus and is hidden`);
-    if (seen.includes(state.name)) break;
-    seen.push(state.name);
+    if (visited.includes(state.name)) break;
+    visited.push(state.name);
   }
-  const order = ["settings", "stage", "chair.forward", "speed:1", "start", "stop"].map((name) => seen.indexOf(name));
-  assert.ok(order.every((at, index) => at >= 0 && (index === 0 || at > order[index - 1])), JSON.stringify(seen));
+  const order = ["settings", "stage", "chair.forward", "speed:1", "start", "stop"].map((name) => visited.indexOf(name));
+  assert.ok(order.every((at, index) => at >= 0 && (index === 0 || at > order[index - 1])), JSON.stringify(visited));
   await one.close();
 });
 
@@ -114,9 +114,9 @@ test("with reduced motion nothing moves by itself", async () => {
   await one.close();
 });
 
-test("what happens is read out: a refusal is in the live region", async () => {
+test("events are announced: a refusal is in the live region", async () => {
   const one = await open(browser, { codec: "jpeg" });
   one.gateway.refuse("the command answers a state that is 1.2 s old");
-  await until(() => one.page.evaluate(() => document.querySelector("#said").textContent.includes("1.2 s old")), "the live region says it");
+  await until(() => one.page.evaluate(() => document.querySelector("#announcement").textContent.includes("1.2 s old")), "the live region contains it");
   await one.close();
 });

@@ -1,5 +1,5 @@
 // Every device as a person uses it, in Chromium, against the gateway for tests.
-// What counts is what the gateway was told, and in which order.
+// The tests check the messages that the gateway received, and their order.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -15,7 +15,7 @@ const moves = (message) => message.t === "drive" && [...(message.chair || []), .
 const driven = (gateway) => gateway.taken.filter(moves);
 const count = (gateway, kind) => gateway.taken.filter((message) => message.t === kind).length;
 const item = (page, name) => page.locator(`[data-item="${name}"]`);
-/** Runs a test with a page of its own; errors of the page fail it. */
+/** Runs a test with its own page; errors of the page fail it. */
 const on = (name, options, body) => test(name, async () => {
   const one = await open(browser, { codec: "jpeg", ...options });
   try {
@@ -24,13 +24,13 @@ const on = (name, options, body) => test(name, async () => {
     await one.close();
   }
 });
-/** Nothing moves and nothing is told to, seen for some signs of life. */
+/** No motion and no command for it, during some "alive" messages. */
 async function rests(gateway) {
   await until(() => gateway.held === null, "the gateway holds nothing");
   const from = gateway.taken.length;
   await until(() => gateway.taken.slice(from).filter((message) => message.t === "alive").length >= 2, "two signs of life");
   const since = gateway.taken.slice(from);
-  // What was under way when the gateway braked is dead by its epoch.
+  // Messages on their way when the gateway braked are dead by their epoch.
   const alive = since.find((message) => moves(message) && message.epoch > gateway.dead);
   assert.ok(!alive, JSON.stringify(alive));
 }
@@ -84,7 +84,7 @@ on("a mouse button drives while it is down, and stops when it comes up elsewhere
   assert.equal(driven(gateway)[0].device, "mouse");
 });
 
-on("a finger drives; touchcancel lets go", { touch: true, size: { width: 360, height: 740 }, settings: preset("touch") }, async ({ gateway, page, context }) => {
+on("a finger drives; touchcancel releases", { touch: true, size: { width: 360, height: 740 }, settings: preset("touch") }, async ({ gateway, page, context }) => {
   const cdp = await context.newCDPSession(page);
   const box = await item(page, "chair.forward").boundingBox();
   const points = [{ x: box.x + 30, y: box.y + 30 }];
@@ -153,12 +153,12 @@ on("losing the focus with a key held stops; the key's repeat moves nothing after
   await page.keyboard.up("KeyW");
 });
 
-on("a hidden tab stops, paints nothing, and gets no more than three pictures", {}, async ({ gateway, page, context }) => {
+on("a hidden tab stops, paints nothing, and gets no more than three images", {}, async ({ gateway, page, context }) => {
   await page.keyboard.down("KeyW");
   await until(() => driven(gateway).length >= 3, "it drives");
   const other = await context.newPage();
   await other.bringToFront();
-  // Headless Chromium may go on painting behind; then it is said by hand.
+  // Headless Chromium may continue painting; then the test reports the page as hidden itself.
   if (!(await page.evaluate(() => document.hidden))) {
     await page.evaluate(() => {
       Object.defineProperty(document, "hidden", { get: () => true });
@@ -172,12 +172,12 @@ on("a hidden tab stops, paints nothing, and gets no more than three pictures", {
     const before_ = gateway.acks.length;
     await new Promise((done) => { setTimeout(done, 600); });
     return gateway.acks.length === before_ && before_;
-  }, "no picture is acknowledged any more");
+  }, "no image is acknowledged any more");
   assert.equal(gateway.acks.length, acks);
   assert.ok(gateway.inFlight <= 3, String(gateway.inFlight));
 });
 
-/** A gamepad that tests can move. */
+/** A gamepad that tests control. */
 const PAD = `window.pad = { id: "Adaptive Joystick", index: 0, connected: true, mapping: "", axes: [0, 0],
   buttons: [0, 1].map(() => ({ pressed: false, value: 0 })) };
   navigator.getGamepads = () => [window.pad && { ...window.pad, axes: [...window.pad.axes], buttons: window.pad.buttons.map((one) => ({ ...one })) }];
@@ -196,7 +196,7 @@ const tilt = async (page, x, y) => {
   await painted(page);
 };
 
-on("a gamepad of one stick and two buttons: centre first, drive, stop, unplug", { settings: preset("gamepad"), scripts: [PAD.replace("axes: [0, 0]", "axes: [0, -1]")] }, async ({ gateway, page }) => {
+on("a gamepad of one stick and two buttons: center first, drive, stop, unplug", { settings: preset("gamepad"), scripts: [PAD.replace("axes: [0, 0]", "axes: [0, -1]")] }, async ({ gateway, page }) => {
   await rests(gateway);
   assert.equal(driven(gateway).length, 0, "tilted since it came: it moves nothing");
   await tilt(page, 0, 0);
@@ -244,10 +244,10 @@ on("two axes and two buttons run an episode: start, drive, goal, finish", { sett
 });
 
 on("voice: one phrase is one step, STOP acts before the phrase ends, talk does nothing", { settings: preset("voice"), scripts: [`
-  window.SpeechRecognition = class { start() { window.heard = (words, isFinal) => this.onresult({ resultIndex: 0, results: [Object.assign([{ transcript: words }], { isFinal })] }); } stop() { this.onend?.(); } };
+  window.SpeechRecognition = class { start() { window.recognize = (words, isFinal) => this.onresult({ resultIndex: 0, results: [Object.assign([{ transcript: words }], { isFinal })] }); } stop() { this.onend?.(); } };
   window.webkitSpeechRecognition = window.SpeechRecognition;`] }, async ({ gateway, page }) => {
   await item(page, "voice").click();
-  const say = (words, isFinal = true) => page.evaluate(([text, end]) => window.heard(text, end), [words, isFinal]);
+  const say = (words, isFinal = true) => page.evaluate(([text, end]) => window.recognize(text, end), [words, isFinal]);
   await say("hand up");
   await until(() => count(gateway, "step") === 1, "a step");
   assert.equal(gateway.taken.find((message) => message.t === "step").device, "voice");
@@ -286,19 +286,19 @@ on("dwelling: mouse moves alone step, start and stop", { settings: { ...preset("
   await until(() => count(gateway, "stop") === 3, "STOP");
   await page.locator("#stage canvas").first().hover({ position: { x: 200, y: 60 } });
   await page.waitForTimeout(1800);
-  assert.equal(gateway.asks.filter((ask) => ask.ask === "pick").length, 0, "a picture is not dwelt on while driving");
+  assert.equal(gateway.asks.filter((ask) => ask.ask === "pick").length, 0, "an image is not dwelt on while driving");
   await rest("pick");
   await page.waitForTimeout(1800);
   await page.locator("#stage canvas").first().hover({ position: { x: 210, y: 60 } });
   await until(() => gateway.asks.some((ask) => ask.ask === "pick"), "while choosing it is");
 });
 
-/** The settings of somebody with one switch who changed nothing; silent. */
+/** The default settings for one switch; silent. */
 const SWITCH = { ...preset("one_switch"), sound: false };
-/** The page in real time: with the scanning times as they are. */
+/** The page in real time, with the default scanning times. */
 const SIZES = [{ width: 1280, height: 800 }, { width: 1366, height: 768 }, { width: 360, height: 740 }];
 
-/** One switch: what is framed, a press, and taking what comes under the frame. */
+/** One switch: the framed item, a press, and choosing an item when it is framed. */
 function oneSwitch(page) {
   const framed = () => page.evaluate(() => {
     const one = document.querySelector(".framed");
@@ -317,8 +317,8 @@ function oneSwitch(page) {
   return { framed, hit, take };
 }
 
-/** How much of each image is seen, 0 to 1: within the window and under nothing else. */
-const seen = (page) => page.evaluate(() => [...document.querySelectorAll("#stage canvas:not(.over)")].map((canvas) => {
+/** Visible share of each image, 0 to 1: within the window and not covered. */
+const visibleShares = (page) => page.evaluate(() => [...document.querySelectorAll("#stage canvas:not(.over)")].map((canvas) => {
   const box = canvas.getBoundingClientRect();
   let sum = 0;
   for (let row = 0; row < 10; row += 1) {
@@ -340,8 +340,8 @@ for (const size of SIZES) {
     const stops = new Set();
     await until(async () => {
       const at = await framed();
-      const parts = await seen(page);
-      assert.ok(parts.length === 2 && parts.every((part) => part > 0.95), `${at}: ${parts} of the images are seen`);
+      const parts = await visibleShares(page);
+      assert.ok(parts.length === 2 && parts.every((part) => part > 0.95), `${at}: ${parts} of the images are visible`);
       const hidden = await page.evaluate(() => {
         const box = document.querySelector(".framed")?.getBoundingClientRect();
         return box && (box.top < -1 || box.bottom > innerHeight + 1);
@@ -355,12 +355,12 @@ for (const size of SIZES) {
     await take("row:Gripper");
     await take("grip.close");
     await until(() => count(gateway, "step") === 1, "a step");
-    await until(async () => (await seen(page)).every((part) => part > 0.95), "the images are seen within a row");
+    await until(async () => (await visibleShares(page)).every((part) => part > 0.95), "the images are visible within a row");
     await take("back");
     await take("pick");
     for (const camera of ["Chair", "Hand"]) {
       await until(() => page.evaluate((words) => document.querySelector("#hint").textContent.startsWith(words), `${camera} camera: press`), `${camera} camera is swept`);
-      const [chair, hand] = await seen(page);
+      const [chair, hand] = await visibleShares(page);
       assert.ok((camera === "Chair" ? chair : hand) > 0.95, `${camera} camera: ${chair} ${hand}`);
     }
     await hit();
@@ -371,7 +371,7 @@ for (const size of SIZES) {
   });
 }
 
-on("one switch alone at 1280x800: start an episode, step, choose a thing, stop, finish", { settings: SWITCH, size: SIZES[0], slow: false }, async ({ gateway, page }) => {
+on("one switch alone at 1280x800: start an episode, step, choose an object, stop, finish", { settings: SWITCH, size: SIZES[0], slow: false }, async ({ gateway, page }) => {
   const { hit, take } = oneSwitch(page);
   await page.locator("#stage").focus();
   await hit();
@@ -392,7 +392,7 @@ on("one switch alone at 1280x800: start an episode, step, choose a thing, stop, 
   await hit();
   const pick = await until(() => gateway.asks.find((ask) => ask.ask === "pick"), "two presses name a place");
   assert.ok(pick.u > 0.2 && pick.u < 0.7 && pick.v > 0.2 && pick.v < 0.7, JSON.stringify(pick));
-  await take("row:Choose in the picture");
+  await take("row:Choose in the image");
   await take("goal:take");
   await until(() => gateway.goal, "the goal runs");
   await page.waitForTimeout(400);
@@ -424,7 +424,7 @@ on("a carer who picks One switch presses Done by mouse; then the page asks for t
   await item(page, "settings:done").click();
   await page.locator("#carer").click();
   gateway.goal = { id: 1, action: "take", name: "mustard", stage: "reaching", of: 4, at: 2, text: "" };
-  await until(() => page.evaluate(() => document.querySelector("#keys_state").textContent.includes("any press stops")), "the goal is seen");
+  await until(() => page.evaluate(() => document.querySelector("#keys_state").textContent.includes("any press stops")), "the goal is shown");
   await item(page, "settings").click();
   await until(() => count(gateway, "stop") === 3, "it stops");
   assert.ok(await page.locator("#settings").isHidden());
@@ -442,7 +442,7 @@ on("a latched direction ends by any key of any layout", { settings: { ...preset(
   }
 });
 
-on("an episode that cannot be recorded does not start, and practice says that it keeps nothing", {}, async ({ gateway, page }) => {
+on("an episode that cannot be recorded does not start, and practice shows that nothing is recorded", {}, async ({ gateway, page }) => {
   const alarm = page.locator("#alarms");
   gateway.recorders = [];
   await item(page, "start").click();
@@ -455,13 +455,13 @@ on("an episode that cannot be recorded does not start, and practice says that it
   await page.getByText("practice: nothing is kept").first().waitFor();
   await item(page, "finish").click();
   await until(() => !gateway.episode, "it is over");
-  // With a recorder the first free label is taken, and "kept" is said when the file is there.
+  // With a recorder the first free label is used, and "kept" appears when the file exists.
   gateway.recorders = ["disk"];
   await item(page, "start").click();
   await until(() => gateway.episode?.label === "mustard-seed3-2", "the next free label");
   await item(page, "finish").click();
   await page.getByText("kept in data/mustard-seed3-2.h5").first().waitFor();
-  // A recorder that failed keeps nothing.
+  // A failed recorder keeps nothing.
   await item(page, "start").click();
   await until(() => gateway.episode?.label === "mustard-seed3-3", "it runs");
   gateway.recorderState = "failed";
@@ -469,7 +469,7 @@ on("an episode that cannot be recorded does not start, and practice says that it
   await alarm.getByText("NOT KEPT").waitFor();
 });
 
-on("a lost task is said loudly, and the episode is marked", { episode: true }, async ({ gateway, page }) => {
+on("a lost task raises an alarm, and the episode is marked", { episode: true }, async ({ gateway, page }) => {
   gateway.alarms = ["THE TASK IS LOST (dropped). Finish, discard or redo this episode"];
   gateway.extra = { evaluation: { success: false, failure: "dropped", elapsed_s: 9, conditions: [] } };
   await page.locator("#alarms").getByText("THE TASK IS LOST").waitFor();

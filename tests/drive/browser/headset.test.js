@@ -1,4 +1,4 @@
-// A headset that IWER plays: clutch, stick, stop, lost pose, end, panels.
+// A headset that IWER emulates: clutch, stick, stop, lost pose, end, panels.
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -28,7 +28,7 @@ const on = (name, body) => test(name, async () => {
 const hand = (page, x, y, z) => page.evaluate(([a, b, c]) => headset.controllers.right.position.set(a, b, c), [x, y, z]);
 const squeeze = (page, on_) => page.evaluate((value) => headset.controllers.right.updateButtonValue("squeeze", value), on_ ? 1 : 0);
 
-on("the clutch engages without a jump, follows, and holds when it is let go", async ({ gateway, page }) => {
+on("the clutch engages without a jump, follows, and holds when it is released", async ({ gateway, page }) => {
   await hand(page, 0.3, 1.1, -0.4);
   await page.waitForTimeout(300);
   const before_ = [...gateway.hand];
@@ -80,7 +80,7 @@ on("the stick drives the chair, the trigger closes, A stops", async ({ gateway, 
   await until(() => gateway.taken.some((message) => message.grip === -1), "the gripper closes");
 });
 
-on("the end of the session and a hidden session let go", async ({ gateway, page }) => {
+on("the end of the session and a hidden session release everything", async ({ gateway, page }) => {
   await squeeze(page, true);
   await until(() => moved(gateway).length >= 3, "it is engaged");
   await page.evaluate(() => headset.updateVisibilityState("hidden"));
@@ -92,7 +92,7 @@ on("the end of the session and a hidden session let go", async ({ gateway, page 
   await until(() => gateway.held !== null, "engaged again");
   await page.evaluate(() => headset.activeSession.end());
   await until(() => gateway.held === null, "ended: it holds");
-  // The flat page drives on.
+  // The flat page still drives.
   await squeeze(page, false);
   await page.locator("#stage").focus();
   await page.keyboard.down("KeyW");
@@ -100,19 +100,19 @@ on("the end of the session and a hidden session let go", async ({ gateway, page 
   await page.keyboard.up("KeyW");
 });
 
-on("both panels and the words under them are drawn", async ({ gateway, page }) => {
-  await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "pictures are painted in the headset");
+on("both panels and the words under them are rendered", async ({ gateway, page }) => {
+  await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "images are painted in the headset");
   const shot = await page.evaluate(() => new Promise((done) => {
-    // Read right after the headset's frame, before the browser takes the picture away.
+    // Read right after the headset's frame, before the browser discards the image.
     headset.activeSession.requestAnimationFrame(() => queueMicrotask(() => {
       const gl = headset.activeSession.renderState.baseLayer.context;
       const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
       const colours = (u, v, size) => {
         const bytes = new Uint8Array(size * size * 4);
         gl.readPixels(Math.round(u * w) - size / 2, Math.round(v * h) - size / 2, size, size, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-        const seen = new Set();
-        for (let at = 0; at < bytes.length; at += 4) seen.add(bytes.slice(at, at + 3).map((value) => value >> 4).join());
-        return seen.size;
+        const colors = new Set();
+        for (let at = 0; at < bytes.length; at += 4) colors.add(bytes.slice(at, at + 3).map((value) => value >> 4).join());
+        return colors.size;
       };
       done([[0.28, 0.56], [0.72, 0.56], [0.45, 0.36], [0.5, 0.9]].map(([u, v]) => colours(u, v, 96)));
     }));

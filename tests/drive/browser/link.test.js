@@ -1,4 +1,4 @@
-// What the page does with pictures, sockets, rights and errors.
+// Behavior of the page with images, sockets, rights and errors.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -21,16 +21,16 @@ const on = (name, options, body) => test(name, async () => {
     await one.close();
   }
 });
-/** Whether the middle of the first picture is not black. */
+/** Whether the middle of the first image is not black. */
 const painted = (page) => page.evaluate(() => {
   const canvas = document.querySelector("#stage canvas");
   return canvas.getContext("2d").getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data.slice(0, 3).some((value) => value > 20);
 });
 
 on("H.264 is decoded and painted where the decoder passes its test", { codec: "auto" }, async ({ gateway, page }) => {
-  await until(() => gateway.wants.length > 0, "the page wants pictures");
+  await until(() => gateway.wants.length > 0, "the page wants images");
   assert.deepEqual(gateway.wants[0].codecs, ["h264", "jpeg"]);
-  await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "ten painted pictures");
+  await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "ten painted images");
   assert.equal(await page.evaluate(() => document.querySelector("#stage canvas").width), 64);
   assert.ok(await painted(page));
   assert.ok(gateway.inFlight <= 3);
@@ -38,10 +38,10 @@ on("H.264 is decoded and painted where the decoder passes its test", { codec: "a
 
 const HOLDS = `window.VideoDecoder = class { static async isConfigSupported() { return { supported: true }; }
   constructor(init) { this.init = init; this.state = "unconfigured"; } configure() { this.state = "configured"; } decode() {} close() { this.state = "closed"; } };`;
-for (const [name, script] of [["holds pictures back", HOLDS], ["is missing", "delete window.VideoDecoder;"]]) {
+for (const [name, script] of [["holds images back", HOLDS], ["is missing", "delete window.VideoDecoder;"]]) {
   on(`JPEG takes over when the decoder ${name}`, { codec: "auto", scripts: [script] }, async ({ gateway, page }) => {
     assert.deepEqual(gateway.wants[0].codecs, ["jpeg"]);
-    await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "ten painted pictures");
+    await until(() => gateway.acks.filter((ack) => ack.painted).length > 10, "ten painted images");
     assert.ok(await painted(page));
     await page.keyboard.down("KeyW");
     await until(() => driven(gateway).length > 2, "the page drives");
@@ -49,18 +49,18 @@ for (const [name, script] of [["holds pictures back", HOLDS], ["is missing", "de
   });
 }
 
-on("a frozen picture stops what moves and locks driving; STOP works; it comes back", {}, async ({ gateway, page }) => {
+on("a frozen image stops what moves and locks driving; STOP works; it comes back", {}, async ({ gateway, page }) => {
   await page.keyboard.down("KeyW");
   await until(() => driven(gateway).length > 2, "it drives");
   gateway.frozen = true;
-  await until(() => stops(gateway).some((message) => message.why === "frozen"), "a stop for the frozen picture");
-  await page.getByText("The picture is not live").waitFor();
+  await until(() => stops(gateway).some((message) => message.why === "frozen"), "a stop for the frozen image");
+  await page.getByText("The image is not live").waitFor();
   await page.keyboard.up("KeyW");
   const before_ = driven(gateway).length;
   await page.keyboard.press("KeyW");
-  const said = stops(gateway).length;
+  const former = stops(gateway).length;
   await page.keyboard.press("Escape");
-  await until(() => stops(gateway).length > said, "STOP works");
+  await until(() => stops(gateway).length > former, "STOP works");
   assert.equal(stops(gateway).at(-1).shown, null);
   assert.equal(driven(gateway).length, before_);
   gateway.frozen = false;
@@ -70,7 +70,7 @@ on("a frozen picture stops what moves and locks driving; STOP works; it comes ba
   await page.keyboard.up("KeyW");
 });
 
-on("age: the speed cap is shown, old pictures leave steps, older ones STOP", {}, async ({ gateway, page }) => {
+on("age: the speed cap is shown, old images leave steps, older ones STOP", {}, async ({ gateway, page }) => {
   Object.assign(gateway.faults, { age_ms: 480, share: 0.6 });
   await page.getByText("loop 480 ms, at most 0.21 m/s").waitFor();
   Object.assign(gateway.faults, { allow: "steps", age_ms: 1400 });
@@ -80,11 +80,11 @@ on("age: the speed cap is shown, old pictures leave steps, older ones STOP", {},
   await item(page, "chair.forward").click();
   await until(() => gateway.taken.some((message) => message.t === "step"), "a step is taken");
   assert.equal(driven(gateway).length, 0);
-  Object.assign(gateway.faults, { allow: "stop", why: "the pictures are 2.3 s old", age_ms: 2300 });
-  await page.getByText("Driving is off: the pictures are 2.3 s old.").first().waitFor();
+  Object.assign(gateway.faults, { allow: "stop", why: "the images are 2.3 s old", age_ms: 2300 });
+  await page.getByText("Driving is off: the images are 2.3 s old.").first().waitFor();
 });
 
-on("one lane is enough; both gone stop; the page comes again and nothing moves by itself", {}, async ({ gateway, page }) => {
+on("one lane is enough; both gone stop; the page reconnects and nothing moves by itself", {}, async ({ gateway, page }) => {
   const lanes = () => [...gateway.sockets].filter((one) => one.kind === "control");
   await page.keyboard.down("KeyW");
   await until(() => driven(gateway).length > 2, "it drives");
@@ -105,7 +105,7 @@ on("one lane is enough; both gone stop; the page comes again and nothing moves b
   await page.keyboard.up("KeyW");
 });
 
-on("click on a thing, take it, and any press stops the goal", {}, async ({ gateway, page }) => {
+on("click on an object, take it, and any press stops the goal", {}, async ({ gateway, page }) => {
   await page.locator("#stage canvas").first().click({ position: { x: 120, y: 50 } });
   await item(page, "goal:take").waitFor();
   const pick = gateway.asks.find((ask) => ask.ask === "pick");
@@ -121,7 +121,7 @@ on("click on a thing, take it, and any press stops the goal", {}, async ({ gatew
   await until(() => stops(gateway).length === 3 && !gateway.goal, "it stops");
 });
 
-on("somebody else drives: locked, asked, taken by a second press", { drive: false }, async ({ gateway, page }) => {
+on("another user drives: locked, control requested, taken by a second press", { drive: false }, async ({ gateway, page }) => {
   gateway.holder = "ben";
   await page.getByText("ben is in control.").first().waitFor();
   await page.keyboard.press("KeyW");
@@ -132,21 +132,21 @@ on("somebody else drives: locked, asked, taken by a second press", { drive: fals
   await item(page, "take").click();
   await until(() => gateway.holder === "anna", "it is taken");
   assert.equal(driven(gateway).length, 0);
-  gateway.asked = "ben";
+  gateway.requestedBy = "ben";
   await item(page, "give:ben").click();
   await until(() => gateway.holder === "ben", "it is given");
   await page.waitForFunction(() => document.body.classList.contains("locked"));
 });
 
 on("a viewer sees and cannot drive", { user: "vera", drive: false }, async ({ gateway, page }) => {
-  await until(() => gateway.acks.filter((ack) => ack.painted).length > 3, "pictures come");
+  await until(() => gateway.acks.filter((ack) => ack.painted).length > 3, "images arrive");
   assert.ok(![...gateway.sockets].some((one) => one.kind === "control"));
   assert.equal(await page.locator('[data-item="take"]').count(), 0);
   assert.equal(await item(page, "start").isDisabled(), true);
   await page.getByText("You are watching").first().waitFor();
 });
 
-on("a wrong password is told, the right one goes on", { user: null }, async ({ page }) => {
+on("a wrong password shows an error, the right one opens the page", { user: null }, async ({ page }) => {
   await page.locator("#user").fill("anna");
   await page.locator("#password").fill("wrong");
   await page.keyboard.press("Enter");
@@ -172,7 +172,7 @@ on("an episode: start with a label, discard asks twice, redo asks twice", {}, as
   assert.ok(!gateway.asks.some((ask) => ask.ask === "episode.redo"));
 });
 
-on("settings stay, go into a file and come back checked", {}, async ({ page }) => {
+on("settings persist, are saved to a file and are validated when loaded", {}, async ({ page }) => {
   await item(page, "settings").click();
   await item(page, "preset:dwell").click();
   await item(page, "theme:dark").click();
@@ -189,7 +189,7 @@ on("settings stay, go into a file and come back checked", {}, async ({ page }) =
   await page.locator("#hint").getByText("The file cannot be used").waitFor();
 });
 
-on("a key is given other work, pads are arranged without dragging", {}, async ({ gateway, page }) => {
+on("a key is remapped, pads are arranged without dragging", {}, async ({ gateway, page }) => {
   await item(page, "settings").click();
   await page.locator("summary").click();
   await item(page, "key:hand.up").click();

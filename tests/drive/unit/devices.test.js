@@ -5,7 +5,7 @@ import { Dwell } from "../../../client/teleop/web/page/logic/dwell.js";
 import { Gamepads, STICK_MODES, shaped, steepest } from "../../../client/teleop/web/page/logic/gamepad.js";
 import { KEY_DEFAULTS, meaning, remap } from "../../../client/teleop/web/page/logic/keys.js";
 import { MOTIONS, axesOf, directions } from "../../../client/teleop/web/page/logic/motions.js";
-import { Twice } from "../../../client/teleop/web/page/logic/twice.js";
+import { Confirmation } from "../../../client/teleop/web/page/logic/confirmation.js";
 import { GRAMMAR, saysStop, understand } from "../../../client/teleop/web/page/logic/voice.js";
 
 test("dwelling clicks once, and again only after the pointer left", () => {
@@ -32,7 +32,7 @@ test("straying beyond the radius begins anew; STOP is quick and forgives strayin
   assert.equal(dwell.tick(2300), "stop");
 });
 
-test("while dwelling rests only STOP and the rest button are heard", () => {
+test("while dwelling rests only STOP and the rest button work", () => {
   const dwell = new Dwell({ time: 500 });
   dwell.resting = true;
   dwell.pointer(0, 0, "hand.up", 0);
@@ -51,7 +51,7 @@ const with_ = (indices, more = {}) => {
   return made;
 };
 
-test("a gamepad that is plugged in with its stick tilted drives only after the centre", () => {
+test("a gamepad that is plugged in with its stick tilted drives only after centering", () => {
   const pads = new Gamepads();
   assert.deepEqual(pads.read([pad({ axes: [0, -1, 0, 0] })]).axes.chair, [0, 0]);
   assert.deepEqual(pads.read([pad({ axes: [0, -1, 0, 0] })]).waiting, ["Pad"]);
@@ -61,7 +61,7 @@ test("a gamepad that is plugged in with its stick tilted drives only after the c
   assert.deepEqual(pads.read([pad({ axes: [0, -1, 0, 0] })]).axes.chair, [0, 0]);
 });
 
-test("drift within the dead zone is nothing, the rim is all", () => {
+test("drift within the dead zone is zero, the rim is full deflection", () => {
   assert.equal(shaped(0.11), 0);
   assert.equal(shaped(1), 1);
   assert.ok(Math.abs(shaped(-0.56) + 0.5) < 1e-9);
@@ -76,7 +76,7 @@ test("a press held while plugging in, or while the page slept, is not a press", 
   assert.deepEqual(pads.read([with_([1])]).presses, [], "held: once");
 });
 
-test("STOP is heard from a device that is not armed yet", () => {
+test("STOP works on a device that is not armed yet", () => {
   const pads = new Gamepads();
   pads.read([pad({ axes: [0.5, 0, 0, 0] })]);
   assert.deepEqual(pads.read([with_([1], { axes: [0.5, 0, 0, 0] })]).presses, ["stop"]);
@@ -102,7 +102,7 @@ test("one stick and two buttons reach every direction and the page's buttons", (
   assert.ok(reached.has("menu next") && reached.has("menu back") && reached.has("menu take"));
 });
 
-test("an unplugged device is told, and a remap is kept by its name", () => {
+test("an unplugged device is reported, and a remap is kept by its name", () => {
   const pads = new Gamepads({ Pad: { stop: [3] } });
   pads.read([pad()]);
   assert.deepEqual(pads.read([with_([3])]).presses, ["stop"]);
@@ -117,13 +117,13 @@ test("a step of a stick is its steepest axis beyond the half", () => {
   assert.equal(steepest(pads.read([pad({ axes: [0.3, 0.3, 0, 0] })]).axes), null);
 });
 
-test("STOP is heard in anything that is said, finished or not", () => {
+test("STOP is recognized in any result, finished or not", () => {
   for (const words of ["stop", "Stop!", "please stop now", "no stop stop"]) assert.ok(saysStop(words), words);
   assert.ok(!saysStop("nonstop flight"));
   assert.deepEqual(understand("hand up stop"), { stop: true });
 });
 
-test("a phrase is all that is said; talk in the room is nothing", () => {
+test("a phrase must be the whole result; talk in the room does nothing", () => {
   assert.equal(understand("hand up").step, "hand.up");
   assert.equal(understand("Hand up, please.").step, "hand.up");
   assert.equal(understand("put your hand up there"), null);
@@ -135,7 +135,7 @@ test("a phrase is all that is said; talk in the room is nothing", () => {
 test("no phrase starts a motion that lasts", () => {
   for (const phrase of GRAMMAR) {
     const meant = understand(phrase);
-    const allowed = ["stop", "step", "again", "speed", "menu", "press", "said"];
+    const allowed = ["stop", "step", "again", "speed", "menu", "press", "phrase"];
     assert.ok(meant && Object.keys(meant).every((key) => allowed.includes(key)), phrase);
     if (meant.step) assert.ok(MOTIONS[meant.step], meant.step);
   }
@@ -155,7 +155,7 @@ test("keys: Esc stops always, keys of the browser are left alone, turning turns 
   }
 });
 
-test("a remapped key leaves its old work, and Esc cannot be taken", () => {
+test("a remapped key loses its former action, and Esc cannot be remapped", () => {
   const keys = remap(KEY_DEFAULTS, "KeyG", "KeyW", "hand.up");
   assert.equal(keys.KeyW, "hand.up");
   assert.equal(keys.KeyG, undefined);
@@ -166,12 +166,12 @@ test("the two names of a diagonal key are both moved", () => {
   assert.deepEqual(axesOf("chair.forward+chair.left").chair, [1, 1]);
 });
 
-test("what is pressed twice is done, two different ones are not", () => {
-  const twice = new Twice();
-  assert.equal(twice.press("discard", 0), false);
-  assert.equal(twice.press("redo", 100), false);
-  assert.equal(twice.press("redo", 200), true);
-  assert.equal(twice.press("redo", 300), false);
-  assert.equal(twice.asks(300), "redo");
-  assert.equal(twice.asks(9000), null);
+test("the same action pressed twice is confirmed, two different ones are not", () => {
+  const confirmation = new Confirmation();
+  assert.equal(confirmation.press("discard", 0), false);
+  assert.equal(confirmation.press("redo", 100), false);
+  assert.equal(confirmation.press("redo", 200), true);
+  assert.equal(confirmation.press("redo", 300), false);
+  assert.equal(confirmation.asks(300), "redo");
+  assert.equal(confirmation.asks(9000), null);
 });

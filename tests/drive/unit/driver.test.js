@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { Driver, LATCH_MS } from "../../../client/teleop/web/page/logic/driver.js";
 
-/** A driver that may drive. */
+/** A driver that is allowed to drive. */
 function free() {
   const driver = new Driver();
   driver.locked("", "", false, 0);
@@ -19,7 +19,7 @@ function frames(driver, from, to, shown = 100) {
 const kinds = (messages) => messages.map((message) => message.t);
 const moving = (message) => message.t === "drive" && (message.chair.some(Boolean) || message.hand.some(Boolean));
 
-test("what is held is said again and again, and three releases follow", () => {
+test("held input is repeated, and three releases follow", () => {
   const driver = free();
   assert.equal(driver.press("key:w", "chair.forward", "keyboard", 0), "drive");
   const held = frames(driver, 0, 500);
@@ -58,7 +58,7 @@ test("a fresh press has a new epoch, and so has every step", () => {
     ["step", 3, "hand", 2, -1, "step", "switch", 7]);
 });
 
-test("stop is said three times and kills what is held until it is let go and pressed again", () => {
+test("stop is sent three times and disables held input until it is released and pressed again", () => {
   const driver = free();
   driver.press("a", "chair.forward", "keyboard", 0);
   driver.frame(0, 1);
@@ -74,7 +74,7 @@ test("stop is said three times and kills what is held until it is let go and pre
   assert.ok(frames(driver, 500, 600).some(moving));
 });
 
-test("stop is sent while everything is locked and without a picture", () => {
+test("stop is sent while everything is locked and without an image", () => {
   const driver = new Driver();
   driver.stop("person", "touch", 0);
   const [stop] = driver.frame(0, null);
@@ -112,9 +112,9 @@ test("any press on any device during a latch stops, and selects nothing", () => 
   }
 });
 
-test("any press during a goal stops it; a stick too, and it must be let go first", () => {
+test("any press during a goal stops it; a stick too, and it must be released first", () => {
   const driver = free();
-  driver.heard({ dead: 0, seq: 0 }, { id: 1 }, true, 0);
+  driver.receive({ dead: 0, seq: 0 }, { id: 1 }, true, 0);
   driver.set("gamepad", { chair: [1, 0], hand: [0, 0, 0], turn: [0, 0, 0], grip: 0 }, "gamepad", 10);
   const after = frames(driver, 10, 200);
   assert.equal(after[0].t, "stop");
@@ -128,46 +128,46 @@ test("a switch stops a step that is under way, a keyboard makes the next one", (
   const driver = free();
   driver.step("hand.up", "switch", 0);
   driver.frame(0, 1);
-  driver.heard({ dead: 0, seq: 0 }, null, true, 100);
+  driver.receive({ dead: 0, seq: 0 }, null, true, 100);
   assert.equal(driver.step("hand.up", "switch", 1000), "stop");
-  driver.heard({ dead: 0, seq: 0 }, null, false, 1100);
+  driver.receive({ dead: 0, seq: 0 }, null, false, 1100);
   frames(driver, 1100, 1400);
   assert.equal(driver.step("hand.up", "switch", 1500), "step");
   driver.frame(1500, 1);
-  driver.heard({ dead: 0, seq: 0 }, null, true, 1600);
+  driver.receive({ dead: 0, seq: 0 }, null, true, 1600);
   assert.equal(driver.step("hand.up", "keyboard", 1800), "step");
 });
 
-test("steps never queue: a second one in the same moment is not taken", () => {
+test("steps never queue: a second one in the same moment is rejected", () => {
   const driver = free();
   assert.equal(driver.step("hand.up", "mouse", 0), "step");
   assert.equal(driver.step("hand.up", "mouse", 20), "refused");
   assert.equal(kinds(frames(driver, 20, 100)).filter((kind) => kind === "step").length, 1);
 });
 
-test("the gateway's dead epoch ends what is held; a situation from before the press does not", () => {
+test("the gateway's dead epoch ends held motion; a situation from before the press does not", () => {
   const driver = free();
   driver.press("a", "chair.forward", "keyboard", 0);
   driver.frame(0, 1);
-  driver.heard({ dead: 1, seq: 0 }, null, false, 10);
-  assert.ok(frames(driver, 20, 60).some(moving), "that dead epoch was said before this motion was heard");
-  driver.heard({ dead: 1, seq: driver.seq, why: "contact" }, null, false, 100);
+  driver.receive({ dead: 1, seq: 0 }, null, false, 10);
+  assert.ok(frames(driver, 20, 60).some(moving), "that dead epoch is older than this motion");
+  driver.receive({ dead: 1, seq: driver.seq, why: "contact" }, null, false, 100);
   assert.ok(!frames(driver, 100, 300).some(moving));
   assert.match(driver.takeNotes().at(-1).text, /contact/);
 });
 
-test("a lock stops what moves, and what was held stays dead after it", () => {
+test("a lock stops motion, and input held before it stays dead", () => {
   const driver = free();
   driver.press("a", "chair.forward", "keyboard", 0);
   driver.frame(0, 1);
-  driver.locked("The picture is frozen: only STOP", "frozen", false, 50);
+  driver.locked("The image is frozen: only STOP", "frozen", false, 50);
   const [stop] = driver.frame(50, null);
   assert.deepEqual([stop.t, stop.why], ["stop", "frozen"]);
   driver.locked("", "", false, 400);
   assert.ok(!frames(driver, 400, 600).some(moving));
 });
 
-test("with an old picture only steps and goals are left", () => {
+test("with an old image only steps and goals are left", () => {
   const driver = free();
   driver.locked("", "", true, 0);
   assert.equal(driver.press("a", "chair.forward", "keyboard", 0), "refused");
@@ -181,20 +181,20 @@ test("losing the window stops the chair at once and says why", () => {
   driver.guard("blur", "", 10);
   const [stop] = driver.frame(10, 1);
   assert.deepEqual([stop.t, stop.why], ["stop", "blur"]);
-  // With nothing held nothing is said.
+  // Without held input nothing is sent.
   const idle = free();
   idle.guard("blur", "", 10);
   assert.ok(!kinds(frames(idle, 10, 400)).includes("stop"));
 });
 
-test("at rest it says four times a second that it lives", () => {
+test("at rest it sends four alive messages a second", () => {
   const driver = free();
   const messages = frames(driver, 0, 2000);
   assert.ok(messages.every((message) => message.t === "alive"));
   assert.ok(messages.length >= 7 && messages.length <= 9, String(messages.length));
 });
 
-test("a clutch goes along with its motion and comes from one epoch", () => {
+test("a clutch sends its motion and has one epoch", () => {
   const driver = free();
   const axes = { chair: [0, 0], hand: [0, 0, 0], turn: [0, 0, 0], grip: 0 };
   driver.set("vr", axes, "vr", 0, { mode: "stream", clutch: { move: [0, 0, 0], turn: [0, 0, 0, 1] } });

@@ -16,7 +16,7 @@ test("every preset passes its own check and survives a file", () => {
   }
 });
 
-test("presets do not share what can change", () => {
+test("presets share no mutable state", () => {
   const one = preset("keyboard");
   one.pads[0].size = 111;
   one.keys.KeyW = "stop";
@@ -28,7 +28,7 @@ test("scanning, dwelling and voice move by steps", () => {
   for (const name of ["one_switch", "two_switches", "dwell", "voice"]) assert.equal(preset(name).mode, "step", name);
 });
 
-test("a file from outside cannot bring anything wrong", () => {
+test("an invalid file cannot produce invalid settings", () => {
   const wrong = {
     version: 1, preset: "__proto__", mode: "fly", speed: 99, theme: 7, keys: { KeyW: "launch", "<b>": "stop" },
     scan: { interval: -5, loops: "many", on: "yes" }, dwell: { time: Number.NaN },
@@ -74,7 +74,7 @@ test("the pose is latched anew at every squeeze", () => {
   assert.deepEqual(clutch.frame(true, at(1, 1, 1), IDENTITY).move.map(Math.abs), [0, 0, 0]);
 });
 
-test("a lost pose lets go until the squeeze is fresh", () => {
+test("a lost pose releases until the squeeze is fresh", () => {
   const clutch = new Clutch();
   clutch.frame(true, at(0, 1, 0), IDENTITY);
   assert.equal(clutch.frame(true, null, IDENTITY), null);
@@ -83,7 +83,7 @@ test("a lost pose lets go until the squeeze is fresh", () => {
   assert.ok(clutch.frame(true, at(0, 1, -1), IDENTITY));
 });
 
-test("ahead is where the person looks, whichever way the room lies", () => {
+test("ahead is where the person looks, whatever the axes of the room", () => {
   const half = Math.SQRT1_2;
   const left = [0, half, 0, half];
   const clutch = new Clutch();
@@ -125,7 +125,7 @@ test("the page without what a headset needs is at most 160 kB", () => {
   assert.ok(size <= 160_000, `${size} bytes`);
 });
 
-test("logic knows no browser, and nothing comes from another origin", () => {
+test("logic is independent of the browser, and no content is loaded from another origin", () => {
   for (const path of files()) {
     const text = readFileSync(join(PAGE, path), "utf8");
     const code = text.replace(/\/\*[\s\S]*?\*\//g, "").replace(/(^|\s)\/\/.*$/gm, "");

@@ -14,13 +14,13 @@ const SETTINGS = { interval: 1000, first: 500, loops: 2, hold: 250, debounce: 40
 function rig(more = {}) {
   const scanner = new Scanner({ ...SETTINGS, ...more });
   scanner.items(ROWS, 0);
-  const clock = { now: 0, seen: [], taken: [] };
+  const clock = { now: 0, framed: [], taken: [] };
   clock.run = (ms) => {
     for (const end = clock.now + ms; clock.now < end; clock.now += 10) {
       const taken = scanner.tick(clock.now);
       if (taken) clock.taken.push(taken);
       const framed = scanner.framed()?.id;
-      if (framed !== clock.seen.at(-1)) clock.seen.push(framed);
+      if (framed !== clock.framed.at(-1)) clock.framed.push(framed);
     }
   };
   clock.press = (ms = 300, which = 1) => {
@@ -37,11 +37,11 @@ test("it rests until a press, then STOP comes first in every cycle", () => {
   assert.ok(scanner.resting);
   clock.press();
   clock.run(12_000);
-  assert.deepEqual(clock.seen.slice(0, 6), ["stop", "row:chair", "row:hand", "x", "stop", "row:chair"]);
+  assert.deepEqual(clock.framed.slice(0, 6), ["stop", "row:chair", "row:hand", "x", "stop", "row:chair"]);
   assert.deepEqual(clock.taken, []);
 });
 
-test("a press takes the row, another the item in it; STOP is first there too", () => {
+test("a press chooses the row, another the item in it; STOP is first there too", () => {
   const { clock, scanner } = rig();
   clock.press();
   clock.run(1600);
@@ -68,7 +68,7 @@ test("a tremor does not press: short presses and presses in a row are filtered",
   assert.deepEqual(clock.taken, [], "within the debounce time");
 });
 
-test("a press that came and went between two frames counts when it was long enough", () => {
+test("a press that starts and ends between two frames counts when it was long enough", () => {
   for (const [hold, resting] of [[0, false], [20, false], [40, true]]) {
     const scanner = new Scanner({ ...SETTINGS, hold });
     scanner.items(ROWS, 0);
@@ -122,7 +122,7 @@ test("a press that stopped the robot does not select", () => {
   assert.deepEqual(clock.taken, []);
 });
 
-test("the frame stays on its item when others come and go", () => {
+test("the frame stays on its item when others appear and vanish", () => {
   const { clock, scanner } = rig({ kind: "linear" });
   clock.press();
   clock.run(3300);
@@ -133,7 +133,7 @@ test("the frame stays on its item when others come and go", () => {
   assert.equal(scanner.framed().id, "stop");
 });
 
-test("a place in an image takes two presses, and both cameras are swept", () => {
+test("a point in an image takes two presses, and both cameras are swept", () => {
   const cross = new Cross(0, [1, 0], 8000);
   assert.deepEqual(cross.at(2000), { camera: 1, u: null, v: 0.25 });
   assert.deepEqual(cross.at(10_000), { camera: 0, u: null, v: 0.25 });
@@ -145,7 +145,7 @@ test("a place in an image takes two presses, and both cameras are swept", () => 
   assert.equal(cross.over(10_000 + 24_001), true);
 });
 
-test("the place is where the line was when the switch went down", () => {
+test("the chosen point is the position of the line at the press", () => {
   const { scanner } = rig();
   scanner.press(1, 2000);
   assert.deepEqual(scanner.presses(2200), []);

@@ -32,7 +32,7 @@ fn set_cookie(head: &str) -> String {
 }
 
 impl Gateway {
-    /// Starts it beside a server, and signs in as operator and as viewer.
+    /// Starts it beside a server, and logs in as operator and as viewer.
     pub fn open(server: &Server) -> Self {
         let mut child = Command::new(program("wheelarm").expect("the client"))
             .args(["--connect", &server.endpoint, "--sim", &server.sim])
@@ -76,7 +76,7 @@ impl Gateway {
             address: url.split('/').next().expect("an address").to_owned(),
             cookies: Default::default(),
         };
-        // Who opens the page looks, without a link of their own.
+        // A browser that opens the page may watch, without a login link.
         let (code, head) = gateway.get("/", &gateway.address, "");
         assert_eq!(code, 200, "{head}");
         let cookie = set_cookie(&head);
@@ -84,7 +84,7 @@ impl Gateway {
         gateway
     }
 
-    /// The cookie that an address with a token gives.
+    /// The cookie that a login link sets.
     fn signed_in(&self, url: &str) -> String {
         let path = url.strip_prefix(&self.address).expect("a path");
         let (code, head) = self.get(path, &self.address, "");
@@ -101,7 +101,7 @@ impl Gateway {
         let mut stream = self.connect();
         stream.write_all(question.as_bytes()).expect("a question");
         let mut answer = Vec::new();
-        // Whoever is refused early is cut off while it still sends.
+        // A client that is rejected early is disconnected while it still sends.
         let _ = stream.read_to_end(&mut answer);
         let text = String::from_utf8_lossy(&answer).into_owned();
         let code = text.split(' ').nth(1).and_then(|code| code.parse().ok());
@@ -148,7 +148,7 @@ impl Gateway {
         body["tickets"][0].as_str().expect("a ticket").to_owned()
     }
 
-    /// Opens a WebSocket; the status where it is refused.
+    /// Opens a WebSocket; the HTTP status where it is rejected.
     pub fn upgrade(
         &self,
         path: &str,
@@ -175,7 +175,7 @@ impl Gateway {
         }
     }
 
-    /// Opens a WebSocket of the page itself and says hello; the code with which it
+    /// Opens a WebSocket of the page itself and sends a hello; the code with which it
     /// is closed.
     pub fn enter(&self, path: &str, operator: bool, hello: &Value) -> Result<Socket, u16> {
         let origin = format!("http://{}", self.address);
@@ -183,8 +183,8 @@ impl Gateway {
         let mut socket = self
             .upgrade(path, &self.address, &origin, &cookie)
             .expect("a socket");
-        let said = Message::Text(hello.to_string().into());
-        socket.send(said).expect("a hello");
+        let message = Message::Text(hello.to_string().into());
+        socket.send(message).expect("a hello");
         match socket.read().expect("an answer") {
             Message::Text(text) => {
                 assert!(text.contains("welcome"), "{text}");

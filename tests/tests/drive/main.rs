@@ -1,5 +1,5 @@
-//! Driving through the gateway, against a real server: a WebSocket client in the
-//! place of the page. Order and ticks are looked at, and no times.
+//! Driving through the gateway, against a real server: a WebSocket client takes the
+//! place of the page. The tests check order and ticks, not times.
 
 mod gateway;
 mod page;
@@ -21,16 +21,16 @@ fn server(name: &str) -> Server {
     Server::start(name, &CAMERA).expect("a server")
 }
 
-/// Ticks pass on the server.
+/// Waits for ticks of the server.
 fn pass(page: &Page, ticks: u64) {
     let from = page.tick();
-    wait_until("time goes on", || page.tick() >= from + ticks);
+    wait_until("simulation time advances", || page.tick() >= from + ticks);
 }
 
-/// Where the chair stands and looks, from the server itself.
+/// Position and heading of the chair, from the server itself.
 fn chair(page: &Page) -> [f64; 3] {
     let place = page.situation()["robot"]["chair"].clone();
-    [0, 1, 2].map(|i| place[i].as_f64().expect("a place of the chair"))
+    [0, 1, 2].map(|i| place[i].as_f64().expect("a pose of the chair"))
 }
 
 fn moved(page: &Page, from: [f64; 3]) -> f64 {
@@ -38,7 +38,7 @@ fn moved(page: &Page, from: [f64; 3]) -> f64 {
     (x - from[0]).hypot(y - from[1])
 }
 
-/// The chair stands.
+/// Whether the chair is at rest.
 fn rests(page: &Page) {
     wait_until("the chair rests", || {
         let speed = &page.situation()["robot"]["speed"];
@@ -47,8 +47,8 @@ fn rests(page: &Page) {
     });
 }
 
-/// Drives until the chair moves; a press that a busy machine broke off is pressed
-/// again.
+/// Drives until the chair moves; presses again after a press that a busy machine
+/// interrupted.
 fn gets_going(page: &mut Page, held: Held) {
     let from = chair(page);
     page.press(held);
@@ -64,19 +64,19 @@ fn gets_going(page: &mut Page, held: Held) {
 #[test]
 fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     let server = server("drive");
-    let link = server.link();
-    let refusals = link.samples::<v1::Refusal>().expect("refusals");
+    let client = server.link();
+    let refusals = client.samples::<v1::Refusal>().expect("refusals");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
     assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
-    // Held, and let go.
+    // Held, then released.
     gets_going(&mut page, Held::back());
     page.release();
     rests(&page);
-    // Stopped: the page is told when the server has taken it.
+    // A stop: the page gets a message when it is in force.
     gets_going(&mut page, Held::back());
     page.stop();
-    wait_until("the stop is in force", || page.was_told("stopped"));
+    wait_until("the stop is in force", || page.has_received("stopped"));
     rests(&page);
     let stopped = page.situation();
     assert_eq!(stopped["control"]["stopped"], true, "{stopped}");
@@ -84,28 +84,30 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     page.hold_on();
     pass(&page, 240);
     assert!(moved(&page, at) < 0.01, "the same press moved it again");
-    // The picture freezes while the key is held.
+    // The image freezes while the key is held.
     gets_going(&mut page, Held::forward());
     page.freeze(true);
-    wait_until("the freeze is seen", || {
+    wait_until("the freeze is detected", || {
         page.situation()["control"]["allow"] != "drive"
     });
     rests(&page);
     wait_until("only a stop is allowed", || {
         page.situation()["control"]["allow"] == "stop"
     });
-    page.forget_told();
+    page.forget_received();
     page.stop();
-    wait_until("a stop is taken all the same", || page.was_told("stopped"));
+    wait_until("a stop is accepted nevertheless", || {
+        page.has_received("stopped")
+    });
     page.freeze(false);
-    wait_until("pictures are fresh", || {
+    wait_until("images are fresh", || {
         page.situation()["control"]["allow"] == "drive"
     });
-    // The line is cut while driving.
+    // The connection stalls while driving.
     gets_going(&mut page, Held::forward());
     let epoch = page.epoch();
     page.cut();
-    // The gateway hears nothing, not even an end.
+    // The gateway receives no message, not even a close.
     let watching = Page::open(&gateway, "w0", false);
     rests(&watching);
     drop(watching);
@@ -124,25 +126,25 @@ fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     gets_going(&mut again, Held::back());
     again.release();
     rests(&again);
-    // A browser that is gone lets the chair stand.
+    // The chair stops after the browser vanished.
     gets_going(&mut again, Held::back());
     drop(again);
     let watching = Page::open(&gateway, "w1", false);
     rests(&watching);
-    let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
-    let mut told = 0;
-    wait_until("every refusal is told", || {
+    let status: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
+    let mut received = 0;
+    wait_until("every refusal is received", || {
         while let Some(refusal) = refusals.next(Duration::ZERO).expect("a refusal") {
-            // A busy machine can hold up a command on its way; nothing else is refused.
+            // A busy machine can delay a command; other reasons must not occur.
             assert_eq!(refusal.code(), v1::RefusalCode::TooOld, "{refusal:?}");
-            told += refusal.count.max(1);
+            received += refusal.count.max(1);
         }
-        told >= status.refused
+        received >= status.refused
     });
 }
 
 #[test]
-fn a_preview_is_the_same_page_and_nobody_drives_from_it() {
+fn a_preview_is_the_same_page_without_driving() {
     let server = server("preview");
     let gateway = Gateway::preview(&server);
     let (code, text) = gateway.get("/", &gateway.address, "");
@@ -151,7 +153,7 @@ fn a_preview_is_the_same_page_and_nobody_drives_from_it() {
     assert_eq!(gateway.get("/", "evil.example", "").0, 403);
     assert_eq!(gateway.get("/../etc/passwd", &gateway.address, "").0, 404);
     let page = Page::open(&gateway, "w1", false);
-    wait_until("a picture is painted", || page.has_painted());
+    wait_until("an image is painted", || page.has_painted());
     let situation = page.situation();
     assert_eq!(situation["you"]["role"], "viewer", "{situation}");
     assert_eq!(situation["scenario"]["task"], "pick_mustard", "{situation}");
@@ -168,22 +170,22 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
     assert_eq!(anna.request("lease.ask", json!({}))["mine"], true);
     let refused = ben.request("lease.ask", json!({}));
     assert_eq!(refused["ok"], false, "{refused}");
-    wait_until("anna is told", || anna.was_noted("asks for control"));
+    wait_until("anna is notified", || anna.was_noted("asks for control"));
     gets_going(&mut anna, Held::back());
     assert_eq!(ben.request("lease.take", json!({}))["mine"], true);
-    wait_until("anna is told", || anna.was_noted("took control"));
+    wait_until("anna is notified", || anna.was_noted("took control"));
     rests(&carl);
     let at = chair(&carl);
     anna.hold_on();
     pass(&carl, 120);
     assert!(moved(&carl, at) < 0.01);
     gets_going(&mut ben, Held::forward());
-    // Whoever is an operator may stop.
+    // Every operator may stop.
     anna.stop();
-    wait_until("ben is told", || ben.was_noted("stopped everything"));
+    wait_until("ben is notified", || ben.was_noted("stopped everything"));
     rests(&carl);
     assert_eq!(ben.request("lease.give", json!({}))["ok"], true);
-    wait_until("nobody is in control", || {
+    wait_until("control is free", || {
         let situation = carl.situation();
         situation["lease"]["holder"] == "" && situation["lease"]["mine"] == false
     });
@@ -192,7 +194,7 @@ fn two_operators_hand_control_over_and_a_viewer_has_none() {
 }
 
 #[test]
-fn what_is_hostile_is_refused_and_moves_nothing() {
+fn hostile_requests_are_rejected_and_move_nothing() {
     let server = server("hostile");
     let gateway = Gateway::open(&server);
     let mut anna = Page::open(&gateway, "a1", true);
@@ -200,7 +202,7 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
     let at = chair(&anna);
     let own = gateway.address.clone();
     let cookie = gateway.cookie(true);
-    // Whose page it is, by which name it was asked, and who asks.
+    // Origin, host name and session of the request.
     for (host, origin, cookie, code) in [
         (own.as_str(), "http://evil.example", cookie.as_str(), 403),
         (
@@ -234,13 +236,13 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
     assert_eq!(gateway.post("/ticket", &cookie, &[], &long).0, 413);
     assert_eq!(gateway.post("/ticket", "", &[], "{}").0, 401);
 
-    // Tickets: none, twice, another's.
+    // Tickets: missing, used twice, of another session.
     let hello =
         |ticket: &str| json!({"t":"hello","protocol":1,"ticket":ticket,"page":"x1","lane":0});
     let ticket = gateway.ticket(true);
     let first = gateway.enter("/ws/state", true, &hello(&ticket));
     assert!(first.is_ok(), "{:?}", first.err());
-    for (said, code) in [
+    for (hello, code) in [
         (hello(&ticket), 4401),
         (hello("nothing"), 4401),
         (hello(&gateway.ticket(false)), 4401),
@@ -254,11 +256,11 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
             4400,
         ),
     ] {
-        let refused = gateway.enter("/ws/control", true, &said);
-        assert_eq!(refused.err(), Some(code), "{said}");
+        let refused = gateway.enter("/ws/control", true, &hello);
+        assert_eq!(refused.err(), Some(code), "{hello}");
     }
 
-    // Too long, too many, no text, no JSON.
+    // Too long, too many, binary, not JSON.
     let oversize = "x".repeat(5000);
     let drive = json!({"t":"drive","seq":1,"epoch":1,"shown":null,"chair":[1,0],
         "device":"keyboard","mode":"hold"})
@@ -276,7 +278,7 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
             .expect("a socket");
         assert_eq!(gateway::flood(socket, text, count), Some(code), "{count}");
     }
-    // Connections that say nothing, and sessions of viewers, take no place of hers.
+    // Silent connections and sessions of viewers do not displace hers.
     let silent: Vec<_> = (0..600)
         .map(|_| std::net::TcpStream::connect(&own))
         .collect();
@@ -289,7 +291,7 @@ fn what_is_hostile_is_refused_and_moves_nothing() {
     let hello = hello(&gateway.ticket(true));
     assert!(gateway.enter("/ws/state", true, &hello).is_ok());
     drop(silent);
-    // Nothing of it moved the chair, and whoever is in control still is.
+    // None of it moved the chair or changed the holder of control.
     pass(&anna, 60);
     assert!(moved(&anna, at) < 0.01);
     gets_going(&mut anna, Held::back());
@@ -306,14 +308,14 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
     assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
-    wait_until("the recorder is there", || {
+    wait_until("the recorder is connected", || {
         !page.situation()["recorders"]
             .as_array()
             .is_none_or(Vec::is_empty)
     });
     let started = page.request("episode.start", json!({"label": "driven", "recorders": 1}));
     assert_eq!(started["ok"], true, "{started}");
-    wait_until("it runs", || {
+    wait_until("the episode runs", || {
         page.situation()["episode"]["label"] == "driven"
     });
     gets_going(&mut page, Held::back());
@@ -322,7 +324,7 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
     page.step("hand", 2, 1);
     page.step("grip", 0, -1);
     pass(&page, 240);
-    // The recording spans two hashes.
+    // Long enough for two state hashes in the recording.
     pass(&page, 240);
     let finished = page.request("episode.finish", json!({}));
     assert_eq!(finished["ok"], true, "{finished}");
@@ -348,24 +350,24 @@ fn an_episode_through_the_gateway_replays_with_the_same_hashes() {
 }
 
 #[test]
-fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
+fn an_episode_is_kept_when_its_recorder_confirms_it_and_practice_is_not_recorded() {
     let folder = tempfile::tempdir().expect("a folder");
     let server = server("kept");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
     assert_eq!(page.request("lease.ask", json!({}))["mine"], true);
-    // Without a recorder nothing starts, loudly.
+    // Without a recorder no episode starts, and an alarm says so.
     let refused = page.request("episode.start", json!({}));
     assert_eq!(refused["ok"], false, "{refused}");
-    let told = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
-    wait_until("the alarm", || told(&page, "nothing can be recorded"));
+    let alarmed = |page: &Page, words: &str| page.situation()["alarms"].to_string().contains(words);
+    wait_until("the alarm", || alarmed(&page, "nothing can be recorded"));
     let practice = page.request("episode.start", json!({"recorders": 0}));
     assert_eq!(practice["practice"], true, "{practice}");
     let label = practice["label"].as_str().expect("a label").to_owned();
-    wait_until("it clears the alarm", || !told(&page, "recorded"));
+    wait_until("it clears the alarm", || !alarmed(&page, "recorded"));
     page.request("episode.finish", json!({}));
 
-    // Another session has used the folder: the label is the next free one.
+    // The folder has a file of this label: the next free label is used.
     let file = |number: u64| {
         let name = wheelarm_proto::label::numbered(wheelarm_proto::label::split(&label).0, number);
         folder.path().join(format!("{name}.h5"))
@@ -373,7 +375,7 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
     std::fs::write(file(1), "precious").expect("a file");
     let mut recorder = wheelarm_tests::Recorder::start(&server, "disk", folder.path(), &[]);
     let there = |page: &Page| !page.situation()["recorders"].to_string().eq("[]");
-    wait_until("the recorder is there", || there(&page));
+    wait_until("the recorder is connected", || there(&page));
     let practice = page.request("episode.start", json!({"recorders": 0}));
     assert_eq!(practice["label"], label.as_str(), "{practice}");
     pass(&page, 48);
@@ -401,10 +403,10 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
     wait_until("the recorder confirms", || page.was_noted("kept in"));
     assert!(file(2).is_file());
 
-    // A recorder that goes in an episode is an alarm at once.
+    // A recorder that vanishes during an episode raises an alarm at once.
     assert_eq!(page.request("episode.start", json!({}))["ok"], true);
     recorder.kill();
-    wait_until("the alarm", || told(&page, "NOTHING IS RECORDED"));
+    wait_until("the alarm", || alarmed(&page, "NOTHING IS RECORDED"));
     assert_eq!(
         std::fs::read_to_string(file(1)).expect("the file"),
         "precious"
@@ -412,7 +414,7 @@ fn an_episode_is_kept_when_its_recorder_says_so_and_practice_is_not_recorded() {
 }
 
 #[test]
-fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
+fn a_click_selects_an_object_and_a_key_ends_the_skill() {
     let server = Server::start(
         "goal",
         &[
@@ -436,17 +438,17 @@ fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
         json!({"candidate": chosen["candidate"], "action": "near"}),
     );
     assert_eq!(begun["ok"], true, "{begun}");
-    wait_until("a skill is at work", || {
+    wait_until("a skill runs", || {
         page.situation()["goal"]["stage"]
             .as_str()
             .is_some_and(|s| !s.is_empty())
     });
-    wait_until("its phase is told", || {
+    wait_until("its phase is reported", || {
         let phase = page.situation()["robot"]["phase"].clone();
         phase.as_str().is_some_and(|p| p.starts_with("assist:"))
     });
     page.press(Held::forward());
-    wait_until("the goal is over", || page.situation()["goal"].is_null());
+    wait_until("the goal has ended", || page.situation()["goal"].is_null());
     rests(&page);
     let at = chair(&page);
     page.hold_on();
@@ -455,7 +457,7 @@ fn a_click_names_a_thing_and_a_hand_on_the_keys_ends_the_skill() {
 }
 
 #[test]
-fn other_machines_are_let_in_encrypted_and_by_password_alone() {
+fn other_machines_need_encryption_and_a_password() {
     let refused =
         std::process::Command::new(wheelarm_tests::program("wheelarm").expect("a client"))
             .args(["drive", "--page", "0.0.0.0:0", "--task", "pick_mustard"])
@@ -471,12 +473,12 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     let folder = tempfile::tempdir().expect("a folder");
     let keys = folder.path().join("keys");
     let safe = Safe::open(server("keys"), &keys);
-    // Plain HTTP gets nothing but the end of the connection.
+    // Plain HTTP is disconnected without an answer.
     assert_eq!(safe.plain(), None);
     let (code, text) = safe.request("GET /session", "", "");
     assert_eq!(code, 401, "{text}");
     let (code, _) = safe.request("GET /?token=0", "", "");
-    assert_eq!(code, 401, "there are no links that let in");
+    assert_eq!(code, 401, "login links do not exist");
     let login = |user: &str, password: &str| {
         let body = json!({"user": user, "password": password}).to_string();
         safe.request("POST /login", "", &body)
@@ -491,7 +493,7 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     }
     let cookie = cookie.split(';').next().expect("a value");
     assert_eq!(safe.request("GET /session", cookie, "").0, 200);
-    // A cookie that somebody else chose is never the one of a session.
+    // A cookie chosen by an attacker is never that of a session.
     let name = cookie.split('=').next().expect("a name");
     let chosen = format!("{name}={}", "0".repeat(32));
     let body = json!({"user": "anna", "password": "right and long"}).to_string();
@@ -502,27 +504,27 @@ fn other_machines_are_let_in_encrypted_and_by_password_alone() {
     for _ in 0..5 {
         assert_eq!(login("anna", "wrong").0, 401);
     }
-    // Now not even the right one; others may still try.
+    // Now even the right password is rejected; other users may still log in.
     assert_eq!(login("anna", "right and long").0, 429);
-    assert_eq!(login("nobody", "wrong").0, 401);
+    assert_eq!(login("unknown", "wrong").0, 401);
     assert_eq!(safe.request("POST /logout", cookie, "{}").0, 204);
     assert_eq!(safe.request("GET /session", cookie, "").0, 401);
 }
 
-/// Takes control for the page `s1`, which ends `how` says.
+/// Takes control for the page `s1`, whose login ends in the way of `how`.
 fn loses_control(safe: &Safe, cookie: &str, how: impl FnOnce()) {
-    let link = safe.link();
+    let client = safe.client();
     let holder = || {
-        let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
         status.holder
     };
     let lane = safe.enter("/ws/control", cookie);
     let mut state = safe.enter("/ws/state", cookie);
-    let mut asked = 0;
+    let mut requests = 0;
     wait_until("anna is in control", || {
         // The gateway may not be connected yet.
-        asked += 1;
-        let ask = json!({"t": "ask", "id": asked, "ask": "lease.ask"}).to_string();
+        requests += 1;
+        let ask = json!({"t": "ask", "id": requests, "ask": "lease.ask"}).to_string();
         let sent = state.send(tungstenite::Message::Text(ask.into()));
         sent.is_ok() && holder() == "anna"
     });
@@ -562,7 +564,7 @@ fn the_end_of_a_session_closes_its_sockets_and_takes_control_back() {
             users.set_role("anna", viewer, false).expect("anna");
         });
     });
-    // A session of the lowered role, and whatever cookie came before it.
+    // A session of the lowered role, whatever cookie existed before.
     let cookie = safe.sign_in(second).expect("anna");
     let (code, text) = safe.request("GET /session", &cookie, "");
     assert!(code == 200 && text.contains("viewer"), "{text}");

@@ -1,4 +1,4 @@
-//! A client of a gateway that does what the page does.
+//! A client of a gateway that behaves like the page.
 
 use std::collections::BTreeMap;
 use std::net::{Shutdown, TcpStream};
@@ -16,24 +16,24 @@ use wheelarm_tests::wait_until;
 
 use super::gateway::{Gateway, Socket};
 
-/// Time between two looks at what is to be sent.
+/// Time between two checks for messages to send.
 const LOOK: Duration = Duration::from_millis(5);
 /// Time between two messages of a held key.
 const HOLD: Duration = Duration::from_millis(33);
 
-/// What is held.
+/// Held input.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Held {
     chair: [f64; 2],
 }
 
 impl Held {
-    /// The chair goes forward.
+    /// Chair forward.
     pub fn forward() -> Self {
         Self { chair: [1.0, 0.0] }
     }
 
-    /// The chair goes back.
+    /// Chair back.
     pub fn back() -> Self {
         Self { chair: [-1.0, 0.0] }
     }
@@ -48,8 +48,8 @@ struct Known {
     painted: BTreeMap<u8, u64>,
     situation: Value,
     answers: BTreeMap<u64, Value>,
-    said: Vec<Value>,
-    asked: u64,
+    received: Vec<Value>,
+    requests: u64,
 }
 
 impl Known {
@@ -78,22 +78,22 @@ pub struct Page {
 }
 
 impl Page {
-    /// Opens all sockets that the role may open, and shows every camera.
+    /// Opens all sockets that the role may open, and requests every camera.
     pub fn open(gateway: &Gateway, page: &str, operator: bool) -> Self {
         let known = Arc::new(Mutex::new(Known::default()));
         let ended = Arc::new(AtomicBool::new(false));
         let (mut streams, mut threads) = (Vec::new(), Vec::new());
-        let mut open = |path: &str, lane: u8, heard: Heard| {
+        let mut open = |path: &str, lane: u8, handler: Handler| {
             let ticket = gateway.ticket(operator);
             let hello = json!({"t":"hello","protocol":1,"ticket":ticket,"page":page,"lane":lane});
             let socket = gateway.enter(path, operator, &hello).expect("a socket");
             streams.push(socket.get_ref().try_clone().expect("a stream"));
-            let (said, to_say) = mpsc::channel();
+            let (sender, to_send) = mpsc::channel();
             let (known, ended) = (Arc::clone(&known), Arc::clone(&ended));
             threads.push(std::thread::spawn(move || {
-                serve(socket, &to_say, &known, &ended, heard);
+                serve(socket, &to_send, &known, &ended, handler);
             }));
-            said
+            sender
         };
         let state = open("/ws/state", 0, state);
         let video = open("/ws/video", 0, video);
@@ -122,7 +122,7 @@ impl Page {
         opened.keep_holding()
     }
 
-    /// Says what is held, or that the page is there.
+    /// Sends the held input, or a sign of life.
     fn keep_holding(mut self) -> Self {
         let (known, ended) = (Arc::clone(&self.known), Arc::clone(&self.ended));
         let lanes = self.lanes.clone();
@@ -165,19 +165,19 @@ impl Page {
         self.situation()["tick"].as_u64().unwrap_or(0)
     }
 
-    /// Asks, and waits for the answer.
+    /// Sends a request, and waits for the answer.
     pub fn request(&mut self, what: &str, more: Value) -> Value {
         let id = {
             let mut known = self.known.lock();
-            known.asked += 1;
-            known.asked
+            known.requests += 1;
+            known.requests
         };
-        let mut asked = json!({"t": "ask", "id": id, "ask": what});
-        if let (Value::Object(asked), Value::Object(more)) = (&mut asked, more) {
-            asked.extend(more);
+        let mut request = json!({"t": "ask", "id": id, "ask": what});
+        if let (Value::Object(request), Value::Object(more)) = (&mut request, more) {
+            request.extend(more);
         }
         self.state
-            .send(asked.to_string())
+            .send(request.to_string())
             .expect("the state socket");
         let mut answer = Value::Null;
         wait_until("an answer", || {
@@ -195,7 +195,7 @@ impl Page {
         known.held = Some(held);
     }
 
-    /// What is held stays so, without a fresh press.
+    /// Keeps holding, without a fresh press.
     pub fn hold_on(&mut self) {
         assert!(self.known.lock().held.is_some(), "nothing is held");
     }
@@ -205,7 +205,7 @@ impl Page {
         self.known.lock().held = Some(held);
     }
 
-    /// Lets go.
+    /// Releases.
     pub fn release(&mut self) {
         for _ in 0..3 {
             let message = {
@@ -249,43 +249,50 @@ impl Page {
         (known.epoch, known.seq)
     }
 
-    /// Goes on as the same page with other sockets.
+    /// Continues as the same page with other sockets.
     pub fn goes_on_from(&mut self, (epoch, seq): (u32, u32)) {
         let mut known = self.known.lock();
         known.epoch = epoch;
         known.seq += seq;
     }
 
-    /// Paints nothing any more, or again.
+    /// Stops painting, or starts again.
     pub fn freeze(&mut self, frozen: bool) {
         self.known.lock().frozen = frozen;
     }
 
-    /// The line is cut: nothing more goes, and nobody is told. The sockets stay open
+    /// Cuts the connection: all messages are dropped, without a close. The sockets stay open
     /// until the page is dropped.
     pub fn cut(&self) {
         self.ended.store(true, Ordering::Release);
     }
 
-    /// Whether a picture was painted.
+    /// Whether an image was painted.
     pub fn has_painted(&self) -> bool {
         !self.known.lock().painted.is_empty()
     }
 
-    /// Whether a message of this kind came.
-    pub fn was_told(&self, kind: &str) -> bool {
-        self.known.lock().said.iter().any(|said| said["t"] == kind)
+    /// Whether a message of this kind arrived.
+    pub fn has_received(&self, kind: &str) -> bool {
+        self.known
+            .lock()
+            .received
+            .iter()
+            .any(|message| message["t"] == kind)
     }
 
-    /// Forgets what was said.
-    pub fn forget_told(&mut self) {
-        self.known.lock().said.clear();
+    /// Clears the received messages.
+    pub fn forget_received(&mut self) {
+        self.known.lock().received.clear();
     }
 
-    /// Whether a note with these words came.
+    /// Whether a note with these words arrived.
     pub fn was_noted(&self, words: &str) -> bool {
         let known = self.known.lock();
-        let mut notes = known.said.iter().filter_map(|said| said["text"].as_str());
+        let mut notes = known
+            .received
+            .iter()
+            .filter_map(|message| message["text"].as_str());
         notes.any(|note| note.contains(words))
     }
 
@@ -296,7 +303,7 @@ impl Page {
         gateway.enter(path, false, &hello).err()
     }
 
-    /// A candidate that can be taken, wherever it is seen.
+    /// A candidate that can be taken, in the image of any camera.
     pub fn points_at_anything(&mut self) -> Option<Value> {
         let cameras: Vec<u8> = self.known.lock().painted.keys().copied().collect();
         for camera in cameras {
@@ -304,8 +311,8 @@ impl Page {
                 let tick = self.known.lock().painted[&camera];
                 let u = (f64::from(cell % 8) + 0.5) / 8.0;
                 let v = (f64::from(cell / 8) + 0.5) / 6.0;
-                let asked = json!({"camera": camera, "tick": tick, "u": u, "v": v});
-                let answer = self.request("pick", asked);
+                let request = json!({"camera": camera, "tick": tick, "u": u, "v": v});
+                let answer = self.request("pick", request);
                 assert_eq!(answer["ok"], true, "{answer}");
                 let found = &answer["candidates"][0];
                 if !found.is_null() {
@@ -334,21 +341,21 @@ impl Drop for Page {
     }
 }
 
-/// What is done with a message; what is answered.
-type Heard = fn(&mut Known, Message) -> Option<String>;
+/// Handles a message; returns the answer.
+type Handler = fn(&mut Known, Message) -> Option<String>;
 
-/// Sends what is to be said and hears what comes, until the end.
+/// Sends the queued messages and handles the received ones, until the end.
 fn serve(
     mut socket: Socket,
-    to_say: &Receiver<String>,
+    to_send: &Receiver<String>,
     known: &Mutex<Known>,
     ended: &AtomicBool,
-    heard: Heard,
+    handler: Handler,
 ) {
     let stream = socket.get_ref();
     stream.set_read_timeout(Some(LOOK)).expect("a patience");
     while !ended.load(Ordering::Acquire) {
-        for text in to_say.try_iter() {
+        for text in to_send.try_iter() {
             if socket.send(Message::Text(text.into())).is_err() {
                 return;
             }
@@ -356,7 +363,7 @@ fn serve(
         match socket.read() {
             Ok(Message::Close(_)) => return,
             Ok(message) => {
-                let answer = heard(&mut known.lock(), message);
+                let answer = handler(&mut known.lock(), message);
                 if let Some(answer) = answer
                     && socket.send(Message::Text(answer.into())).is_err()
                 {
@@ -377,14 +384,14 @@ fn state(known: &mut Known, message: Message) -> Option<String> {
     let Message::Text(text) = message else {
         return None;
     };
-    let said: Value = serde_json::from_str(&text).expect("JSON");
-    match said["t"].as_str().unwrap_or_default() {
-        "situation" => known.situation = said,
+    let message: Value = serde_json::from_str(&text).expect("JSON");
+    match message["t"].as_str().unwrap_or_default() {
+        "situation" => known.situation = message,
         "answer" => {
-            let id = said["id"].as_u64().expect("a number");
-            known.answers.insert(id, said);
+            let id = message["id"].as_u64().expect("a number");
+            known.answers.insert(id, message);
         }
-        _ => known.said.push(said),
+        _ => known.received.push(message),
     }
     None
 }
@@ -406,12 +413,12 @@ fn video(known: &mut Known, message: Message) -> Option<String> {
     Some(ack.to_string())
 }
 
-/// A command as it was recorded.
+/// A recorded command.
 #[derive(Debug)]
 pub struct Recorded {
-    /// What it was commanded with.
+    /// Input device.
     pub device: String,
-    /// How the input became motion.
+    /// Input mode.
     pub mode: String,
     /// Age of the state that it answers, ticks.
     pub loop_age_ticks: u64,

@@ -1,4 +1,4 @@
-//! A gateway with keys and users, asked over TLS.
+//! A gateway with TLS and users.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -30,7 +30,7 @@ pub struct Safe {
 }
 
 impl Safe {
-    /// Makes keys in a folder, and starts the gateway with them.
+    /// Creates keys in a folder, and starts the gateway with them.
     pub fn open(server: Server, keys: &Path) -> Self {
         let folder = Folder::init(keys, &["localhost".to_owned()]).expect("keys");
         let mut users = folder.users().expect("users");
@@ -81,7 +81,7 @@ impl Safe {
         StreamOwned::new(connection, self.tcp())
     }
 
-    /// Status of the answer to a question without encryption.
+    /// Status of the answer to a request without encryption.
     pub fn plain(&self) -> Option<u16> {
         let mut stream = self.tcp();
         let question = format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", self.address);
@@ -92,7 +92,7 @@ impl Safe {
         text.strip_prefix("HTTP/1.1 ")?.get(..3)?.parse().ok()
     }
 
-    /// Status and text of the answer to a question, `GET /` or `POST /`.
+    /// Status and text of the answer to a request, `GET /` or `POST /`.
     pub fn request(&self, what: &str, cookie: &str, body: &str) -> (u16, String) {
         let mut stream = self.connect();
         let question = format!(
@@ -109,7 +109,7 @@ impl Safe {
         (code.unwrap_or(0), text)
     }
 
-    /// The cookie of `anna`, signed in.
+    /// The cookie of `anna`, logged in.
     pub fn sign_in(&self, password: &str) -> Option<String> {
         let body = json!({"user": "anna", "password": password}).to_string();
         let (code, head) = self.request("POST /login", "", &body);
@@ -118,8 +118,8 @@ impl Safe {
         value.filter(|_| code == 200).map(str::to_owned)
     }
 
-    /// The link to the server behind it.
-    pub fn link(&self) -> wheelarm_sdk::Client {
+    /// The connection to the server behind it.
+    pub fn client(&self) -> wheelarm_sdk::Client {
         self.server.link()
     }
 

@@ -321,7 +321,7 @@ fn a_viewer_on_a_narrow_link_steps_down_and_holds_nobody_up() {
                 .expect("a clock");
             let way = arrived.as_secs_f64() - frame.sent_unix_nanos as f64 * 1e-9;
             low += i32::from(frame.level() == PreviewLevel::Low.code());
-            ladder.came(frame.header.unwrap_or_default().sequence, way, now());
+            ladder.arrived(frame.header.unwrap_or_default().sequence, way, now());
             seen += 1;
         }
         if let Some(level) = ladder.decide(now()) {

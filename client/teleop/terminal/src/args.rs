@@ -9,10 +9,10 @@ use wheelarm_options::choice;
 /// Options of `wheelarm teleop`.
 #[derive(Args, Clone, Debug)]
 pub struct TeleopArgs {
-    /// Name under which you command; others see it.
+    /// Name under which you command; other users see it.
     #[arg(long, default_value_t = choice::own_name("teleop"), value_parser = choice::name, value_name = "NAME")]
     pub commander: String,
-    /// Takes control from whoever holds it.
+    /// Takes control from its current holder.
     #[arg(long)]
     pub take: bool,
     /// Label of the first episode; from task and seed when absent.
@@ -21,7 +21,7 @@ pub struct TeleopArgs {
     /// Instruction of the first episode; the scenario's when absent.
     #[arg(long)]
     pub instruction: Option<String>,
-    /// Recorders that must be ready when an episode starts; 0 practises: nothing is
+    /// Recorders that must be ready when an episode starts; 0 is practice: nothing is
     /// recorded.
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub require_recorders: u32,
@@ -33,13 +33,13 @@ pub struct TeleopArgs {
     /// direction stays until k.
     #[arg(long, value_name = "SECONDS", value_parser = dead_man)]
     pub dead_man: Option<f64>,
-    /// Shows where the object of the task lies (ground truth).
+    /// Shows the position of the task's object (ground truth).
     #[arg(long)]
     pub target_hint: bool,
-    /// Address of the preview page; another port is taken when it is in use.
+    /// Address of the preview page; another port is used when it is taken.
     #[arg(long, default_value = wheelarm_teleop_web::preview::DEFAULT_ADDRESS, value_name = "ADDRESS:PORT")]
     pub page: SocketAddr,
-    /// No preview page.
+    /// Starts no preview page.
     #[arg(long)]
     pub no_page: bool,
 }

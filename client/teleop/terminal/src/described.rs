@@ -1,4 +1,4 @@
-//! A robot of the tests.
+//! A robot for tests.
 
 use wheelarm_proto::v1;
 

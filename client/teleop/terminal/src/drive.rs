@@ -1,4 +1,4 @@
-//! The chair by keys: directions latch, speeds are set in steps. Pure.
+//! Keyboard control of the chair: directions latch, speeds change in steps. Pure.
 
 use wheelarm_proto::v1;
 
@@ -11,10 +11,10 @@ const LEAST: [f64; 2] = [0.02, 0.05];
 const GREATEST: [f64; 2] = [1.667, 1.68];
 /// Time between two messages while a direction is latched: 20 Hz.
 const RESEND: f64 = 0.05;
-/// Messages that say stop after the chair was stopped.
+/// Repetitions of a stop.
 const STOPS: u8 = 3;
 
-/// The chair's keys and what they stand for: forward, left.
+/// The chair's keys and their directions: forward, left.
 pub const DIRECTIONS: [(char, [f64; 2]); 8] = [
     ('u', [1.0, 1.0]),
     ('i', [1.0, 0.0]),
@@ -29,7 +29,7 @@ pub const DIRECTIONS: [(char, [f64; 2]); 8] = [
 /// The key that stops the chair.
 const STOP: char = 'k';
 
-/// The keys of the speeds and by what they multiply forward speed and turn rate.
+/// The speed keys, with their factors of forward speed and turn rate.
 pub const SPEEDS: [(char, [f64; 2]); 6] = [
     ('q', [1.1, 1.1]),
     ('z', [0.9, 0.9]),
@@ -39,14 +39,14 @@ pub const SPEEDS: [(char, [f64; 2]); 6] = [
     ('c', [1.0, 0.9]),
 ];
 
-/// What the chair is told.
+/// Commanded motion of the chair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drive {
     /// Forward speed, m/s, and turn rate, rad/s, of a latched direction.
     pub speeds: [f64; 2],
     /// Latched direction: forward and left, each -1, 0 or 1.
     pub direction: Option<[f64; 2]>,
-    /// Seconds after the last key until the chair stops by itself, if wanted.
+    /// Seconds after the last key until the chair stops by itself, if set.
     pub dead_man: Option<f64>,
     last_key: f64,
     next: f64,
@@ -54,7 +54,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// Standing.
+    /// A chair at rest.
     #[must_use]
     pub fn new(dead_man: Option<f64>) -> Self {
         Self {
@@ -67,7 +67,7 @@ impl Drive {
         }
     }
 
-    /// Takes a key of the chair; whether it is one.
+    /// Handles a key of the chair; returns whether it is one.
     pub fn key(&mut self, key: char, now: f64) -> bool {
         if let Some((_, direction)) = DIRECTIONS.iter().find(|(k, _)| *k == key) {
             self.direction = Some(*direction);
@@ -89,22 +89,22 @@ impl Drive {
         true
     }
 
-    /// Stops the chair; said a few times.
+    /// Stops the chair; the stop is repeated a few times.
     pub fn stop(&mut self, now: f64) {
         self.direction = None;
         self.stops = STOPS;
         self.next = now;
     }
 
-    /// Forgets the direction without a word: nobody would hear it.
+    /// Clears the direction without a message, for a lost connection.
     pub fn forget(&mut self) {
         self.direction = None;
         self.stops = 0;
     }
 
-    /// Speeds as told now, m/s and rad/s.
+    /// Current speeds, m/s and rad/s.
     #[must_use]
-    pub fn told(&self) -> [f64; 2] {
+    pub fn commanded_speeds(&self) -> [f64; 2] {
         let [forward, left] = self.direction.unwrap_or_default();
         [forward * self.speeds[0], left * self.speeds[1]]
     }
@@ -121,7 +121,7 @@ impl Drive {
         }
         self.stops = self.stops.saturating_sub(1);
         self.next = now + RESEND;
-        let [linear, angular] = self.told();
+        let [linear, angular] = self.commanded_speeds();
         Some(v1::BaseCommand { linear, angular })
     }
 }
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_direction_is_sent_again_at_20_hz_until_k() {
+    fn a_direction_is_repeated_at_20_hz_until_k() {
         let mut drive = Drive::new(None);
         assert!(drive.key('o', 0.0));
         let messages = sent(&mut drive, 0.0, 2.0);
@@ -158,7 +158,7 @@ mod tests {
         let mut drive = Drive::new(None);
         drive.key('i', 0.0);
         drive.key('w', 0.0);
-        assert!((drive.told()[0] - 0.55).abs() < 1e-12);
+        assert!((drive.commanded_speeds()[0] - 0.55).abs() < 1e-12);
         for _ in 0..100 {
             drive.key('z', 0.0);
         }

@@ -1,5 +1,5 @@
-//! What is typed instead of driven: label and instruction of an episode, task
-//! and seed of a reset, and the questions before something is lost. Pure.
+//! Forms: label and instruction of an episode, task and seed of a reset, and
+//! confirmations before something is lost. Pure.
 
 use wheelarm_proto::{check, v1};
 
@@ -52,7 +52,7 @@ impl Field {
         }
     }
 
-    /// Takes a key; whether it belongs to a field.
+    /// Handles a key; returns whether it belongs to a field.
     pub fn key(&mut self, key: &Key) -> bool {
         match key {
             Key::Char(character) => self.insert(&character.to_string()),
@@ -79,16 +79,16 @@ impl Field {
     }
 }
 
-/// What stands on the screen instead of the controls.
+/// Form that covers the controls.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
     /// Start of an episode: label, instruction, recorders.
     Start {
         /// The fields in this order.
         fields: [Field; 3],
-        /// Field that takes the keys.
+        /// Field with the focus.
         focus: usize,
-        /// What is wrong with the fields.
+        /// Problem of the fields.
         problem: String,
     },
     /// Set-up of a scenario: one of the tasks, seed.
@@ -99,24 +99,24 @@ pub enum Form {
         chosen: usize,
         /// Seed.
         seed: Field,
-        /// What is wrong with the seed.
+        /// Problem of the seed.
         problem: String,
     },
-    /// Take control from somebody?
+    /// Take control from its holder?
     Take {
-        /// Who holds it.
+        /// The holder.
         holder: String,
     },
     /// Leave while an episode runs?
     Leave,
 }
 
-/// What came of a key.
+/// Result of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
     /// The form stays.
     Stay,
-    /// The form is closed, nothing happens.
+    /// The form closes without an action.
     Close,
     /// Start an episode.
     Start {
@@ -145,9 +145,9 @@ pub enum Answer {
 pub enum Leaving {
     /// It is ended and kept.
     Keep,
-    /// It is thrown away.
+    /// It is discarded.
     Discard,
-    /// It goes on.
+    /// It continues.
     Run,
 }
 
@@ -169,7 +169,7 @@ impl Form {
         }
     }
 
-    /// The form for setting up a scenario; `task` and `seed` are in force.
+    /// The form for setting up a scenario; `task` and `seed` are the current ones.
     #[must_use]
     pub fn reset(tasks: Vec<v1::TaskInfo>, task: &str, seed: u64) -> Self {
         Self::Reset {
@@ -180,10 +180,10 @@ impl Form {
         }
     }
 
-    /// Takes a key.
+    /// Handles a key.
     pub fn key(&mut self, key: &Key) -> Answer {
         match (key, &self) {
-            // Whoever insists on leaving leaves.
+            // A second Ctrl-C leaves without an answer.
             (Key::Ctrl('c'), Self::Leave) => return Answer::Leave(Leaving::Run),
             (Key::Escape | Key::Ctrl('c'), _) => return Answer::Close,
             _ => {}
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn an_instruction_is_taken_as_typed_and_pasted() {
+    fn an_instruction_is_kept_as_typed_and_pasted() {
         let mut form = Form::start("try-1", "", 1);
         typed(&mut form, "bring mir die große ");
         form.key(&Key::Paste("Tasse 茶\n".to_owned()));

@@ -1,14 +1,14 @@
-//! Bytes of a terminal become keys. Pure.
+//! Decodes the bytes of a terminal into keys. Pure.
 //!
 //! Only what every terminal sends is used, also over SSH and in tmux: no key
 //! releases, no extended protocols. Pasted text arrives bracketed as one key,
-//! so that it can never be taken for driving.
+//! so that it can never be interpreted as driving.
 //!
-//! Not crossterm's event reader, which was tried (0.29): it takes an escape
-//! sequence that arrives in pieces, as it does over SSH, for Escape and
+//! crossterm's event reader (0.29) is not used: it decodes an escape
+//! sequence that arrives in pieces, as over SSH, as Escape and
 //! letters, which drive (crossterm issue 993), and the test
 //! `a_sequence_that_arrives_in_pieces_is_one_key_and_a_lone_escape_another`
-//! forbids that. `terminal` names the other reason.
+//! forbids that. `terminal` documents the other reason.
 
 /// A key, or text that was pasted.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,7 +43,7 @@ pub enum Key {
     End,
     /// Text pasted at once.
     Paste(String),
-    /// A key that has no meaning here.
+    /// A key without a function here.
     Other,
 }
 
@@ -51,10 +51,10 @@ const PASTE_BEGINS: &[u8] = b"\x1b[200~";
 const PASTE_ENDS: &[u8] = b"\x1b[201~";
 /// Longest paste that is kept, bytes; an instruction has at most 10 000.
 const MAX_PASTE: usize = 64 * 1024;
-/// Longest escape sequence that is waited for, bytes.
+/// Longest incomplete escape sequence, bytes.
 const MAX_SEQUENCE: usize = 32;
 
-/// Takes bytes apart.
+/// Decoder of the input bytes.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
     bytes: Vec<u8>,
@@ -68,7 +68,7 @@ enum Step {
 }
 
 impl Decoder {
-    /// Takes bytes as they came; returns the keys that are complete.
+    /// Adds received bytes; returns the complete keys.
     pub fn feed(&mut self, bytes: &[u8]) -> Vec<Key> {
         self.bytes.extend_from_slice(bytes);
         let mut keys = Vec::new();
@@ -79,7 +79,7 @@ impl Decoder {
         keys
     }
 
-    /// Nothing more came for a moment: a lone escape character is the key.
+    /// Called when no byte arrived for a moment: a lone escape character is the key.
     pub fn idle(&mut self) -> Vec<Key> {
         if self.bytes.starts_with(PASTE_BEGINS) {
             return Vec::new();
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_told_apart() {
+    fn keys_are_distinguished() {
         let mut decoder = Decoder::default();
         let keys = decoder.feed("ä \r\x7f\x03\x1b[A\x1bOC\x1b[Z\x1b[3~".as_bytes());
         let expected = [

@@ -1,7 +1,7 @@
 //! `wheelarm teleop`: a person drives chair, arm and gripper by keys.
 //!
-//! [`model`] decides and is pure, `view` draws it, `run` wires it to the
-//! terminal and to the server. Nothing here looks at the wall clock but `run`.
+//! [`model`] decides and is pure, `view` renders it, `run` connects it to the
+//! terminal and to the server. Only `run` reads the wall clock.
 
 mod args;
 #[cfg(test)]
@@ -25,15 +25,15 @@ use wheelarm_sdk::Connect;
 /// Runs `wheelarm teleop`.
 ///
 /// # Errors
-/// When there is no terminal, or the page's address cannot be used.
+/// When standard input is not a terminal, or the page's address cannot be bound.
 pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<ExitCode> {
     Ok(match run::run(connect, args)? {
         Ended::Left => ExitCode::SUCCESS,
         Ended::Cut(why) => {
-            // The terminal may be gone, and then nobody reads it.
+            // The terminal may be gone, so a write error is ignored.
             let _ = writeln!(
                 std::io::stderr(),
-                "ended by {why}: the chair was told to stop and the arm to hold; a running episode continues (wheelarm status)"
+                "ended by {why}: the chair was stopped and the arm holds; a running episode continues (wheelarm status)"
             );
             ExitCode::FAILURE
         }

@@ -1,5 +1,5 @@
-//! The screen's backend, which never asks the terminal anything: an answer
-//! would come among the keys that are typed, and be taken for some of them.
+//! The screen's backend, which never queries the terminal: a reply would arrive
+//! among the typed keys and could be interpreted as some of them.
 
 use std::io::{self, Write};
 
@@ -7,7 +7,7 @@ use ratatui::backend::{Backend, ClearType, TermionBackend, WindowSize};
 use ratatui::buffer::Cell;
 use ratatui::layout::{Position, Size};
 
-/// A terminal that is only written to.
+/// A write-only terminal.
 pub(super) struct Quiet<W: Write>(TermionBackend<W>);
 
 impl<W: Write> Quiet<W> {
@@ -40,8 +40,8 @@ impl<W: Write> Backend for Quiet<W> {
         self.0.show_cursor()
     }
 
-    /// Nobody needs it: the cursor is hidden, or put where text is entered
-    /// with every picture.
+    /// Not needed: the cursor is hidden, or placed where text is entered
+    /// with every frame.
     fn get_cursor_position(&mut self) -> io::Result<Position> {
         Ok(Position::ORIGIN)
     }

@@ -1,4 +1,4 @@
-//! Teleoperation at work: events in, the model's decisions out, the screen.
+//! The event loop of teleoperation: feeds the model, executes its effects, renders.
 
 use std::time::{Duration, Instant};
 use wheelarm_proto::TopicId;
@@ -8,15 +8,15 @@ use crossbeam_channel::{Receiver, Sender, unbounded};
 
 use crate::args::TeleopArgs;
 use crate::keys::Key;
-use crate::model::{Effect, Errand, Model, Settings};
+use crate::model::{Effect, Model, Operation, Settings};
 use crate::terminal::{Screen, Typed, read_keys};
 use crate::view::{self, Theme};
 use wheelarm_proto::signals::Signals;
 use wheelarm_sdk::{Client, Commander, Connect};
-use wheelarm_teleop_web::errand::{self, Brought};
+use wheelarm_teleop_web::pending_operation::{self, OperationEvent};
 use wheelarm_teleop_web::preview::{self, PreviewArgs};
 use wheelarm_teleop_web::send::Commands;
-use wheelarm_teleop_web::watch::{Heard, Line};
+use wheelarm_teleop_web::watch::{ConnectionEvent, ServerConnection};
 
 /// Streams that the screen shows.
 const STREAMS: [TopicId; 11] = [
@@ -32,44 +32,44 @@ const STREAMS: [TopicId; 11] = [
     TopicId::Refusal,
     TopicId::EpisodeStop,
 ];
-/// Time between two pictures of the screen.
+/// Time between two frames of the screen.
 const FRAME: f64 = 1.0 / 12.0;
 /// Time from the last command until the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(150);
 
 enum Event {
-    Heard(Heard),
+    Connection(ConnectionEvent),
     Typed(Typed),
     Signal(&'static str),
-    Brought(Brought),
+    Operation(OperationEvent),
     Echo(f64),
 }
 
 /// How teleoperation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// As the person asked.
+    /// The person left.
     Left,
-    /// By a signal or because the terminal died; the robot was stopped.
+    /// By a signal or a lost terminal; the robot was stopped.
     Cut(&'static str),
 }
 
-struct Operation {
+struct Teleoperation {
     model: Model,
     events: Sender<Event>,
-    link: Option<Client>,
+    client: Option<Client>,
     commands: Option<Commands>,
     began: Instant,
     ended: Option<Ended>,
     redraw: bool,
 }
 
-/// Operates until the person leaves, the terminal dies or a signal comes.
+/// Operates until the person leaves, the terminal is lost or a signal arrives.
 ///
 /// # Errors
-/// When there is no terminal, or the page's address cannot be used.
+/// When standard input is not a terminal, or the page's address cannot be bound.
 pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
-    let (events, came) = unbounded();
+    let (events, receiver) = unbounded();
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
@@ -92,27 +92,27 @@ pub fn run(connect: &Connect, args: &TeleopArgs) -> anyhow::Result<Ended> {
     if args.target_hint {
         streams.push(TopicId::ObjectPose);
     }
-    let mut operation = Operation {
+    let mut teleoperation = Teleoperation {
         model: Model::new(settings(args)),
         events: events.clone(),
-        link: None,
+        client: None,
         commands: None,
         began: Instant::now(),
         ended: None,
         redraw: false,
     };
     if let Some(page) = &page {
-        operation.model.page = page.watch_url();
+        teleoperation.model.page = page.watch_url();
     }
-    let line = Line::open(connect.clone(), streams, events, Event::Heard);
+    let connection = ServerConnection::open(connect.clone(), streams, events, Event::Connection);
     let theme = Theme {
         colours: std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()),
     };
-    let ended = operation.work(&came, &mut screen, theme);
-    // First the robot, then the screen.
-    operation.farewell();
+    let ended = teleoperation.work(&receiver, &mut screen, theme);
+    // The robot stops before the screen is restored.
+    teleoperation.farewell();
     drop(screen);
-    drop(line);
+    drop(connection);
     drop(page);
     runtime.shutdown_timeout(Duration::from_millis(200));
     Ok(ended)
@@ -150,22 +150,22 @@ fn watch_signals(runtime: &tokio::runtime::Runtime, events: Sender<Event>) {
     }
 }
 
-impl Operation {
+impl Teleoperation {
     fn now(&self) -> f64 {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// The loop: ends when the person leaves or nobody is there any more.
-    fn work(&mut self, came: &Receiver<Event>, screen: &mut Screen, theme: Theme) -> Ended {
+    /// The loop: ends when the person leaves or the terminal is lost.
+    fn work(&mut self, receiver: &Receiver<Event>, screen: &mut Screen, theme: Theme) -> Ended {
         let mut next_frame = 0.0_f64;
         loop {
             let now = self.now();
             let due = self.model.next_tick(now).min(next_frame.max(now));
             let wait = Duration::from_secs_f64((due - now).max(0.0));
-            if let Ok(event) = came.recv_timeout(wait) {
+            if let Ok(event) = receiver.recv_timeout(wait) {
                 self.take(event);
-                // What came meanwhile belongs to the same picture.
-                for event in came.try_iter().take(500) {
+                // Events that arrived meanwhile belong to the same frame.
+                for event in receiver.try_iter().take(500) {
                     self.take(event);
                 }
             }
@@ -204,12 +204,12 @@ impl Operation {
             }
             Event::Typed(Typed::Gone) => self.ended = Some(Ended::Cut("the terminal is gone")),
             Event::Signal(name) => self.ended = Some(Ended::Cut(name)),
-            Event::Heard(heard) => {
-                let effects = self.hear(heard, now);
+            Event::Connection(event) => {
+                let effects = self.handle_connection(event, now);
                 self.perform(effects);
             }
-            Event::Brought(Brought::Control(commander)) => self.take_control(*commander),
-            Event::Brought(Brought::Done(done)) => {
+            Event::Operation(OperationEvent::Control(commander)) => self.take_control(*commander),
+            Event::Operation(OperationEvent::Done(done)) => {
                 let effects = self.model.done(done, now);
                 self.perform(effects);
             }
@@ -217,24 +217,26 @@ impl Operation {
         }
     }
 
-    fn hear(&mut self, heard: Heard, now: f64) -> Vec<Effect> {
-        match heard {
-            Heard::Connected(link) => {
-                self.link = Some(*link);
+    fn handle_connection(&mut self, event: ConnectionEvent, now: f64) -> Vec<Effect> {
+        match event {
+            ConnectionEvent::Connected(client) => {
+                self.client = Some(*client);
                 self.model.connected(now)
             }
-            Heard::Sample(sample) => self.model.sample(*sample, now),
-            Heard::Robot(robot) => self.model.robot(&robot),
-            Heard::Status(status, round_trip) => self.model.status(*status, round_trip, now),
-            Heard::Silent => {
+            ConnectionEvent::Sample(sample) => self.model.sample(*sample, now),
+            ConnectionEvent::Robot(robot) => self.model.robot(&robot),
+            ConnectionEvent::Status(status, round_trip) => {
+                self.model.status(*status, round_trip, now)
+            }
+            ConnectionEvent::Silent => {
                 self.model.silent(now);
                 Vec::new()
             }
-            Heard::Lost(reason) => {
+            ConnectionEvent::Lost(reason) => {
                 self.model.lost(&reason, now);
-                self.link = None;
+                self.client = None;
                 if let Some(commands) = self.commands.take() {
-                    // Its thread may hang in the dead link.
+                    // Its thread may hang in the dead connection.
                     std::thread::spawn(move || commands.finish());
                 }
                 Vec::new()
@@ -243,14 +245,14 @@ impl Operation {
     }
 
     fn take_control(&mut self, commander: Commander) {
-        let Some(link) = &self.link else { return };
+        let Some(client) = &self.client else { return };
         let events = self.events.clone();
         let name = self.model.settings.commander.clone();
         let echoed = move |delay| {
             // A closed queue means that the program ends.
             let _ = events.send(Event::Echo(delay));
         };
-        self.commands = Some(Commands::new(link, commander, name, echoed));
+        self.commands = Some(Commands::new(client, commander, name, echoed));
     }
 
     fn perform(&mut self, effects: Vec<Effect>) {
@@ -264,17 +266,23 @@ impl Operation {
                         self.model.silent(now);
                     }
                 }
-                Effect::Errand(errand) => {
-                    if let Some(link) = &self.link {
+                Effect::Operation(operation) => {
+                    if let Some(client) = &self.client {
                         let events = self.events.clone();
                         let name = self.model.settings.commander.clone();
-                        // Two lives of one commander would hold each other up.
-                        let asks = matches!(errand, Errand::Lease { .. });
-                        let former = if asks { self.commands.take() } else { None };
-                        errand::run(link.clone(), name, errand, former, move |brought| {
-                            // A closed queue means that the program ends.
-                            let _ = events.send(Event::Brought(brought));
-                        });
+                        // Two command channels of one client would block each other.
+                        let leases = matches!(operation, Operation::Lease { .. });
+                        let former = if leases { self.commands.take() } else { None };
+                        pending_operation::run(
+                            client.clone(),
+                            name,
+                            operation,
+                            former,
+                            move |event| {
+                                // A closed queue means that the program ends.
+                                let _ = events.send(Event::Operation(event));
+                            },
+                        );
                     }
                 }
                 Effect::Quit => self.ended = Some(Ended::Left),
@@ -282,7 +290,7 @@ impl Operation {
         }
     }
 
-    /// Brakes the chair, holds the arm and gives control back.
+    /// Brakes the chair, holds the arm and releases control.
     fn farewell(&mut self) {
         let effects = {
             let now = self.now();
@@ -291,7 +299,7 @@ impl Operation {
         self.ended = None;
         self.perform(effects);
         if let Some(commands) = self.commands.take() {
-            // The stop is on its way before control is given back.
+            // The stop must leave before control is released.
             std::thread::sleep(FAREWELL);
             commands.finish();
         }

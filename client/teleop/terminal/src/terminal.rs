@@ -1,10 +1,10 @@
-//! The terminal: raw mode and the other screen, put back in order whatever
-//! happens; keys as they come; the moment it dies.
+//! The terminal: raw mode and the alternate screen, restored in every case; keyboard
+//! input; detection of its loss.
 //!
 //! The keyboard is read here byte by byte, because a reader must notice that
-//! the terminal is gone: then the chair has to stop. On a terminal that hung up
-//! crossterm's reader (0.29, issue 793) neither returns nor fails, but takes all
-//! of a processor; the test `a_reader_ends_with_its_terminal` holds that this
+//! the terminal is gone: then the chair must stop. On a terminal that hung up
+//! crossterm's reader (0.29, issue 793) neither returns nor fails, but uses a whole
+//! CPU core; the test `a_reader_ends_with_its_terminal` checks that this
 //! one ends.
 
 use std::io::{BufWriter, IsTerminal, Stdout, Write};
@@ -23,21 +23,21 @@ use crate::quiet::Quiet;
 
 /// The other screen, bracketed paste, no cursor.
 const ENTER: &str = "\x1b[?1049h\x1b[?2004h\x1b[?25l\x1b[2J";
-/// Back: colours, cursor, paste, screen.
+/// Restores colors, cursor, paste mode and screen.
 const LEAVE: &str = "\x1b[0m\x1b[?25h\x1b[?2004l\x1b[?1049l";
 /// A lone escape character is the Escape key after this time.
 const ESCAPE: Duration = Duration::from_millis(60);
-/// How often the terminal's life is looked at.
+/// Interval of the checks whether the terminal is still there.
 const WATCH: Duration = Duration::from_millis(200);
 
-/// The terminal's own settings, for putting them back from anywhere.
+/// The terminal's original settings, to restore them from anywhere.
 static SAVED: Mutex<Option<Termios>> = Mutex::new(None);
 
-/// Puts the terminal back in order; does nothing the second time.
+/// Restores the terminal; does nothing the second time.
 pub fn restore() {
     let saved = SAVED.lock().take();
     if let Some(saved) = saved {
-        // A terminal that is gone needs no order.
+        // A lost terminal cannot be restored.
         let mut out = std::io::stdout();
         let _ = out.write_all(LEAVE.as_bytes()).and_then(|()| out.flush());
         let _ = tcsetattr(std::io::stdin().as_fd(), OptionalActions::Flush, &saved);
@@ -72,7 +72,7 @@ impl Screen {
         }));
         tcsetattr(input.as_fd(), OptionalActions::Flush, &raw)
             .context("switching the terminal to single keys")?;
-        // From here on the screen is put back when this is dropped.
+        // From here on the screen is restored when this is dropped.
         let writer = BufWriter::with_capacity(1 << 16, output);
         let terminal = Terminal::new(Quiet::new(writer));
         let mut screen = Self {
@@ -87,7 +87,7 @@ impl Screen {
         out.write(text).context("writing to the terminal")
     }
 
-    /// Draws; a changed size is noticed by itself.
+    /// Renders a frame; adapts to a changed size.
     ///
     /// # Errors
     /// When the terminal is gone.
@@ -98,7 +98,7 @@ impl Screen {
             .context("drawing on the terminal")
     }
 
-    /// Draws everything anew next time.
+    /// Repaints the whole screen with the next frame.
     ///
     /// # Errors
     /// When the terminal is gone.
@@ -113,7 +113,7 @@ impl Drop for Screen {
     }
 }
 
-/// What the keyboard tells.
+/// Events of the keyboard.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Typed {
     /// Keys.
@@ -122,8 +122,8 @@ pub enum Typed {
     Gone,
 }
 
-/// Reads keys until the terminal is gone or nobody listens.
-pub fn read_keys<E: Send + 'static>(events: Sender<E>, tell: fn(Typed) -> E) {
+/// Reads keys until the terminal is gone or the receiver is dropped.
+pub fn read_keys<E: Send + 'static>(events: Sender<E>, to_event: fn(Typed) -> E) {
     std::thread::spawn(move || {
         let mut decoder = Decoder::default();
         loop {
@@ -133,14 +133,14 @@ pub fn read_keys<E: Send + 'static>(events: Sender<E>, tell: fn(Typed) -> E) {
                 None => Typed::Gone,
             };
             let over = typed == Typed::Gone;
-            if events.send(tell(typed)).is_err() || over {
+            if events.send(to_event(typed)).is_err() || over {
                 return;
             }
         }
     });
 }
 
-/// The next keys, maybe none; `None` when the terminal is gone.
+/// The next keys, possibly none; `None` when the terminal is gone.
 fn wait_for_bytes(input: impl AsFd, decoder: &mut Decoder) -> Option<Vec<Key>> {
     let patience = if decoder.waits() { ESCAPE } else { WATCH };
     let timeout = Timespec {
@@ -154,9 +154,9 @@ fn wait_for_bytes(input: impl AsFd, decoder: &mut Decoder) -> Option<Vec<Key>> {
         Err(rustix::io::Errno::INTR) => return Some(Vec::new()),
         Err(_) => return None,
     }
-    let seen = watched[0].revents();
-    if !seen.contains(PollFlags::IN) {
-        // Hung up, or an error: nothing will ever come.
+    let ready = watched[0].revents();
+    if !ready.contains(PollFlags::IN) {
+        // Hung up, or an error: no key will arrive any more.
         return None;
     }
     let mut bytes = [0_u8; 4096];

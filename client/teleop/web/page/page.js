@@ -1,11 +1,11 @@
-// The page: devices in, intents out, pictures and state on the screen.
+// The page: reads input devices, sends intents, shows images and state.
 
 import { Driver } from "./logic/driver.js";
 import { STICK_MODES } from "./logic/gamepad.js";
-import { Pictures, FROZEN_MS } from "./logic/pictures.js";
+import { Images, FROZEN_MS } from "./logic/images.js";
 import { movePad, sizePad } from "./logic/profile.js";
 import { rights } from "./logic/rights.js";
-import { Twice } from "./logic/twice.js";
+import { Confirmation } from "./logic/confirmation.js";
 import { Decoders, oneInOneOut } from "./parts/decode.js";
 import { $, button, children, elementOf, takesKeys, text } from "./parts/dom.js";
 import { closeLetters, openLetters } from "./parts/letters.js";
@@ -25,38 +25,38 @@ class Page {
     this.settings = stored();
     this.driver = new Driver();
     this.driver.speed = this.settings.speed;
-    this.pictures = new Pictures();
-    this.twice = new Twice();
+    this.images = new Images();
+    this.confirmation = new Confirmation();
     this.situation = null;
-    this.heardAt = -Infinity;
+    this.receivedAt = -Infinity;
     this.role = "viewer";
     this.codecs = ["jpeg"];
     this.clickDevice = null;
     this.candidates = null;
     this.lastStep = null;
     this.inForce = false;
-    /** Alarms that the person has read. */
+    /** Alarms that the person has acknowledged. */
     this.read = new Set();
-    /** With scanning on: the pointer presses what it points at instead of being the switch. */
+    /** With scanning on: the pointer presses its target instead of acting as the switch. */
     this.carer = false;
     this.isArranging = false;
     this.where = "login";
     this.xr = null;
     this.now = now;
     this.sockets = new Sockets({
-      heard: (kind, data) => this.heard(kind, data),
+      received: (kind, data) => this.receive(kind, data),
       opened: (kind) => this.opened(kind),
       closed: (kind, reason) => this.closed(reason),
       login: () => this.view("login"),
     });
-    this.decoders = new Decoders(this.pictures, (message_) => this.sockets.video(message_));
+    this.decoders = new Decoders(this.images, (message_) => this.sockets.video(message_));
     this.stage = new Stage(this);
     this.panels = new Panels(this);
     this.pads = new Pads(this);
     this.settingsView = new Settings(this);
     this.inputs = new Inputs(this);
     this.voice = new Voice({
-      heard: (meaning_, words) => this.spoken(meaning_, words),
+      received: (meaning_, words) => this.spoken(meaning_, words),
       stop: () => this.stop("voice"),
       failed: (error) => this.say(`Speech recognition: ${error}`, true),
       changed: () => this.drawVoice(),
@@ -64,7 +64,7 @@ class Page {
   }
 
   async begin() {
-    // What is below the images scrolls to where it can be seen.
+    // Content below the images scrolls into view.
     new ResizeObserver(([{ target }]) => {
       document.documentElement.style.setProperty("--view", `${target.offsetHeight}px`);
     }).observe($("view"));
@@ -82,7 +82,7 @@ class Page {
     }
   }
 
-  // Signing in and the views
+  // Login and views
 
   async signedIn(session) {
     this.role = session.role;
@@ -170,7 +170,7 @@ class Page {
     if (!settings.scan.on) this.carer = false;
     this.pads.draw(this.isArranging);
     this.drawVoice();
-    // A finger taps the picture itself.
+    // A tap on the image itself.
     document.body.classList.toggle("tap", settings.preset === "touch");
     for (const item of ["write:user", "write:password"]) {
       const one = document.querySelector(`[data-item="${item}"]`);
@@ -178,7 +178,7 @@ class Page {
     }
   }
 
-  /** Whether letters on the screen are of use. */
+  /** Whether the on-screen letters are needed. */
   letters() {
     return this.settings.scan.on || this.settings.dwell.on || this.inputs.gamepads.pads.size > 0;
   }
@@ -212,9 +212,9 @@ class Page {
     this.change({ ...this.settings, mode });
   }
 
-  // What the gateway says
+  // Messages of the gateway
 
-  heard(kind, data) {
+  receive(kind, data) {
     if (kind === "video") {
       this.decoders.take(data);
       return;
@@ -222,8 +222,8 @@ class Page {
     const at = now();
     if (data.t === "situation") {
       this.situation = data;
-      this.heardAt = at;
-      this.driver.heard(data.control, data.goal, Boolean(data.robot?.moving), at);
+      this.receivedAt = at;
+      this.driver.receive(data.control, data.goal, Boolean(data.robot?.moving), at);
       this.inForce = Boolean(data.control?.stopped);
       this.stage.cameras(data.cameras || []);
       this.panels.show(data, at);
@@ -237,7 +237,7 @@ class Page {
   opened(kind) {
     if (kind === "video") {
       this.decoders.forget();
-      this.pictures.forget();
+      this.images.forget();
       this.want(true);
     }
     if (kind === "state") {
@@ -266,13 +266,13 @@ class Page {
 
   say(words, bad) {
     message(words, bad);
-    text($("said"), words);
+    text($("announcement"), words);
     text($("hint"), words);
     $("hint").className = bad ? "bad" : "";
     this.saidAt = now();
   }
 
-  // Asking
+  // Requests
 
   async ask(what, fields) {
     try {
@@ -299,8 +299,8 @@ class Page {
     $("sentence").value = "";
   }
 
-  twicePressed(what, act) {
-    if (this.twice.press(what, now())) act();
+  confirm(what, act) {
+    if (this.confirmation.press(what, now())) act();
     else this.say("Press again to do it", false);
     this.refresh();
   }
@@ -350,7 +350,7 @@ class Page {
 
   async startGoal(candidate, action) {
     this.closeMenu();
-    // From here on any press stops, also before the first situation that names it.
+    // From here on any press stops, also before the first situation that contains the goal.
     if (await this.ask("goal.start", { candidate, action })) this.driver.goal = true;
   }
 
@@ -370,10 +370,10 @@ class Page {
 
   flush() {
     const at = now();
-    this.sockets.control(this.driver.frame(at, this.pictures.shown(this.stage.shown(), at)));
+    this.sockets.control(this.driver.frame(at, this.images.shown(this.stage.shown(), at)));
   }
 
-  /** Presses what an item stands for, for a device that cannot hold. */
+  /** Presses an item, for a device that cannot hold. */
   activate(item, device) {
     if (item === "stop") {
       this.stop(device);
@@ -391,25 +391,25 @@ class Page {
     this.clickDevice = null;
   }
 
-  spoken(said, words) {
-    if (!said) {
+  spoken(phrase, words) {
+    if (!phrase) {
       this.say(`Not understood: ${words.slice(0, 60)}`, false);
       return;
     }
-    if (said.stop) return;
+    if (phrase.stop) return;
     const at = now();
     if (this.driver.intercept("voice", at)) {
       this.flush();
       return;
     }
-    if (said.again) said = this.lastStep || {};
-    if (said.step) {
-      this.lastStep = said;
-      this.driver.step(said.step, "voice", at);
+    if (phrase.again) phrase = this.lastStep || {};
+    if (phrase.step) {
+      this.lastStep = phrase;
+      this.driver.step(phrase.step, "voice", at);
       this.flush();
-    } else if (said.speed) this.setSpeed(this.driver.speed + said.speed);
-    else if (said.press) this.activate(said.press, "voice");
-    else if (said.menu) this.activate(said.menu === "cancel" ? (this.situation?.goal ? "goal:cancel" : "goal:none") : `goal:${said.menu}`, "voice");
+    } else if (phrase.speed) this.setSpeed(this.driver.speed + phrase.speed);
+    else if (phrase.press) this.activate(phrase.press, "voice");
+    else if (phrase.menu) this.activate(phrase.menu === "cancel" ? (this.situation?.goal ? "goal:cancel" : "goal:none") : `goal:${phrase.menu}`, "voice");
     this.say(`Heard: ${words}`, false);
   }
 
@@ -423,34 +423,34 @@ class Page {
     ]);
   }
 
-  // Only the thread that paints sends what is held.
+  // Only animation frames send held input, so that a frozen page stops the robot.
   loop() {
     const frame = () => {
       requestAnimationFrame(frame);
-      // In a headset its own frames drive the page.
+      // In VR the headset's frames run the page.
       if (!this.xr) this.frame(now());
     };
     requestAnimationFrame(frame);
-    // Captions, rights, and words need no more than this.
+    // Captions, rights, and texts need no higher rate.
     setInterval(() => this.slow(now()), 200);
   }
 
   frame(at) {
     this.inputs.frame(at);
-    for (const ack of this.pictures.paint(at, (header, picture) => this.paint(header, picture))) this.sockets.video(ack);
+    for (const ack of this.images.paint(at, (header, image) => this.paint(header, image))) this.sockets.video(ack);
     const shown = this.stage.shown();
-    const frozenMs = shown.length === 0 ? Infinity : this.pictures.frozenFor(shown, at);
-    const right = rights({ s: this.situation, heardMs: at - this.heardAt, role: this.role, lanes: this.sockets.lanes(),
+    const frozenMs = shown.length === 0 ? Infinity : this.images.frozenFor(shown, at);
+    const right = rights({ s: this.situation, silenceMs: at - this.receivedAt, role: this.role, lanes: this.sockets.lanes(),
       frozenMs, hidden: document.hidden, away: this.where !== "drive" });
     this.driver.locked(right.reason, right.why, right.stepsOnly);
-    this.sockets.control(this.driver.frame(at, this.pictures.shown(shown, at)));
+    this.sockets.control(this.driver.frame(at, this.images.shown(shown, at)));
     this.shownFrozen = frozenMs > FROZEN_MS;
     this.draw(at);
   }
 
-  paint(header, picture) {
-    this.stage.paint(header, picture);
-    this.xr?.paint(header, picture);
+  paint(header, image) {
+    this.stage.paint(header, image);
+    this.xr?.paint(header, image);
   }
 
   draw(at) {
@@ -471,30 +471,30 @@ class Page {
   slow(at) {
     const { lock } = this.driver;
     if (this.where === "drive") {
-      text($("alarm"), this.situation && at - this.heardAt > 1500 ? "The gateway does not answer: everything stops by itself."
-        : this.shownFrozen && this.situation && !this.situation.paused && this.stage.figures.size > 0 ? "The picture is not live: only STOP works." : "");
+      text($("alarm"), this.situation && at - this.receivedAt > 1500 ? "The gateway does not answer: everything stops by itself."
+        : this.shownFrozen && this.situation && !this.situation.paused && this.stage.figures.size > 0 ? "The image is not live: only STOP works." : "");
     } else text($("alarm"), "");
     if (at - (this.saidAt ?? -Infinity) > 6000) {
       text($("hint"), this.resting() || (this.where === "drive" && this.situation ? lock : ""));
       $("hint").className = "";
     }
-    if (this.situation && this.twice.asked) {
-      this.twice.asks(at);
+    if (this.situation && this.confirmation.pending) {
+      this.confirmation.asks(at);
       this.refresh();
     }
     this.stage.show(at, Boolean(this.shownFrozen));
     text($("keys_state"), this.keysState());
-    $("keys_state").classList.toggle("told", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
+    $("keys_state").classList.toggle("important", lock !== "" || this.settings.scan.on || this.inputs.gamepads.pads.size > 0);
   }
 
-  /** What to do while the frame of scanning rests, or nothing. */
+  /** Instruction while scanning rests, or "". */
   resting() {
     if (!this.settings.scan.on) return "";
     if (this.carer) return "Carer: the pointer presses buttons. Press Carer again, or your switch, to begin.";
     return this.inputs.scanner.resting ? "Press your switch to begin." : "";
   }
 
-  /** Whether the pointer belongs to a carer instead of being the switch. */
+  /** Whether the pointer belongs to a carer instead of acting as the switch. */
   setCarer(on) {
     if (on === this.carer || (on && !this.settings.scan.on)) return;
     this.carer = on;
@@ -507,11 +507,11 @@ class Page {
     const { settings, driver } = this;
     if (this.situation?.goal) return "The robot moves on its own: any press stops it.";
     if (driver.lock) return `Driving is off: ${driver.lock}.`;
-    // The hint beside STOP says what to press.
+    // The hint beside STOP names the key to press.
     if (settings.scan.on) return this.resting() ? "" : "Scanning.";
     if (this.inputs.gamepads.pads.size > 0) return `Stick: ${STICK_MODES[this.inputs.gamepads.mode].label}`;
     if (!settings.keysOn) return "";
-    if (takesKeys(document.activeElement)) return "Keys are for the button or field that has the focus. Press Esc or click a picture to drive by keys.";
+    if (takesKeys(document.activeElement)) return "Keys are for the button or field that has the focus. Press Esc or click an image to drive by keys.";
     return `Keys drive: W A S D or arrows the chair; V N H F G B the hand (${this.inputs.turning ? "turning" : "moving"}, Space changes); R Y the gripper.`;
   }
 

@@ -1,4 +1,4 @@
-//! The arm and the gripper by keys: steps of a target. Pure.
+//! Keyboard control of arm and gripper: each key moves a target by one step. Pure.
 //!
 //! The keys are those of WheelArm-Sim: n/v, f/h, g/b step along x, y, z of
 //! `base_link`, or turn about the tool's own axes. They are labelled as the
@@ -7,7 +7,7 @@
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use wheelarm_proto::v1;
 
-use crate::watch::seen_from_the_chair;
+use crate::watch::chair_directions;
 
 /// Steps at the start, m and rad: those of WheelArm-Sim.
 pub const START: [f64; 2] = [0.025, 0.05];
@@ -22,7 +22,7 @@ const KNUCKLE: f64 = 0.05;
 /// The target may lead the hand by this much, m and rad, or by three steps:
 /// a key that repeats faster than the arm moves must not pile up a long way.
 const LEAD: [f64; 2] = [0.12, 0.40];
-/// After this long without a key the target is where the arm was told to be, s.
+/// After this long without a key the target starts from the last commanded pose, s.
 const FORGET: f64 = 1.5;
 
 /// The arm's keys: axis of x, y, z and direction.
@@ -35,7 +35,7 @@ pub const KEYS: [(char, usize, f64); 6] = [
     ('b', 2, -1.0),
 ];
 
-/// What the arm and the gripper are told.
+/// Targets of the arm and the gripper.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
     /// Translation step, m, and rotation step, rad.
@@ -49,7 +49,7 @@ pub struct Arm {
     limits: Option<Limits>,
 }
 
-/// What the robot's description says of arm and gripper.
+/// Limits of arm and gripper, from the robot description.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Limits {
     /// Greatest knuckle angle, rad.
@@ -60,13 +60,13 @@ struct Limits {
     radii: [f64; 2],
 }
 
-/// Why a step is not taken.
+/// Reason for rejecting a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refused {
-    /// Nothing is known of the arm.
+    /// The arm's pose is unknown.
     #[error("the arm's pose has not come yet")]
     Unknown,
-    /// Nothing is known of the robot's reach.
+    /// The robot's reach is unknown.
     #[error("the robot's description has not come yet (a switches the reach shell off)")]
     NoRobot,
     /// The arm is slower than the key.
@@ -114,8 +114,8 @@ impl Arm {
         });
     }
 
-    /// Takes the next target from the arm itself: it did not follow, or
-    /// somebody else moved it.
+    /// Takes the next target from the measured pose: the arm did not follow, or another
+    /// client moved it.
     pub fn forget(&mut self) {
         self.target = None;
         self.knuckle = None;
@@ -178,13 +178,13 @@ impl Arm {
         Ok(())
     }
 
-    /// Knuckle angle for a key pressed at `now`; `told` is what it was told
-    /// last, rad. `None` before the robot's limits are known.
-    pub fn grip(&mut self, closing: bool, told: f64, now: f64) -> Option<f64> {
+    /// Knuckle angle for a key pressed at `now`; `commanded` is the knuckle angle of the
+    /// last command, rad. `None` before the robot's limits are known.
+    pub fn grip(&mut self, closing: bool, commanded: f64, now: f64) -> Option<f64> {
         let most = self.limits?.knuckle;
         let from = match self.knuckle {
             Some((knuckle, at)) if now - at < FORGET => knuckle,
-            _ => told,
+            _ => commanded,
         };
         let step = if closing { KNUCKLE } else { -KNUCKLE };
         let knuckle = (from + step).clamp(0.0, most);
@@ -192,7 +192,7 @@ impl Arm {
         Some(knuckle)
     }
 
-    /// Makes the steps of the present mode finer or coarser.
+    /// Makes the steps of the current mode finer or coarser.
     pub fn resize(&mut self, coarser: bool) {
         let factor = if coarser { 1.0 / FINER } else { FINER };
         let (index, [least, most]) = if self.turning {
@@ -204,8 +204,8 @@ impl Arm {
     }
 }
 
-/// What the key of `axis` and `sign` does, in the words of the person; `mount`
-/// is how the arm's base is turned on the chair.
+/// Plain name of the motion that the key of `axis` and `sign` causes; `mount`
+/// is the rotation of the arm's base on the chair.
 #[must_use]
 pub fn label(
     axis: usize,
@@ -220,7 +220,7 @@ pub fn label(
         return if turning { "turn" } else { "step" };
     };
     if !turning {
-        return match dominant(seen_from_the_chair(along, mount)) {
+        return match dominant(chair_directions(along, mount)) {
             (0, true) => "forward",
             (0, false) => "back",
             (1, true) => "left",
@@ -232,7 +232,7 @@ pub fn label(
     let Some(tool) = tool else {
         return "turn";
     };
-    match dominant(seen_from_the_chair(tool.rotation * along, mount)) {
+    match dominant(chair_directions(tool.rotation * along, mount)) {
         // About the axis that points forward, left or up of the chair.
         (0, true) => "roll right",
         (0, false) => "roll left",
@@ -258,7 +258,7 @@ fn dominant(vector: [f64; 3]) -> (usize, bool) {
 #[must_use]
 pub fn pointing(tool: &Isometry3<f64>, mount: &UnitQuaternion<f64>) -> &'static str {
     let ahead = tool * Point3::new(0.0, 0.0, 1.0) - tool * Point3::origin();
-    match dominant(seen_from_the_chair(ahead, mount)) {
+    match dominant(chair_directions(ahead, mount)) {
         (0, true) => "forward",
         (0, false) => "back",
         (1, true) => "left",
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_repeats_too_fast_does_not_pile_up_a_long_way() {
+    fn a_fast_key_repeat_does_not_accumulate_a_long_way() {
         let mut arm = Arm::new(false);
         let hand = at(-0.5, 0.0, 0.5);
         let taken = (0..30)
@@ -367,7 +367,7 @@ mod tests {
             "nothing is known of the gripper"
         );
         arm.fit(&robot());
-        let mut grip = |closing, told, now| arm.grip(closing, told, now).unwrap();
+        let mut grip = |closing, commanded, now| arm.grip(closing, commanded, now).unwrap();
         assert!((grip(true, 0.1, 0.0) - 0.15).abs() < 1e-12);
         assert!((grip(true, 0.1, 0.1) - 0.2).abs() < 1e-12);
         assert!((0..40).map(|_| grip(true, 0.0, 0.2)).all(|q| q <= 0.8));

@@ -1,7 +1,7 @@
 //! The audit log: a line of JSON for every lease, episode, goal, refusal and log-in,
 //! into a file if one is named, and into the program's log.
 //!
-//! The log is bounded, because what others send causes lines: texts are cut, lines of
+//! The log is bounded because other clients can cause lines: texts are cut, lines of
 //! one kind beyond a rate become one sum, and the file is rotated. A thread of its own
 //! writes, so that a slow disk never delays a command.
 
@@ -85,7 +85,7 @@ impl Audit {
         })
     }
 
-    /// Writes a line, with the time, unless too many of its kind came.
+    /// Writes a line with the time, unless too many of its kind were written.
     pub fn write(&mut self, line: &Value) {
         let now = self.began.elapsed().as_secs_f64();
         if let Some(line) = self.admit(line, now) {
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn the_folder_of_the_audit_file_is_made() {
+    fn the_folder_of_the_audit_file_is_created() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a/b/audit.jsonl");
         let mut audit = Audit::open(Some(&path)).unwrap();

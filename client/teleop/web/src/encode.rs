@@ -1,17 +1,17 @@
-//! Pictures as they go to one page: JPEG as the server made it, or H.264 with an
-//! encoder of the page's own, where this program was built with it.
+//! Images for one page: JPEG as the server sent it, or H.264 from an encoder of this
+//! page, if the program was built with one.
 
 use bytes::Bytes;
 
-use crate::feed::Picture;
+use crate::feed::Image;
 
-/// How pictures are made.
+/// Codec of the images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Codec {
-    /// A file per picture.
+    /// One file per image.
     #[default]
     Jpeg,
-    /// Annex B, constrained baseline, no picture but after those before it.
+    /// Annex B, constrained baseline; each image refers only to earlier ones.
     #[cfg(feature = "h264")]
     H264,
 }
@@ -28,7 +28,7 @@ impl Codec {
         Self::Jpeg
     }
 
-    /// As pages know it.
+    /// Name in the page protocol.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl Codec {
         }
     }
 
-    /// Its number in a message.
+    /// Number in a message header.
     #[must_use]
     pub fn number(self) -> u8 {
         match self {
@@ -49,16 +49,16 @@ impl Codec {
     }
 }
 
-/// An encoded picture.
+/// An encoded image.
 #[derive(Clone, Debug)]
 pub struct Encoded {
-    /// It needs no other.
+    /// Decodes without any other image.
     pub key: bool,
     /// Its bytes.
     pub bytes: Bytes,
 }
 
-/// Makes pictures of one camera for one page.
+/// Encodes the images of one camera for one page.
 #[derive(Default)]
 pub struct Encoder {
     #[cfg(feature = "h264")]
@@ -66,7 +66,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// The next picture must be a key picture.
+    /// Makes the next image a key frame.
     pub fn restart(&mut self) {
         #[cfg(feature = "h264")]
         {
@@ -74,25 +74,25 @@ impl Encoder {
         }
     }
 
-    /// Encodes a picture at so many bits per second; `None` when nothing came of it.
-    pub fn encode(&mut self, codec: Codec, picture: &Picture, bits: u32) -> Option<Encoded> {
+    /// Encodes an image at `bits` per second; `None` when the encoder returned no data.
+    pub fn encode(&mut self, codec: Codec, image: &Image, bits: u32) -> Option<Encoded> {
         match codec {
             Codec::Jpeg => {
                 let _ = bits;
-                (!picture.jpeg.is_empty()).then(|| Encoded {
+                (!image.jpeg.is_empty()).then(|| Encoded {
                     key: true,
-                    bytes: picture.jpeg.clone(),
+                    bytes: image.jpeg.clone(),
                 })
             }
             #[cfg(feature = "h264")]
             Codec::H264 => {
-                let wanted = [picture.width, picture.height, bits];
+                let wanted = [image.width, image.height, bits];
                 if self.h264.as_ref().is_none_or(|stream| !stream.is(wanted)) {
                     self.h264 = h264::Stream::new(wanted)
                         .inspect_err(|e| tracing::error!("no H.264 encoder: {e}"))
                         .ok();
                 }
-                self.h264.as_mut()?.encode(&picture.i420)
+                self.h264.as_mut()?.encode(&image.i420)
             }
         }
     }
@@ -109,10 +109,10 @@ mod h264 {
 
     use super::Encoded;
 
-    /// Pictures per second that the rate is reckoned with, Hz.
+    /// Image rate that the encoder's rate control assumes, Hz.
     const RATE: f32 = 10.0;
 
-    /// A run of pictures of one size and rate; it begins with a key picture.
+    /// A stream of images of one size and bit rate; it begins with a key frame.
     pub struct Stream {
         encoder: Encoder,
         /// Width, height, bits per second.
@@ -146,10 +146,10 @@ mod h264 {
             if red.len() != blue.len() {
                 return None;
             }
-            let picture = YUVSlices::new((luma, blue, red), (w, h), (w, w / 2, w / 2));
-            let made = self.encoder.encode(&picture);
+            let image = YUVSlices::new((luma, blue, red), (w, h), (w, w / 2, w / 2));
+            let made = self.encoder.encode(&image);
             let made = made
-                .inspect_err(|e| tracing::warn!("a picture was not encoded: {e}"))
+                .inspect_err(|e| tracing::warn!("cannot encode an image: {e}"))
                 .ok()?;
             let key = matches!(made.frame_type(), FrameType::IDR | FrameType::I);
             let bytes = made.to_vec();
@@ -165,22 +165,22 @@ mod h264 {
         use super::*;
 
         /// A slow pan over stripes.
-        fn picture(at: usize) -> Vec<u8> {
+        fn image(at: usize) -> Vec<u8> {
             let luma = (0..320 * 180).map(|i| (((i % 320 + at) / 16 % 2) * 120 + 60) as u8);
             let colour = std::iter::repeat_n(128, 320 * 180 / 2);
             luma.chain(colour).collect()
         }
 
         #[test]
-        fn a_run_begins_with_a_key_picture_and_goes_on_without() {
+        fn a_stream_begins_with_a_key_frame_and_continues_without() {
             let mut stream = Stream::new([320, 180, 200_000]).unwrap();
-            let first = stream.encode(&picture(0)).unwrap();
+            let first = stream.encode(&image(0)).unwrap();
             assert!(first.key);
             // Start code and a sequence parameter set of a baseline profile.
             assert_eq!(first.bytes[..4], [0, 0, 0, 1]);
             assert_eq!(first.bytes[4] & 31, 7);
             assert_eq!(first.bytes[5], 66);
-            let later: Vec<_> = (1..20).filter_map(|i| stream.encode(&picture(i))).collect();
+            let later: Vec<_> = (1..20).filter_map(|i| stream.encode(&image(i))).collect();
             assert_eq!(later.len(), 19);
             assert!(later.iter().all(|one| !one.key));
             assert!(later.iter().all(|one| one.bytes.len() < first.bytes.len()));

@@ -1,5 +1,5 @@
-//! Pictures of the cameras: each level of each camera is subscribed once while some
-//! page is shown it, and not at all while nobody is.
+//! Camera images: each level of each camera is subscribed once while at least one page
+//! shows it, and not at all otherwise.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
@@ -11,10 +11,10 @@ use wheelarm_proto::preview::PreviewLevel;
 use wheelarm_proto::{Message, v1};
 use wheelarm_sdk::Client;
 
-/// One picture as the server made it.
+/// One image as the server sent it.
 #[derive(Clone, Debug)]
-pub struct Picture {
-    /// Counts up by one per picture of its feed.
+pub struct Image {
+    /// Sequence number within its feed.
     pub number: u64,
     /// Tick of the exposure.
     pub tick: u64,
@@ -24,9 +24,9 @@ pub struct Picture {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// JPEG file; empty of a raw level.
+    /// JPEG file; empty for a raw level.
     pub jpeg: Bytes,
-    /// I420 planes; empty of a compressed level.
+    /// I420 planes; empty for a compressed level.
     pub i420: Bytes,
 }
 
@@ -34,15 +34,15 @@ pub struct Picture {
 pub struct Feed {
     camera: String,
     level: PreviewLevel,
-    newest: Mutex<(u64, Option<Arc<Picture>>)>,
+    newest: Mutex<(u64, Option<Arc<Image>>)>,
     pulse: latest::Sender<u64>,
     task: Mutex<Option<tokio::task::AbortHandle>>,
 }
 
 impl Feed {
-    /// The newest picture.
+    /// The newest image.
     #[must_use]
-    pub fn newest(&self) -> Option<Arc<Picture>> {
+    pub fn newest(&self) -> Option<Arc<Image>> {
         self.newest.lock().1.clone()
     }
 
@@ -60,7 +60,7 @@ impl Feed {
         {
             let mut newest = self.newest.lock();
             newest.0 += 1;
-            newest.1 = Some(Arc::new(Picture {
+            newest.1 = Some(Arc::new(Image {
                 number: newest.0,
                 tick: header.tick,
                 stamp_nanos: header.stamp_nanos,
@@ -84,29 +84,29 @@ impl Drop for Feed {
 
 /// All feeds.
 pub struct Feeds {
-    link: latest::Receiver<Option<Client>>,
+    client: latest::Receiver<Option<Client>>,
     open: Mutex<BTreeMap<(String, PreviewLevel), Weak<Feed>>>,
     pulse: latest::Sender<u64>,
 }
 
 impl Feeds {
-    /// Feeds that subscribe through whatever link there is.
+    /// Feeds that subscribe through the current connection.
     #[must_use]
-    pub fn new(link: latest::Receiver<Option<Client>>) -> Self {
+    pub fn new(client: latest::Receiver<Option<Client>>) -> Self {
         Self {
-            link,
+            client,
             open: Mutex::default(),
             pulse: latest::Sender::new(0),
         }
     }
 
-    /// Tells when any feed has a new picture.
+    /// Signals that any feed has a new image.
     #[must_use]
     pub fn pulse(&self) -> latest::Receiver<u64> {
         self.pulse.subscribe()
     }
 
-    /// A level of a camera, subscribed while it is kept.
+    /// Subscription to one level of a camera; ends when dropped.
     #[must_use]
     pub fn get(&self, camera: &str, level: PreviewLevel) -> Arc<Feed> {
         let mut open = self.open.lock();
@@ -122,34 +122,36 @@ impl Feeds {
             pulse: self.pulse.clone(),
             task: Mutex::default(),
         });
-        let task = tokio::spawn(keep(Arc::downgrade(&feed), self.link.clone()));
+        let task = tokio::spawn(keep(Arc::downgrade(&feed), self.client.clone()));
         *feed.task.lock() = Some(task.abort_handle());
         open.insert(key, Arc::downgrade(&feed));
         feed
     }
 }
 
-/// Keeps the subscription to the present link.
-async fn keep(feed: Weak<Feed>, mut link: latest::Receiver<Option<Client>>) {
+/// Moves the subscriptions to the current connection.
+async fn keep(feed: Weak<Feed>, mut clients: latest::Receiver<Option<Client>>) {
     loop {
-        let present = link.borrow_and_update().clone();
+        let present = clients.borrow_and_update().clone();
         let held = match (present, feed.upgrade()) {
             (_, None) => return,
             (None, _) => None,
-            (Some(link), Some(known)) => {
+            (Some(client), Some(known)) => {
                 let taking = Weak::clone(&feed);
-                let key = link.keys().preview(&known.camera, known.level);
-                let subscribed = link.subscribe(&key, move |sample| {
+                let key = client.keys().preview(&known.camera, known.level);
+                let subscribed = client.subscribe(&key, move |sample| {
                     if let Some(feed) = taking.upgrade() {
                         feed.take(&sample.payload().to_bytes());
                     }
                 });
                 subscribed
-                    .inspect_err(|e| tracing::warn!("no picture of {}: {e}", known.camera))
+                    .inspect_err(|e| {
+                        tracing::warn!("cannot subscribe to the images of {}: {e}", known.camera)
+                    })
                     .ok()
             }
         };
-        let changed = link.changed().await;
+        let changed = clients.changed().await;
         drop(held);
         if changed.is_err() {
             return;

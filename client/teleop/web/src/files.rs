@@ -1,5 +1,5 @@
-//! The files of the page: those that were built in, or, while somebody works on
-//! them, those of a folder.
+//! The files of the page: the built-in ones, or those of a folder while a developer
+//! edits them.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ mod built_in {
     include!(concat!(env!("OUT_DIR"), "/files.rs"));
 }
 
-/// Where the page comes from.
+/// Source of the page's files.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
-    /// A folder, read anew for every question.
+    /// A folder, read again for every request.
     pub folder: Option<PathBuf>,
 }
 
-/// A file and what it is.
+/// A file and its content type.
 pub struct File {
     /// Content-Type.
     pub kind: &'static str,

@@ -1,4 +1,4 @@
-//! The gateway: a hub beside a site.
+//! The gateway: the hub thread and the web site.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -26,33 +26,33 @@ use crate::session::{Sessions, secret};
 use crate::site::{self, LogIn, Site, Token};
 use crate::visitor::{Role, Visitor};
 
-/// How a gateway is opened.
+/// Options of a gateway.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The server.
     pub connect: Connect,
     /// Where the page is served; another port is taken when it is in use.
     pub listen: SocketAddr,
-    /// Name under which the person at the page commands.
+    /// Name under which the operator's commands are sent.
     pub commander: String,
-    /// Where the audit is written.
+    /// File of the audit log.
     pub audit: Option<PathBuf>,
-    /// Folder of the page's files, for who works on them.
+    /// Folder of the page's files, for development of the page.
     pub files: Option<PathBuf>,
-    /// Folder of keys and users: encrypts, and lets in by password. Without it only
-    /// this host is let in, by a token.
+    /// Folder of keys and users: enables TLS and password login. Without it only this host
+    /// gets access, by a token.
     pub keys: Option<PathBuf>,
-    /// Names by which browsers know this host, beside those of the loopback interface.
+    /// Host names by which browsers reach this host, beside those of the loopback interface.
     pub names: Vec<String>,
-    /// The page is to watch alone: nobody may drive, whatever the role, and without
-    /// keys everybody on this host may look.
+    /// Serves a page for watching only: no user may drive, whatever the role. Without keys
+    /// every user of this host may watch.
     pub watch_only: bool,
 }
 
 /// A gateway at work, until it is dropped or finished.
 pub struct Gateway {
     address: SocketAddr,
-    /// Host and port as browsers are to say them.
+    /// Host and port of the URLs.
     host: String,
     is_encrypted: bool,
     tokens: Option<[String; 2]>,
@@ -65,7 +65,7 @@ impl Gateway {
     /// Opens it within a runtime.
     ///
     /// # Errors
-    /// When the address cannot be used, or may not be.
+    /// When the address cannot be bound, or is not allowed without keys.
     pub async fn open(options: &Options) -> anyhow::Result<Self> {
         if options.keys.is_none() && !options.listen.ip().is_loopback() {
             bail!(
@@ -114,7 +114,7 @@ impl Gateway {
         ];
         let (hub, thread) = Hub::start(&options.connect, audit);
         let shared = Arc::new(Shared {
-            feeds: Feeds::new(hub.link.clone()),
+            feeds: Feeds::new(hub.client.clone()),
             hub: hub.clone(),
             sessions: Sessions::default(),
             registry: Registry::default(),
@@ -129,14 +129,14 @@ impl Gateway {
             address,
             tls,
             names: options.names.clone(),
-            tries: Mutex::default(),
+            attempts: Mutex::default(),
             gate: Semaphore::new(1),
             began: Instant::now(),
             everybody: visitors
                 .last()
                 .filter(|_| options.watch_only && users.is_none())
                 .cloned(),
-            // Who has users has no need of links that let anybody in.
+            // With users, token links are not issued.
             tokens: match users {
                 Some(_) => Vec::new(),
                 None if options.watch_only => Vec::new(),
@@ -195,7 +195,7 @@ impl Gateway {
     }
 
     fn end(&mut self) {
-        self.hub.tell(Event::End);
+        self.hub.send(Event::End);
         if let Some(thread) = self.thread.take() {
             // A panic of the thread has been printed already.
             let _ = thread.join();
@@ -210,8 +210,8 @@ impl Drop for Gateway {
     }
 }
 
-/// How a browser is to name the page: by the first of its names where other machines
-/// come, else by its address; by the name of this machine where that is every address.
+/// Host of the page's URL: the first given name where other machines connect, otherwise
+/// the address; the machine's own name where the address is the wildcard.
 fn host(address: SocketAddr, names: &[String]) -> String {
     let (ip, port) = (address.ip(), address.port());
     match names.first().filter(|_| !ip.is_loopback()) {
@@ -224,7 +224,7 @@ fn host(address: SocketAddr, names: &[String]) -> String {
     }
 }
 
-/// Users of a folder of keys, with `most` rights at most.
+/// Users of a folder of keys, with at most the rights of `most`.
 struct FolderUsers {
     watch: Watch,
     most: Role,
@@ -233,7 +233,8 @@ struct FolderUsers {
 impl LogIn for FolderUsers {
     fn verify(&self, name: &str, password: &str) -> Option<(Role, User)> {
         let users = self.watch.reread();
-        let users = users.inspect_err(|e| tracing::error!("nobody is let in: {e}"));
+        let users = users
+            .inspect_err(|e| tracing::error!("users cannot be read, so logins are rejected: {e}"));
         let user = users.ok()?.verify(name, password)?.clone();
         let role = match user.role {
             wheelarm_access::Role::Viewer | wheelarm_access::Role::Recorder => Role::Viewer,
@@ -248,7 +249,7 @@ impl LogIn for FolderUsers {
     }
 }
 
-/// The users of a folder; sessions of those that are changed or removed end.
+/// The users of a folder; sessions of changed or removed users end.
 fn users_of(folder: &Folder, most: Role, shared: &Arc<Shared>) -> anyhow::Result<FolderUsers> {
     let shared = Arc::clone(shared);
     let watch = Watch::start(
@@ -259,7 +260,7 @@ fn users_of(folder: &Folder, most: Role, shared: &Arc<Shared>) -> anyhow::Result
     Ok(FolderUsers { watch, most })
 }
 
-/// What encrypts, by a folder of keys.
+/// TLS configuration from a folder of keys.
 fn acceptor(folder: &Folder) -> anyhow::Result<TlsAcceptor> {
     let identity = folder.server_identity()?;
     let config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
@@ -276,15 +277,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_for_other_machines_is_told_by_its_name() {
+    fn a_page_for_other_machines_has_the_host_name_in_its_url() {
         let names = ["lab.example".to_owned()];
-        let told = |ip: [u8; 4], names| host(SocketAddr::from((ip, 7460)), names);
-        assert_eq!(told([0, 0, 0, 0], &names), "lab.example:7460");
+        let named = |ip: [u8; 4], names| host(SocketAddr::from((ip, 7460)), names);
+        assert_eq!(named([0, 0, 0, 0], &names), "lab.example:7460");
         // A browser cannot open every address at once.
         let machine = rustix::system::uname();
         let machine = machine.nodename().to_string_lossy();
-        assert_eq!(told([0, 0, 0, 0], &[]), format!("{machine}:7460"));
-        assert_eq!(told([192, 0, 2, 1], &[]), "192.0.2.1:7460");
-        assert_eq!(told([127, 0, 0, 1], &names), "127.0.0.1:7460");
+        assert_eq!(named([0, 0, 0, 0], &[]), format!("{machine}:7460"));
+        assert_eq!(named([192, 0, 2, 1], &[]), "192.0.2.1:7460");
+        assert_eq!(named([127, 0, 0, 1], &names), "127.0.0.1:7460");
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! Events wait in three lanes, each in order: stops first, then pages, then the server.
 //! However much the server sends, a stop waits for one event at most. The server's lane is
-//! bounded; behind it [`Line`] drops the oldest.
+//! bounded; behind it [`ServerConnection`] drops the oldest.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -15,16 +15,16 @@ use wheelarm_proto::v1;
 use wheelarm_sdk::{Client, ClientError, Commander, Connect};
 
 use crate::audit::Audit;
-use crate::errand::{self, Brought, Done, Errand};
-use crate::model::{Effect, Model, Picked, Socket};
-use crate::protocol::{Action, Asked, Intent};
+use crate::model::{Effect, Model, PendingPick, Socket};
+use crate::pending_operation::{self, Done, Operation, OperationEvent};
+use crate::protocol::{Action, Intent, Request};
 use crate::report::{self, Sent};
 use crate::send::Commands;
-use crate::skills::{self, Skills};
+use crate::skills::{SkillEvent, Skills};
 use crate::visitor::Visitor;
-use crate::watch::{Heard, Line};
+use crate::watch::{ConnectionEvent, ServerConnection};
 
-/// Streams that are taken.
+/// Streams that the gateway subscribes.
 const STREAMS: [TopicId; 12] = [
     TopicId::Pose,
     TopicId::JointState,
@@ -41,61 +41,61 @@ const STREAMS: [TopicId; 12] = [
 ];
 /// Time between two reports to the pages.
 const REPORT: Duration = Duration::from_millis(100);
-/// Time between two looks at what is due: while something moves, and else.
+/// Time between two checks for due work: while motion is active, and otherwise.
 const LOOK: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
 /// Events of the server that may wait.
 const SERVER: usize = 256;
-/// Events that are taken before time goes on.
+/// Most events that are handled before time advances.
 const AT_ONCE: usize = 500;
 /// Time from the last command until the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(150);
 
-/// Where a page is told something.
+/// Channels to one page.
 #[derive(Debug)]
 pub struct Outlet {
-    /// At once; a page that does not read loses its socket.
-    pub said: mpsc::Sender<String>,
+    /// Immediate messages; a page that does not read loses its socket.
+    pub messages: mpsc::Sender<String>,
     /// The newest report.
     pub report: latest::Sender<String>,
 }
 
-/// What comes to the hub.
+/// Events of the hub.
 #[derive(Debug)]
 pub enum Event {
-    /// A socket was opened; a state socket with where to tell.
+    /// A socket was opened; a state socket with its channels.
     Joined(String, Visitor, Socket, Option<Outlet>),
     /// A socket was closed.
     Left(String, Socket),
-    /// The session of a page's socket ended; why.
+    /// The session of a page's socket ended, with the reason.
     SignedOut(String, String),
     /// An intent of a page.
     Intent(String, Intent),
-    /// A stop that came before the event that its socket was opened.
+    /// A stop that arrived before its socket was registered.
     Late(String, Intent),
-    /// A question of a page.
-    Asked(String, Asked),
-    /// What a page gets of the cameras.
+    /// A request of a page.
+    Request(String, Request),
+    /// Codec and width of each camera that a page receives.
     Sent(String, Vec<Sent>),
     /// The newest report, as a page of this visitor would get it.
     Report(oneshot::Sender<String>),
-    /// What somebody did beside the model, for the audit.
+    /// A user action outside the model, for the audit.
     Audit(serde_json::Value),
     /// From the server.
     Server(Server),
-    /// The gateway ends.
+    /// The gateway shuts down.
     End,
 }
 
-/// What comes from the server.
+/// Events from the server.
 pub enum Server {
-    /// From the line.
-    Heard(Heard),
-    /// From an errand.
-    Brought(Brought),
-    /// What stands at a pixel.
-    Picked(Picked, Result<v1::PickReply, String>),
+    /// From the connection.
+    Connection(ConnectionEvent),
+    /// From a pending operation.
+    Operation(OperationEvent),
+    /// Reply to a pick.
+    PickReply(PendingPick, Result<v1::PickReply, String>),
     /// From a skill.
-    Skill(skills::Said),
+    Skill(SkillEvent),
 }
 
 impl std::fmt::Debug for Server {
@@ -104,7 +104,7 @@ impl std::fmt::Debug for Server {
     }
 }
 
-/// Where events are put.
+/// Sending ends of the event queues.
 #[derive(Clone)]
 struct Lanes {
     stops: Sender<Event>,
@@ -113,8 +113,8 @@ struct Lanes {
 }
 
 impl Lanes {
-    /// Hands an event over; one that comes after the end is dropped.
-    fn tell(&self, event: Event) {
+    /// Queues an event; dropped after shutdown.
+    fn send(&self, event: Event) {
         let lane = match &event {
             Event::Intent(_, intent) if intent.action == Action::Stop => &self.stops,
             _ => &self.pages,
@@ -123,29 +123,29 @@ impl Lanes {
     }
 }
 
-/// Where events come from.
-struct Came {
+/// Receiving ends of the event queues.
+struct Queues {
     stops: Receiver<Event>,
     pages: Receiver<Event>,
     server: Receiver<Event>,
 }
 
-impl Came {
+impl Queues {
     fn lanes() -> (Lanes, Self) {
-        let (stops, stops_came) = unbounded();
-        let (pages, pages_came) = unbounded();
-        let (server, server_came) = bounded(SERVER);
+        let (stops, stops_received) = unbounded();
+        let (pages, pages_received) = unbounded();
+        let (server, server_received) = bounded(SERVER);
         let lanes = Lanes {
             stops,
             pages,
             server,
         };
-        let came = Self {
-            stops: stops_came,
-            pages: pages_came,
-            server: server_came,
+        let queues = Self {
+            stops: stops_received,
+            pages: pages_received,
+            server: server_received,
         };
-        (lanes, came)
+        (lanes, queues)
     }
 
     /// The most urgent event.
@@ -154,24 +154,24 @@ impl Came {
         lanes.find_map(|lane| lane.try_recv().ok())
     }
 
-    /// As [`Came::next`]; waits for one.
+    /// Like [`Queues::next`], but waits.
     fn wait(&self, patience: Duration) -> Option<Event> {
         let mut select = Select::new();
         for lane in [&self.stops, &self.pages, &self.server] {
             select.recv(lane);
         }
-        // Which lane has one does not matter here.
+        // The woken lane is irrelevant: `next` checks all.
         let _ = select.ready_timeout(patience);
         self.next()
     }
 }
 
-/// How to speak to the hub.
+/// Handle to the hub.
 #[derive(Clone)]
 pub struct Hub {
     lanes: Lanes,
     /// The connection to the server, while there is one.
-    pub link: latest::Receiver<Option<Client>>,
+    pub client: latest::Receiver<Option<Client>>,
     /// Names of the cameras, by their index.
     pub cameras: latest::Receiver<Vec<String>>,
     /// The page in control.
@@ -182,15 +182,15 @@ impl Hub {
     /// Starts the thread.
     #[must_use]
     pub fn start(connect: &Connect, audit: Audit) -> (Self, std::thread::JoinHandle<()>) {
-        let (lanes, came) = Came::lanes();
-        let (link, link_of) = latest::channel(None);
+        let (lanes, queues) = Queues::lanes();
+        let (client, client_of) = latest::channel(None);
         let (cameras, cameras_of) = latest::channel(Vec::new());
         let (driving, driving_of) = latest::channel(None);
         let work = Work {
             model: Model::default(),
             lanes: lanes.clone(),
-            link: None,
-            link_told: link,
+            client: None,
+            client_sender: client,
             cameras,
             driving,
             commands: None,
@@ -202,35 +202,36 @@ impl Hub {
             reports: 0,
         };
         let server = lanes.server.clone();
-        let line = Line::open(connect.clone(), STREAMS.to_vec(), server, |heard| {
-            Event::Server(Server::Heard(heard))
-        });
+        let connection =
+            ServerConnection::open(connect.clone(), STREAMS.to_vec(), server, |event| {
+                Event::Server(Server::Connection(event))
+            });
         let thread = std::thread::spawn(move || {
-            work.run(&came);
-            // The line may wait for room: without a reader it ends.
-            drop(came);
-            drop(line);
+            work.run(&queues);
+            // The connection may wait for room in the queue: without a reader it ends.
+            drop(queues);
+            drop(connection);
         });
         let hub = Self {
             lanes,
-            link: link_of,
+            client: client_of,
             cameras: cameras_of,
             driving: driving_of,
         };
         (hub, thread)
     }
 
-    /// Hands an event over; one that comes after the end is dropped.
-    pub fn tell(&self, event: Event) {
-        self.lanes.tell(event);
+    /// Queues an event; dropped after shutdown.
+    pub fn send(&self, event: Event) {
+        self.lanes.send(event);
     }
 }
 
 struct Work {
     model: Model,
     lanes: Lanes,
-    link: Option<Client>,
-    link_told: latest::Sender<Option<Client>>,
+    client: Option<Client>,
+    client_sender: latest::Sender<Option<Client>>,
     cameras: latest::Sender<Vec<String>>,
     driving: latest::Sender<Option<String>>,
     commands: Option<Commands>,
@@ -247,13 +248,13 @@ impl Work {
         self.began.elapsed().as_secs_f64()
     }
 
-    fn run(mut self, came: &Came) {
+    fn run(mut self, queues: &Queues) {
         let mut next_report = Instant::now();
         loop {
             let look = LOOK[usize::from(!self.model.is_busy())];
             let due = next_report.saturating_duration_since(Instant::now());
-            let mut event = came.wait(look.min(due));
-            // What came meanwhile is taken before time goes on.
+            let mut event = queues.wait(look.min(due));
+            // Events that arrived meanwhile are handled before time advances.
             let mut taken = 0;
             while let Some(one) = event {
                 if matches!(one, Event::End) {
@@ -261,7 +262,7 @@ impl Work {
                 }
                 self.take(one);
                 taken += 1;
-                event = (taken < AT_ONCE).then(|| came.next()).flatten();
+                event = (taken < AT_ONCE).then(|| queues.next()).flatten();
             }
             let effects = self.model.tick(self.now());
             self.perform(effects);
@@ -285,7 +286,7 @@ impl Work {
             }
             Event::Left(page, socket) => {
                 let effects = self.model.left(&page, socket, now);
-                let closed = |outlet: &Outlet| outlet.said.is_closed();
+                let closed = |outlet: &Outlet| outlet.messages.is_closed();
                 if self.outlets.get(&page).is_some_and(closed) {
                     self.outlets.remove(&page);
                 }
@@ -296,7 +297,7 @@ impl Work {
             }
             Event::SignedOut(page, why) => self.model.signed_out(&page, &why, now),
             Event::Intent(page, intent) => {
-                // A stop overtook the opening of its socket: it waits behind it, once.
+                // A stop overtook the opening of its socket: it is queued behind it, once.
                 if intent.action == Action::Stop && !self.model.knows(&page) {
                     let _ = self.lanes.pages.send(Event::Late(page, intent));
                     return;
@@ -304,7 +305,7 @@ impl Work {
                 self.model.intent(&page, &intent, now)
             }
             Event::Late(page, intent) => self.model.intent(&page, &intent, now),
-            Event::Asked(page, asked) => self.model.asked(&page, &asked, now),
+            Event::Request(page, request) => self.model.handle_request(&page, &request, now),
             Event::Sent(page, sent) => {
                 self.sent.insert(page, sent);
                 Vec::new()
@@ -318,54 +319,56 @@ impl Work {
                 self.audit.write(&line);
                 Vec::new()
             }
-            Event::Server(server) => self.hear(server, now),
+            Event::Server(server) => self.handle_server(server, now),
             Event::End => Vec::new(),
         };
         self.perform(effects);
     }
 
-    fn hear(&mut self, server: Server, now: f64) -> Vec<Effect> {
+    fn handle_server(&mut self, server: Server, now: f64) -> Vec<Effect> {
         match server {
-            Server::Heard(Heard::Connected(link)) => {
-                self.link_told.send_replace(Some((*link).clone()));
-                self.link = Some(*link);
+            Server::Connection(ConnectionEvent::Connected(client)) => {
+                self.client_sender.send_replace(Some((*client).clone()));
+                self.client = Some(*client);
                 self.model.connected(now)
             }
-            Server::Heard(Heard::Sample(sample)) => self.model.sample(*sample, now),
-            Server::Heard(Heard::Robot(robot)) => {
+            Server::Connection(ConnectionEvent::Sample(sample)) => self.model.sample(*sample, now),
+            Server::Connection(ConnectionEvent::Robot(robot)) => {
                 self.model.robot(&robot);
                 Vec::new()
             }
-            Server::Heard(Heard::Status(status, round_trip)) => {
-                self.tell_cameras(&status);
+            Server::Connection(ConnectionEvent::Status(status, round_trip)) => {
+                self.publish_cameras(&status);
                 self.model.status(*status, round_trip, now)
             }
-            Server::Heard(Heard::Silent) => self.model.silent(now),
-            Server::Heard(Heard::Lost(reason)) => {
-                self.link_told.send_replace(None);
-                self.link = None;
+            Server::Connection(ConnectionEvent::Silent) => self.model.silent(now),
+            Server::Connection(ConnectionEvent::Lost(reason)) => {
+                self.client_sender.send_replace(None);
+                self.client = None;
                 self.release();
                 self.model.lost(&reason, now)
             }
-            Server::Brought(Brought::Control(commander)) => {
+            Server::Operation(OperationEvent::Control(commander)) => {
                 self.take_control(*commander);
                 Vec::new()
             }
-            Server::Brought(Brought::Done(done)) => self.model.done(done, now),
-            Server::Picked(picked, reply) => self.model.picked(&picked.page, picked.id, reply, now),
-            Server::Skill(skills::Said::Acts {
+            Server::Operation(OperationEvent::Done(done)) => self.model.done(done, now),
+            Server::PickReply(picked, reply) => {
+                self.model.picked(&picked.page, picked.id, reply, now)
+            }
+            Server::Skill(SkillEvent::Acts {
                 number,
                 header,
                 command,
                 notes,
             }) => self.model.goal_acts(number, *header, *command, &notes),
-            Server::Skill(skills::Said::Over { number, result }) => {
+            Server::Skill(SkillEvent::Over { number, result }) => {
                 self.model.goal_over(number, result, now)
             }
         }
     }
 
-    fn tell_cameras(&mut self, status: &v1::Status) {
+    fn publish_cameras(&mut self, status: &v1::Status) {
         let scenario = status.scenario.as_ref();
         let names: Vec<String> = scenario
             .map(|s| s.cameras.iter().map(|c| c.name.clone()).collect())
@@ -380,12 +383,12 @@ impl Work {
     }
 
     fn take_control(&mut self, commander: Commander) {
-        let Some(link) = &self.link else { return };
+        let Some(client) = &self.client else { return };
         let name = commander.name().to_owned();
-        self.commands = Some(Commands::new(link, commander, name, |_| {}));
+        self.commands = Some(Commands::new(client, commander, name, |_| {}));
     }
 
-    /// Gives control back, on a thread: the link may hang.
+    /// Releases control on a thread: the connection may hang.
     fn release(&mut self) {
         if let Some(commands) = self.commands.take() {
             std::thread::spawn(move || commands.finish());
@@ -414,18 +417,18 @@ impl Work {
                     }
                 }
                 Effect::Say(page, message) => self.say(&page, message.to_string()),
-                Effect::Errand(errand, name) => self.errand(errand, name),
+                Effect::Operation(operation, name) => self.start_operation(operation, name),
                 Effect::Release => self.release(),
                 Effect::Pick(picked) => self.pick(picked),
-                Effect::Goal(asked) => {
+                Effect::Goal(request) => {
                     let lanes = self.lanes.clone();
-                    let tell = move |said| {
-                        lanes.tell(Event::Server(Server::Skill(said)));
+                    let send = move |event| {
+                        lanes.send(Event::Server(Server::Skill(event)));
                     };
                     self.skills = self
-                        .link
+                        .client
                         .clone()
-                        .map(|link| Skills::start(link, asked, tell));
+                        .map(|client| Skills::start(client, request, send));
                 }
                 Effect::EndGoal(_) => self.skills = None,
                 Effect::Audit(line) => self.audit.write(&line),
@@ -437,45 +440,45 @@ impl Work {
         let Some(outlet) = self.outlets.get(page) else {
             return;
         };
-        // Whoever does not read is closed by its own socket.
-        if outlet.said.try_send(text).is_err() {
+        // A page that does not read is closed by its own socket.
+        if outlet.messages.try_send(text).is_err() {
             self.outlets.remove(page);
         }
     }
 
-    fn errand(&mut self, errand: Errand, name: String) {
+    fn start_operation(&mut self, operation: Operation, name: String) {
         let lanes = self.lanes.clone();
-        let bring = move |brought| {
-            lanes.tell(Event::Server(Server::Brought(brought)));
+        let send = move |event| {
+            lanes.send(Event::Server(Server::Operation(event)));
         };
-        let Some(link) = &self.link else {
-            let lease = matches!(errand, Errand::Lease { .. });
-            let words = "there is no connection to the simulation".to_owned();
+        let Some(client) = &self.client else {
+            let lease = matches!(operation, Operation::Lease { .. });
+            let words = "no connection to the simulation: wait until it is back".to_owned();
             if lease {
-                bring(Brought::Done(Done::Lease(Err(words))));
+                send(OperationEvent::Done(Done::Lease(Err(words))));
             } else {
-                bring(Brought::Done(Done::Tasks(Err(words))));
+                send(OperationEvent::Done(Done::Tasks(Err(words))));
             }
             return;
         };
-        // Two lives of one commander would hold each other up.
-        let asks = matches!(errand, Errand::Lease { .. });
-        let former = if asks { self.commands.take() } else { None };
-        errand::run(link.clone(), name, errand, former, bring);
+        // Two command channels of one client would block each other.
+        let leases = matches!(operation, Operation::Lease { .. });
+        let former = if leases { self.commands.take() } else { None };
+        pending_operation::run(client.clone(), name, operation, former, send);
     }
 
-    fn pick(&self, picked: Picked) {
+    fn pick(&self, picked: PendingPick) {
         let lanes = self.lanes.clone();
-        let link = self.link.clone();
+        let client = self.client.clone();
         std::thread::spawn(move || {
-            let reply = match link {
-                Some(link) => link.request(&picked.request).map_err(|e| match e {
+            let reply = match client {
+                Some(client) => client.request(&picked.request).map_err(|e| match e {
                     ClientError::Refused { message, .. } => message,
                     e => e.to_string(),
                 }),
-                None => Err("there is no connection to the simulation".to_owned()),
+                None => Err("no connection to the simulation: wait until it is back".to_owned()),
             };
-            lanes.tell(Event::Server(Server::Picked(picked, reply)));
+            lanes.send(Event::Server(Server::PickReply(picked, reply)));
         });
     }
 
@@ -485,17 +488,17 @@ impl Work {
         let common = report::common(&self.model, self.reports, now);
         for (page, outlet) in &self.outlets {
             let sent = self.sent.get(page).map_or(&[][..], Vec::as_slice);
-            let told = report::of_page(&self.model, page, &common, sent, now);
-            outlet.report.send_replace(told.to_string());
+            let message = report::of_page(&self.model, page, &common, sent, now);
+            outlet.report.send_replace(message.to_string());
         }
     }
 
-    /// Brakes the chair, holds the arm and gives control back.
+    /// Brakes the chair, holds the arm and releases control.
     fn farewell(&mut self) {
         let effects = self.model.farewell(self.now());
         self.perform(effects);
         if let Some(commands) = self.commands.take() {
-            // The stop is on its way before control is given back.
+            // The stop must leave before control is released.
             std::thread::sleep(FAREWELL);
             commands.finish();
         }
@@ -512,32 +515,32 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_is_taken_before_everything_that_waits() {
-        let (lanes, came) = Came::lanes();
+    fn a_stop_overtakes_all_waiting_events() {
+        let (lanes, queues) = Queues::lanes();
         let mut refused = 0;
         while refused < 100_000 {
-            let heard = Event::Server(Server::Heard(Heard::Silent));
-            if lanes.server.try_send(heard).is_err() {
+            let event = Event::Server(Server::Connection(ConnectionEvent::Silent));
+            if lanes.server.try_send(event).is_err() {
                 break;
             }
             refused += 1;
         }
         assert_eq!(refused, SERVER, "the lane of the server is bounded");
         for _ in 0..1000 {
-            lanes.tell(Event::Intent("a".to_owned(), intent("alive")));
+            lanes.send(Event::Intent("a".to_owned(), intent("alive")));
         }
-        lanes.tell(Event::Intent("a".to_owned(), intent("stop")));
-        let first = came.next();
+        lanes.send(Event::Intent("a".to_owned(), intent("stop")));
+        let first = queues.next();
         assert!(
             matches!(&first, Some(Event::Intent(_, one)) if one.action == Action::Stop),
             "{first:?}"
         );
         for _ in 0..1000 {
             assert!(
-                matches!(came.next(), Some(Event::Intent(..))),
+                matches!(queues.next(), Some(Event::Intent(..))),
                 "pages first"
             );
         }
-        assert!(matches!(came.next(), Some(Event::Server(_))));
+        assert!(matches!(queues.next(), Some(Event::Server(_))));
     }
 }

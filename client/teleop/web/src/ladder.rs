@@ -1,36 +1,35 @@
-//! Which preview level a link can carry. Pure: arrivals and time go in.
+//! Bitrate ladder: chooses the preview level that a network path can carry. Pure.
 //!
-//! A level is left downwards at once when the delay grows over the quickest
-//! picture seen, when pictures are missing, or when the browser cannot show
-//! what comes. It is left upwards after a quiet time, which doubles every time
-//! a step up did not hold.
+//! A step down happens at once when the delay grows over the smallest delay, when images
+//! are lost, or when the browser skips images. A step up happens after a quiet time,
+//! which doubles after each step up that failed.
 
 use wheelarm_proto::preview::PreviewLevel;
 
-/// Time over which a link is judged, s.
+/// Time over which a path is judged, s.
 const WINDOW: f64 = 1.5;
 /// Mean growth of the delay that is too much, s.
 const GROWTH: f64 = 0.25;
-/// Share of missing pictures that is too much.
+/// Share of lost images that is too much.
 const MISSED: f64 = 0.15;
-/// Share of pictures that the browser skipped that is too much.
+/// Share of images skipped by the browser that is too much.
 const SKIPPED: f64 = 0.5;
-/// Pictures below which a window says nothing.
+/// Fewer images than this in a window give no verdict.
 const ENOUGH: u64 = 3;
 /// Quiet time before a step up, least and greatest, s.
 const QUIET: [f64; 2] = [4.0, 60.0];
-/// After a step down the link empties itself for this long, s: nothing that
-/// comes meanwhile tells of the new level.
+/// After a step down the path drains for this long, s; arrivals meanwhile say nothing
+/// about the new level.
 const SETTLE: f64 = 2.5;
 /// A step up that holds this long was right, s.
 const HELD: f64 = 8.0;
-/// The quickest picture is looked for over one to two times this, s.
+/// The smallest delay is taken over one to two times this, s.
 const QUICKEST: f64 = 60.0;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Window {
     began: f64,
-    came: u64,
+    arrived: u64,
     missed: u64,
     growth: f64,
     shown: u64,
@@ -43,7 +42,7 @@ pub struct Ladder {
     level: PreviewLevel,
     window: Window,
     next: Option<u64>,
-    /// Quickest picture of this period and of the one before, s.
+    /// Smallest delay of this period and of the previous one, s.
     quickest: [f64; 2],
     period: f64,
     quiet: f64,
@@ -74,21 +73,21 @@ impl Ladder {
         }
     }
 
-    /// The level that is right now.
+    /// The current level.
     #[must_use]
     pub fn level(&self) -> PreviewLevel {
         self.level
     }
 
-    /// Growth of the delay over the quickest picture, s, smoothed.
+    /// Growth of the delay over the smallest delay, s, smoothed.
     #[must_use]
     pub fn growth(&self) -> f64 {
         self.growth
     }
 
-    /// A picture came: its sequence number and its way, which is the time of
-    /// arrival by this host's clock less the time of sending by the server's.
-    pub fn came(&mut self, sequence: u64, way: f64, now: f64) {
+    /// Records an arrival: sequence number and delay, which is the arrival time of this
+    /// host's clock minus the send time of the server's clock.
+    pub fn arrived(&mut self, sequence: u64, way: f64, now: f64) {
         if now - self.period > QUICKEST {
             self.quickest = [way, self.quickest[0]];
             self.period = now;
@@ -102,22 +101,22 @@ impl Ladder {
             self.window.missed += sequence - next;
         }
         self.next = Some(sequence + 1);
-        self.window.came += 1;
+        self.window.arrived += 1;
         self.window.growth += growth;
     }
 
-    /// The numbers begin anew: another server, or another subscription.
+    /// Sequence numbers start again: another server, or another subscription.
     pub fn restart(&mut self) {
         self.next = None;
     }
 
-    /// A browser took a picture after it had skipped some.
+    /// A browser acknowledged an image after it skipped some.
     pub fn shown(&mut self, skipped: u64) {
         self.window.shown += 1;
         self.window.skipped += skipped;
     }
 
-    /// Judges the window when it is over; the new level when it changes.
+    /// Judges the window when it is complete; returns the new level when it changes.
     pub fn decide(&mut self, now: f64) -> Option<PreviewLevel> {
         if now - self.window.began < WINDOW {
             return None;
@@ -133,9 +132,9 @@ impl Ladder {
             return None;
         }
         let share = |part: u64, rest: u64| part as f64 / (part + rest).max(1) as f64;
-        let trouble = window.came + window.missed >= ENOUGH
-            && (window.growth / window.came.max(1) as f64 > GROWTH
-                || share(window.missed, window.came) > MISSED)
+        let trouble = window.arrived + window.missed >= ENOUGH
+            && (window.growth / window.arrived.max(1) as f64 > GROWTH
+                || share(window.missed, window.arrived) > MISSED)
             || window.shown >= ENOUGH && share(window.skipped, window.shown) > SKIPPED;
         let step = PreviewLevel::ALL.iter().position(|l| *l == self.level)?;
         if trouble {
@@ -149,8 +148,8 @@ impl Ladder {
             self.went_up = false;
             self.quiet = QUIET[0];
         }
-        // Without pictures nothing is known: time may stand still.
-        if window.came == 0 {
+        // No verdict without images: simulation may be paused.
+        if window.arrived == 0 {
             self.changed = self.changed.max(now - self.quiet);
             return None;
         }
@@ -174,7 +173,7 @@ impl Ladder {
 mod tests {
     use super::*;
 
-    /// A link of some bytes per second with a queue of a second; pictures of
+    /// A path of some bytes per second with a queue of one second; images of
     /// 8, 35 and 160 kB at 5, 10 and 10 Hz. Returns the levels over time.
     fn levels(bytes_per_second: impl Fn(f64) -> f64, seconds: f64) -> Vec<PreviewLevel> {
         let mut ladder = Ladder::new(0.0);
@@ -194,7 +193,7 @@ mod tests {
                 if queue < speed {
                     queue += bytes;
                     // The clocks of both ends differ by a thousand seconds.
-                    ladder.came(sequence, 1000.0 + queue / speed, now);
+                    ladder.arrived(sequence, 1000.0 + queue / speed, now);
                     ladder.shown(0);
                 }
             }
@@ -210,20 +209,20 @@ mod tests {
     }
 
     #[test]
-    fn a_fast_link_climbs_to_the_top_and_stays() {
+    fn a_fast_path_climbs_to_the_top_and_stays() {
         let levels = levels(|_| 100e6, 60.0);
         assert!(share(&levels[1500..], PreviewLevel::High) > 0.99);
     }
 
     #[test]
-    fn a_link_of_5_mbit_carries_medium_and_rarely_tries_more() {
+    fn a_path_of_5_mbit_carries_medium_and_rarely_attempts_more() {
         let levels = levels(|_| 625e3, 240.0);
         assert!(share(&levels, PreviewLevel::Low) < 0.1);
         assert!(share(&levels[12_000..], PreviewLevel::Medium) > 0.8);
     }
 
     #[test]
-    fn a_link_that_becomes_slow_falls_and_one_that_recovers_climbs() {
+    fn a_path_that_becomes_slow_falls_and_one_that_recovers_climbs() {
         let speed = |now: f64| {
             if (30.0..60.0).contains(&now) {
                 60e3
@@ -238,11 +237,11 @@ mod tests {
     }
 
     #[test]
-    fn a_browser_that_cannot_follow_gets_smaller_pictures() {
+    fn a_browser_that_cannot_follow_gets_smaller_images() {
         let mut ladder = Ladder::new(0.0);
         for i in 0..60_u64 {
             let now = i as f64 * 0.1;
-            ladder.came(i, 0.02, now);
+            ladder.arrived(i, 0.02, now);
             if i % 4 == 0 {
                 ladder.shown(3);
             }

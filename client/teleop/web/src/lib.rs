@@ -4,8 +4,8 @@
 //! [`model`] decides and is pure: intents of pages become commands. It and [`motion`] hold
 //! every safety rule. [`hub`] is the one thread that executes its decisions, [`site`]
 //! answers HTTP, `socket` serves the WebSockets, [`skills`] runs the scripted operator for
-//! an object that the person selected. [`watch`], [`arm`], [`errand`] and [`send`] are shared
-//! with the terminal (`wheelarm teleop`).
+//! an object that the person selected. [`watch`], [`arm`], [`pending_operation`] and [`send`] are
+//! shared with the terminal (`wheelarm teleop`).
 //!
 //! A browser never reaches the server, and no message moves the robot without the model. An
 //! intent carries a number, its press (epoch) and the tick of the displayed image, so that
@@ -16,7 +16,6 @@
 pub mod arm;
 mod audit;
 pub mod encode;
-pub mod errand;
 pub mod feed;
 mod files;
 pub mod gateway;
@@ -24,6 +23,8 @@ pub mod hub;
 pub mod ladder;
 pub mod model;
 pub mod motion;
+pub mod password_attempts;
+pub mod pending_operation;
 pub mod phase;
 pub mod pipe;
 mod places;
@@ -38,7 +39,6 @@ pub mod site;
 pub mod skills;
 pub mod socket;
 pub mod speed;
-pub mod tries;
 pub mod visitor;
 pub mod watch;
 

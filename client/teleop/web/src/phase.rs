@@ -1,15 +1,15 @@
-//! The phase of the work, told from what the person does. Pure.
+//! The phase of the work, derived from the operator's input. Pure.
 //!
 //! Driving is navigating, gripper keys are grasping, arm keys are reaching
 //! until something is held and retracting from then on: the four labels of
-//! WheelArm-Sim, without a key of their own.
+//! WheelArm-Sim, without keys for them.
 
 use wheelarm_proto::v1::Phase;
 
 /// A pad touches from this force, N.
 const TOUCH: f64 = 1.0;
 
-/// What a key does to the robot.
+/// Part of the robot that a key moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Work {
     /// The chair.
@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holding_something_turns_reaching_into_retracting() {
+    fn holding_an_object_turns_reaching_into_retracting() {
         assert_eq!(of(Work::Arm, [0.0, 5.0]).0, Phase::Reaching);
         assert_eq!(of(Work::Arm, [5.0, 5.0]).0, Phase::Retracting);
         assert_eq!(of(Work::Chair, [0.0, 0.0]).0, Phase::Navigating);

@@ -1,5 +1,5 @@
-//! What the sockets of a page have in common: what they share, how they read and
-//! write, and with what they are closed.
+//! Shared code of the sockets of a page: common state, reading, writing and close
+//! codes.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -25,19 +25,19 @@ use crate::visitor::Visitor;
 /// Longest wait for a page that does not read.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What all sockets share.
+/// State that all sockets share.
 pub struct Shared {
     /// The hub.
     pub hub: Hub,
-    /// Pictures.
+    /// Images.
     pub feeds: Feeds,
-    /// Who has signed in.
+    /// Signed-in users.
     pub sessions: Sessions,
     /// Open sockets.
     pub registry: Registry,
 }
 
-/// Why a socket is closed, with its code.
+/// Reason for closing a socket, with its code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Close {
     pub(crate) code: u16,
@@ -77,7 +77,7 @@ impl Pipe {
     /// The next text; `None` at the end of the socket.
     ///
     /// # Errors
-    /// [`Close`] when the page does what it may not.
+    /// [`Close`] when the page breaks a limit.
     pub(crate) async fn next(&mut self) -> Result<Option<String>, Close> {
         loop {
             let message = match self.stream.next().await {
@@ -116,7 +116,7 @@ impl Pipe {
 
     pub(crate) async fn close(mut self, close: Close) {
         let mut why = close.why;
-        // A reason has at most 123 bytes.
+        // A close reason has at most 123 bytes.
         while why.len() > 120 {
             why.pop();
         }
@@ -126,14 +126,14 @@ impl Pipe {
         };
         let closing = async {
             let _ = self.stream.close(Some(frame)).await;
-            // The page answers with its own end.
+            // The page answers with its own close frame.
             while let Some(Ok(_)) = self.stream.next().await {}
         };
         let _ = tokio::time::timeout(Duration::from_secs(1), closing).await;
     }
 }
 
-/// A socket that was let in.
+/// An admitted socket.
 pub(crate) struct Entered {
     pub(crate) page: String,
     pub(crate) visitor: Visitor,
@@ -145,7 +145,7 @@ pub(crate) struct Entered {
 /// Close code of a socket whose session ended: its page loses control at once.
 pub(crate) const SIGNED_OUT: u16 = 4401;
 
-/// What ends a socket from this side.
+/// Reasons for the gateway to close a socket.
 pub(crate) struct Ends {
     pub(crate) registered: tokio::sync::oneshot::Receiver<Evicted>,
     pub(crate) life: Life,
@@ -153,7 +153,7 @@ pub(crate) struct Ends {
 }
 
 impl Ends {
-    /// Waits until the socket is to be closed.
+    /// Waits until the socket must close.
     pub(crate) async fn close(&mut self) -> Close {
         tokio::select! {
             biased;
@@ -167,7 +167,7 @@ impl Ends {
     }
 }
 
-/// The socket makes room for others.
+/// The socket is closed in favor of others.
 pub(crate) fn crowded() -> Close {
     Close::new(4429, "too many connections are open")
 }

@@ -1,6 +1,6 @@
-//! Connections of browsers: a bounded number at a time. A new one is always taken; the
-//! oldest of the largest share makes room. Connections that belong to no session make
-//! room first, those of drivers last.
+//! Connections of browsers: a bounded number. A new connection is always accepted; the
+//! oldest of the largest share is closed for it. Connections without a session are closed
+//! first, those of drivers last.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -9,16 +9,16 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
-use crate::tries::network;
+use crate::password_attempts::network;
 use crate::visitor::Visitor;
 
 /// Most connections at a time, sockets included.
 pub const PLACES: usize = 512;
 
-/// Whose connection it is. Shares that make room first are lower.
+/// Owner of a connection. Lower shares are closed first.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Share {
-    /// No request with a session came yet; the address is all that is known.
+    /// No request with a session arrived yet; only the address is known.
     Address(IpAddr),
     Viewer(String),
     Driver(String),
@@ -74,7 +74,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Takes a connection; it gives its place back when it is dropped.
+    /// Admits a connection; it is removed when the returned value is dropped.
     #[must_use]
     pub fn take(self: &Arc<Self>, from: IpAddr) -> Place {
         let mut all = self.all.lock();
@@ -94,7 +94,7 @@ impl Places {
     }
 }
 
-/// The place of a connection.
+/// Registration of a connection.
 pub struct Place {
     places: Arc<Places>,
     number: u64,
@@ -102,7 +102,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// A request of this visitor came on it.
+    /// A request of this visitor arrived on it.
     pub fn belongs_to(&self, visitor: &Visitor) {
         let name = visitor.name.clone();
         let share = match visitor.role.may_drive() {
@@ -114,10 +114,10 @@ impl Place {
         }
     }
 
-    /// Waits until the connection is to end.
+    /// Waits until the connection must end.
     pub async fn over(&self) {
         let mut ends = self.ends.clone();
-        // Its sender goes after it said so.
+        // Its sender is dropped after it sent the reason.
         let _ = ends.wait_for(|ended| *ended).await;
     }
 }
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn silent_connections_take_no_place_of_a_driver() {
+    fn silent_connections_do_not_displace_a_driver() {
         let places = Arc::new(Places::default());
         let driver = places.take(ip(1));
         driver.belongs_to(&visitor("anna", Role::Operator));

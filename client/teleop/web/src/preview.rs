@@ -1,6 +1,6 @@
-//! What the robot sees, as a local web page: `wheelarm preview`, and beside
-//! `wheelarm teleop`. It is the page of `wheelarm drive` for who only looks: nobody
-//! there may drive.
+//! The robot's cameras as a local web page: `wheelarm preview`, also started by
+//! `wheelarm teleop`. It is the page of `wheelarm drive` for viewers: no user may drive
+//! from it.
 
 use std::io::{ErrorKind, Write};
 use std::net::SocketAddr;
@@ -15,29 +15,29 @@ use wheelarm_sdk::Connect;
 
 use crate::{Gateway, Options};
 
-/// Where the page is served when nothing else is said.
+/// Default address of the page.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:7450";
 
 /// Options of `wheelarm preview`.
 #[derive(Args, Clone, Debug)]
 pub struct PreviewArgs {
-    /// Address of the page; another port is taken when it is in use. Other machines
-    /// are let in with --keys only, or through an SSH tunnel.
+    /// Address of the page; another port is used when it is taken. Other machines
+    /// need --keys, or an SSH tunnel.
     #[arg(long, default_value = DEFAULT_ADDRESS, value_name = "ADDRESS:PORT")]
     pub page: SocketAddr,
-    /// Folder of keys and users (`wheelarm keys init`): the page is encrypted, and
-    /// lets in by password.
+    /// Folder of keys and users (`wheelarm keys init`): enables TLS and password
+    /// login.
     #[arg(long, value_name = "FOLDER")]
     pub keys: Option<PathBuf>,
-    /// Name by which browsers know this host; may be repeated.
+    /// Host name by which browsers reach this host; may be repeated.
     #[arg(long, value_name = "HOST", requires = "keys")]
     pub name: Vec<String>,
 }
 
-/// Serves the page until what is given back is dropped.
+/// Serves the page until the returned gateway is dropped.
 ///
 /// # Errors
-/// When the page's address cannot be used.
+/// When the page's address cannot be bound.
 pub fn open(runtime: &Runtime, connect: &Connect, args: &PreviewArgs) -> anyhow::Result<Gateway> {
     let options = Options {
         connect: connect.clone(),
@@ -55,7 +55,7 @@ pub fn open(runtime: &Runtime, connect: &Connect, args: &PreviewArgs) -> anyhow:
 /// Runs `wheelarm preview` until it is interrupted.
 ///
 /// # Errors
-/// When the page's address cannot be used.
+/// When the page's address cannot be bound.
 pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
@@ -63,10 +63,10 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
         .build()
         .context("starting the runtime")?;
     let gateway = open(&runtime, connect, args)?;
-    // Who reads the first line and closes the pipe has the address.
+    // A reader that closes the pipe after the first line has the address.
     match announce(&gateway) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-        told => told.context("writing the page's address")?,
+        result => result.context("writing the page's address")?,
     }
     let mut signals = Signals::listen(&runtime).context("cannot listen to signals")?;
     runtime.block_on(signals.next());
@@ -74,7 +74,7 @@ pub fn run(connect: &Connect, args: &PreviewArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Says where the page is, also from another machine.
+/// Prints the URL of the page, also for another machine.
 fn announce(gateway: &Gateway) -> std::io::Result<()> {
     let port = gateway.address().port();
     let mut out = std::io::stdout().lock();

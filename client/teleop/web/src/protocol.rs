@@ -1,5 +1,5 @@
-//! What a page says, as `PROTOCOL.md` has it: read with limits, never trusted.
-//! Unknown fields and kinds are left alone, so that a page may be newer.
+//! Messages of a page, as `PROTOCOL.md` specifies: parsed with limits, never trusted.
+//! Unknown fields and kinds are ignored, so that a page may be newer.
 
 use serde::Deserialize;
 use wheelarm_proto::{check, v1};
@@ -16,22 +16,22 @@ pub struct Hello {
     pub t: String,
     /// Version of the page's protocol.
     pub protocol: u32,
-    /// Ticket, once.
+    /// Single-use ticket.
     pub ticket: String,
-    /// The page, drawn at random when it was loaded.
+    /// Random identifier that the page generated when it was loaded.
     pub page: String,
     /// Which of the two control sockets, 0 or 1.
     #[serde(default)]
     pub lane: u8,
 }
 
-/// What the page can move by steps.
+/// Part of the robot that a step moves.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
     /// The chair: forward, left turn.
     Chair,
-    /// The hand's place: forward, left, up.
+    /// The hand's position: forward, left, up.
     Hand,
     /// The hand's turn about its own axes.
     Turn,
@@ -39,7 +39,7 @@ pub enum Part {
     Grip,
 }
 
-/// What a person's controller has moved since it was engaged, in axes of the chair.
+/// Motion of the person's controller since the clutch was engaged, in axes of the chair.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 pub struct Clutch {
     /// Forward, left, up, m.
@@ -49,14 +49,14 @@ pub struct Clutch {
     pub turn: [f64; 4],
 }
 
-/// What the person does now.
+/// Action of the person.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// What is held, -1 to 1 each.
     Drive(Held),
     /// One step.
     Step {
-        /// Of what.
+        /// Part that moves.
         part: Part,
         /// Index of the axis.
         axis: usize,
@@ -65,12 +65,12 @@ pub enum Action {
     },
     /// Everything stops.
     Stop,
-    /// Nothing; the page is there.
+    /// No action; shows that the page is alive.
     Alive,
 }
 
 impl Action {
-    /// Whether it moves anything.
+    /// Whether it moves the robot.
     #[must_use]
     pub fn moves(&self) -> bool {
         match self {
@@ -81,7 +81,7 @@ impl Action {
     }
 }
 
-/// What is held, -1 to 1 each.
+/// Held inputs, -1 to 1 each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Held {
     /// Forward, left turn.
@@ -92,12 +92,12 @@ pub struct Held {
     pub turn: [f64; 3],
     /// 1 opens, -1 closes.
     pub grip: f64,
-    /// A controller in the hand.
+    /// A tracked controller.
     pub clutch: Option<Clutch>,
 }
 
 impl Held {
-    /// Nothing is held.
+    /// Whether no input is held.
     #[must_use]
     pub fn is_rest(&self) -> bool {
         *self == Self::default()
@@ -111,22 +111,22 @@ pub struct Intent {
     pub seq: u32,
     /// Counts up at every fresh press.
     pub epoch: u32,
-    /// Tick of the picture that was painted last.
+    /// Tick of the newest painted image.
     pub shown: Option<u64>,
     /// The page's own clock, ms.
     pub ms: f64,
-    /// What it is commanded with.
+    /// Input device.
     pub device: v1::Device,
     /// How the input becomes motion.
     pub mode: v1::InputMode,
     /// The person's speed, 1 to 5.
     pub speed: u8,
-    /// What is wanted.
+    /// Requested action.
     pub action: Action,
 }
 
 #[derive(Deserialize)]
-struct Said {
+struct RawIntent {
     t: String,
     seq: u32,
     epoch: u32,
@@ -155,7 +155,7 @@ struct Said {
     sign: f64,
 }
 
-/// A person who starts an episode wants it recorded.
+/// Default number of recorders: an episode started by a person is recorded.
 fn one() -> u32 {
     1
 }
@@ -164,90 +164,91 @@ fn middle() -> u8 {
     3
 }
 
-/// Why a message is not taken; the page is told.
+/// Reason for rejecting a message; sent to the page.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Unreadable(pub String);
 
 impl Intent {
-    /// Reads a message of a control socket; `None` for a kind that is not known.
+    /// Parses a message of a control socket; `None` for an unknown kind.
     ///
     /// # Errors
-    /// [`Unreadable`] when it is not as the protocol says.
+    /// [`Unreadable`] when the message violates the protocol.
     pub fn read(text: &str) -> Result<Option<Self>, Unreadable> {
-        let said: Said = read(text)?;
+        let raw: RawIntent = read(text)?;
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite() && v.abs() <= 1.0);
-        let action = match said.t.as_str() {
+        let action = match raw.t.as_str() {
             "drive" => {
-                let single = [said.grip];
-                let held: [&[f64]; 4] = [&said.chair, &said.hand, &said.turn, &single];
+                let single = [raw.grip];
+                let held: [&[f64]; 4] = [&raw.chair, &raw.hand, &raw.turn, &single];
                 if !held.iter().all(|values| finite(values)) {
-                    return Err(Unreadable("what is held is -1 to 1".to_owned()));
+                    return Err(Unreadable("held inputs must be -1 to 1".to_owned()));
                 }
-                if let Some(clutch) = &said.clutch {
+                if let Some(clutch) = &raw.clutch {
                     let far = clutch
                         .moved
                         .iter()
                         .any(|m| !(0.0..=10.0).contains(&m.abs()));
                     let norm: f64 = clutch.turn.iter().map(|q| q * q).sum();
                     if far || !(0.25..4.0).contains(&norm) {
-                        let words = "clutch.move is within 10 m and clutch.turn a unit quaternion";
+                        let words =
+                            "clutch.move must be within 10 m and clutch.turn a unit quaternion";
                         return Err(Unreadable(words.to_owned()));
                     }
                 }
                 Action::Drive(Held {
-                    chair: said.chair,
-                    hand: said.hand,
-                    turn: said.turn,
-                    grip: said.grip,
-                    clutch: said.clutch,
+                    chair: raw.chair,
+                    hand: raw.hand,
+                    turn: raw.turn,
+                    grip: raw.grip,
+                    clutch: raw.clutch,
                 })
             }
             "step" => {
-                let part = said
-                    .part
-                    .ok_or_else(|| Unreadable("a step names its part".to_owned()))?;
+                let part = raw.part.ok_or_else(|| {
+                    Unreadable("a step needs its part: chair, hand, turn or grip".to_owned())
+                })?;
                 let axes = match part {
                     Part::Chair => 2,
                     Part::Hand | Part::Turn => 3,
                     Part::Grip => 1,
                 };
-                if said.axis >= axes || said.sign.abs() != 1.0 {
-                    let words = format!("a step's axis is below {axes} and its sign 1 or -1");
+                if raw.axis >= axes || raw.sign.abs() != 1.0 {
+                    let words = format!("a step needs an axis below {axes} and a sign of 1 or -1");
                     return Err(Unreadable(words));
                 }
                 Action::Step {
                     part,
-                    axis: said.axis,
-                    sign: said.sign,
+                    axis: raw.axis,
+                    sign: raw.sign,
                 }
             }
             "stop" => Action::Stop,
             "alive" => Action::Alive,
             _ => return Ok(None),
         };
-        // A stop or a release is taken from anything.
+        // A stop or a release is accepted with any device name.
         if action.moves() {
-            check_named("device", &DEVICES, device_word, &said.device)?;
-            check_named("mode", &MODES, mode_word, &said.mode)?;
+            check_named("device", &DEVICES, device_word, &raw.device)?;
+            check_named("mode", &MODES, mode_word, &raw.mode)?;
         }
         Ok(Some(Self {
-            seq: said.seq,
-            epoch: said.epoch,
-            shown: said.shown,
-            ms: if said.ms.is_finite() { said.ms } else { 0.0 },
-            device: named(&DEVICES, device_word, &said.device),
-            mode: named(&MODES, mode_word, &said.mode),
-            speed: said.speed.clamp(1, 5),
+            seq: raw.seq,
+            epoch: raw.epoch,
+            shown: raw.shown,
+            ms: if raw.ms.is_finite() { raw.ms } else { 0.0 },
+            device: named(&DEVICES, device_word, &raw.device),
+            mode: named(&MODES, mode_word, &raw.mode),
+            speed: raw.speed.clamp(1, 5),
             action,
         }))
     }
 }
 
-/// Reads any message of a page.
+/// Parses any message of a page.
 ///
 /// # Errors
-/// [`Unreadable`] with what is wrong.
+/// [`Unreadable`] with the reason.
 pub fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Unreadable> {
     serde_json::from_str(text).map_err(|e| Unreadable(format!("the message cannot be read: {e}")))
 }
@@ -310,12 +311,12 @@ fn check_named<T: Copy>(
     Err(Unreadable(words))
 }
 
-/// A camera that a page wants to see.
+/// A camera that a page shows.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 pub struct WantedCamera {
-    /// Its index among the cameras.
+    /// Index among the cameras.
     pub camera: usize,
-    /// What can be shown, pixels.
+    /// Width that the page can show, pixels.
     pub width: u32,
 }
 
@@ -323,7 +324,7 @@ pub struct WantedCamera {
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "t", rename_all = "snake_case")]
 pub enum Viewing {
-    /// What is wanted from now on.
+    /// Cameras to send from now on.
     Want {
         /// Codecs in order of preference.
         #[serde(default)]
@@ -331,56 +332,56 @@ pub enum Viewing {
         /// Cameras.
         cameras: Vec<WantedCamera>,
     },
-    /// Pictures of a camera came, up to this one.
+    /// Acknowledges the images of a camera up to `seq`.
     Ack {
         /// Index of the camera.
         camera: usize,
-        /// Newest number.
+        /// Newest sequence number.
         seq: u32,
-        /// It was painted.
+        /// Whether it was painted.
         #[serde(default)]
         painted: bool,
     },
-    /// The next picture must be a key picture.
+    /// Requests a key frame.
     Key {
         /// Index of the camera.
         camera: usize,
     },
-    /// A kind that is not known.
+    /// An unknown kind.
     #[serde(other)]
     Unknown,
 }
 
-/// A question on the state socket, with its number.
+/// A request on the state socket, with its number.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
-pub struct Asked {
-    /// Comes back in the answer.
+pub struct Request {
+    /// Repeated in the answer.
     pub id: u64,
-    /// What is asked.
+    /// The request.
     #[serde(flatten)]
-    pub ask: Ask,
+    pub kind: RequestKind,
 }
 
-/// What a page asks.
+/// Requests of a page.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(tag = "ask")]
-pub enum Ask {
-    /// Control, if nobody has it.
+pub enum RequestKind {
+    /// Requests control, if it is free.
     #[serde(rename = "lease.ask")]
-    LeaseAsk,
-    /// Control, whoever has it.
+    LeaseRequest,
+    /// Takes control from its holder.
     #[serde(rename = "lease.take")]
     LeaseTake,
-    /// Control is given up.
+    /// Gives up control.
     #[serde(rename = "lease.give")]
     LeaseGive {
-        /// Whom it is offered.
+        /// User to whom it is offered.
         to: Option<String>,
     },
-    /// The tasks.
+    /// Lists the tasks.
     #[serde(rename = "tasks")]
     Tasks,
-    /// A scenario.
+    /// Sets up a scenario.
     #[serde(rename = "scene.reset")]
     Reset {
         /// Task.
@@ -389,7 +390,7 @@ pub enum Ask {
         #[serde(default)]
         seed: u64,
     },
-    /// An episode begins.
+    /// Starts an episode.
     #[serde(rename = "episode.start")]
     Start {
         /// File label; the scenario's when empty.
@@ -402,45 +403,45 @@ pub enum Ask {
         #[serde(default = "one")]
         recorders: u32,
     },
-    /// The episode is kept.
+    /// Ends and keeps the episode.
     #[serde(rename = "episode.finish")]
     Finish,
-    /// The episode is thrown away.
+    /// Discards the episode.
     #[serde(rename = "episode.discard")]
     Discard,
-    /// The episode is thrown away and begins anew.
+    /// Discards the episode and starts it again.
     #[serde(rename = "episode.redo")]
     Redo,
-    /// Time stops.
+    /// Pauses the simulation.
     #[serde(rename = "time.pause")]
     Pause,
-    /// Time goes on.
+    /// Resumes the simulation.
     #[serde(rename = "time.resume")]
     Resume,
-    /// What stands at a pixel.
+    /// Finds the object at a pixel.
     #[serde(rename = "pick")]
     Pick {
         /// Index of the camera.
         camera: usize,
-        /// Tick of the picture.
+        /// Tick of the image.
         tick: u64,
         /// From the left edge, 0 to 1.
         u: f64,
         /// From the upper edge, 0 to 1.
         v: f64,
     },
-    /// A skill begins.
+    /// Starts a skill.
     #[serde(rename = "goal.start")]
     GoalStart {
-        /// What was picked.
+        /// Candidate of a pick.
         candidate: String,
         /// `near`, `take` or `put`.
         action: String,
     },
-    /// The skill ends.
+    /// Ends the skill.
     #[serde(rename = "goal.cancel")]
     GoalCancel,
-    /// A question that is not known.
+    /// An unknown request.
     #[serde(other)]
     Unknown,
 }
@@ -453,7 +454,7 @@ mod tests {
         "device":"keyboard","mode":"hold","speed":3,"chair":[1,0],"hand":[0,0,0],"turn":[0,0,0],"grip":0}"#;
 
     #[test]
-    fn the_examples_of_the_protocol_are_read() {
+    fn the_examples_of_the_protocol_are_parsed() {
         let intent = Intent::read(DRIVE).unwrap().unwrap();
         assert_eq!(
             (intent.seq, intent.epoch, intent.shown),
@@ -483,10 +484,13 @@ mod tests {
             })
         ));
         let ask = r#"{"t":"ask","id":9,"ask":"pick","camera":0,"tick":5012,"u":0.52,"v":0.31}"#;
-        let ask: Asked = read(ask).unwrap();
-        assert!(matches!(ask.ask, Ask::Pick { tick: 5012, .. }), "{ask:?}");
-        let newer: Asked = read(r#"{"t":"ask","id":1,"ask":"sing","song":2}"#).unwrap();
-        assert_eq!(newer.ask, Ask::Unknown);
+        let ask: Request = read(ask).unwrap();
+        assert!(
+            matches!(ask.kind, RequestKind::Pick { tick: 5012, .. }),
+            "{ask:?}"
+        );
+        let newer: Request = read(r#"{"t":"ask","id":1,"ask":"sing","song":2}"#).unwrap();
+        assert_eq!(newer.kind, RequestKind::Unknown);
         let want = r#"{"t":"want","codecs":["h264","jpeg"],"cameras":[{"camera":0,"width":1280}]}"#;
         assert!(matches!(read(want).unwrap(), Viewing::Want { .. }));
         assert_eq!(
@@ -537,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_refused() {
+    fn values_out_of_range_are_rejected() {
         for bad in [
             "",
             "{}",

@@ -1,9 +1,9 @@
-//! How many messages a socket may send.
+//! Rate limit of the messages of a socket.
 
 /// Messages per second, and at once.
 const RATE: [f64; 2] = [100.0, 100.0];
 
-/// What is left of a socket's messages.
+/// Remaining budget of a socket.
 #[derive(Clone, Copy, Debug)]
 pub struct Allowance {
     left: f64,
@@ -20,7 +20,7 @@ impl Allowance {
         }
     }
 
-    /// Takes one at `now`, s; false when there are too many.
+    /// Uses one message at `now`, s; false when the budget is exhausted.
     pub fn take(&mut self, now: f64) -> bool {
         self.left = (self.left + (now - self.at).max(0.0) * RATE[0]).min(RATE[1]);
         self.at = now;
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hundred_a_second_are_taken_and_a_flood_is_not() {
+    fn a_hundred_messages_a_second_are_accepted_and_a_flood_is_not() {
         let mut steady = Allowance::new(0.0);
         assert!((0..1000).all(|i| steady.take(f64::from(i) * 0.01)));
         let mut flood = Allowance::new(0.0);

@@ -1,5 +1,5 @@
-//! Open sockets: one of each kind of a page, and a bounded number of pages. Those who
-//! may drive and those who only watch have places of their own.
+//! Open sockets: one of each kind per page, and a bounded number of pages. Pages that may
+//! drive and pages that only watch are counted separately.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +14,8 @@ const VIEWERS: usize = 32;
 /// Most pages at a time of those who may drive, and of one of them.
 const DRIVERS: [usize; 2] = [16, 6];
 
-/// Another page took the place of a socket's page. Without this word a newer socket
-/// replaced it.
+/// Another page replaced the page of this socket. Without this reason a newer socket
+/// of the same page replaced it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Evicted;
 
@@ -58,7 +58,7 @@ impl Pages {
             let largest = shares.iter().max_by_key(|(_, share)| **share);
             match largest {
                 Some((other, share)) if *share > own + 1 => (*other).clone(),
-                // A page that was lost without a word keeps no driver out.
+                // A page that vanished without a close must not lock a driver out.
                 _ if drives && own > 0 => visitor.clone(),
                 _ => return Err(Full::Pages),
             }
@@ -71,7 +71,7 @@ impl Pages {
             && let Some(page) = self.pages.remove(&name)
         {
             for open in page.sockets.into_values() {
-                // A socket that is gone already needs no word.
+                // A socket that is already closed needs no reason.
                 let _ = open.ended.send(Evicted);
             }
         }
@@ -85,18 +85,18 @@ pub struct Registry {
     pages: Mutex<Pages>,
 }
 
-/// Why a socket is not opened.
+/// Reason for rejecting a socket.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Full {
-    /// There is no room for another page.
+    /// The limit of pages is reached.
     Pages,
     /// The page belongs to another visitor.
     Foreign,
 }
 
 impl Registry {
-    /// Opens a socket: its number, and what ends it. A visitor with too many pages
-    /// loses its oldest, but never the one that is `driving`.
+    /// Opens a socket: its number, and the signal that ends it. A visitor with too many
+    /// pages loses its oldest, but never the one that is `driving`.
     ///
     /// # Errors
     /// [`Full`].
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_of_viewers_keep_no_driver_out() {
+    fn pages_of_viewers_do_not_block_a_driver() {
         let registry = Registry::default();
         let (viewer, anna) = (
             visitor("viewer", Role::Viewer),

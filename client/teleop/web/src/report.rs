@@ -1,4 +1,4 @@
-//! What every page is told ten times a second, as `PROTOCOL.md` has it.
+//! The `situation` message that every page receives ten times a second (`PROTOCOL.md`).
 
 use serde_json::{Map, Value, json};
 use wheelarm_proto::v1;
@@ -7,12 +7,12 @@ use crate::model::{Control, Model};
 use crate::speed::{self, Allow, Speeds};
 use crate::watch::Connection;
 
-/// Slower than this it stands, m/s and rad/s.
+/// The chair counts as at rest below these speeds, m/s and rad/s.
 const STANDS: [f64; 2] = [0.01, 0.02];
-/// A push that counts as a contact, N.
+/// Contact force that is shown as a contact, N.
 const PUSH: f64 = 2.0;
 
-/// What is sent of a camera: codec and width.
+/// Codec and width that are sent of a camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sent {
     /// `jpeg` or `h264`; empty while nothing is sent.
@@ -21,7 +21,7 @@ pub struct Sent {
     pub width: u32,
 }
 
-/// What all pages are told alike at `time`, s.
+/// The part of the message that is the same for all pages, at `time`, s.
 #[must_use]
 pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
     let situation = &model.situation;
@@ -36,7 +36,7 @@ pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
     let evaluation = situation.evaluation.as_ref();
     let mut speeds = situation.chair_speed.iter().zip(STANDS);
     let moving = speeds.any(|(v, stands)| v.abs() > stands) || model.is_busy();
-    let told = json!({
+    let message = json!({
         "t": "situation",
         "n": number,
         "tick": situation.header.tick,
@@ -90,13 +90,13 @@ pub fn common(model: &Model, number: u64, time: f64) -> Map<String, Value> {
             "text": goal.text,
         })),
     });
-    match told {
+    match message {
         Value::Object(fields) => fields,
         _ => Map::new(),
     }
 }
 
-/// What one page is told: what all are, and what is its own. `sent` is what it gets
+/// The message for one page: the common part and its own. `sent` is the codec and width
 /// of each camera.
 #[must_use]
 pub fn of_page(
@@ -106,15 +106,15 @@ pub fn of_page(
     sent: &[Sent],
     time: f64,
 ) -> Value {
-    let mut told = common.clone();
+    let mut message = common.clone();
     let Some(known) = model.pages.get(page) else {
-        return Value::Object(told);
+        return Value::Object(message);
     };
     let status = model.situation.status.as_ref();
     let mine = model.control.page() == Some(page);
     let holder = match &model.control {
         Control::Ours { name, .. } => name.clone(),
-        Control::None | Control::Asking { .. } => {
+        Control::None | Control::Requested { .. } => {
             status.map_or_else(String::new, |s| s.holder.clone())
         }
     };
@@ -126,12 +126,12 @@ pub fn of_page(
         false => Allow::Stop,
     };
     let why = match (open, mine, allow, age) {
-        (false, ..) => "there is no connection to the simulation",
+        (false, ..) => "no connection to the simulation",
         (_, false, ..) => "this page is not in control",
         (_, _, Allow::Drive, _) => "",
-        (_, _, Allow::Steps, _) => "the picture is more than 0.9 s old: steps and goals only",
-        (_, _, Allow::Stop, None) => "no picture is shown",
-        (_, _, Allow::Stop, Some(_)) => "the picture is more than 2 s old",
+        (_, _, Allow::Steps, _) => "the image is more than 0.9 s old: steps and goals only",
+        (_, _, Allow::Stop, None) => "no image is shown",
+        (_, _, Allow::Stop, Some(_)) => "the image is more than 2 s old",
     };
     let cap = speed::cap(age.unwrap_or(f64::INFINITY));
     let most = Speeds::of(motion.speed()).chair[0];
@@ -141,10 +141,10 @@ pub fn of_page(
         "lease": {
             "holder": holder,
             "mine": mine,
-            "asked": model.asked,
+            "asked": model.control_requests,
             "for_s": match &model.control {
                 Control::Ours { since, .. } => Some(time - since),
-                Control::None | Control::Asking { .. } => status.map(|s| s.held_seconds),
+                Control::None | Control::Requested { .. } => status.map(|s| s.held_seconds),
             },
         },
         "cameras": cameras(model, sent),
@@ -161,9 +161,9 @@ pub fn of_page(
         "echo": motion.echo(time).map(|(ms, held)| json!({"ms": ms, "held_ms": held * 1e3})),
     });
     if let Value::Object(own) = own {
-        told.extend(own);
+        message.extend(own);
     }
-    Value::Object(told)
+    Value::Object(message)
 }
 
 fn people(model: &Model) -> Vec<Value> {
@@ -225,7 +225,7 @@ fn cameras(model: &Model, sent: &[Sent]) -> Vec<Value> {
         .collect()
 }
 
-/// Pairs of the robot and something else that touch.
+/// Contacts between the robot and other bodies.
 fn touching(model: &Model) -> impl Iterator<Item = &v1::Contact> {
     let contacts = model.situation.contacts.iter();
     contacts.filter(|contact| {
@@ -244,7 +244,7 @@ fn contacts(model: &Model) -> Vec<String> {
         .collect()
 }
 
-/// Directions that lead against something, and why.
+/// Directions that are blocked, with the reason.
 fn blocked(model: &Model) -> Map<String, Value> {
     let mut blocked = Map::new();
     let situation = &model.situation;

@@ -1,5 +1,5 @@
-//! Commands on their way: a thread sends them, so that a link that stalls
-//! never stalls the keyboard, and measures how long each takes to be taken.
+//! Sends commands from a thread, so that a stalled connection never stalls the
+//! keyboard, and measures the time until the server accepts each of them.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use parking_lot::Mutex;
 use wheelarm_proto::{Message, TopicId, v1};
 use wheelarm_sdk::{Client, Commander};
 
-/// Commands that may wait for the link; more are not sent at all.
+/// Commands that may wait for the connection; further ones are dropped.
 const WAITING: usize = 32;
 /// Commands whose echo is still expected.
 const EXPECTED: usize = 256;
@@ -27,18 +27,18 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// Sends by `commander`; `echoed` is told the seconds from sending a
-    /// command until the server published it as taken.
+    /// Sends by `commander`; `echoed` receives the seconds from sending a
+    /// command until the server published it as accepted.
     pub fn new(
-        link: &Client,
+        client: &Client,
         mut commander: Commander,
         name: String,
         echoed: impl Fn(f64) + Send + Sync + 'static,
     ) -> Self {
         let flight = Flight::default();
         let returning = Arc::clone(&flight);
-        let echoes = link
-            .subscribe(&link.keys().topic(TopicId::Command), move |sample| {
+        let echoes = client
+            .subscribe(&client.keys().topic(TopicId::Command), move |sample| {
                 let Ok(log) = v1::CommandLog::decode(&*sample.payload().to_bytes()) else {
                     return;
                 };
@@ -57,7 +57,7 @@ impl Commands {
                     echoed(sent.elapsed().as_secs_f64());
                 }
             })
-            // Without echoes only the figure is missing.
+            // Without echoes only the delay is unknown.
             .ok();
         let (queue, commands) = bounded::<Box<(v1::Header, v1::Command)>>(WAITING);
         let thread = std::thread::spawn(move || {
@@ -72,8 +72,8 @@ impl Commands {
                     flight.push_back((sequence, Instant::now()));
                 }
                 if let Err(error) = commander.answer(&header, command) {
-                    // The line notices a dead link by itself.
-                    tracing::warn!("a command was not sent: {error}");
+                    // The connection monitor notices a dead connection.
+                    tracing::warn!("cannot send a command: {error}");
                 }
             }
         });
@@ -84,7 +84,7 @@ impl Commands {
         }
     }
 
-    /// Hands a command over; false when the link has stalled.
+    /// Queues a command; false when the connection has stalled.
     pub fn send(&self, header: v1::Header, command: v1::Command) -> bool {
         let Some(queue) = &self.queue else {
             return true;
@@ -92,7 +92,7 @@ impl Commands {
         queue.try_send(Box::new((header, command))).is_ok()
     }
 
-    /// Waits until what was handed over is sent, then gives control back.
+    /// Waits until all queued commands are sent, then releases control.
     pub fn finish(mut self) {
         self.queue = None;
         let Some(thread) = self.thread.take() else {

@@ -61,7 +61,7 @@ pub struct Life {
 impl Life {
     /// Waits until the session ends; returns why.
     pub async fn over(&mut self) -> &'static str {
-        // The sender goes with its session, after it said why.
+        // The sender is dropped with its session, after it sent the reason.
         let _ = self.ended.wait_for(|why| !why.is_empty()).await;
         *self.ended.borrow()
     }
@@ -112,7 +112,7 @@ impl Sessions {
         Ok(key)
     }
 
-    /// The visitor of a session, which is used now.
+    /// The visitor of a session, which counts as used now.
     #[must_use]
     pub fn visitor(&self, key: &str, now: Instant) -> Option<Visitor> {
         let mut sessions = self.sessions.lock();
@@ -126,7 +126,7 @@ impl Sessions {
         end(&mut self.sessions.lock(), key, why);
     }
 
-    /// Ends the sessions that are over.
+    /// Removes expired sessions.
     pub fn sweep(&self, now: Instant) {
         self.end_where("the session is over: sign in again", |s| s.is_over(now));
     }
@@ -154,8 +154,8 @@ impl Sessions {
         });
     }
 
-    /// A ticket for the session `key`; none when there is no such session. The
-    /// session's oldest ticket makes room.
+    /// A ticket for the session `key`; `None` when that session does not exist. The
+    /// session's oldest ticket is dropped when there are too many.
     ///
     /// # Errors
     /// When the host has no random numbers.
@@ -173,7 +173,7 @@ impl Sessions {
         Ok(Some(ticket))
     }
 
-    /// The visitor of a ticket, which is used up, and the life of the session. Both
+    /// The visitor of a ticket, which becomes invalid, and the life of the session. Both
     /// the ticket and the cookie of its session are needed.
     #[must_use]
     pub fn enter(
@@ -223,7 +223,7 @@ fn end(sessions: &mut BTreeMap<String, Session>, key: &str, why: &'static str) {
     }
 }
 
-/// 32 hexadecimal digits that nobody can guess.
+/// 32 random hexadecimal digits.
 ///
 /// # Errors
 /// When the host has no random numbers.
@@ -233,7 +233,7 @@ pub fn secret() -> std::io::Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Whether two secrets are the same, in a time that does not tell where they differ.
+/// Compares two secrets in constant time.
 #[must_use]
 pub fn same(a: &str, b: &str) -> bool {
     let differs = a
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn log_out_ends_the_sockets_of_the_session_and_of_no_other() {
+    fn log_out_ends_only_the_sockets_of_its_session() {
         let (sessions, now) = (Sessions::default(), Instant::now());
         let mut lives: Vec<(String, Life)> = (0..2)
             .map(|_| {
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_of_sessions_and_tickets_takes_no_place_of_others() {
+    fn a_flood_of_sessions_and_tickets_does_not_displace_other_users() {
         let (sessions, now) = (Sessions::default(), Instant::now());
         let driver = sessions.begin(anna(), None, now).unwrap();
         let ticket = sessions.ticket(&driver, now).unwrap().unwrap();

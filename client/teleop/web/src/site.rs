@@ -1,6 +1,6 @@
-//! The one origin: the page's files, signing in, tickets, and the way to the
-//! sockets. What comes from another page, or by another name of this host, is
-//! refused before anything else.
+//! The web site: the page's files, login, tickets, and the upgrade to sockets. Requests
+//! of another origin, or for another name of this host, are rejected before any other
+//! check.
 
 use std::convert::Infallible;
 use std::net::{IpAddr, SocketAddr};
@@ -27,34 +27,34 @@ use wheelarm_proto::keys;
 
 use crate::files::Files;
 use crate::hub::Event;
+use crate::password_attempts::PasswordAttempts;
 use crate::pipe::Shared;
 use crate::places::{Place, Places};
 use crate::protocol::{MOST_BYTES, PROTOCOL};
 use crate::session::{TICKET, same};
 use crate::socket::{self, Kind};
-use crate::tries::Tries;
 use crate::visitor::{Role, Visitor};
 
-/// Longest time that a browser may take to send the head, or the body, of a question.
+/// Longest time that a browser may take to send the head, or the body, of a request.
 const QUESTION: Duration = Duration::from_secs(10);
-/// Time between two looks for sessions that are over.
+/// Time between two checks for expired sessions.
 const SWEEP: Duration = Duration::from_secs(5);
-/// Most tickets of one question.
+/// Most tickets of one request.
 const TICKETS: u64 = 8;
 
-/// Nothing from elsewhere is loaded, and nobody may frame the page.
+/// Content from elsewhere is not loaded, and other sites may not frame the page.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' blob: data:; connect-src 'self'; form-action 'none'; base-uri 'none'; \
     frame-ancestors 'none'";
 
 type Answer = Response<Full<Bytes>>;
 
-/// A link that lets in without a password, on this host only.
+/// A login link without a password, on this host only.
 #[derive(Clone, Debug)]
 pub struct Token {
-    /// What stands in the URL.
+    /// Token in the URL.
     pub secret: String,
-    /// Who comes in by it.
+    /// Visitor who logs in with it.
     pub visitor: Visitor,
 }
 
@@ -75,19 +75,19 @@ pub struct Site {
     pub files: Files,
     /// Where it listens.
     pub address: SocketAddr,
-    /// Links that let in.
+    /// Login links.
     pub tokens: Vec<Token>,
-    /// As whom everybody is let in who opens the page.
+    /// Visitor as whom every user is admitted without login, if set.
     pub everybody: Option<Visitor>,
     /// Users with passwords, if there are any.
     pub users: Option<Arc<dyn LogIn>>,
-    /// Encrypts, if it does.
+    /// TLS, if enabled.
     pub tls: Option<TlsAcceptor>,
-    /// Names by which this host is known, beside those of the loopback interface.
+    /// Names of this host, beside those of the loopback interface.
     pub names: Vec<String>,
     /// Wrong passwords.
-    pub tries: Mutex<Tries>,
-    /// One password is looked at at a time: that is meant to cost.
+    pub attempts: Mutex<PasswordAttempts>,
+    /// One password is verified at a time: the hash is expensive by design.
     pub gate: Semaphore,
     /// Zero of the clock of `tries`.
     pub began: Instant,
@@ -104,7 +104,7 @@ async fn accept(listener: &TcpListener, site: &Arc<Site>, places: &Arc<Places>) 
         let (stream, from) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
-                // Too many open files, for example: it may pass.
+                // For example too many open files: this may pass.
                 tracing::warn!("the page took no connection: {error}");
                 tokio::time::sleep(Duration::from_millis(200)).await;
                 continue;
@@ -118,7 +118,7 @@ async fn accept(listener: &TcpListener, site: &Arc<Site>, places: &Arc<Places>) 
                 match site.tls.clone() {
                     None => talk(&site, stream, from, &place).await,
                     Some(tls) => {
-                        // Who speaks no TLS, or an old one, is let go.
+                        // A client without TLS, or with an old version, is disconnected.
                         let met = tokio::time::timeout(QUESTION, tls.accept(stream)).await;
                         if let Ok(Ok(stream)) = met {
                             talk(&site, stream, from, &place).await;
@@ -128,14 +128,14 @@ async fn accept(listener: &TcpListener, site: &Arc<Site>, places: &Arc<Places>) 
             };
             tokio::select! {
                 () = talked => {}
-                // It makes room for a newer one.
+                // The connection is closed in favor of a newer one.
                 () = place.over() => {}
             }
         });
     }
 }
 
-/// Ends sessions that are over, and with them their sockets.
+/// Removes expired sessions, and with them their sockets.
 async fn sweep(site: &Site) {
     loop {
         tokio::time::sleep(SWEEP).await;
@@ -143,7 +143,7 @@ async fn sweep(site: &Site) {
     }
 }
 
-/// Answers what comes on one connection.
+/// Serves the requests of one connection.
 async fn talk<S>(site: &Arc<Site>, stream: S, from: SocketAddr, place: &Arc<Place>)
 where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
@@ -159,12 +159,12 @@ where
         .max_buf_size(16 << 10)
         .serve_connection(TokioIo::new(stream), answer)
         .with_upgrades();
-    // A browser that goes away is no error.
+    // A browser that disconnects is not an error.
     let _ = connection.await;
 }
 
-/// Small messages do not wait for each other, little waits unsent in the kernel, and
-/// loss does not throttle more than it must, where the host allows.
+/// Socket options: no delay for small messages, few unsent bytes in the kernel, and a
+/// congestion control that tolerates loss, where the host allows.
 fn tune(stream: &TcpStream) {
     let _ = stream.set_nodelay(true);
     let socket = socket2::SockRef::from(stream);
@@ -212,7 +212,7 @@ impl Site {
         }
     }
 
-    /// Whether a page may be asked for by this name.
+    /// Whether the page may be requested by this host name.
     fn is_known(&self, host: &str) -> bool {
         known_host(host, self.address, &self.names)
     }
@@ -228,7 +228,7 @@ impl Site {
     }
 
     fn cookie_name(&self) -> String {
-        // Cookies do not tell ports apart, but several gateways may run here.
+        // Cookies are shared between ports, but several gateways may run on this host.
         match self.tls {
             Some(_) => format!("__Host-wheelarm-{}", self.address.port()),
             None => format!("wheelarm-{}", self.address.port()),
@@ -253,7 +253,7 @@ impl Site {
 
     fn session(&self, headers: &HeaderMap) -> Answer {
         match self.visitor(headers) {
-            Some((_, visitor)) => told(&visitor),
+            Some((_, visitor)) => session_info(&visitor),
             None => not_signed_in(),
         }
     }
@@ -263,14 +263,14 @@ impl Site {
             return not_signed_in();
         }
         let (answer, report) = tokio::sync::oneshot::channel();
-        self.shared.hub.tell(Event::Report(answer));
+        self.shared.hub.send(Event::Report(answer));
         match report.await {
             Ok(report) => whole(StatusCode::OK, "application/json", report.into()),
             Err(_) => problem(StatusCode::SERVICE_UNAVAILABLE, "the gateway ends"),
         }
     }
 
-    /// Lets in who opened the link that was printed at the start.
+    /// Logs in a browser that opened the link that was printed at the start.
     fn token(&self, headers: &HeaderMap, query: &str) -> Answer {
         let given = query
             .split('&')
@@ -286,21 +286,21 @@ impl Site {
             .headers_mut()
             .insert(header::LOCATION, HeaderValue::from_static("/"));
         match self.visitor(headers) {
-            // The link was opened again, in another tab: the session goes on.
+            // The link was opened again, in another tab: the session continues.
             Some((_, visitor)) if visitor == token.visitor => answer,
             _ => self.let_in(answer, &token.visitor, None),
         }
     }
 
-    /// Begins a session, by the entry of a user or by a link. Its key is always new:
-    /// whatever cookie came with the request opens nothing.
+    /// Begins a session, by the entry of a user or by a link. Its key is always new: a
+    /// cookie that arrived with the request is ignored.
     fn let_in(&self, mut answer: Answer, visitor: &Visitor, user: Option<User>) -> Answer {
         let sessions = &self.shared.sessions;
         let key = match sessions.begin(visitor.clone(), user, Instant::now()) {
             Ok(key) => key,
             Err(e) => return problem(StatusCode::INTERNAL_SERVER_ERROR, &e.to_string()),
         };
-        // The user may have been changed while the password was checked.
+        // The user may have been changed while the password was verified.
         if let Some(users) = &self.users {
             sessions.keep(&users.users());
             if sessions.visitor(&key, Instant::now()).is_none() {
@@ -308,7 +308,7 @@ impl Site {
             }
         }
         let line = json!({"what": "signed in", "who": visitor.name, "role": visitor.role.name()});
-        self.shared.hub.tell(Event::Audit(line));
+        self.shared.hub.send(Event::Audit(line));
         let cookie = format!(
             "{}={key}; Path=/; HttpOnly; SameSite=Strict; Max-Age=43200{}",
             self.cookie_name(),
@@ -377,7 +377,7 @@ impl Site {
         }
         let from = from.ip();
         let now = self.began.elapsed().as_secs_f64();
-        if let Err(wait) = self.tries.lock().may(from, &name, now) {
+        if let Err(wait) = self.attempts.lock().may(from, &name, now) {
             let wait = wait.ceil();
             let words = json!({
                 "error": format!("too many wrong passwords; try again in {wait:.0} s"),
@@ -385,25 +385,25 @@ impl Site {
             });
             return json_answer(StatusCode::TOO_MANY_REQUESTS, &words);
         }
-        // Counted before it is looked at, so that nobody tries many at once.
-        self.tries.lock().wrong(from, &name, now);
+        // Counted before the check, so that parallel requests cannot exceed the limit.
+        self.attempts.lock().wrong(from, &name, now);
         let Ok(_one) = self.gate.acquire().await else {
             return problem(StatusCode::SERVICE_UNAVAILABLE, "the gateway ends");
         };
-        let asked = name.clone();
-        let verified = tokio::task::spawn_blocking(move || users.verify(&asked, &password)).await;
+        let user = name.clone();
+        let verified = tokio::task::spawn_blocking(move || users.verify(&user, &password)).await;
         let Ok(Some((role, user))) = verified else {
             let line = json!({"what": "wrong password", "who": name, "text": from.to_string()});
-            self.shared.hub.tell(Event::Audit(line));
+            self.shared.hub.send(Event::Audit(line));
             return not_together();
         };
-        self.tries.lock().right(from, &name, now);
-        // Whoever was signed in with this browser is not any more.
+        self.attempts.lock().right(from, &name, now);
+        // The former login of this browser ends.
         if let Some(key) = self.cookie(headers) {
             self.shared.sessions.end(key, "signed in again");
         }
         let visitor = Visitor { name, role };
-        self.let_in(told(&visitor), &visitor, Some(user))
+        self.let_in(session_info(&visitor), &visitor, Some(user))
     }
 
     fn tickets(&self, headers: &HeaderMap, body: &Value) -> Answer {
@@ -437,7 +437,7 @@ impl Site {
         let headers = request.headers();
         if !self.is_own_origin(headers) {
             let line = json!({"what": "foreign origin", "text": text(headers, &header::ORIGIN)});
-            self.shared.hub.tell(Event::Audit(line));
+            self.shared.hub.send(Event::Audit(line));
             return problem(
                 StatusCode::FORBIDDEN,
                 "only this site's own page may connect",
@@ -482,7 +482,7 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> &'a str {
     value.unwrap_or_default()
 }
 
-fn told(visitor: &Visitor) -> Answer {
+fn session_info(visitor: &Visitor) -> Answer {
     json_answer(
         StatusCode::OK,
         &json!({
@@ -508,7 +508,7 @@ fn not_together() -> Answer {
 }
 
 fn not_signed_in() -> Answer {
-    let words = "nobody is signed in: open the link that `wheelarm drive` printed";
+    let words = "not signed in: open the link that `wheelarm drive` printed";
     problem(StatusCode::UNAUTHORIZED, words)
 }
 
@@ -549,7 +549,7 @@ fn known_host(host: &str, address: SocketAddr, names: &[String]) -> bool {
     };
     // A tunnel may end at another port of the loopback interface.
     let is_port = port.is_none_or(|port| port.parse::<u16>().is_ok());
-    // A number is the host itself: only names can be made to mean another one.
+    // An address is the host itself: only names can be rebound to another host.
     let any = address.ip().is_unspecified();
     let is_name = name.eq_ignore_ascii_case("localhost")
         || names.iter().any(|known| known.eq_ignore_ascii_case(name))
@@ -564,7 +564,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_strange_name_for_this_host_is_refused() {
+    fn an_unknown_host_name_is_rejected() {
         let local = SocketAddr::from(([127, 0, 0, 1], 7460));
         for good in [
             "127.0.0.1:7460",

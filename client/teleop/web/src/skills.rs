@@ -1,6 +1,6 @@
-//! A skill at work for somebody who named a thing: the scripted operator's own
-//! skills, on a thread, tick by tick. It sends nothing itself: what it would do goes
-//! to the hub, which has the last word.
+//! Runs a skill for an object that the person selected: the skills of the scripted
+//! operator, on a thread, tick by tick. It sends no commands itself: it proposes them to
+//! the hub, which decides.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,21 +19,21 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
 use wheelarm_sdk::Client;
 
-use crate::model::GoalAsked;
+use crate::model::GoalRequest;
 
 /// Silence of the server after which a skill gives up.
 const SILENCE: Duration = Duration::from_secs(3);
-/// Time between two looks whether it is still wanted.
+/// Time between two checks whether it is still wanted.
 const LOOK: Duration = Duration::from_millis(50);
-/// What is put down stands within this of the point, m: half sides of a box.
+/// A placed object is within this distance of the point, m: half sides of a box.
 const PLACE: [f64; 3] = [0.05, 0.05, 0.10];
-/// What is this near to the middle of the pads is in the hand, m.
+/// An object this near to the middle of the pads counts as held, m.
 const IN_HAND: f64 = 0.12;
 
-/// What a skill says.
+/// Messages of a skill.
 #[derive(Debug)]
-pub enum Said {
-    /// What it would do at a tick.
+pub enum SkillEvent {
+    /// Proposed command for a tick.
     Acts {
         /// Number of the goal.
         number: u64,
@@ -41,33 +41,37 @@ pub enum Said {
         header: Box<v1::Header>,
         /// The command.
         command: Box<v1::Command>,
-        /// What happened, in words.
+        /// Events, in words.
         notes: Vec<String>,
     },
-    /// It is over.
+    /// The skill ended.
     Over {
         /// Number of the goal.
         number: u64,
-        /// In words.
+        /// Result, in words.
         result: Result<String, String>,
     },
 }
 
-/// A skill at work; it ends when this is dropped.
+/// A running skill; it ends when this is dropped.
 pub struct Skills {
     ended: Arc<AtomicBool>,
 }
 
 impl Skills {
-    /// Begins on a thread; `tell` is told what it does.
+    /// Starts it on a thread; `send` receives its messages.
     #[must_use]
-    pub fn start(link: Client, asked: GoalAsked, tell: impl Fn(Said) + Send + 'static) -> Self {
+    pub fn start(
+        client: Client,
+        request: GoalRequest,
+        send: impl Fn(SkillEvent) + Send + 'static,
+    ) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
         let ours = Arc::clone(&ended);
         std::thread::spawn(move || {
-            let number = asked.number;
-            let result = work(&link, &asked, &ours, &tell);
-            tell(Said::Over { number, result });
+            let number = request.number;
+            let result = work(&client, &request, &ours, &send);
+            send(SkillEvent::Over { number, result });
         });
         Self { ended }
     }
@@ -80,63 +84,63 @@ impl Drop for Skills {
 }
 
 fn work(
-    link: &Client,
-    asked: &GoalAsked,
+    client: &Client,
+    request: &GoalRequest,
     ended: &AtomicBool,
-    tell: &(impl Fn(Said) + Send),
+    send: &(impl Fn(SkillEvent) + Send),
 ) -> Result<String, String> {
     let mut topics = observation::STREAMS.to_vec();
     topics.push(TopicId::Clock);
-    let streams = link.streams(&topics).map_err(|e| e.to_string())?;
-    let reply = link
+    let streams = client.streams(&topics).map_err(|e| e.to_string())?;
+    let reply = client
         .request(&v1::SceneRequest {})
         .map_err(|e| e.to_string())?;
     let scene = SceneModel::read(&reply).map_err(|e| e.to_string())?;
     let roles = Roles::find(&reply.robot.clone().unwrap_or_default()).map_err(|e| e.to_string())?;
     let mut collector = Collector::new(roles);
-    let mut reach = RemoteReach::new(link);
+    let mut reach = RemoteReach::new(client);
     let mut operator: Option<Operator> = None;
-    let (mut heard, mut answered) = (Instant::now(), None);
+    let (mut last_sample, mut answered) = (Instant::now(), None);
     while !ended.load(Ordering::Acquire) {
         let Some(sample) = streams.next(LOOK).map_err(|e| e.to_string())? else {
-            if heard.elapsed() > SILENCE {
+            if last_sample.elapsed() > SILENCE {
                 return Err("the simulation is silent".to_owned());
             }
             continue;
         };
-        heard = Instant::now();
+        last_sample = Instant::now();
         let Sample::Clock(clock) = sample else {
             collector.take(sample);
             continue;
         };
         let header = clock.header.unwrap_or_default();
-        // Planning took a while: the ticks that passed meanwhile are over.
+        // Planning took a while: ticks that passed meanwhile are skipped.
         let due = |last: u64| header.tick >= last + TICKS_PER_CONTROL;
         if !answered.is_none_or(due) {
             continue;
         }
-        let seen = collector.observe(header.stamp_nanos);
-        let Some(seen) = seen.map_err(|e| e.to_string())? else {
+        let observed = collector.observe(header.stamp_nanos);
+        let Some(observation) = observed.map_err(|e| e.to_string())? else {
             continue;
         };
         let operator = match &mut operator {
             Some(operator) => operator,
-            none => none.insert(begin(asked, &scene, &seen)?),
+            none => none.insert(begin(request, &scene, &observation)?),
         };
-        let (act, outcome) = operator.step(&seen, &mut reach);
+        let (act, outcome) = operator.step(&observation, &mut reach);
         if let Some(error) = reach.take_error() {
             return Err(error.to_string());
         }
         answered = Some(header.tick);
         let notes = operator.notes();
-        tell(Said::Acts {
-            number: asked.number,
+        send(SkillEvent::Acts {
+            number: request.number,
             header: Box::new(header),
             command: Box::new(operator.command(&act)),
             notes,
         });
         match outcome {
-            Some(Outcome::Success) => return Ok(format!("done: {}", words(asked))),
+            Some(Outcome::Success) => return Ok(format!("done: {}", words(request))),
             Some(Outcome::Failure(why) | Outcome::Broken(why)) => return Err(why),
             None => {}
         }
@@ -144,21 +148,25 @@ fn work(
     Err("ended".to_owned())
 }
 
-fn words(asked: &GoalAsked) -> String {
-    let name = asked.body.replace('_', " ");
-    match asked.action {
-        "near" => format!("the hand stands before the {name}"),
+fn words(request: &GoalRequest) -> String {
+    let name = request.body.replace('_', " ");
+    match request.action {
+        "near" => format!("the hand is in front of the {name}"),
         "put" => "it is put down".to_owned(),
         _ => format!("the {name} is held"),
     }
 }
 
-/// The operator for what is asked.
-fn begin(asked: &GoalAsked, scene: &SceneModel, seen: &Observation) -> Result<Operator, String> {
-    let (goal, extent) = match asked.action {
+/// Sets up the operator for the requested goal.
+fn begin(
+    request: &GoalRequest,
+    scene: &SceneModel,
+    observation: &Observation,
+) -> Result<Operator, String> {
+    let (goal, extent) = match request.action {
         "put" => {
-            let item = held(scene, seen).ok_or("the hand holds nothing")?;
-            let [x, y, z] = asked.point;
+            let item = held(scene, observation).ok_or("the hand holds nothing")?;
+            let [x, y, z] = request.point;
             let region = Obb {
                 pose: Isometry3::translation(x, y, z + PLACE[2]),
                 half: Vector3::from(PLACE),
@@ -167,8 +175,11 @@ fn begin(asked: &GoalAsked, scene: &SceneModel, seen: &Observation) -> Result<Op
             (Goal::Put { item, region }, Extent::Put)
         }
         action => {
-            let named = scene.items.iter().position(|item| item.name == asked.body);
-            let item = named.ok_or_else(|| format!("{} cannot be taken", asked.body))?;
+            let named = scene
+                .items
+                .iter()
+                .position(|item| item.name == request.body);
+            let item = named.ok_or_else(|| format!("{} cannot be taken", request.body))?;
             let extent = match action {
                 "near" => Extent::Near,
                 _ => Extent::Take,
@@ -181,10 +192,10 @@ fn begin(asked: &GoalAsked, scene: &SceneModel, seen: &Observation) -> Result<Op
 }
 
 /// The object between the pads.
-fn held(scene: &SceneModel, seen: &Observation) -> Option<usize> {
-    let pads = scene.house_from_tool(seen) * Point3::new(0.0, 0.0, scene.tool_length);
+fn held(scene: &SceneModel, observation: &Observation) -> Option<usize> {
+    let pads = scene.house_from_tool(observation) * Point3::new(0.0, 0.0, scene.tool_length);
     let away = |pose: &Isometry3<f64>| (pose.translation.vector - pads.coords).norm();
-    let objects = seen.objects.iter().enumerate();
+    let objects = observation.objects.iter().enumerate();
     let nearest = objects.min_by(|(_, a), (_, b)| away(a).total_cmp(&away(b)));
     nearest
         .filter(|(_, pose)| away(pose) < IN_HAND)

@@ -1,35 +1,35 @@
-//! How fast, by the person's choice and by the age of the picture that they see.
+//! Speed limits: from the person's chosen speed and the age of the displayed image.
 //!
-//! Whoever sees late stops late: the chair may go only as fast as it comes to rest
-//! within `ROOM`, counted from the moment that the person saw.
+//! An operator who sees late stops late: the chair may move only as fast as it can stop
+//! within `ROOM`, counted from the moment of the displayed image.
 
 use wheelarm_proto::PHYSICS_HZ;
 use wheelarm_proto::limits::{MAX_COMMAND_AGE_SECONDS, STALE_COMMAND_SECONDS};
 
-/// Deceleration that is counted on, m/s².
+/// Assumed deceleration, m/s².
 const BRAKE: f64 = 1.1;
-/// Way within which the chair stands still, m.
+/// Distance within which the chair stops, m.
 const ROOM: f64 = 0.40;
-/// Age from which only steps and goals are taken, s: less than the 1 s at which the
-/// server's gate refuses what drives, for a command is older when it gets there.
+/// Age from which only steps and goals are accepted, s: less than the age at which the
+/// server's gate rejects motion, because a command is older when it arrives there.
 pub const ONLY_STEPS: f64 = 0.9;
 const _: () = assert!(ONLY_STEPS < MAX_COMMAND_AGE_SECONDS);
-/// Age from which only a stop is taken, s.
+/// Age from which only a stop is accepted, s.
 pub const ONLY_STOP: f64 = 2.0;
 
-/// What is taken from a person.
+/// Actions that are accepted from a person.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Allow {
     /// Everything.
     Drive,
     /// Steps and goals.
     Steps,
-    /// Only that everything stops.
+    /// Only the stop.
     Stop,
 }
 
 impl Allow {
-    /// By the age of the loop, s; `None` when no picture was seen.
+    /// From the age of the loop, s; `None` when no image is displayed.
     #[must_use]
     pub fn at(age: Option<f64>) -> Self {
         match age {
@@ -39,7 +39,7 @@ impl Allow {
         }
     }
 
-    /// As the page knows it.
+    /// Name in the page protocol.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -51,7 +51,7 @@ impl Allow {
 }
 
 /// Greatest speed of the chair at a loop of `age`, s, in m/s: with it the chair
-/// stands still within `ROOM` of what was seen.
+/// stops within `ROOM` of the displayed state.
 #[must_use]
 pub fn cap(age: f64) -> f64 {
     let late = BRAKE * (age.max(0.0) + STALE_COMMAND_SECONDS);
@@ -59,13 +59,13 @@ pub fn cap(age: f64) -> f64 {
     2.0 * BRAKE * ROOM / (late + (late * late + 2.0 * BRAKE * ROOM).sqrt())
 }
 
-/// Age of the loop, s: from the state that was shown to the newest one, ticks.
+/// Age of the loop, s: from the displayed state to the newest one, ticks.
 #[must_use]
 pub fn age(shown: u64, newest: u64) -> f64 {
     newest.saturating_sub(shown) as f64 / PHYSICS_HZ as f64
 }
 
-/// Figures of one of the five speeds.
+/// Limits of one of the five speeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speeds {
     /// Chair: m/s and rad/s.
@@ -105,7 +105,7 @@ const fn speeds(
 }
 
 impl Speeds {
-    /// Of speed 1 to 5; others are taken as the nearest.
+    /// Limits of speed 1 to 5; other values are clamped.
     #[must_use]
     pub fn of(speed: u8) -> Self {
         TABLE[usize::from(speed.clamp(1, 5)) - 1]
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_cap_is_that_of_the_stopping_way() {
+    fn the_cap_follows_from_the_stopping_distance() {
         // Loops of a local network, 0.2 s and 0.5 s.
         for (age, expected) in [(0.1, 0.63), (0.2, 0.57), (0.5, 0.42)] {
             assert!((cap(age) - expected).abs() < 0.006, "{age}: {}", cap(age));
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn an_old_picture_allows_steps_and_then_only_a_stop() {
+    fn an_old_image_allows_steps_and_then_only_a_stop() {
         assert_eq!(Allow::at(None), Allow::Stop);
         for (age, allowed) in [
             (0.0, Allow::Drive),
@@ -144,7 +144,7 @@ mod tests {
             assert_eq!(Allow::at(Some(age)), allowed, "{age}");
         }
         assert_eq!(age(1000, 1240), 1.0);
-        // A picture of a state that is still on its way here.
+        // An image of a state that has not arrived here yet.
         assert_eq!(age(1244, 1240), 0.0);
     }
 }

@@ -1,18 +1,18 @@
-//! Who looks at the page, and what they may do.
+//! Visitors of the page, and their rights.
 
-/// What somebody may do.
+/// Role of a visitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
-    /// Looks.
+    /// May watch.
     Viewer,
-    /// Looks, drives, and keeps episodes.
+    /// May watch, drive, and keep episodes.
     Operator,
     /// An operator that may also end the server.
     Admin,
 }
 
 impl Role {
-    /// As pages and users know it.
+    /// Name in the page protocol and in the file of users.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -22,18 +22,18 @@ impl Role {
         }
     }
 
-    /// Whether it may drive.
+    /// Whether this role may drive.
     #[must_use]
     pub fn may_drive(self) -> bool {
         self >= Self::Operator
     }
 }
 
-/// Somebody who has signed in.
+/// A signed-in visitor.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Visitor {
     /// Name; an operator's commands carry it.
     pub name: String,
-    /// What they may do.
+    /// Role.
     pub role: Role,
 }

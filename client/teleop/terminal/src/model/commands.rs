@@ -1,4 +1,4 @@
-//! Keys of chair, arm and gripper become commands.
+//! Converts keys of chair, arm and gripper into commands.
 
 use wheelarm_proto::v1;
 
@@ -17,7 +17,7 @@ impl Model {
         );
     }
 
-    /// Does what a key of the chair stands for, if it is one.
+    /// Handles a key of the chair, if it is one.
     pub(super) fn chair(&mut self, key: char, now: f64) -> Option<Vec<Effect>> {
         if drive::SPEEDS.iter().any(|(k, _)| *k == key) {
             self.drive.key(key, now);
@@ -29,7 +29,7 @@ impl Model {
             return None;
         }
         if let Err(why) = self.can_command(now) {
-            // A stop is told even when nobody may hear it.
+            // A stop is sent even while commands are not accepted.
             self.drive.forget();
             self.warn(now, why);
             return Some(Vec::new());
@@ -79,12 +79,12 @@ impl Model {
             self.warn(now, why);
             return Vec::new();
         }
-        let told = self.situation.applied.as_ref().map(|a| a.knuckle);
-        let Some(told) = told.or(self.situation.knuckle()) else {
+        let commanded = self.situation.applied.as_ref().map(|a| a.knuckle);
+        let Some(commanded) = commanded.or(self.situation.knuckle()) else {
             self.warn(now, "the gripper's angle has not come yet");
             return Vec::new();
         };
-        let Some(knuckle) = self.arm.grip(closing, told, now) else {
+        let Some(knuckle) = self.arm.grip(closing, commanded, now) else {
             self.warn(now, "the robot's description has not come yet");
             return Vec::new();
         };
@@ -101,7 +101,7 @@ impl Model {
     /// Sends a command now, or with the next answer in lock-step.
     pub(super) fn command(&mut self, mut command: v1::Command, work: Option<Work>) -> Vec<Effect> {
         command.device = v1::Device::Keyboard.into();
-        // Keys drive while they are held, hand and gripper go step by step.
+        // Chair keys move the chair while held; hand and gripper move in steps.
         command.mode = match work {
             Some(Work::Arm | Work::Gripper) => v1::InputMode::Step.into(),
             _ => v1::InputMode::Hold.into(),

@@ -1,47 +1,47 @@
-//! The connection and the control lease, as the model sees them.
+//! The connection and the control lease.
 
 use wheelarm_proto::v1;
 
-use super::{Effect, Errand, Form, Model};
+use super::{Effect, Form, Model, Operation};
 use wheelarm_teleop_web::watch::Connection;
 
-/// A status this soon after control was given may be older than that, s.
+/// A status may be older than the lease for this long after control was granted, s.
 const FRESH: f64 = 2.0;
 
-/// Who commands the robot.
+/// The holder of control.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Nobody has been asked.
+    /// Control was not requested.
     None,
-    /// The server is being asked.
-    Asking,
+    /// The request is pending.
+    Requested,
     /// This program.
     Ours,
-    /// Somebody else, by name.
+    /// Another client, by name.
     Held(String),
 }
 
 impl Model {
-    /// The connection stands.
+    /// The connection is open.
     pub fn connected(&mut self, now: f64) -> Vec<Effect> {
         self.situation.connection = Connection::Open;
         self.situation.note(now, false, "connected".to_owned());
-        self.control = Control::Asking;
+        self.control = Control::Requested;
         self.busy = None;
         self.arm.forget();
         self.drive.forget();
         self.answered = None;
         self.answer_due = None;
-        let mut effects = vec![Effect::Errand(Errand::Lease {
+        let mut effects = vec![Effect::Operation(Operation::Lease {
             take: std::mem::take(&mut self.settings.take),
         })];
         if self.settings.target_hint {
-            effects.push(Effect::Errand(Errand::Scene));
+            effects.push(Effect::Operation(Operation::Scene));
         }
         effects
     }
 
-    /// The connection is gone; it is tried again by itself.
+    /// The connection is lost; it reconnects by itself.
     pub fn lost(&mut self, reason: &str, now: f64) {
         self.situation.lose(now, reason);
         self.drive.forget();
@@ -53,35 +53,35 @@ impl Model {
 
     /// The server did not answer in time.
     pub fn silent(&mut self, now: f64) {
-        // While it works on an errand its silence is expected.
+        // While the server works on an operation its silence is expected.
         if self.busy.is_none() {
             self.situation.fall_silent(now);
         }
     }
 
-    /// The server's account of itself, and the round trip it took, s.
+    /// The server's status, and the round trip it took, s.
     pub fn status(&mut self, status: v1::Status, round_trip: f64, now: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
         for verdict in self.situation.take_status(status, round_trip, now) {
-            self.tell(now, verdict.bad, verdict.text);
+            self.show_message(now, verdict.bad, verdict.text);
         }
         match &self.control {
-            // An answer that was under way when control was given is old.
+            // A status from before control was granted is outdated.
             Control::Ours if now - self.leased_at < FRESH => {}
             Control::Ours if holder != self.settings.commander => {
                 self.drive.forget();
                 if holder.is_empty() {
                     // The server started anew or gave the lease up.
-                    self.control = Control::Asking;
-                    return vec![Effect::Errand(Errand::Lease { take: false })];
+                    self.control = Control::Requested;
+                    return vec![Effect::Operation(Operation::Lease { take: false })];
                 }
                 self.warn(now, format!("{holder} took control; ! takes it back"));
                 self.control = Control::Held(holder);
             }
             Control::Held(_) if holder.is_empty() => {
-                self.say(now, "nobody holds control any more");
-                self.control = Control::Asking;
-                return vec![Effect::Errand(Errand::Lease { take: false })];
+                self.say(now, "control is free: press ! to take it");
+                self.control = Control::Requested;
+                return vec![Effect::Operation(Operation::Lease { take: false })];
             }
             Control::Held(known) if *known != holder => self.control = Control::Held(holder),
             _ => {}
@@ -89,7 +89,7 @@ impl Model {
         Vec::new()
     }
 
-    /// What came of asking for control.
+    /// Result of the control request.
     pub(super) fn leased(&mut self, result: Result<(), String>, now: f64) {
         match result {
             Ok(()) => {
@@ -100,7 +100,7 @@ impl Model {
             Err(why) => {
                 let holder = self.situation.status.as_ref().map(|s| s.holder.clone());
                 let holder = holder.filter(|h| !h.is_empty());
-                self.control = Control::Held(holder.unwrap_or_else(|| "somebody else".to_owned()));
+                self.control = Control::Held(holder.unwrap_or_else(|| "another client".to_owned()));
                 self.warn(now, why);
             }
         }
@@ -114,7 +114,7 @@ impl Model {
                 });
             }
             Control::Ours => self.say(now, "control is yours"),
-            Control::None | Control::Asking => self.warn(now, "not connected yet"),
+            Control::None | Control::Requested => self.warn(now, "not connected yet"),
         }
         Vec::new()
     }

@@ -2,7 +2,7 @@
 
 use wheelarm_proto::{label, v1};
 
-use super::{CONFIRM, Done, Effect, Errand, Form, Model, Start, Twice};
+use super::{CONFIRM, Done, Effect, Form, Model, Operation, Start, Twice};
 
 impl Model {
     pub(super) fn open_start(&mut self, now: f64) -> Vec<Effect> {
@@ -25,7 +25,7 @@ impl Model {
         } else {
             self.start.instruction.clone()
         };
-        // Nobody steers while they type.
+        // Motion stops while the person types.
         let effects = self.stop_everything(now);
         self.message = None;
         self.form = Some(Form::start(&label, &instruction, self.start.recorders));
@@ -38,16 +38,16 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("finishing", Errand::Stop { discard: false }, now));
+        effects.extend(self.start_operation("finishing", Operation::Stop { discard: false }, now));
         effects
     }
 
-    /// Whether this is the second press; says so when it is the first.
+    /// Whether this is the second press; shows a message at the first.
     fn confirmed(&mut self, what: Twice, words: &str, now: f64) -> bool {
         let again = self
             .twice
             .take()
-            .is_some_and(|(asked, at)| asked == what && now - at < CONFIRM);
+            .is_some_and(|(pending, at)| pending == what && now - at < CONFIRM);
         if !again {
             self.twice = Some((what, now));
             self.warn(now, words);
@@ -64,7 +64,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("discarding", Errand::Stop { discard: true }, now));
+        effects.extend(self.start_operation("discarding", Operation::Stop { discard: true }, now));
         effects
     }
 
@@ -91,7 +91,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("starting anew", Errand::Redo(again), now));
+        effects.extend(self.start_operation("restarting", Operation::Redo(again), now));
         effects
     }
 
@@ -101,7 +101,7 @@ impl Model {
             return Vec::new();
         }
         let mut effects = self.stop_everything(now);
-        effects.extend(self.errand("listing the tasks", Errand::Tasks, now));
+        effects.extend(self.start_operation("listing the tasks", Operation::Tasks, now));
         effects
     }
 
@@ -109,11 +109,11 @@ impl Model {
         let paused = self.situation.status.as_ref().is_some_and(|s| s.paused);
         let mut effects = self.stop_everything(now);
         let word = if paused { "resuming" } else { "pausing" };
-        effects.extend(self.errand(word, Errand::Pause(!paused), now));
+        effects.extend(self.start_operation(word, Operation::Pause(!paused), now));
         effects
     }
 
-    /// Takes what came of an errand.
+    /// Handles the result of a pending operation.
     pub fn done(&mut self, done: Done, now: f64) -> Vec<Effect> {
         if let Done::Lease(result) = done {
             self.leased(result, now);
@@ -158,7 +158,7 @@ impl Model {
                 }
                 self.situation.evaluation = None;
                 if self.settings.target_hint {
-                    return vec![Effect::Errand(Errand::Scene)];
+                    return vec![Effect::Operation(Operation::Scene)];
                 }
             }
             Done::Paused(Ok(paused)) => {
@@ -177,7 +177,7 @@ impl Model {
             Done::Tasks(Ok(tasks)) => {
                 let scenario = self.situation.scenario().cloned().unwrap_or_default();
                 let effects = match self.drive.direction {
-                    // Pressed while the list was on its way: nobody steers while they type.
+                    // Pressed while the list was loading: motion stops while the person types.
                     Some(_) => self.stop_everything(now),
                     None => Vec::new(),
                 };

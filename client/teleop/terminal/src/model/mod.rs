@@ -1,5 +1,5 @@
-//! What teleoperation knows and decides: keys, samples and time go in,
-//! commands and errands come out. Pure: no terminal, no network, no clock of
+//! State and decisions of teleoperation. Input: keys, samples and time. Output:
+//! commands and pending operations. Pure: no terminal, no network, no clock of
 //! its own; times are seconds of the caller's clock.
 
 mod commands;
@@ -18,7 +18,7 @@ use crate::keys::Key;
 use wheelarm_teleop_web::watch::{Connection, Situation};
 
 pub use control::Control;
-pub use wheelarm_teleop_web::errand::{Done, Errand, Start};
+pub use wheelarm_teleop_web::pending_operation::{Done, Operation, Start};
 
 /// A second press within this time confirms, s.
 const CONFIRM: f64 = 2.5;
@@ -27,13 +27,13 @@ const MESSAGE: f64 = 8.0;
 /// Round trip of a person's control tick in lock-step, s.
 const TICK: f64 = 1.0 / 60.0;
 
-/// What the outside is to do.
+/// Actions for the event loop to execute.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
     /// Send a command that answers the tick of the header.
     Send(Box<v1::Header>, Box<v1::Command>),
-    /// Ask the server for something that takes time.
-    Errand(Errand),
+    /// Start a pending operation.
+    Operation(Operation),
     /// End the program.
     Quit,
 }
@@ -43,7 +43,7 @@ pub enum Effect {
 pub struct Settings {
     /// Name under which commands are sent.
     pub commander: String,
-    /// Take control at the start from whoever holds it.
+    /// Take control at the start from its current holder.
     pub take: bool,
     /// Label of the first episode; from task and seed when empty.
     pub label: String,
@@ -55,7 +55,7 @@ pub struct Settings {
     pub shell: bool,
     /// The chair stops this long after its last key, s.
     pub dead_man: Option<f64>,
-    /// Show where the object of the task lies.
+    /// Show the position of the task's object.
     pub target_hint: bool,
 }
 
@@ -64,57 +64,57 @@ pub struct Settings {
 pub struct Message {
     /// When, s.
     pub at: f64,
-    /// It is a refusal or a problem.
+    /// Whether it is a refusal or a problem.
     pub bad: bool,
-    /// In words.
+    /// Text.
     pub text: String,
 }
 
-/// Something that must be pressed twice.
+/// An action that needs a second press to confirm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Twice {
     Redo,
     Discard,
 }
 
-/// What teleoperation knows.
+/// State of teleoperation.
 #[derive(Debug)]
 pub struct Model {
     /// Settings of this run.
     pub settings: Settings,
-    /// The newest of everything.
+    /// The newest samples and status.
     pub situation: Situation,
     /// The chair's keys.
     pub drive: Drive,
     /// The arm's keys.
     pub arm: Arm,
-    /// Who commands.
+    /// Holder of control.
     pub control: Control,
-    /// What stands on the screen instead of the controls.
+    /// Form that covers the controls.
     pub form: Option<Form>,
-    /// The help stands on the screen.
+    /// Whether the help is shown.
     pub help: bool,
-    /// The line for the person.
+    /// Message for the person.
     pub message: Option<Message>,
-    /// What is being waited for.
+    /// Word of the pending operation.
     pub busy: Option<&'static str>,
-    /// Time from sending a command to its echo, s, and when it came, s.
+    /// Time from sending a command to its echo, s, and when the echo arrived, s.
     pub echo: Option<(f64, f64)>,
-    /// Commands of this program that were refused (count).
+    /// Own commands that were rejected (count).
     pub refused: u64,
-    /// Why the last of them was, and when, s.
+    /// Reason of the newest rejection, and its time, s.
     pub last_refusal: Option<(f64, String)>,
     /// Address of the preview page.
     pub page: String,
-    /// The keys that mean nothing in a row (count).
+    /// Consecutive keys without a function (count).
     twice: Option<(Twice, f64)>,
     start: Start,
     leaving: bool,
-    asked_again: f64,
-    /// When control was given, s.
+    last_request: f64,
+    /// When control was granted, s.
     leased_at: f64,
     arm_problem: String,
-    /// Lock-step: what the next answer says.
+    /// Lock-step: command of the next answer.
     pending: v1::Command,
     /// Lock-step: tick to answer and when, s.
     answer_due: Option<(v1::Header, f64)>,
@@ -123,7 +123,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Before anything is known.
+    /// The initial state.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
         Self {
@@ -148,7 +148,7 @@ impl Model {
             page: String::new(),
             twice: None,
             leaving: false,
-            asked_again: f64::NEG_INFINITY,
+            last_request: f64::NEG_INFINITY,
             leased_at: f64::NEG_INFINITY,
             arm_problem: String::new(),
             pending: v1::Command::default(),
@@ -159,21 +159,21 @@ impl Model {
     }
 
     fn say(&mut self, now: f64, text: impl Into<String>) {
-        self.tell(now, false, text.into());
+        self.show_message(now, false, text.into());
     }
 
     fn warn(&mut self, now: f64, text: impl Into<String>) {
-        self.tell(now, true, text.into());
+        self.show_message(now, true, text.into());
     }
 
-    fn tell(&mut self, at: f64, bad: bool, text: String) {
+    fn show_message(&mut self, at: f64, bad: bool, text: String) {
         self.message = Some(Message { at, bad, text });
     }
 
-    /// Whether a command would be heard; the reason if not.
+    /// Whether commands would be accepted; the reason if not.
     ///
     /// # Errors
-    /// Why it would not, for the message line.
+    /// The reason, for the message line.
     pub fn can_command(&self, now: f64) -> Result<(), String> {
         match &self.situation.connection {
             Connection::Open => {}
@@ -190,17 +190,17 @@ impl Model {
         }
         match &self.control {
             Control::Ours => Ok(()),
-            Control::None | Control::Asking => Err("control is not ours yet".to_owned()),
+            Control::None | Control::Requested => Err("control is not ours yet".to_owned()),
             Control::Held(holder) => Err(format!("{holder} holds control; ! takes it over")),
         }
     }
 
-    /// Takes a key. While a direction is latched, every key without a meaning stops the
-    /// robot: who presses in a hurry hits what the keyboard layout or Caps Lock makes of
-    /// the stop key.
+    /// Handles a key. While a direction is latched, every key without a function stops the
+    /// robot: a hurried press of the stop key may arrive as another character because of the
+    /// keyboard layout or Caps Lock.
     pub fn key(&mut self, key: &Key, now: f64) -> Vec<Effect> {
         if self.form.is_some() {
-            // Nobody steers while they type.
+            // Motion stops while the person types.
             let mut effects = self.stop_latched(now);
             if let Some(form) = &mut self.form {
                 let answer = form.key(key);
@@ -245,7 +245,7 @@ impl Model {
                 return self.unknown("pasted text is not driven; s opens the text fields", now);
             }
             Key::Enter => {
-                // The alarm has been read.
+                // The key acknowledges the alarm.
                 self.situation.alarm = None;
                 return self.stop_latched(now);
             }
@@ -255,7 +255,7 @@ impl Model {
         Vec::new()
     }
 
-    /// Stops the robot where the chair drives by a latched direction.
+    /// Stops the robot if a direction is latched.
     fn stop_latched(&mut self, now: f64) -> Vec<Effect> {
         match self.drive.direction {
             Some(_) => self.stop_everything(now),
@@ -263,7 +263,7 @@ impl Model {
         }
     }
 
-    /// A key without a meaning.
+    /// A key without a function.
     fn unknown(&mut self, words: &str, now: f64) -> Vec<Effect> {
         let stopped = match self.drive.direction {
             Some(_) => "everything stops: ",
@@ -274,7 +274,7 @@ impl Model {
         effects
     }
 
-    /// Does what a character stands for, if it stands for anything.
+    /// Handles a character key.
     fn character(&mut self, key: char, now: f64) -> Option<Vec<Effect>> {
         let effects = match key {
             's' => self.open_start(now),
@@ -339,20 +339,25 @@ impl Model {
                     instruction,
                     recorders,
                 };
-                self.errand("starting", Errand::Start(self.start.clone()), now)
+                self.start_operation("starting", Operation::Start(self.start.clone()), now)
             }
             Answer::Reset { task, seed } => {
-                self.errand("setting up", Errand::Reset { task, seed }, now)
+                self.start_operation("setting up", Operation::Reset { task, seed }, now)
             }
             Answer::Take => {
-                self.control = Control::Asking;
-                vec![Effect::Errand(Errand::Lease { take: true })]
+                self.control = Control::Requested;
+                vec![Effect::Operation(Operation::Lease { take: true })]
             }
             Answer::Leave(leaving) => self.leave_so(leaving, now),
         }
     }
 
-    fn errand(&mut self, word: &'static str, errand: Errand, now: f64) -> Vec<Effect> {
+    fn start_operation(
+        &mut self,
+        word: &'static str,
+        operation: Operation,
+        now: f64,
+    ) -> Vec<Effect> {
         if let Some(busy) = self.busy {
             self.warn(now, format!("wait: {busy}"));
             return Vec::new();
@@ -363,14 +368,14 @@ impl Model {
         }
         self.busy = Some(word);
         if matches!(
-            errand,
-            Errand::Start(_) | Errand::Stop { .. } | Errand::Redo(_)
+            operation,
+            Operation::Start(_) | Operation::Stop { .. } | Operation::Redo(_)
         ) {
-            // The number of the episode changes: a stop that is said once more
-            // would be for the wrong one.
+            // The number of the episode changes: a repeated stop would
+            // carry the wrong one.
             self.drive.forget();
         }
-        vec![Effect::Errand(errand)]
+        vec![Effect::Operation(operation)]
     }
 
     fn leave(&mut self, now: f64) -> Vec<Effect> {
@@ -390,12 +395,12 @@ impl Model {
             return vec![Effect::Quit];
         }
         let discard = leaving == Leaving::Discard;
-        let effects = self.errand("ending", Errand::Stop { discard }, now);
+        let effects = self.start_operation("ending", Operation::Stop { discard }, now);
         self.leaving = !effects.is_empty();
         effects
     }
 
-    /// Time has come to `now`: what is due is sent.
+    /// Advances the clock to `now` and sends what is due.
     pub fn tick(&mut self, now: f64) -> Vec<Effect> {
         if self.message.as_ref().is_some_and(|m| now - m.at > MESSAGE) {
             self.message = None;
@@ -422,7 +427,7 @@ impl Model {
         if let Some((header, due)) = self.answer_due.take() {
             if now >= due {
                 self.answered = Some(header.tick);
-                // A late answer is not made up for by quicker ones for long.
+                // A late answer is not followed by a burst of quick ones.
                 self.answered_at = due.max(now - TICK);
                 let command = std::mem::take(&mut self.pending);
                 effects.push(Effect::Send(Box::new(header), Box::new(command)));
@@ -433,7 +438,7 @@ impl Model {
         effects
     }
 
-    /// When [`Model::tick`] is wanted next, at the latest, s.
+    /// Latest time for the next [`Model::tick`], s.
     #[must_use]
     pub fn next_tick(&self, now: f64) -> f64 {
         let idle = now + 0.05;
@@ -447,21 +452,21 @@ impl Model {
             .map_or(drive, |(_, due)| due.min(drive))
     }
 
-    /// Takes the description of the robot that is simulated.
+    /// Stores the description of the simulated robot.
     pub fn robot(&mut self, robot: &v1::RobotDescription) -> Vec<Effect> {
         self.situation.take_robot(robot);
         self.arm.fit(robot);
         Vec::new()
     }
 
-    /// Takes a sample of a stream.
+    /// Handles a sample of a stream.
     pub fn sample(&mut self, sample: Sample, now: f64) -> Vec<Effect> {
         match &sample {
             Sample::Refusal(refusal) => return self.refusal(refusal, now),
             Sample::Applied(applied) if applied.arm_problem != self.arm_problem => {
                 self.arm_problem.clone_from(&applied.arm_problem);
                 if !self.arm_problem.is_empty() {
-                    // The next step starts from where the arm is.
+                    // The next step starts from the measured pose of the arm.
                     self.arm.forget();
                     self.warn(now, format!("arm: {}", applied.arm_problem));
                 }
@@ -489,18 +494,18 @@ impl Model {
         self.warn(now, format!("refused: {}", refusal.reason));
         self.situation
             .note(now, true, format!("refused: {}", refusal.reason));
-        if lost_control(refusal.code()) && now - self.asked_again > 1.0 {
-            self.asked_again = now;
+        if lost_control(refusal.code()) && now - self.last_request > 1.0 {
+            self.last_request = now;
             self.drive.forget();
-            self.control = Control::Asking;
-            return vec![Effect::Errand(Errand::Lease { take: false })];
+            self.control = Control::Requested;
+            return vec![Effect::Operation(Operation::Lease { take: false })];
         }
         Vec::new()
     }
 
-    /// A command came back from the server `delay` seconds after it was sent.
+    /// The echo of a command arrived `delay` seconds after it was sent.
     pub fn echo(&mut self, delay: f64, now: f64) {
-        // The newest counts, smoothed so that it can be read.
+        // Smoothed, so that it can be read.
         let smooth = self
             .echo
             .map_or(delay, |(old, _)| old + 0.2 * (delay - old));
@@ -508,7 +513,7 @@ impl Model {
     }
 }
 
-/// Whether a refusal may be cured by asking for control again.
+/// Whether requesting control again may resolve a refusal.
 fn lost_control(code: RefusalCode) -> bool {
     matches!(
         code,

@@ -1,4 +1,4 @@
-//! A person's keys, and what comes of them, without terminal and network.
+//! Keys of an operator and their effects, without terminal and network.
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
@@ -48,8 +48,11 @@ fn operating() -> Model {
         commander: ANNA.to_owned(),
         ..Settings::default()
     });
-    let asked = model.connected(0.0);
-    assert_eq!(asked, [Effect::Errand(Errand::Lease { take: false })]);
+    let requested = model.connected(0.0);
+    assert_eq!(
+        requested,
+        [Effect::Operation(Operation::Lease { take: false })]
+    );
     model.done(Done::Lease(Ok(())), 0.0);
     model.status(status(ANNA), 0.002, 0.0);
     model.robot(&described_robot());
@@ -90,7 +93,7 @@ fn bases(model: &mut Model, from: f64, to: f64) -> Vec<[f64; 2]> {
     sent
 }
 
-fn said(model: &Model) -> &str {
+fn message(model: &Model) -> &str {
     model.message.as_ref().map_or("", |m| m.text.as_str())
 }
 
@@ -111,7 +114,7 @@ fn a_latched_key_drives_until_k_and_arm_keys_leave_the_chair_running() {
 }
 
 #[test]
-fn every_key_without_a_meaning_stops_a_latched_chair() {
+fn every_key_without_a_function_stops_a_latched_chair() {
     let unknown = [
         Key::Char('K'),
         Key::Char('л'),
@@ -140,16 +143,16 @@ fn every_key_without_a_meaning_stops_a_latched_chair() {
         );
         let stops = bases(&mut model, 1.5, 3.0);
         assert!(stops.iter().all(|b| *b == [0.0, 0.0]), "{key:?}");
-        assert!(!said(&model).is_empty(), "{key:?}");
+        assert!(!message(&model).is_empty(), "{key:?}");
     }
-    // A key that closes the help stops as well, and so does one in a form.
+    // A key that closes the help stops the robot as well, and so does one in a form.
     let mut model = operating();
     press(&mut model, "j?x", 1.0);
     assert!(!model.help && model.drive.direction.is_none());
     press(&mut model, "j", 2.0);
     model.done(Done::Tasks(Ok(Vec::new())), 2.1);
     assert!(model.form.is_some() && model.drive.direction.is_none());
-    // Keys with a meaning leave the chair running.
+    // Keys with a function leave the chair running.
     let mut model = operating();
     press(&mut model, "j", 1.0);
     press(&mut model, "vwqr- ", 1.1);
@@ -185,7 +188,7 @@ fn typing_and_pasting_never_moves_the_robot() {
     assert!(typed.is_empty(), "{typed:?}");
     assert!(bases(&mut model, 2.0, 3.0).iter().all(|b| *b == [0.0, 0.0]));
     let effects = model.key(&Key::Enter, 3.0);
-    let [Effect::Errand(Errand::Start(start))] = &effects[..] else {
+    let [Effect::Operation(Operation::Start(start))] = &effects[..] else {
         panic!("{effects:?}")
     };
     assert!(start.instruction.ends_with("jump into the ravine, ok"));
@@ -195,16 +198,20 @@ fn typing_and_pasting_never_moves_the_robot() {
 }
 
 #[test]
-fn keys_on_a_lost_link_do_nothing_and_say_so() {
+fn keys_without_a_connection_do_nothing_and_show_a_message() {
     let mut model = operating();
     press(&mut model, "i", 1.0);
     model.lost("the server has gone", 1.5);
     assert!(bases(&mut model, 1.5, 3.0).is_empty());
     for key in ["i", "v", "r", "k"] {
         assert!(press(&mut model, key, 3.0).is_empty());
-        assert!(said(&model).contains("nothing is sent"), "{}", said(&model));
+        assert!(
+            message(&model).contains("nothing is sent"),
+            "{}",
+            message(&model)
+        );
     }
-    // When it is back, nothing drives before a key is pressed.
+    // After reconnecting, the chair moves only after a fresh press.
     model.connected(4.0);
     model.done(Done::Lease(Ok(())), 4.1);
     model.status(status(ANNA), 0.002, 4.1);
@@ -213,10 +220,10 @@ fn keys_on_a_lost_link_do_nothing_and_say_so() {
 }
 
 #[test]
-fn whoever_is_not_in_control_sends_nothing_and_takes_it_only_explicitly() {
+fn without_control_nothing_is_sent_and_only_an_explicit_key_takes_it() {
     let mut model = operating();
     press(&mut model, "i", 1.0);
-    // An answer that was sent before control was given says nothing.
+    // A status from before control was granted has no effect.
     assert!(model.status(status(""), 0.002, 1.1).is_empty());
     assert_eq!(model.control, Control::Ours);
     model.status(status("bernd"), 0.002, 2.5);
@@ -224,18 +231,21 @@ fn whoever_is_not_in_control_sends_nothing_and_takes_it_only_explicitly() {
     assert!(bases(&mut model, 2.5, 3.0).is_empty());
     assert!(press(&mut model, "v", 3.0).is_empty());
     assert!(
-        said(&model).contains("bernd holds control"),
+        message(&model).contains("bernd holds control"),
         "{}",
-        said(&model)
+        message(&model)
     );
     assert!(press(&mut model, "!", 3.1).is_empty());
     assert!(matches!(&model.form, Some(Form::Take { holder }) if holder == "bernd"));
     let effects = press(&mut model, "y", 3.2);
-    assert_eq!(effects, [Effect::Errand(Errand::Lease { take: true })]);
+    assert_eq!(
+        effects,
+        [Effect::Operation(Operation::Lease { take: true })]
+    );
 }
 
 #[test]
-fn an_episode_is_thrown_away_only_after_a_second_press() {
+fn an_episode_is_discarded_only_after_a_second_press() {
     let mut model = operating();
     let started = v1::EpisodeStarted {
         header: Some(header(240, 7)),
@@ -254,14 +264,14 @@ fn an_episode_is_thrown_away_only_after_a_second_press() {
     assert!(model.key(&Key::Left, 9.0).is_empty(), "too late to confirm");
     let effects = model.key(&Key::Left, 10.0);
     let redo = effects.iter().find_map(|e| match e {
-        Effect::Errand(Errand::Redo(start)) => Some(start.clone()),
+        Effect::Operation(Operation::Redo(start)) => Some(start.clone()),
         _ => None,
     });
     assert_eq!(redo.map(|s| s.label), Some("try-1".to_owned()));
 }
 
 #[test]
-fn leaving_while_an_episode_runs_asks_what_becomes_of_it() {
+fn leaving_during_an_episode_asks_for_its_end() {
     let mut model = operating();
     let started = v1::EpisodeStarted {
         header: Some(header(240, 7)),
@@ -271,14 +281,14 @@ fn leaving_while_an_episode_runs_asks_what_becomes_of_it() {
     let effects = model.key(&Key::Ctrl('c'), 2.0);
     assert!(!effects.contains(&Effect::Quit) && model.form == Some(Form::Leave));
     let effects = press(&mut model, "s", 2.5);
-    let stop = Effect::Errand(Errand::Stop { discard: false });
+    let stop = Effect::Operation(Operation::Stop { discard: false });
     assert_eq!(effects, [stop]);
     let done = Done::Stopped(Ok(Box::default()));
     assert_eq!(model.done(done, 3.0), [Effect::Quit]);
 }
 
 #[test]
-fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
+fn a_refusal_is_shown_with_its_reason_and_an_arm_problem_resets_the_target() {
     let mut model = operating();
     let refusal = v1::Refusal {
         commander: ANNA.to_owned(),
@@ -287,7 +297,7 @@ fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
     };
     model.sample(Sample::Refusal(refusal), 1.0);
     assert_eq!(model.refused, 1);
-    assert!(said(&model).contains("too fast"));
+    assert!(message(&model).contains("too fast"));
     press(&mut model, "vv", 1.0);
     let stuck = v1::Applied {
         desired_pose: Some(pose(-0.5, 0.0, 0.5)),
@@ -295,19 +305,19 @@ fn a_refusal_is_told_with_its_reason_and_an_arm_problem_resets_the_target() {
         ..Default::default()
     };
     model.sample(Sample::Applied(stuck), 1.1);
-    assert!(said(&model).contains("out of reach"));
+    assert!(message(&model).contains("out of reach"));
     let effects = press(&mut model, "n", 1.2);
     let arm = commands(&effects)[0].arm.clone().unwrap();
     let Some(v1::arm_command::Target::Pose(target)) = arm.target else {
         panic!("{arm:?}")
     };
-    // From where the arm is, not from the target it never reached.
+    // From the measured pose of the arm, not from the unreached target.
     let x = target.pose.unwrap().position.unwrap().x;
     assert!((x + 0.475).abs() < 1e-12, "{x}");
 }
 
 #[test]
-fn control_is_asked_for_again_by_the_code_of_a_refusal_not_by_its_words() {
+fn the_code_of_a_refusal_not_its_text_triggers_a_new_control_request() {
     let refusal = |code: v1::RefusalCode| v1::Refusal {
         commander: ANNA.to_owned(),
         reason: "out of control".to_owned(),
@@ -318,7 +328,10 @@ fn control_is_asked_for_again_by_the_code_of_a_refusal_not_by_its_words() {
     let effects = model.sample(Sample::Refusal(refusal(v1::RefusalCode::Invalid)), 5.0);
     assert_eq!(effects, []);
     let effects = model.sample(Sample::Refusal(refusal(v1::RefusalCode::NoControl)), 5.0);
-    assert_eq!(effects, [Effect::Errand(Errand::Lease { take: false })]);
+    assert_eq!(
+        effects,
+        [Effect::Operation(Operation::Lease { take: false })]
+    );
 }
 
 #[test]
@@ -336,7 +349,7 @@ fn in_lock_step_every_control_tick_is_answered_once_and_not_faster_than_time() {
     model.done(Done::Started(Ok(Box::new(started))), 1.0);
     let (mut tick, mut answers, mut now) = (240, 0, 1.0);
     while now < 2.0 {
-        // The server answers at once: time must not run away.
+        // The server answers at once: simulation time must not run away.
         let clock = v1::Clock {
             header: Some(header(tick, 7)),
             real_time_factor: 1.0,

@@ -38,11 +38,11 @@ fn named<'a>(name: &str, text: &Field, focused: bool, theme: Theme) -> Line<'a> 
     Line::from(line)
 }
 
-fn said<'a>(problem: &str, theme: Theme) -> Line<'a> {
+fn problem_line<'a>(problem: &str, theme: Theme) -> Line<'a> {
     Line::from(Span::styled(format!(" {problem}"), theme.bad()))
 }
 
-/// Draws a form over the screen.
+/// Renders a form over the screen.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, form: &Form, model: &Model, theme: Theme) {
     match form {
         Form::Start {
@@ -59,7 +59,7 @@ pub fn draw(frame: &mut Frame<'_>, area: Rect, form: &Form, model: &Model, theme
             lines.push(Line::from(format!(
                 " recorders that must be ready; {connected} connected now; 0 practises: nothing is kept"
             )));
-            lines.push(said(problem, theme));
+            lines.push(problem_line(problem, theme));
             overlay(frame, area, "start an episode", lines, theme);
         }
         Form::Reset {
@@ -84,13 +84,13 @@ pub fn draw(frame: &mut Frame<'_>, area: Rect, form: &Form, model: &Model, theme
                 .collect();
             lines.push(Line::default());
             lines.push(named("seed", seed, true, theme));
-            lines.push(said(problem, theme));
+            lines.push(problem_line(problem, theme));
             overlay(frame, area, "set up a task (↑ ↓)", lines, theme);
         }
         Form::Take { holder } => {
             let lines = vec![
                 Line::from(format!(" {holder} holds control of this robot.")),
-                Line::from(" Take it over? It stops and is told so."),
+                Line::from(" Take control? That client stops and is notified."),
                 Line::default(),
                 Line::from(" y takes control   n leaves it"),
             ];

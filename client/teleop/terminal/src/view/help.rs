@@ -1,4 +1,4 @@
-//! The keys, all of them.
+//! The help: all keys.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -41,10 +41,10 @@ const KEYS: [(&str, &str); 22] = [
     ("d d", "discard the episode"),
     ("t", "set up another task or seed"),
     ("p", "pauses or resumes time"),
-    ("!  Ctrl-C", "take control from somebody; leave"),
+    ("!  Ctrl-C", "take control from another client; leave"),
 ];
 
-/// Draws the list over the screen.
+/// Renders the list over the screen.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, theme: Theme) {
     let mut lines: Vec<Line<'_>> = KEYS
         .iter()

@@ -1,9 +1,9 @@
-//! Draws the model. Nothing is decided here, and nothing is asked of the
-//! terminal but its size.
+//! Renders the model. The view makes no decisions and reads only the size of the
+//! terminal.
 //!
-//! Colours come from the terminal's own sixteen and stand on its own
-//! background, so that they can be read on dark and on light; every colour
-//! says what a word beside it says too. With `NO_COLOR` there are none.
+//! Colors are the terminal's own sixteen on its own background, so that they are
+//! readable on dark and on light; each color repeats the meaning of a word beside
+//! it. `NO_COLOR` disables colors.
 
 mod forms;
 mod help;
@@ -19,10 +19,10 @@ use crate::model::Model;
 pub use theme::Theme;
 use theme::WIDE;
 
-/// Rows that the controls take in two columns.
+/// Rows of the controls in two columns.
 const CONTROLS: u16 = 13;
 
-/// Draws everything; `now` in seconds of the model's clock.
+/// Renders everything; `now` in seconds of the model's clock.
 pub fn draw(frame: &mut Frame<'_>, model: &Model, theme: Theme, now: f64) {
     let area = frame.area();
     let alarms = panels::alarms(model, theme);

@@ -9,10 +9,10 @@ use crate::model::{Control, Model};
 use wheelarm_teleop_web::arm::{self, label, pointing};
 use wheelarm_teleop_web::watch::Connection;
 
-/// Older than this a figure is shown as stale, s.
+/// A value older than this is shown as stale, s.
 const STALE: f64 = 2.0;
 
-/// A number without the sign of a rounded zero.
+/// A number without a negative zero.
 fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     match text.strip_prefix('-') {
@@ -51,7 +51,7 @@ pub fn header<'a>(model: &Model, theme: Theme, now: f64, width: u16) -> Vec<Line
     let control = match &model.control {
         Control::Ours => Span::styled("control is yours", theme.good()),
         Control::Held(holder) => Span::styled(format!("{holder} HOLDS CONTROL (!)"), theme.bad()),
-        Control::Asking => Span::styled("asking for control", theme.warning()),
+        Control::Requested => Span::styled("asking for control", theme.warning()),
         Control::None => Span::styled("no control", theme.quiet()),
     };
     let paused = situation.status.as_ref().is_some_and(|s| s.paused);
@@ -87,7 +87,7 @@ pub fn header<'a>(model: &Model, theme: Theme, now: f64, width: u16) -> Vec<Line
     }
 }
 
-/// What must not be overlooked, in the order of the top of the screen.
+/// Alarms, in the order of the top of the screen.
 pub fn alarms<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let alarms = model.situation.alarms().into_iter();
     alarms
@@ -95,7 +95,7 @@ pub fn alarms<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         .collect()
 }
 
-/// The last line: what can be done now.
+/// The last line: actions that are possible now.
 pub fn hints<'a>(model: &Model, theme: Theme) -> Line<'a> {
     let words: &[(&str, &str)] = if model.form.is_some() {
         &[("Enter", "does it"), ("Tab", "next"), ("Esc", "back")]
@@ -128,7 +128,7 @@ pub fn hints<'a>(model: &Model, theme: Theme) -> Line<'a> {
     Line::from(spans.collect::<Vec<_>>())
 }
 
-/// The keys of chair, arm and gripper, with what they do now.
+/// The keys of chair, arm and gripper, with their current functions.
 pub fn controls<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     let mut lines = chair_keys(model, theme);
     lines.push(Line::default());
@@ -158,7 +158,7 @@ fn chair_keys<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     };
     let direction = match model.drive.direction {
         Some(_) => {
-            let [linear, angular] = model.drive.told();
+            let [linear, angular] = model.drive.commanded_speeds();
             Span::styled(
                 format!("drives {linear:.2} m/s {angular:.2} rad/s"),
                 theme.latched(),
@@ -198,7 +198,7 @@ fn hand_keys<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
             Span::raw(format!("{word:<11}")),
         ]
     };
-    // Opposite keys stand beside each other: v n, h f, g b.
+    // Opposite keys are side by side: v n, h f, g b.
     for (first, second) in [(1, 0), (3, 2), (4, 5)] {
         let mut line = vec![Span::raw(" ")];
         line.extend(arm_key(arm::KEYS[first]));
@@ -233,7 +233,7 @@ fn gripper_keys<'a>(model: &Model, theme: Theme) -> [Line<'a>; 2] {
     ]
 }
 
-/// What happened, newest last.
+/// Events, newest last.
 pub fn log<'a>(model: &Model, theme: Theme, now: f64, rows: usize) -> Vec<Line<'a>> {
     let happenings = &model.situation.happenings;
     let newest = happenings
@@ -253,14 +253,14 @@ pub fn log<'a>(model: &Model, theme: Theme, now: f64, rows: usize) -> Vec<Line<'
     lines.collect()
 }
 
-/// Episode, task, robot, recorders and link.
+/// Episode, task, robot, recorders and connection.
 pub fn state<'a>(model: &Model, theme: Theme, now: f64) -> Vec<(&'static str, Vec<Line<'a>>)> {
     vec![
         ("episode", episode(model, theme)),
         ("task", task(model, theme)),
         ("robot", robot(model, theme)),
         ("recorders", recorders(model, theme)),
-        ("link", link(model, theme, now)),
+        ("link", connection(model, theme, now)),
     ]
 }
 
@@ -441,7 +441,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
         Line::from(vec![
             Span::raw(format!("{:<10} ", recorder.recorder)),
             Span::styled(format!("{word}  "), style),
-            Span::raw(format!("{} pictures  ", recorder.accepted_frames)),
+            Span::raw(format!("{} images  ", recorder.accepted_frames)),
             Span::styled(format!("{} missed  ", recorder.missed), missed),
             Span::raw(more),
         ])
@@ -449,7 +449,7 @@ fn recorders<'a>(model: &Model, theme: Theme) -> Vec<Line<'a>> {
     lines.collect()
 }
 
-fn link<'a>(model: &Model, theme: Theme, now: f64) -> Vec<Line<'a>> {
+fn connection<'a>(model: &Model, theme: Theme, now: f64) -> Vec<Line<'a>> {
     let milliseconds = |seconds: f64| format!("{:.1} ms", seconds * 1e3);
     let round_trip = model
         .situation

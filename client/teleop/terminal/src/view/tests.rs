@@ -1,4 +1,4 @@
-//! What a person reads at several sizes of the terminal.
+//! The rendered text at several sizes of the terminal.
 
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -107,7 +107,7 @@ fn discarded_episode_is_not_shown_as_a_partial_file() {
 }
 
 #[test]
-fn a_narrow_terminal_keeps_what_matters() {
+fn a_narrow_terminal_keeps_the_essential_lines() {
     let text = screen(&model(), 60, 24);
     for words in ["control is yours", "lifted_and_held", "7 missed", "chair"] {
         assert!(text.contains(words), "{words:?} is missing:\n{text}");
@@ -129,7 +129,7 @@ fn no_size_of_the_terminal_makes_it_panic() {
 }
 
 #[test]
-fn a_failed_recorder_a_lost_task_and_a_refused_start_cannot_be_overlooked() {
+fn a_failed_recorder_a_lost_task_and_a_refused_start_are_prominent() {
     let mut model = model();
     model.situation.refused("nothing can be recorded", 7.0);
     let mut status = model.situation.status.clone().unwrap();
@@ -163,7 +163,7 @@ fn a_failed_recorder_a_lost_task_and_a_refused_start_cannot_be_overlooked() {
 }
 
 #[test]
-fn a_lost_link_cannot_be_overlooked() {
+fn a_lost_connection_is_prominent() {
     let mut model = model();
     model.lost("the server has gone", 7.0);
     let text = screen(&model, 120, 36);

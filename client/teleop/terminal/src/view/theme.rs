@@ -1,4 +1,4 @@
-//! How things look, whatever they are: styles, widths, a window over the rest.
+//! Appearance: styles, widths, and the window for forms.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -9,10 +9,10 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 /// Two columns from this width on, characters.
 pub(super) const WIDE: u16 = 96;
 
-/// Styles, with or without colours.
+/// Styles, with or without colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Theme {
-    /// Colours are wanted.
+    /// Whether colors are used.
     pub colours: bool,
 }
 

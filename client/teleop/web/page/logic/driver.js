@@ -1,9 +1,9 @@
-// From what is pressed on any device to what is told to the gateway. Pure: time
-// comes in (milliseconds of one clock), messages come out of `frame`.
+// From input of any device to messages for the gateway. Pure: time is an argument
+// (milliseconds of one clock), `frame` returns messages.
 //
 // Invariant: after a stop, a guard or a lost device nothing moves before a fresh
-// press: what was held then is dead until it is let go, and the epoch says the
-// same to the gateway.
+// press: input that was held then is dead until it is released, and the epoch tells the
+// gateway the same.
 
 import { MOTIONS, axesOf, directions, isStill, still, sum } from "./motions.js";
 
@@ -11,9 +11,9 @@ import { MOTIONS, axesOf, directions, isStill, still, sum } from "./motions.js";
 export const LATCH_MS = 2000;
 /** Least time between two messages of a held motion, ms. */
 const RESEND_MS = 30;
-/** Time between two signs of life while nothing moves, ms. */
+/** Time between two "alive" messages while nothing moves, ms. */
 const ALIVE_MS = 250;
-/** Stops and releases are said so often. */
+/** Repetitions of stops and releases. */
 const REPEATS = 3;
 /** Least time between two steps, ms. */
 const STEP_MS = 150;
@@ -29,12 +29,12 @@ export class Driver {
     this.speed = 3;
     this.seq = 0;
     this.epoch = 0;
-    /** Why nothing may be driven, in words, or "" when it may. */
+    /** Why driving is not allowed, in words, or "". */
     this.lock = "not connected";
     /** Only steps and goals are allowed. */
     this.stepsOnly = false;
     this.goal = false;
-    /** What the person is told: {text, bad}. */
+    /** Notes for the person: {text, bad}. */
     this.notes = [];
     this.sources = new Map();
     this.latch = null;
@@ -53,7 +53,7 @@ export class Driver {
     this.lastSent = "";
   }
 
-  // What a device does
+  // Device input
 
   /** A direction is pressed and held. Returns "drive", "stop" or "refused". */
   press(id, names, device, now) {
@@ -68,7 +68,7 @@ export class Driver {
     return refused ? "refused" : "drive";
   }
 
-  /** A device with sticks says where they are; all zero is letting go. */
+  /** State of a device with sticks; all zero is a release. */
   set(id, axes, device, now, more = {}) {
     const old = this.sources.get(id);
     if (isStill(axes) && !more.clutch) {
@@ -88,7 +88,7 @@ export class Driver {
     this.sources.set(id, { axes, device, mode: more.mode || "hold", dead, clutch: more.clutch });
   }
 
-  /** What was pressed is let go. */
+  /** A direction is released. */
   release(id) {
     this.sources.delete(id);
   }
@@ -105,7 +105,7 @@ export class Driver {
     return "drive";
   }
 
-  /** The person is still there: the latch lives on. */
+  /** The person is active: renews the latch. */
   renew(now) {
     if (this.latch) this.latch.until = now + LATCH_MS;
   }
@@ -131,7 +131,7 @@ export class Driver {
     return "step";
   }
 
-  /** Everything stops. Never refused. */
+  /** Stops everything. Never refused. */
   stop(why, device) {
     this.kill();
     this.stops = REPEATS;
@@ -141,7 +141,7 @@ export class Driver {
   }
 
   /**
-   * Whether a press must stop the robot instead of doing what it stands for: it
+   * Whether a press must stop the robot instead of doing its own action: it
    * moves on a latch or towards a goal, or by a step of a slow device.
    */
   intercept(device, now) {
@@ -153,7 +153,7 @@ export class Driver {
     return true;
   }
 
-  /** Something is wrong (a device is gone, a refusal, a contact): all is let go. */
+  /** A problem (a device was lost, a refusal, a contact): everything is released. */
   guard(why, text) {
     const was = this.anything() || this.goal || this.pendingStep !== null;
     if (!was) return;
@@ -161,10 +161,10 @@ export class Driver {
     if (text) this.tell(text, true);
   }
 
-  // What comes from the gateway
+  // Messages of the gateway
 
   /** The newest situation: dead epoch, goal, whether the robot moves. */
-  heard(control, goal, robotMoving, now) {
+  receive(control, goal, robotMoving, now) {
     this.goal = Boolean(goal);
     this.robotMoving = robotMoving;
     if (robotMoving) this.robotMoved = true;
@@ -177,17 +177,17 @@ export class Driver {
     if (now - this.stepAt > STEP_LONGEST_MS) this.stepAt = -Infinity;
   }
 
-  /** Whether driving is allowed; a reason locks, and stops what moves. */
+  /** Whether driving is allowed; a reason locks it, and stops all motion. */
   locked(reason, why, stepsOnly) {
     if (reason && !this.lock) this.guard(why, reason);
     if (stepsOnly && !this.stepsOnly && this.anything()) {
-      this.guard("frozen", "The picture is too old: only steps and goals");
+      this.guard("frozen", "The image is too old: only steps and goals");
     }
     this.lock = reason;
     this.stepsOnly = stepsOnly;
   }
 
-  // What is sent
+  // Messages to send
 
   /** The messages that are due now. `shown` is the shown tick or null. */
   frame(now, shown) {
@@ -239,7 +239,7 @@ export class Driver {
     return messages;
   }
 
-  /** The directions in which something is told to move now. */
+  /** The directions that are commanded now. */
   active() {
     return directions(this.axes().axes);
   }
@@ -249,12 +249,12 @@ export class Driver {
     return this.axes().source !== null;
   }
 
-  /** What the person is to be told since the last call. */
+  /** Notes for the person since the last call. */
   takeNotes() {
     return this.notes.splice(0);
   }
 
-  /** Whether a step is under way. */
+  /** Whether a step is in progress. */
   stepping(now) {
     const since = now - this.stepAt;
     if (since > STEP_LONGEST_MS) return false;
@@ -288,7 +288,7 @@ export class Driver {
 
   refusal(isStep) {
     if (this.lock) return this.lock;
-    if (this.stepsOnly && !isStep) return "The picture is too old: only steps and goals";
+    if (this.stepsOnly && !isStep) return "The image is too old: only steps and goals";
     return "";
   }
 

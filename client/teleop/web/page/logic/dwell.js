@@ -1,9 +1,9 @@
-// Clicking by resting the pointer on something, for a head mouse or the eyes. Pure.
+// Clicks by resting the pointer on a target, for a head mouse or an eye tracker. Pure.
 
 export const DWELL_DEFAULTS = {
   /** How long the pointer rests, ms, 300 to 3000. */
   time: 1000,
-  /** How far it may stray meanwhile, CSS pixels. */
+  /** How far the pointer may stray meanwhile, CSS pixels. */
   radius: 30,
   /** The same for STOP, ms. */
   stop: 300,
@@ -16,11 +16,11 @@ export class Dwell {
     this.target = null;
     this.from = null;
     this.since = 0;
-    /** The target that was clicked; it must be left before it counts again. */
+    /** The target that was clicked; the pointer must leave it before it counts again. */
     this.spent = null;
   }
 
-  /** The pointer is at x, y over `target` (an id) or over nothing (null). */
+  /** The pointer is at x, y over `target` (an id) or over no target (null). */
   pointer(x, y, target, now) {
     if (target !== this.spent) this.spent = null;
     const strayed = this.from && Math.hypot(x - this.from.x, y - this.from.y) > this.settings.radius;
@@ -38,16 +38,16 @@ export class Dwell {
     this.spent = null;
   }
 
-  /** How far the dwell has come, 0 to 1. */
+  /** Progress of the dwell, 0 to 1. */
   progress(now) {
     if (this.target === null || this.target === this.spent) return 0;
-    // While it rests only STOP and the button that ends the rest are heard.
+    // While paused only STOP and the button that ends the pause react.
     if (this.resting && this.target !== "stop" && this.target !== "rest") return 0;
     const time = this.target === "stop" ? this.settings.stop : this.settings.time;
     return Math.min(1, (now - this.since) / time);
   }
 
-  /** Time has come to `now`. Returns the id that is clicked, or null. */
+  /** Advances the clock to `now`. Returns the id that is clicked, or null. */
   tick(now) {
     if (this.progress(now) < 1) return null;
     this.spent = this.target;

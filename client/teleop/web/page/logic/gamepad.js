@@ -1,20 +1,20 @@
 // Gamepads, joysticks, adaptive controllers: buttons and axes in, directions and
-// presses out. Pure: it is given what `navigator.getGamepads()` gave.
+// presses out. Pure: its input is the result of `navigator.getGamepads()`.
 //
-// One stick and two buttons are enough: one goes on to the next pad, one stops.
+// One stick and two buttons are enough: one selects the next pad, one stops.
 
 import { MOTIONS, still } from "./motions.js";
 
 export const DEADZONE = 0.12;
 
-/** What the main stick moves, in the order of the "next" button: [up/down, left/right]. */
+/** Axes of the main stick, in the order of the "next" button: [up/down, left/right]. */
 export const STICK_MODES = [
   { name: "chair", label: "Chair", axes: [["chair", 0], ["chair", 1]] },
   { name: "hand", label: "Hand", axes: [["hand", 0], ["hand", 1]] },
   { name: "height", label: "Hand up and down, swing", axes: [["hand", 2], ["turn", 2]] },
   { name: "tip", label: "Tip and roll the hand", axes: [["turn", 1, -1], ["turn", 0, -1]] },
   { name: "grip", label: "Gripper", axes: [["grip", 0], null] },
-  // The stick moves a frame over the buttons of the page: down goes on, right takes.
+  // The stick moves a frame over the buttons of the page: down goes on, right presses.
   { name: "menu", label: "Buttons of the page", axes: [null, null] },
 ];
 
@@ -23,13 +23,13 @@ export const STANDARD = {
   axes: [0, 1], second: [2, 3],
   stop: [1, 8], next: [0], close: [4], open: [5], down: [6], up: [7], take: [2], slower: [14], faster: [15],
 };
-/** Of a device with an unknown layout: the first stick, the first two buttons. */
+/** For a device with an unknown layout: the first stick, the first two buttons. */
 export const PLAIN = {
   axes: [0, 1], second: [], stop: [1], next: [0], close: [], open: [], down: [], up: [], take: [],
   slower: [], faster: [],
 };
 
-/** Without the dead zone, and full at the rim. */
+/** Removes the dead zone; full deflection at the rim. */
 export function shaped(value, deadzone = DEADZONE) {
   const size = Math.abs(value);
   if (!(size > deadzone)) return 0;
@@ -47,23 +47,23 @@ export class Gamepads {
     this.mode = 0;
   }
 
-  /** Which button and axis does what on this device. */
+  /** Buttons and axes of this device. */
   map(pad) {
     return { ...(pad.mapping === "standard" ? STANDARD : PLAIN), ...this.maps[pad.id] };
   }
 
   /**
    * Reads all devices. Returns {axes, presses, arrived, gone, waiting, menu, stick}: presses are
-   * names of the map that went down since the last call; `gone` are ids of devices
-   * that are not there any more; `waiting` are those that were not centred yet.
+   * names of the map that were pressed since the last call; `gone` are ids of devices
+   * that were unplugged; `waiting` are those that were not centered yet.
    */
   read(list) {
     const out = { axes: still(), presses: [], arrived: [], gone: [], waiting: [], menu: null, stick: [0, 0] };
-    const seen = new Set();
+    const present = new Set();
     for (const pad of list) {
       if (!pad || !pad.connected) continue;
       const key = `${pad.index}:${pad.id}`;
-      seen.add(key);
+      present.add(key);
       let known = this.pads.get(key);
       if (!known) {
         known = { id: pad.id, armed: false, down: new Set() };
@@ -73,14 +73,14 @@ export class Gamepads {
       this.one(pad, known, out);
     }
     for (const [key, known] of this.pads) {
-      if (seen.has(key)) continue;
+      if (present.has(key)) continue;
       this.pads.delete(key);
       out.gone.push(known.id);
     }
     return out;
   }
 
-  /** All must come back to the centre before they count: after blur, stop, plugging. */
+  /** After blur, stop or plugging in, all devices must return to the center before they count. */
   disarm() {
     for (const known of this.pads.values()) known.armed = false;
   }
@@ -93,10 +93,10 @@ export class Gamepads {
     for (const name of ["stop", "next", "close", "open", "down", "up", "take", "slower", "faster"]) {
       if (map[name].some((index) => pressed(pad.buttons[index]))) down.add(name);
     }
-    // STOP is heard from a device that is not armed too; its edge is what counts.
+    // STOP also works on a device that is not armed; its edge counts.
     const fresh = [...down].filter((name) => !known.down.has(name));
-    const first = known.down.size === 0 && !known.seen;
-    known.seen = true;
+    const first = known.down.size === 0 && !known.sampled;
+    known.sampled = true;
     known.down = down;
     if (!known.armed) {
       if (fresh.includes("stop") && !first) out.presses.push("stop");

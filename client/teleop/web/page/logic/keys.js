@@ -1,5 +1,5 @@
 // Keys of a keyboard: those of `wheelarm teleop`, the arrows and WASD. Pure.
-// Keys are named by place (KeyboardEvent.code), so that every layout has the same
+// Keys are identified by position (KeyboardEvent.code), so that every layout has the same
 // hand position.
 
 export const KEY_DEFAULTS = {
@@ -23,7 +23,7 @@ const TURNED = {
   "hand.up": "turn.roll_plus", "hand.down": "turn.roll_minus",
 };
 
-/** What a key does, or null. Esc always stops. With Ctrl, Alt or Meta it is the browser's. */
+/** Action of a key, or null. Esc always stops. With Ctrl, Alt or Meta it belongs to the browser. */
 export function meaning(event, keys, turning) {
   if (event.code === "Escape") return "stop";
   if (event.ctrlKey || event.altKey || event.metaKey) return null;
@@ -31,14 +31,14 @@ export function meaning(event, keys, turning) {
   return turning && TURNED[action] ? TURNED[action] : action;
 }
 
-/** A key as people call it. */
+/** Label of a key. */
 export function keyName(code) {
   const names = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", Comma: ",", Period: ".",
     Minus: "-", Equal: "=", Space: "Space", Escape: "Esc" };
   return names[code] || code.replace(/^(Key|Digit)/, "");
 }
 
-/** Gives `action` the key `code` instead of `old`; the key loses what it did. */
+/** Assigns the key `code` to `action` instead of `old`; the key loses its former action. */
 export function remap(keys, old, code, action) {
   const made = { ...keys };
   if (old) delete made[old];

@@ -1,6 +1,6 @@
 // The directions in which the robot can be moved, and sums of them. Pure.
 
-/** A direction: part of the robot, index of its axis, sign, words and a sign for the button. */
+/** A direction: part of the robot, index of its axis, label and symbol of the button. */
 const motion = (part, axis, sign, label, words, glyph) => ({ part, axis, sign, label, words, glyph });
 
 export const MOTIONS = {
@@ -24,7 +24,7 @@ export const MOTIONS = {
   "grip.close": motion("grip", 0, -1, "Close", "gripper: close", "▷◁"),
 };
 
-/** The pads of the page: a name, words, and the places of the buttons in three columns. */
+/** The pads of the page: a name, a label, and the positions of the buttons in three columns. */
 export const PADS = {
   chair: { label: "Chair", rows: [["", "chair.forward", ""], ["chair.left", "chair.back", "chair.right"]] },
   hand: {
@@ -39,7 +39,7 @@ export const PADS = {
   grip: { label: "Gripper", rows: [["grip.open"], ["grip.close"]] },
 };
 
-/** Nothing moves. */
+/** All axes at rest. */
 export const still = () => ({ chair: [0, 0], hand: [0, 0, 0], turn: [0, 0, 0], grip: 0 });
 
 /** The axes of one direction, or of several at once ("chair.forward+chair.left"). */
@@ -73,7 +73,7 @@ export function sum(parts) {
 export const isStill = (axes) =>
   ["chair", "hand", "turn"].every((part) => (axes[part] || []).every((value) => value === 0)) && !axes.grip;
 
-/** The names of the directions into which these axes point. */
+/** The names of the directions in which these axes point. */
 export function directions(axes) {
   return Object.keys(MOTIONS).filter((name) => {
     const { part, axis, sign } = MOTIONS[name];

@@ -1,4 +1,4 @@
-// What a person has set: presets, their changes, and the file for another
+// Settings of a person: presets, their changes, and the file for another
 // browser. Pure. A file from outside is checked value by value.
 
 import { DWELL_DEFAULTS } from "./dwell.js";
@@ -28,7 +28,7 @@ const BASE = {
   tabs: "narrow",
 };
 
-/** The presets: words, and what differs from the base. */
+/** The presets: labels, and their differences from the base. */
 export const PRESETS = {
   keyboard: { label: "Keyboard", words: "Keys drive while they are held.", change: {} },
   touch: {
@@ -40,16 +40,16 @@ export const PRESETS = {
     change: {},
   },
   one_switch: {
-    label: "One switch", words: "A frame goes round; the switch takes what is framed. Every press moves one step.",
+    label: "One switch", words: "A frame goes round; the switch chooses the framed item. Every press moves one step.",
     change: { mode: "step", scan: { ...BASE.scan, on: true, kind: "rows" }, keysOn: false, tabs: "never",
       pads: BASE.pads.map((pad) => ({ ...pad, size: 80 })) },
   },
   two_switches: {
-    label: "Two switches", words: "The first switch (Space) goes on, the second one (Enter) takes.",
+    label: "Two switches", words: "The first switch (Space) moves the frame, the second one (Enter) chooses.",
     change: { mode: "step", scan: { ...BASE.scan, on: true, kind: "two" }, keysOn: false, tabs: "never" },
   },
   dwell: {
-    label: "Eyes or head mouse", words: "Resting the pointer on a button presses it. Every press moves one step.",
+    label: "Eye tracker or head mouse", words: "Resting the pointer on a button presses it. Every press moves one step.",
     change: { mode: "step", dwell: { ...BASE.dwell, on: true }, keysOn: false,
       pads: BASE.pads.map((pad) => ({ ...pad, size: 112 })) },
   },
@@ -73,7 +73,7 @@ const object = (value) => (value && typeof value === "object" && !Array.isArray(
 
 const ACTIONS = new Set([...Object.keys(MOTIONS), ...Object.values(KEY_DEFAULTS)]);
 
-/** Checked settings out of anything: what is missing or wrong is as in its preset. */
+/** Validated settings; missing or invalid values are those of the preset. */
 export function checked(from) {
   const given = object(from);
   const usual = preset(among(given.preset, Object.keys(PRESETS), "keyboard"));
@@ -131,12 +131,12 @@ function gamepadMaps(maps) {
     id.slice(0, 200),
     Object.fromEntries(Object.entries(object(map)).filter(([name, list]) =>
       MAP_NAMES.includes(name) && Array.isArray(list) && list.every(index)
-      // A device without STOP is not driven with.
+      // A device without STOP may not drive.
       && (name !== "stop" || list.length > 0) && (name !== "axes" || list.length === 2))),
   ]));
 }
 
-/** A pad goes one place on (1) or back (-1). */
+/** Moves a pad one position on (1) or back (-1). */
 export function movePad(pads, name, by) {
   const made = [...pads];
   const from = made.findIndex((pad) => pad.name === name);
@@ -145,7 +145,7 @@ export function movePad(pads, name, by) {
   return made;
 }
 
-/** A pad gets larger or smaller by so many pixels. */
+/** Enlarges or shrinks a pad by a number of pixels. */
 export function sizePad(pads, name, by) {
   return pads.map((pad) => (pad.name === name
     ? { ...pad, size: Math.max(SIZES.least, Math.min(SIZES.most, pad.size + by)) } : pad));

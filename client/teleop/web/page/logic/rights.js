@@ -1,30 +1,30 @@
-// What may be done now and why not, and the age of the loop in words. Pure.
+// Whether driving is allowed and why not, and the age of the loop in words. Pure.
 
-/** No situation for this long: the gateway is not heard, ms. */
+/** Without a situation for this long the connection to the gateway counts as lost, ms. */
 const SILENT_MS = 1500;
 
 /**
- * Why nothing may be driven: {reason, why, stepsOnly}; an empty reason when it may.
- * `s` is the newest situation or null; `frozenMs` how long the picture has stood.
+ * Why driving is not allowed: {reason, why, stepsOnly}; an empty reason when it is.
+ * `s` is the newest situation or null; `frozenMs` the age of the oldest painted image.
  */
-export function rights({ s, heardMs, role, lanes, frozenMs, hidden, away }) {
+export function rights({ s, silenceMs, role, lanes, frozenMs, hidden, away }) {
   const no = (reason, why = "guard") => ({ reason, why, stepsOnly: false });
-  if (!s || heardMs > SILENT_MS) return no("The gateway does not answer");
+  if (!s || silenceMs > SILENT_MS) return no("The gateway does not answer");
   if (role === "viewer") return no("You are watching: this name may not drive");
   if (lanes === 0) return no("No connection for commands");
   if (hidden) return no("The page is hidden", "hidden");
-  if (s.link !== "open") return no("The gateway does not hear the robot");
+  if (s.link !== "open") return no("The gateway has no connection to the robot");
   if (!s.lease?.mine) {
-    return no(s.lease?.holder ? `${s.lease.holder} is in control` : "Nobody is in control: ask for it");
+    return no(s.lease?.holder ? `${s.lease.holder} is in control` : "Control is free: ask for it");
   }
   if (away) return no("Driving is off while the settings are open");
   if (s.paused) return no("Time is paused");
   if (s.control?.allow === "stop") return no(s.control.why || "Only STOP is allowed now", "frozen");
-  if (frozenMs > 1000) return no("The picture is frozen: only STOP", "frozen");
+  if (frozenMs > 1000) return no("The image is frozen: only STOP", "frozen");
   return { reason: "", why: "", stepsOnly: s.control?.allow === "steps" };
 }
 
-/** The age of the loop and what it means for the speed: {text, state}. */
+/** The age of the loop and its effect on the speed: {text, state}. */
 export function loopAge(control) {
   if (!control || control.age_ms === null || control.age_ms === undefined) return { text: "–", state: "" };
   const age = control.age_ms < 950 ? `${Math.round(control.age_ms / 10) * 10} ms` : `${(control.age_ms / 1000).toFixed(1)} s`;

@@ -1,14 +1,14 @@
-// Scanning with one switch or two: a frame goes from item to item, a press takes
-// the one that is framed. Pure: presses and time in, what was taken out.
+// Scanning with one switch or two: a frame moves from item to item, a press chooses
+// the framed one. Pure: presses and time in, chosen items out.
 //
 // STOP is the first item of every cycle, also within a row.
 
 export const SCAN_DEFAULTS = {
-  /** "rows" (row, then item), "linear" (every item), "two" (one switch steps, one takes). */
+  /** "rows" (row, then item), "linear" (every item), "two" (one switch steps, one chooses). */
   kind: "rows",
   /** How long an item is framed, ms, 500 to 5000. */
   interval: 1200,
-  /** So much longer for the first item of a cycle, ms. */
+  /** Extra time for the first item of a cycle, ms. */
   first: 800,
   /** Cycles until scanning rests, or goes back from a row. */
   loops: 3,
@@ -41,7 +41,7 @@ export class Scanner {
     const framed = this.framed();
     this.rows = rows;
     if (this.row !== null && !rows.some((row) => row.id === this.row)) this.row = null;
-    // The frame stays where it was, if that is still there.
+    // The frame stays on its item, if that still exists.
     const at = framed ? this.cycle().findIndex((item) => item.id === framed.id) : -1;
     if (at >= 0) this.index = at;
     else {
@@ -50,7 +50,7 @@ export class Scanner {
     }
   }
 
-  /** What the frame goes over now; STOP comes first. */
+  /** Items of the current cycle; STOP is the first. */
   cycle() {
     if (this.settings.kind === "rows" && this.row === null) {
       // A row of one item is that item.
@@ -69,21 +69,21 @@ export class Scanner {
     return this.resting ? null : this.cycle()[this.index] || STOP;
   }
 
-  /** A switch goes down: 1 (takes, or with two switches steps), 2 (takes). */
+  /** A switch is pressed: 1 (chooses, or with two switches steps), 2 (chooses). */
   press(which, now) {
     if (this.down.has(which)) return;
     this.down.set(which, { at: now, counted: false });
   }
 
-  /** A switch comes up; a press shorter than the filter does not count. */
+  /** A switch is released; a press shorter than the filter does not count. */
   release(which, now) {
     const press = this.down.get(which);
     this.down.delete(which);
-    // Long enough, but up again before the next frame looked.
+    // Long enough, but released before the next frame.
     if (press && !press.counted && now - press.at >= this.settings.hold) this.due.push({ which, at: press.at });
   }
 
-  /** The presses that count now, each once: {which, at}, `at` when the switch went down. */
+  /** The presses that count now, each once: {which, at}, `at` is the time of the press. */
   presses(now) {
     const due = this.due.splice(0);
     for (const [which, press] of this.down) {
@@ -98,20 +98,20 @@ export class Scanner {
     });
   }
 
-  /** What is held is forgotten. */
+  /** Forgets the held switches. */
   forget() {
     this.down.clear();
     this.due = [];
   }
 
-  /** A press was used for something else (STOP): it must come up first. */
+  /** A press was used otherwise (STOP): the switch must be released first. */
   spend(which, now) {
     this.down.set(which, { at: now, counted: true });
     this.last = now;
     this.since = now;
   }
 
-  /** Time has come to `now`. Returns the id that was taken, or null. */
+  /** Advances the clock to `now`. Returns the id that was chosen, or null. */
   tick(now) {
     for (const { which } of this.presses(now)) {
       const taken = this.pressed(which, now);
@@ -122,7 +122,7 @@ export class Scanner {
   }
 
   move(now) {
-    // Nothing moves on under a finger that is just pressing.
+    // The frame does not move during a press.
     if ([...this.down.values()].some((press) => !press.counted)) return;
     const wait = this.settings.interval + (this.index === 0 ? this.settings.first : 0);
     if (now - this.since < wait) return;
@@ -160,15 +160,15 @@ export class Scanner {
       this.index = 0;
       return null;
     }
-    // The same item can be taken again at once: it stays framed for its time.
+    // The same item can be chosen again at once: it stays framed for its time.
     return item.id;
   }
 }
 
 /**
- * A place in an image by one switch: a line sweeps down one camera's image after the
- * other's, a press holds it, a second line sweeps across that image, a press takes the
- * place. STOP stays outside of it.
+ * Chooses a point in an image by one switch: a line sweeps down one camera's image after the
+ * other's, a press holds it, a second line sweeps across that image, a press chooses the
+ * point. STOP stays outside of it.
  */
 export class Cross {
   /** `cameras`: those whose images are shown, the first is swept first. */
@@ -179,19 +179,19 @@ export class Cross {
     this.held = null;
   }
 
-  /** Where the lines are now: {camera, u, v}, u null while the first one sweeps. */
+  /** Positions of the lines: {camera, u, v}, u null while the first one sweeps. */
   at(now) {
     const turns = Math.max(0, now - this.began) / this.sweep;
     if (this.held) return { ...this.held, u: turns % 1 };
     return { camera: this.cameras[Math.floor(turns) % this.cameras.length], u: null, v: turns % 1 };
   }
 
-  /** Three sweeps of every image without a press are enough. */
+  /** Ends after three sweeps of every image without a press. */
   over(now) {
     return now - this.began > 3 * this.sweep * (this.held ? 1 : this.cameras.length);
   }
 
-  /** Takes a press that began at `at`; returns the place when it is the second. */
+  /** Handles a press that began at `at`; returns the point when it is the second. */
   press(at, now = at) {
     const place = this.at(at);
     if (this.held) return place;
@@ -219,7 +219,7 @@ export class Cursor {
     return this.list[this.index] || STOP;
   }
 
-  /** Goes on (1) or back (-1), round and round. */
+  /** Moves on (1) or back (-1), cyclically. */
   move(by) {
     this.index = (this.index + by + this.list.length) % this.list.length;
   }

@@ -1,4 +1,4 @@
-// What may be said, all of it. Pure: words in, what is meant out. A phrase moves
+// Voice commands. Pure: words in, action out. A phrase moves
 // one step or presses a button; it never starts a motion that lasts.
 
 const PHRASES = {
@@ -17,27 +17,27 @@ const PHRASES = {
   "read aloud": { press: "read" }, "start episode": { press: "start" }, "finish episode": { press: "finish" },
 };
 
-/** What is often heard instead of a word of the grammar. */
+/** Frequent recognition errors of words of the grammar. */
 const HEARD_AS = {
   forwards: "forward", ahead: "forward", backwards: "back", backward: "back", stopp: "stop", halt: "stop",
   grip: "gripper", grippa: "gripper", write: "right", and: "hand",
 };
 
-/** Everything that may be said, for the list on the page. */
+/** All phrases, for the list on the page. */
 export const GRAMMAR = ["stop", ...Object.keys(PHRASES)];
 
 const words = (text) => text.toLowerCase().replace(/[^a-z ]/g, " ").split(/\s+/).filter(Boolean)
   .map((word) => HEARD_AS[word] || word);
 
-/** Whether STOP was said anywhere in it; asked of unfinished results too. */
+/** Whether the words contain STOP; also checked in unfinished results. */
 export const saysStop = (text) => words(text).includes("stop");
 
 /**
- * What a finished result means, or null. The phrase must be all that was said,
- * but for "please" and "the": talk in the room moves nothing.
+ * Action of a finished result, or null. The phrase must be the whole result,
+ * except for "please" and "the", so that talk in the room moves nothing.
  */
 export function understand(text) {
   if (saysStop(text)) return { stop: true };
-  const said = words(text).filter((word) => !["please", "the", "a"].includes(word)).join(" ");
-  return Object.hasOwn(PHRASES, said) ? { ...PHRASES[said], said } : null;
+  const phrase = words(text).filter((word) => !["please", "the", "a"].includes(word)).join(" ");
+  return Object.hasOwn(PHRASES, phrase) ? { ...PHRASES[phrase], phrase } : null;
 }

@@ -1,20 +1,20 @@
-// Encoded pictures become pictures: JPEG by createImageBitmap, H.264 by WebCodecs
-// where the decoder gives one picture for each that it gets.
+// Decodes images: JPEG by createImageBitmap, H.264 by WebCodecs
+// if the decoder returns one image for each input.
 
-import { readHeader } from "../logic/pictures.js";
+import { readHeader } from "../logic/images.js";
 import { TEST_STREAM } from "./test_stream.js";
 
 export const CONFIG = {
   codec: "avc1.42E01F", optimizeForLatency: true, hardwareAcceleration: "prefer-software",
 };
-/** A decoder that has not given a picture after this keeps it back, ms. */
+/** A decoder that has not returned an image after this time holds images back, ms. */
 const PATIENCE_MS = 700;
 
 const bytes = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
 
 /**
- * Feeds ten pictures, each only after the one before came out. Whether all came:
- * some decoders hold eight pictures back, which would be eight tenths of a second.
+ * Feeds ten images, each only after the previous one was returned. Resolves to whether all were:
+ * some decoders hold eight images back, which would be eight tenths of a second.
  */
 export async function oneInOneOut(scope = globalThis, stream = TEST_STREAM, patience = PATIENCE_MS) {
   const { VideoDecoder, EncodedVideoChunk } = scope;
@@ -50,9 +50,9 @@ export async function oneInOneOut(scope = globalThis, stream = TEST_STREAM, pati
 }
 
 export class Decoders {
-  /** `pictures` takes what is decoded; `send` sends on the video socket. */
-  constructor(pictures, send) {
-    this.pictures = pictures;
+  /** `images` receives the decoded images; `send` sends on the video socket. */
+  constructor(images, send) {
+    this.images = images;
     this.send = send;
     this.cameras = new Map();
     this.problem = "";
@@ -74,8 +74,8 @@ export class Decoders {
 
   async jpeg(header) {
     try {
-      const picture = await createImageBitmap(new Blob([header.body], { type: "image/jpeg" }));
-      this.pictures.decoded(header, picture);
+      const image = await createImageBitmap(new Blob([header.body], { type: "image/jpeg" }));
+      this.images.decoded(header, image);
     } catch {
       this.lost(header);
     }
@@ -108,7 +108,7 @@ export class Decoders {
       output: (frame) => {
         const header = one.headers.get(frame.timestamp);
         for (const seq of one.headers.keys()) if (seq <= frame.timestamp) one.headers.delete(seq);
-        if (header) this.pictures.decoded(header, frame);
+        if (header) this.images.decoded(header, frame);
         else frame.close();
       },
       error: () => this.broken(camera),
@@ -117,7 +117,7 @@ export class Decoders {
     return one;
   }
 
-  /** A picture that cannot be shown is acknowledged, or no other would come. */
+  /** An image that cannot be decoded is acknowledged; otherwise the gateway would stop sending. */
   lost(header) {
     this.send({ t: "ack", camera: header.camera, seq: header.seq, painted: false });
     if (!header.key) this.send({ t: "key", camera: header.camera });

@@ -1,4 +1,4 @@
-// Elements. Texts from outside are set as text, never as markup.
+// Elements. External texts are set as text, never as markup.
 
 export const $ = (id) => document.getElementById(id);
 
@@ -19,26 +19,26 @@ export function button(item, text, onclick, more = {}) {
   return h("button", { type: "button", "data-item": item, onclick, ...more }, text);
 }
 
-/** Sets a text only when it is another one: live regions speak on every change. */
+/** Sets a text only when it changes: live regions speak on every change. */
 export function text(element, value) {
   if (element.textContent !== value) element.textContent = value;
 }
 
-/** Sets children only when `key` is another one; focus and frames stay. */
+/** Sets children only when `key` changes, so that focus and frames stay. */
 export function children(element, key, make) {
   if (element.made === key) return;
   element.made = key;
   element.replaceChildren(...make());
 }
 
-/** Whether somebody types or presses here, so that keys are not for driving. */
+/** Whether an element uses keys itself, so that keys must not drive. */
 export function takesKeys(element) {
   return Boolean(element) && element !== document.body && element.id !== "stage" &&
     element.matches("button, input, select, textarea, a[href], summary, [contenteditable]");
 }
 
-/** Rows are scanned in this order; those that are not named come last. */
-const ORDER = ["Alarm", "Letters", "Choose in the picture", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
+/** Order of the rows for scanning; rows that are not listed are last. */
+const ORDER = ["Alarm", "Letters", "Choose in the image", "Pads", "Chair", "Hand", "Turn hand", "Gripper", "Speed", "Voice",
   "Episode", "Control", "Instruction"];
 const rank = (row) => {
   const at = ORDER.indexOf(row.dataset.row);

@@ -1,5 +1,5 @@
-// The devices: what comes from keyboard, pointer, switch, gamepad and a resting
-// pointer goes to the driver or presses a button of the page.
+// Input devices: keyboard, pointer, switch, gamepad and dwelling
+// pointer. Each drives or presses a button of the page.
 
 import { Cursor, Cross, Scanner } from "../logic/scan.js";
 import { Dwell } from "../logic/dwell.js";
@@ -10,7 +10,7 @@ import { lettersOpen } from "./letters.js";
 import { tick } from "./sound.js";
 
 const now = () => performance.now();
-/** The pad that is shown while the stick moves it. */
+/** The pad that is shown while the stick moves its part. */
 const PADS_OF = { chair: "chair", hand: "hand", height: "hand", tip: "turn", grip: "grip" };
 
 export class Inputs {
@@ -24,7 +24,7 @@ export class Inputs {
     this.turning = false;
   }
 
-  /** Takes changed settings. */
+  /** Applies changed settings. */
   apply({ scan, dwell, gamepad }) {
     Object.assign(this.scanner.settings, scan);
     this.scanner.row = null;
@@ -42,7 +42,7 @@ export class Inputs {
     if (clicked) this.app.activate(clicked, "dwell");
   }
 
-  /** Opens a cross over the picture for those who cannot point: swept, or moved by a stick. */
+  /** Opens a cross over the image for users who cannot point: swept, or moved by a stick. */
   openCross() {
     const { app } = this;
     const shown = app.stage.shown();
@@ -57,7 +57,7 @@ export class Inputs {
     app.say("Press when the line is over it", false);
   }
 
-  /** Nobody is asked for a press without seeing the image that is swept. */
+  /** The swept image is scrolled into view before a press is needed. */
   showSwept({ camera, u }) {
     const { app } = this;
     const key = `${camera} ${u === null}`;
@@ -77,14 +77,14 @@ export class Inputs {
     const { app } = this;
     const at = now();
     if (down && !event.repeat && event.code !== "Escape" && app.driver.intercept("keyboard", at)) {
-      // What moves on its own stops by any key, whatever it means in whichever layout.
+      // Any key stops a motion that continues on its own, whatever its meaning in the layout.
       event.preventDefault();
       event.stopImmediatePropagation();
       app.flush();
       return;
     }
     if (["Shift", "Control", "Alt", "Meta", "CapsLock"].includes(event.key)) {
-      // While Meta is down some systems tell of no key that comes up.
+      // While Meta is down some systems do not report the release of other keys.
       if (event.key === "Meta") {
         for (const id of [...app.driver.sources.keys()]) if (id.startsWith("key:")) app.driver.release(id);
       }
@@ -132,7 +132,7 @@ export class Inputs {
     else app.driver.press(`key:${code}`, action, "keyboard", at);
   }
 
-  /** While a place is chosen the arrows move the cross and Enter takes it. */
+  /** While a point is chosen the arrows move the cross and Enter chooses it. */
   crossKey(event) {
     const { app } = this;
     const by = { ArrowUp: [0, -1], ArrowDown: [0, 1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] }[event.code];
@@ -154,7 +154,7 @@ export class Inputs {
     cross.v = Math.min(1, Math.max(0, cross.v + dv));
   }
 
-  /** A switch of the scanning went down or up. */
+  /** A switch of the scanning was pressed or released. */
   switched(which, down, at) {
     const { app } = this;
     if (!down) {
@@ -205,14 +205,14 @@ export class Inputs {
         swallow = true;
         app.stop(device);
       } else if (app.driver.intercept(device, now())) {
-        // Any press while the robot moves on its own is STOP, and nothing else.
+        // Any press while the robot moves on its own is only STOP.
         event.preventDefault();
         event.stopImmediatePropagation();
         swallow = true;
         if (inScan()) this.scanner.spend(1, now());
         app.flush();
       } else if (event.target.closest("#carer")) {
-        // Never the switch: a carer gets the pointer back here, on any device.
+        // Never the switch: a carer regains the pointer here, on any device.
       } else if (inScan() && !event.target.closest("input, textarea, select, summary")) {
         event.preventDefault();
         event.stopImmediatePropagation();
@@ -230,7 +230,7 @@ export class Inputs {
         event.stopImmediatePropagation();
         return;
       }
-      // A click without a pointer: the keyboard or a program that reads the screen.
+      // A click without a pointer: the keyboard or a screen reader.
       if (event.isTrusted && event.target.closest("#stop")) app.stop("keyboard");
     }, true);
     window.addEventListener("pointermove", (event) => this.pointed(event), { passive: true });
@@ -239,20 +239,20 @@ export class Inputs {
     });
   }
 
-  /** For dwelling: what the pointer is over. */
+  /** Target under the pointer, for dwelling. */
   pointed(event) {
     const { app } = this;
     if (!app.settings.dwell.on) return;
     const over = document.elementFromPoint(event.clientX, event.clientY);
     const one = over?.closest("button[data-item]");
     let target = one && !one.disabled ? one.dataset.item : null;
-    // A picture counts only while a place in it is chosen, never while driving.
+    // An image is a target only while a point in it is chosen, never while driving.
     const canvas = !one && app.stage.picking ? over?.closest("figure")?.querySelector("canvas") : null;
     let box = null;
     if (canvas) {
       const found = [...app.stage.figures].find(([, figure]) => figure.canvas === canvas);
       box = canvas.getBoundingClientRect();
-      canvas.dataset.item = `picture:${found[0]}`;
+      canvas.dataset.item = `image:${found[0]}`;
       target = canvas.dataset.item;
     }
     this.pointer = { x: event.clientX, y: event.clientY };
@@ -278,7 +278,7 @@ export class Inputs {
       this.gamepads.disarm();
     }
     const read = this.gamepads.read(list);
-    for (const id of read.arrived) app.say(`Gamepad: ${id}. It drives once its stick was let go`, false);
+    for (const id of read.arrived) app.say(`Gamepad: ${id}. It drives after its stick was released`, false);
     if (read.gone.length > 0) {
       app.driver.release("gamepad");
       app.driver.guard("lost_device", "The gamepad is gone: everything stops");
@@ -290,7 +290,7 @@ export class Inputs {
     else this.gamepadDrive(read, at);
   }
 
-  /** Says stop also when the release already took the motion away. */
+  /** Sends a stop also when the release has already ended the motion. */
   stopFor(why, at) {
     const { app } = this;
     if (app.driver.moving) app.driver.stop(why, "gamepad");
@@ -330,7 +330,7 @@ export class Inputs {
     const { app } = this;
     const { cross } = app.stage;
     if (cross?.u !== undefined) {
-      // It takes the place instead of going on.
+      // Chooses the item instead of going on.
       this.gamepads.mode = (this.gamepads.mode + STICK_MODES.length - 1) % STICK_MODES.length;
       app.stage.pick(cross.camera, cross.u, cross.v);
       return;
@@ -351,7 +351,7 @@ export class Inputs {
     else this.cursor.move(what === "next" ? 1 : -1);
   }
 
-  /** Where scanning goes: the letters while they are open, else everything. */
+  /** Items to scan: the letters while they are open, otherwise everything. */
   scanRoot() {
     return lettersOpen() ? $("letters") : document.body;
   }
@@ -365,7 +365,7 @@ export class Inputs {
         return;
       }
       for (const press of this.scanner.presses(at)) {
-        // The line counts where it was when the switch went down, not when the press counted.
+        // The line's position at the press counts, not at the end of the press filter.
         const place = cross.press(press.at, at);
         if (place) app.stage.pick(place.camera, place.u, place.v);
       }
@@ -382,7 +382,7 @@ export class Inputs {
 
   frameShown() {
     const { app } = this;
-    // Within a row the frame also goes over a way back.
+    // Within a row the frame also covers a way back.
     $("back").hidden = !app.settings.scan.on || this.scanner.resting || this.scanner.row === null;
     const inMenu = this.gamepads.pads.size > 0 && STICK_MODES[this.gamepads.mode].name === "menu" && !app.settings.scan.on;
     const id = app.settings.scan.on ? this.scanner.framed()?.id : inMenu ? this.cursor.framed().id : null;

@@ -1,4 +1,4 @@
-// Letters on the screen for a text field, for those who have no keyboard: with
+// On-screen letters for a text field, for users without a keyboard: with
 // scanning, dwelling or a stick.
 
 import { $, button, h } from "./dom.js";

@@ -15,7 +15,7 @@ export class Pads {
     this.tab = "chair";
   }
 
-  /** Draws pads, speeds and modes as the settings say. */
+  /** Builds pads, speeds and modes from the settings. */
   draw(arranging) {
     const { settings } = this.app;
     this.buttons.clear();
@@ -74,7 +74,7 @@ export class Pads {
     one.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       byPointer = true;
-      // No focus: the keys go on driving, and Space does not press this button too.
+      // No focus: keys continue to drive, and Space does not also press this button.
       event.preventDefault();
       if (app.settings.mode === "hold") {
         one.setPointerCapture(event.pointerId);
@@ -85,7 +85,7 @@ export class Pads {
     for (const kind of ["pointerup", "pointercancel", "lostpointercapture"]) one.addEventListener(kind, let_go);
     one.addEventListener("contextmenu", (event) => {
       event.preventDefault();
-      // A long press of a finger is how one drives; with a mouse it is another button.
+      // A long press of a finger drives; with a mouse the context menu is another button.
       if (event.pointerType === "touch") return;
       driver.guard("lost_device", "");
       app.flush();
@@ -118,7 +118,7 @@ export class Pads {
       const device = app.clickDevice;
       if (app.settings.mode === "step") driver.step(name, device || (pointer ? "mouse" : "keyboard"), app.now());
       else if (device || !pointer) {
-        // Scanning, dwelling, voice and programs that read the screen cannot hold.
+        // Scanning, dwelling, voice and screen readers cannot hold.
         if (app.settings.mode === "latch" && device !== "voice") driver.toggle(name, device || "keyboard", app.now());
         else driver.step(name, device || "keyboard", app.now());
       }
@@ -139,7 +139,7 @@ export class Pads {
     return tabs === "always" || (tabs === "narrow" && window.innerWidth < 720);
   }
 
-  /** Which speed and mode is chosen. */
+  /** Marks the chosen speed and mode. */
   mark() {
     for (const one of $("speeds").querySelectorAll("button")) {
       one.setAttribute("aria-pressed", String(one.dataset.item === `speed:${this.app.driver.speed}`));
@@ -149,7 +149,7 @@ export class Pads {
     }
   }
 
-  /** What moves, what is latched, what is blocked. */
+  /** Marks moving, latched and blocked directions. */
   show(active, latched, blocked) {
     for (const [name, one] of this.buttons) {
       one.classList.toggle("active", active.includes(name));

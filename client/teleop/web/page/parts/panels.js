@@ -1,4 +1,4 @@
-// What the newest situation says: chips, episode, control, robot, messages.
+// Panels of the newest situation: chips, episode, control, robot, messages.
 
 import { loopAge } from "../logic/rights.js";
 import { $, button, children, h, text } from "./dom.js";
@@ -11,7 +11,7 @@ const RECORDER_WORDS = {
 const fixed = (value, digits) =>
   (value === null || value === undefined ? "–" : value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1"));
 
-/** A line of the list of messages; the newest comes first. */
+/** A line of the list of messages; the newest is first. */
 export function message(words, bad) {
   const list = $("messages");
   const clock = new Date().toTimeString().slice(0, 8);
@@ -28,10 +28,10 @@ export class Panels {
     this.alarmed = [];
   }
 
-  /** Everything, from a situation. */
+  /** Updates everything from a situation. */
   show(s, now) {
     const mine = Boolean(s.lease?.mine);
-    const asks = this.app.twice.asks(now);
+    const asks = this.app.confirmation.asks(now);
     this.alarms(s);
     this.chips(s, mine);
     text($("instruction"), s.episode?.instruction || s.scenario?.instruction || "");
@@ -42,10 +42,10 @@ export class Panels {
     this.robot(s);
   }
 
-  /** What must not be overlooked stays until the person says that it was read, or it is over. */
+  /** An alarm stays until the person acknowledges it, or it is over. */
   alarms(s) {
     const { read, settings, role } = this.app;
-    // Who watches can do nothing about it.
+    // A viewer cannot act on alarms.
     const all = role === "viewer" ? [] : s.alarms || [];
     for (const words of read) if (!all.includes(words)) read.delete(words);
     const list = all.filter((words) => !read.has(words));
@@ -65,7 +65,7 @@ export class Panels {
     const list = [
       ["Connection", s.link === "open" ? "connected" : `robot: ${s.link || "unknown"}`, s.link === "open" ? "good" : "bad"],
       ["Loop age", `loop ${age.text}`, age.state],
-      ["Control", mine ? "you drive" : s.lease?.holder ? `${s.lease.holder} drives` : "nobody drives", mine ? "good" : "careful"],
+      ["Control", mine ? "you drive" : s.lease?.holder ? `${s.lease.holder} drives` : "control is free", mine ? "good" : "careful"],
       ["Episode", !s.episode ? "no episode" : s.evaluation?.failure ? `episode ${s.episode.number}: TASK LOST`
         : `episode ${s.episode.number}  ${fixed(s.episode.seconds, 0)} s`, !s.episode ? "" : s.evaluation?.failure ? "bad" : "good"],
       ["Recorder", ...recorder],
@@ -107,19 +107,19 @@ export class Panels {
       const off = { disabled: !mine || Boolean(s.busy) };
       const made = runs ? [
         button("finish", practice ? "Finish practice" : lost ? "Finish, keep as failed" : "Finish and keep", () => app.episode("finish"), { ...off, className: "first" }),
-        button("discard", again("discard", "Discard"), () => app.twicePressed("discard", () => app.episode("discard")),
+        button("discard", again("discard", "Discard"), () => app.confirm("discard", () => app.episode("discard")),
           { ...off, className: asks === "discard" ? "asks" : "" }),
-        button("redo", again("redo", "Redo"), () => app.twicePressed("redo", () => app.episode("redo")),
+        button("redo", again("redo", "Redo"), () => app.confirm("redo", () => app.episode("redo")),
           { ...off, className: asks === "redo" ? "asks" : "" }),
       ] : [button("start", "Start episode", () => app.episode("start"), { ...off, className: "first" }),
         button("practise", "Practise, keep nothing", () => app.episode("practise"), off)];
-      made.push(s.paused ? button("resume", "Let time go on", () => app.ask("time.resume"), off)
+      made.push(s.paused ? button("resume", "Resume time", () => app.ask("time.resume"), off)
         : button("pause", "Pause time", () => app.ask("time.pause"), off));
       return made;
     });
     text($("recorders_text"), (s.recorders || []).map((one) =>
       `${one.name}: ${one.state === "finished" && !one.complete ? "file NOT complete" : RECORDER_WORDS[one.state] || one.state}` +
-      `${one.silent_s ? ", DOES NOT ANSWER" : ""}, ${one.frames ?? 0} pictures${one.missed ? `, ${one.missed} missed` : ""}${one.message ? `. ${one.message}` : ""}`)
+      `${one.silent_s ? ", DOES NOT ANSWER" : ""}, ${one.frames ?? 0} images${one.missed ? `, ${one.missed} missed` : ""}${one.message ? `. ${one.message}` : ""}`)
       .join("; ") || "No recorder is connected: an episode cannot start, practice can.");
     $("recorders_text").className = (s.recorders || []).some((one) => one.state === "failed" || one.missed || one.silent_s) ? "bad" : "quiet";
     const conditions = s.evaluation?.conditions || [];
@@ -159,7 +159,7 @@ export class Panels {
           h("output", {}, `seed ${this.seed ?? "–"}`),
           button("seed:more", "+", seed(1), { ...off, "aria-label": "Seed more" })),
         button("reset", asks === "reset" ? "Set up: press again" : "Set up the scene",
-          () => app.twicePressed("reset", () => app.ask("scene.reset", { task: this.task, seed: this.seed })),
+          () => app.confirm("reset", () => app.ask("scene.reset", { task: this.task, seed: this.seed })),
           { ...off, className: asks === "reset" ? "asks" : "" }),
         ...(app.letters() ? [
           button("write:label", "Write the label", () => openLetters($("label")), off),
@@ -172,22 +172,22 @@ export class Panels {
   control(s, mine, asks) {
     const { app } = this;
     const { lease = {}, people = [] } = s;
-    const asked = lease.asked || [];
+    const requests = lease.asked || [];
     text($("control_text"), [
-      mine ? "You are in control." : lease.holder ? `${lease.holder} is in control.` : "Nobody is in control.",
-      asked.length > 0 ? `${asked.join(", ")} asks for it.` : "",
+      mine ? "You are in control." : lease.holder ? `${lease.holder} is in control.` : "Control is free.",
+      requests.length > 0 ? `${requests.join(", ")} asks for it.` : "",
     ].join(" "));
-    const key = JSON.stringify([mine, lease.holder, asked, asks, app.role]);
+    const key = JSON.stringify([mine, lease.holder, requests, asks, app.role]);
     children($("control_buttons"), key, () => {
       if (app.role === "viewer") return [h("p", { className: "quiet" }, "This name watches only.")];
       if (mine) {
         return [button("give", "Give control back", () => app.ask("lease.give")),
-          ...asked.map((name) => button(`give:${name}`, `Give control to ${name}`, () => app.ask("lease.give", { to: name })))];
+          ...requests.map((name) => button(`give:${name}`, `Give control to ${name}`, () => app.ask("lease.give", { to: name })))];
       }
       const ask = button("ask", "Ask for control", () => app.ask("lease.ask"), { className: "first" });
       if (!lease.holder) return [ask];
       return [ask, button("take", asks === "take" ? `Take it from ${lease.holder}: press again` : "Take control",
-        () => app.twicePressed("take", () => app.ask("lease.take")), { className: asks === "take" ? "asks" : "" })];
+        () => app.confirm("take", () => app.ask("lease.take")), { className: asks === "take" ? "asks" : "" })];
     });
     children($("people"), JSON.stringify(people), () => people.map((one) => h("li", {},
       `${one.name} ${one.control ? "drives" : one.role === "viewer" ? "watches" : "may drive"}`)));
@@ -201,13 +201,13 @@ export class Panels {
     children($("goal_buttons"), key, () => {
       if (goal) return [button("goal:cancel", "Cancel", () => app.cancelGoal())];
       if (menu) return this.menu(menu);
-      return [button("pick", app.stage.picking ? "Choose in the picture: now" : "Choose in the picture",
+      return [button("pick", app.stage.picking ? "Choose in the image: now" : "Choose in the image",
         () => app.choosing(!app.stage.picking),
         { "aria-pressed": String(app.stage.picking), disabled: Boolean(app.driver.lock) })];
     });
     text($("goal_text"), goal ? `${goal.name}: ${goal.text || goal.stage} (${goal.at ?? 0} of ${goal.of ?? 0})`
       : menu ? this.words(menu)
-        : app.stage.picking ? "Click a thing in a picture, or a place to put something." : "");
+        : app.stage.picking ? "Click an object in an image, or a place to put the object down." : "");
   }
 
   menu({ list, chosen }) {
@@ -217,7 +217,7 @@ export class Panels {
     return [
       ...(one?.actions || []).map((action) => button(`goal:${action}`, words[action] || action,
         () => app.startGoal(one.candidate, action), { className: "first" })),
-      ...(list.length > 1 ? [button("goal:other", "Another thing", () => app.otherCandidate())] : []),
+      ...(list.length > 1 ? [button("goal:other", "Another object", () => app.otherCandidate())] : []),
       button("goal:none", "Cancel", () => app.closeMenu()),
     ];
   }

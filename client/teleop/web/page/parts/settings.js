@@ -8,7 +8,7 @@ import { Voice } from "./voice.js";
 
 const KEY = "wheelarm.drive";
 
-/** The settings that this browser keeps, checked. */
+/** The validated settings stored in this browser. */
 export function stored() {
   try {
     return checked(JSON.parse(localStorage.getItem(KEY) || "{}"));
@@ -17,12 +17,12 @@ export function stored() {
   }
 }
 
-/** Keeps the settings in this browser, where it allows that. */
+/** Stores the settings in this browser, where it allows that. */
 export function keep(settings) {
   try {
     localStorage.setItem(KEY, JSON.stringify(settings));
   } catch {
-    // A private window keeps nothing; the file still can.
+    // A private window stores nothing; the file still can.
   }
 }
 
@@ -65,10 +65,10 @@ export class Settings {
     return this.section("How I drive", "", h("div", { className: "presets" },
       ...Object.entries(PRESETS).map(([name, { label, words }]) => {
         const one = button(`preset:${name}`, "", () => {
-          // What was set by hand for the devices stays with the browser's keys and maps.
+          // Manual settings of devices stay with the browser's keys and maps.
           const { keys, gamepad, theme } = this.app.settings;
           this.change({ ...preset(name), keys, gamepad, theme });
-          // Who chose it with a pointer still needs the pointer, for Done.
+          // A person who chose it with a pointer still needs the pointer, for Done.
           if (this.app.clickDevice === null) this.app.setCarer(true);
         }, { "aria-pressed": String(settings.preset === name) });
         one.append(h("b", {}, label), h("small", {}, words));
@@ -128,7 +128,7 @@ export class Settings {
 
   dwell({ dwell }) {
     const set = (name) => (value) => this.change({ dwell: { ...dwell, [name]: value } });
-    return this.section("Resting the pointer (eyes, head mouse)", "Resting",
+    return this.section("Resting the pointer (eye tracker, head mouse)", "Resting",
       this.check("dwell:on", "Resting presses", dwell.on, set("on")), h("p", {}, ""),
       h("div", { className: "fields" },
         this.range("dwell.time", "Resting time", dwell.time, 300, 3000, 100, "ms", set("time")),
@@ -157,7 +157,7 @@ export class Settings {
       h("p", { className: "quiet" }, "A QuadStick or an adaptive controller appears here, or as mouse or keyboard, as it is set up."));
   }
 
-  /** A button of a device was pressed while one is being learnt. */
+  /** A button of a device was pressed while a button is being assigned. */
   learned(id, index) {
     if (!this.learning || this.learning.id !== id) return;
     const { name } = this.learning;
@@ -169,10 +169,10 @@ export class Settings {
   voice({ voice }) {
     const set = (name) => (value) => this.change({ voice: { ...voice, [name]: value } });
     if (!Voice.possible) {
-      return this.section("Voice", "", h("p", {}, "This browser does not recognise speech. Chrome, Edge and Safari do."));
+      return this.section("Voice", "", h("p", {}, "This browser does not recognize speech. Chrome, Edge and Safari do."));
     }
     return this.section("Voice", "",
-      h("p", { className: "careful" }, "Most browsers send what the microphone hears to their maker's computers. It listens only after the button, and never longer than 8 s after the last phrase."),
+      h("p", { className: "careful" }, "Most browsers send the microphone's sound to their maker's computers. It listens only after the button, and never longer than 8 s after the last phrase."),
       this.check("voice:on", "Voice", voice.on, set("on")), h("p", {}, ""),
       this.check("voice:local", "On this computer where the browser can", voice.local, set("local")));
   }
@@ -216,11 +216,11 @@ export class Settings {
     const input = h("input", { type: "file", id: "settings_file", accept: "application/json,.json", onchange: async () => {
       try {
         const file = input.files[0];
-        if (file.size > 200_000) throw new Error("it is too long");
+        if (file.size > 200_000) throw new Error("it is longer than 200 kB");
         const read = JSON.parse(await file.text());
-        if (!read || read.version !== 1 || !Object.hasOwn(PRESETS, read.preset)) throw new Error("it is no file of these settings");
+        if (!read || read.version !== 1 || !Object.hasOwn(PRESETS, read.preset)) throw new Error("the file does not contain settings of this page");
         this.change(checked(read));
-        this.app.say("The settings were read", false);
+        this.app.say("The settings are loaded", false);
       } catch (error) {
         this.app.say(`The file cannot be used: ${error.message}`, true);
       }

@@ -1,8 +1,8 @@
-// The connection: tickets, the four sockets, and coming again by itself.
-// Nothing is kept for later: what cannot be sent now is not sent.
+// The connection: tickets, the four sockets, and reconnecting.
+// Nothing is queued: a message that cannot be sent now is dropped.
 
 const PROTOCOL = 1;
-/** A lane with more than this unsent is skipped, bytes. */
+/** A lane with more unsent bytes than this is skipped. */
 const FULL = 1000;
 const WAITS = [500, 1000, 2000, 4000];
 const ASK_MS = 60_000;
@@ -23,13 +23,13 @@ export async function http(path, body) {
   return { status: answer.status, body: value };
 }
 
-/** A random name of this page. */
+/** A random identifier of this page. */
 export function pageName() {
   return [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
 export class Sockets {
-  /** `heard(kind, message)`, `opened(kind)`, `closed(kind, reason)`, `login()`. */
+  /** `received(kind, message)`, `opened(kind)`, `closed(kind, reason)`, `login()`. */
   constructor(handlers) {
     this.handlers = handlers;
     this.page = pageName();
@@ -54,12 +54,12 @@ export class Sockets {
     this.open.clear();
   }
 
-  /** How many control lanes are open. */
+  /** Number of open control lanes. */
   lanes() {
     return ["control0", "control1"].filter((kind) => this.open.has(kind)).length;
   }
 
-  /** Control messages go on both lanes; a full lane is skipped, but not by a stop. */
+  /** Control messages are sent on both lanes; a full lane is skipped, except by a stop. */
   control(messages) {
     for (const kind of ["control0", "control1"]) {
       const socket = this.open.get(kind);
@@ -75,10 +75,10 @@ export class Sockets {
     this.open.get("video")?.send(JSON.stringify(message));
   }
 
-  /** Asks for something; resolves with the answer, throws its error. */
+  /** Sends a request; resolves with the answer, throws its error. */
   ask(what, fields = {}) {
     const socket = this.open.get("state");
-    if (!socket) return Promise.reject(new Error("no connection: nothing was asked"));
+    if (!socket) return Promise.reject(new Error("no connection: the request was not sent"));
     this.number += 1;
     const id = this.number;
     return new Promise((done, fail) => {
@@ -132,7 +132,7 @@ export class Sockets {
   message(kind, socket, data, life) {
     if (life !== this.life) return;
     if (typeof data !== "string") {
-      this.handlers.heard(kind, data);
+      this.handlers.received(kind, data);
       return;
     }
     const message = JSON.parse(data);
@@ -147,7 +147,7 @@ export class Sockets {
       clearTimeout(ask.timer);
       if (message.ok) ask.done(message);
       else ask.fail(new Error(message.error || "refused"));
-    } else this.handlers.heard(kind, message);
+    } else this.handlers.received(kind, message);
   }
 
   gone(kind, socket, code, reason, life) {

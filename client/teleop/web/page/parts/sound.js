@@ -1,4 +1,4 @@
-// What is heard: a tick of the scanning frame, and texts read aloud.
+// Sounds: a tick of the scanning frame, and texts read aloud.
 
 let context = null;
 
@@ -19,12 +19,12 @@ export function tick(high = false) {
   tone.stop(context.currentTime + 0.08);
 }
 
-/** Three high ticks: something must not be overlooked. */
+/** Three high ticks: an alarm. */
 export function alarm() {
   for (const wait of [0, 200, 400]) setTimeout(() => tick(true), wait);
 }
 
-/** Reads a text aloud; a second call while it reads ends it. Whether it can. */
+/** Reads a text aloud; a second call while it reads ends it. Returns whether it can. */
 export function readAloud(words) {
   if (!("speechSynthesis" in window)) return false;
   if (speechSynthesis.speaking) {

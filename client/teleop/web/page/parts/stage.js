@@ -1,8 +1,8 @@
-// The pictures on the page: painting, enlarging, and choosing a place in them.
+// The images on the page: painting, enlarging, and choosing a point in them.
 
 import { $, button, h, text } from "./dom.js";
 
-/** A page that is not wider shows one camera large, the other small, CSS pixels. */
+/** Up to this width a page shows one camera large, the other small, CSS pixels. */
 const NARROW = 560;
 const NAMES = { gen3: "Hand camera", wheelchair: "Chair camera", room: "Room camera" };
 
@@ -60,7 +60,7 @@ export class Stage {
     return [...this.figures.keys()].filter((index) => !this.off.has(index));
   }
 
-  /** What is to be sent: codecs and widths. */
+  /** The `want` message: codecs and widths. */
   want(codecs) {
     const width = (index) => {
       const wide = (this.figures.get(index).canvas.clientWidth || 640) * Math.min(2, devicePixelRatio || 1);
@@ -87,24 +87,24 @@ export class Stage {
     this.app.want();
   }
 
-  /** Paints a decoded picture. */
-  paint(header, picture) {
+  /** Paints a decoded image. */
+  paint(header, image) {
     const one = this.figures.get(header.camera);
     if (!one) return;
     const { canvas, context } = one;
     if (canvas.width !== header.width) canvas.width = header.width;
     if (canvas.height !== header.height) canvas.height = header.height;
-    context.drawImage(picture, 0, 0, canvas.width, canvas.height);
+    context.drawImage(image, 0, 0, canvas.width, canvas.height);
   }
 
-  /** Captions and what lies over the pictures. */
+  /** Updates captions and overlays of the images. */
   show(now, frozen) {
-    const { pictures } = this.app;
+    const { images } = this.app;
     $("stage").classList.toggle("picking", this.picking);
     for (const [index, { figure, figures, canvas }] of this.figures) {
-      const last = pictures.painted.get(index);
+      const last = images.painted.get(index);
       figure.classList.toggle("frozen", frozen && Boolean(last) && !this.off.has(index));
-      text(figures, last ? `${pictures.rate(index, now).toFixed(0)} /s, ${canvas.width}×${canvas.height}` : "waiting");
+      text(figures, last ? `${images.rate(index, now).toFixed(0)} /s, ${canvas.width}×${canvas.height}` : "waiting");
     }
     this.drawOver(now);
   }
@@ -133,9 +133,9 @@ export class Stage {
     this.figures.get(camera).figure.scrollIntoView({ block: "nearest" });
   }
 
-  /** A place in a picture was pointed at. */
+  /** A point in an image was clicked. */
   pick(camera, u, v) {
-    const tick = this.app.pictures.painted.get(camera)?.tick;
+    const tick = this.app.images.painted.get(camera)?.tick;
     if (tick === undefined || u < 0 || u > 1 || v < 0 || v > 1) return;
     this.app.picked(camera, tick, u, v);
   }
@@ -143,7 +143,7 @@ export class Stage {
 
 function stroke(context, over) {
   const unit = over.width / 320;
-  // Dark below light: seen on every picture.
+  // A dark line below a light one: visible on every image.
   for (const [colour, width] of [["#000", 4 * unit], ["#ffe14d", 2 * unit]]) {
     context.strokeStyle = colour;
     context.lineWidth = width;

@@ -1,4 +1,4 @@
-// What the decoder's self-test feeds: a moving square, 64x48, constrained baseline, Base64.
+// Input of the decoder's self-test: a moving square, 64x48, constrained baseline, Base64.
 
 export const TEST_STREAM = [
   "AAAAAWdCwAqMjUI5NwENAQeEQjUAAAABaM48gAAAAAFluAAEAAAJ///4IooAAgO+OAASjgAE5OTk+P//BFFAAEIrxwACccAAlT11///wRRQABCL8cAAlHAAJ1114",

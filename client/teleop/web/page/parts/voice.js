@@ -1,5 +1,5 @@
-// Speech recognition by the browser, while its button says so. Off until the
-// person turns it on: many browsers send what they hear to a company's computers.
+// Speech recognition by the browser, while its button shows it. Off until the
+// person turns it on: many browsers send the audio to a company's computers.
 
 import { saysStop, understand } from "../logic/voice.js";
 
@@ -7,7 +7,7 @@ import { saysStop, understand } from "../logic/voice.js";
 const LISTEN_MS = 8000;
 
 export class Voice {
-  /** `heard(meaning, text)` for a phrase, `stop()` as soon as STOP is heard, `changed()`. */
+  /** `received(meaning, text)` for a phrase, `stop()` as soon as STOP is recognized, `changed()`. */
   constructor(handlers) {
     this.handlers = handlers;
     this.recognition = null;
@@ -31,7 +31,7 @@ export class Voice {
     recognition.lang = "en-US";
     recognition.continuous = true;
     recognition.interimResults = true;
-    // Where the browser can, nothing leaves this computer.
+    // Recognition on this computer, where the browser supports it.
     if (local && "processLocally" in recognition) recognition.processLocally = true;
     let stopped = -1;
     recognition.onresult = (event) => {
@@ -39,11 +39,11 @@ export class Voice {
         const result = event.results[index];
         const words = result[0].transcript;
         if (saysStop(words)) {
-          // Also on what is not finished, once for each result.
+          // STOP also in unfinished results, once for each result.
           if (stopped !== index) this.handlers.stop();
           stopped = index;
         } else if (result.isFinal) {
-          this.handlers.heard(understand(words), words);
+          this.handlers.received(understand(words), words);
           this.wait();
         }
       }

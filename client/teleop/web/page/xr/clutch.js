@@ -1,4 +1,4 @@
-// The clutch of a headset's controller: how far it has moved since it was
+// The clutch of a headset's controller: its motion since the clutch was
 // engaged, in the axes of the chair. Pure.
 //
 // The headset's axes are x right, y up, z back (WebXR); the chair's are x forward,
@@ -19,7 +19,7 @@ export function times([ax, ay, az, aw], [bx, by, bz, bw]) {
 /** A vector of the headset's space in the axes of the chair. */
 export const toChair = ([x, y, z]) => [-z, -x, y];
 
-/** A turn about the axis `up` of the headset's space, to face where the head looked. */
+/** A rotation about the axis `up` of the headset's space, toward the view direction of the head. */
 function heading([x, y, z, w]) {
   // Forward is -z; its angle about y.
   const forward = [-2 * (x * z + w * y), -(1 - 2 * (x * x + y * y))];
@@ -54,7 +54,7 @@ export class Clutch {
     }
     if (this.spent) return null;
     if (!this.from) {
-      // Ahead is where the person looks while engaging.
+      // Ahead is the view direction while engaging.
       this.from = { ...pose, heading: head ? heading(head) : 0 };
     }
     const away = pose.position.map((value, axis) => value - this.from.position[axis]);
@@ -64,7 +64,7 @@ export class Clutch {
     return { move: toChair(faced(away, this.from.heading)), turn: [...turn, w * sign] };
   }
 
-  /** The switch must come up before the clutch engages again. */
+  /** The switch must be released before the clutch engages again. */
   drop() {
     this.from = null;
     this.spent = true;

@@ -1,9 +1,9 @@
-// A headset by WebXR: the controller is the hand while it is squeezed, the stick
-// drives the chair, the pictures stand as flat panels in the room. Loaded only when
-// somebody enters.
+// A headset by WebXR: the controller moves the hand while it is squeezed, the stick
+// drives the chair, the images are flat panels in the room. Loaded only when
+// a user enters VR.
 //
-// The headset's own frames drive the page: a headset that shows nothing sends
-// nothing. End of the session, a lost pose or a hidden session let everything go.
+// The headset's own frames run the page: a headset that shows nothing sends
+// nothing. The end of the session, a lost pose or a hidden session release everything.
 
 import { Clutch } from "./clutch.js";
 import { shaped } from "../logic/gamepad.js";
@@ -22,7 +22,7 @@ const quaternion = ({ x, y, z, w }) => [x, y, z, w];
 const down = (pad, index) => Boolean(pad?.buttons[index]) && (pad.buttons[index].pressed || pad.buttons[index].value > 0.5);
 
 export class Headset {
-  /** Asks for a session; `ended` is called when it is over. */
+  /** Requests a session; `ended` is called when it is over. */
   static async enter(app, ended) {
     const session = await navigator.xr.requestSession("immersive-vr", { optionalFeatures: ["local-floor"] });
     try {
@@ -79,9 +79,9 @@ export class Headset {
     this.app.flush();
   }
 
-  /** A decoded picture goes onto its panel. */
-  paint(header, picture) {
-    this.painter?.picture(header.camera, picture);
+  /** Shows a decoded image on its panel. */
+  paint(header, image) {
+    this.painter?.setImage(header.camera, image);
   }
 
   frame(frame) {
@@ -93,12 +93,12 @@ export class Headset {
       if (!this.placed) this.place(pose);
       this.inputs(frame, pose, at);
     } else if (this.app.driver.anything()) this.letGo("The headset lost its place: everything stops");
-    // Painting, rights and what is sent: as on the flat page.
+    // Painting, rights and messages as on the flat page.
     this.app.frame(at);
     if (pose) this.draw(pose, at);
   }
 
-  /** The panels stand in front of where the person first looked, and stay there. */
+  /** Places the panels in front of the first view direction; they stay there. */
   place(pose) {
     this.placed = true;
     const { position, orientation } = pose.transform;
@@ -126,7 +126,7 @@ export class Headset {
       const pad = source.gamepad;
       if (!pad || !source.gripSpace) continue;
       const grip = frame.getPose(source.gripSpace, this.space);
-      const pose = this.seen(source.handedness, grip)
+      const pose = this.isTracked(source.handedness, grip)
         ? { position: list(grip.transform.position), orientation: quaternion(grip.transform.orientation) } : null;
       const own = this.clutchOf(source.handedness);
       const was = own.engaged;
@@ -146,7 +146,7 @@ export class Headset {
       if (down(pad, OPEN)) axes.grip += 1;
     }
     if (lost) {
-      this.letGo("The controller is lost: squeeze again when it is seen");
+      this.letGo("The controller is lost: squeeze again when it is tracked");
       return;
     }
     const clamp = (value) => Math.max(-1, Math.min(1, value));
@@ -154,10 +154,10 @@ export class Headset {
   }
 
   /**
-   * Whether the controller is really seen. Headsets that track say "emulated" once
-   * they only guess where it is; some say it always, and that means nothing.
+   * Whether the controller is tracked. Some headsets report "emulated" only
+   * while they guess its position; others always do, which means nothing.
    */
-  seen(hand, pose) {
+  isTracked(hand, pose) {
     if (!pose) return false;
     if (!pose.emulatedPosition) this.tracked.add(hand);
     return !(pose.emulatedPosition && this.tracked.has(hand));

@@ -1,11 +1,11 @@
-// The panel under the pictures: instruction, episode, recorder, what is locked,
-// and buttons to point at, so that nobody takes the headset off between episodes.
+// The panel under the images: instruction, episode, recorder, lock reason,
+// and buttons to point at, so that the headset can stay on between episodes.
 
 import { loopAge } from "../logic/rights.js";
 
 const SIZE = [1200, 400];
 const BUTTONS = { y: 290, height: 90, gap: 16 };
-/** Drawn anew at most so often, ms. */
+/** Least time between two renderings, ms. */
 const REDRAW_MS = 100;
 
 export class Hud {
@@ -16,10 +16,10 @@ export class Hud {
     this.boxes = [];
   }
 
-  /** What can be pressed now: [item, words]. */
+  /** Buttons that can be pressed now: [item, label]. */
   buttons() {
-    const { situation: s, twice } = this.app;
-    const asks = twice.asks(this.app.now());
+    const { situation: s, confirmation } = this.app;
+    const asks = confirmation.asks(this.app.now());
     const again = (what, words) => [what, asks === what ? "again?" : words];
     if (!s?.lease?.mine) return [["ask", "Ask for control"], ["leave", "Leave"]];
     const alarms = this.app.panels.alarmed.length > 0 ? [["alarm:0", "I have read this"]] : [];
@@ -27,13 +27,13 @@ export class Hud {
       : [...alarms, ["start", "Start episode"], ["practise", "Practise"], ["read", "Read"], ["leave", "Leave"]];
   }
 
-  /** The item at a place, or null. */
+  /** The item at a point, or null. */
   at(u, v) {
     const [x, y] = [u * SIZE[0], v * SIZE[1]];
     return this.boxes.find((box) => x >= box.x && x <= box.x + box.width && y >= BUTTONS.y && y <= BUTTONS.y + BUTTONS.height)?.item || null;
   }
 
-  /** The canvas when it was drawn anew, else null. `ray` is where somebody points. */
+  /** The canvas when it was rendered again, else null. `ray` is the pointed position. */
   canvas(now, ray) {
     if (now - this.drawnAt < REDRAW_MS) return null;
     this.drawnAt = now;

@@ -1,5 +1,5 @@
-// Flat panels in the room, by WebGL: where they stand, how they are drawn, and
-// where a ray meets one.
+// Flat panels in the room, by WebGL: their poses, rendering, and
+// intersection with a ray.
 
 import { times } from "./clutch.js";
 
@@ -7,8 +7,8 @@ const VERTEX = `#version 300 es
 in vec2 place; out vec2 at; uniform mat4 clip;
 void main() { at = vec2(place.x + 0.5, 0.5 - place.y); gl_Position = clip * vec4(place, 0.0, 1.0); }`;
 const FRAGMENT = `#version 300 es
-precision mediump float; in vec2 at; out vec4 colour; uniform sampler2D picture;
-void main() { colour = texture(picture, at); }`;
+precision mediump float; in vec2 at; out vec4 color; uniform sampler2D panel;
+void main() { color = texture(panel, at); }`;
 
 /** Turns a vector by a quaternion. */
 export function turned(q, [x, y, z]) {
@@ -28,8 +28,8 @@ function multiply(a, b) {
 }
 
 /**
- * A panel that faces `from`: turned by `yaw` (to the left) from where the person
- * looks, `rise` metres over the eyes, `away` metres away, of `size` metres.
+ * A panel that faces `from`: rotated by `yaw` (to the left) from the view
+ * direction, `rise` meters above the eyes, `away` meters away, of `size` meters.
  */
 export function facing(from, orientation, yaw, rise, away, size) {
   const ahead = turned(orientation, [0, 0, -1]);
@@ -42,7 +42,7 @@ export function facing(from, orientation, yaw, rise, away, size) {
   return { middle, right, up, normal, size };
 }
 
-/** Where a ray meets a panel: {u, v} from its top left, or null. */
+/** Intersection of a ray with a panel: {u, v} from its top left, or null. */
 export function hit({ middle, right, up, normal, size }, from, orientation) {
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const along = turned(orientation, [0, 0, -1]);
@@ -80,8 +80,8 @@ export class Painter {
     gl.vertexAttribPointer(place, 2, gl.FLOAT, false, 0, 0);
   }
 
-  /** Takes a picture for the panel of that name. */
-  picture(name, source) {
+  /** Uploads an image for the panel of that name. */
+  setImage(name, source) {
     const { gl } = this;
     let texture = this.textures.get(name);
     if (!texture) {
@@ -95,9 +95,9 @@ export class Painter {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, source);
   }
 
-  /** The words under the pictures; null when they are as before. */
+  /** Shows the text panel under the images; `canvas` is null when it is unchanged. */
   hud(canvas) {
-    if (canvas) this.picture("hud", canvas);
+    if (canvas) this.setImage("hud", canvas);
   }
 
   draw(name, { middle, right, up, normal, size }, view) {

@@ -1,38 +1,38 @@
-//! Who is in control: one page, through one lease of the server.
+//! Control: held by one page, through one lease of the server.
 
 use serde_json::json;
 use wheelarm_proto::v1;
 
-use super::asks::LISTING;
+use super::requests::LISTING;
 use super::{Effect, Model, note};
-use crate::errand::Errand;
 use crate::motion::rest;
+use crate::pending_operation::Operation;
 use crate::watch::{Connection, Verdict};
 
-/// A status this soon after control was given may be older than that, s.
+/// A status may be older than the lease for this long after control was granted, s.
 const FRESH: f64 = 2.0;
-/// Time between two attempts to get lost control back, s.
+/// Time between two attempts to regain lost control, s.
 const AGAIN: f64 = 1.0;
 
-/// In the place of a page whose session ended while the server was asked for it; no
-/// page has an empty name.
+/// Page name after the session of the requesting page ended; real pages never have an
+/// empty name.
 const SIGNED_OUT: &str = "";
 
-/// Who is in control.
+/// The page in control.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Control {
     /// No page.
     #[default]
     None,
-    /// The server is being asked for a page.
-    Asking {
+    /// Control was requested from the server for a page.
+    Requested {
         /// The page.
         page: String,
         /// Name under which it will command.
         name: String,
-        /// Number of the page's question, if it asked.
+        /// Number of the page's request, if it sent one.
         id: Option<u64>,
-        /// Control is taken for a STOP: the robot is told to rest as soon as it is ours.
+        /// Control is taken for a STOP: the robot rests as soon as the lease is ours.
         stops: bool,
     },
     /// A page.
@@ -52,7 +52,7 @@ impl Control {
     pub fn page(&self) -> Option<&str> {
         match self {
             Self::Ours { page, .. } => Some(page),
-            Self::None | Self::Asking { .. } => None,
+            Self::None | Self::Requested { .. } => None,
         }
     }
 
@@ -70,7 +70,7 @@ impl Control {
 }
 
 impl Model {
-    /// The connection stands.
+    /// The connection is open.
     pub fn connected(&mut self, time: f64) -> Vec<Effect> {
         self.situation.connection = Connection::Open;
         self.situation.note(time, false, "connected".to_owned());
@@ -80,21 +80,21 @@ impl Model {
         }
     }
 
-    /// The connection is gone; it is tried again by itself.
+    /// The connection is lost; it reconnects by itself.
     pub fn lost(&mut self, reason: &str, time: f64) -> Vec<Effect> {
         self.situation.lose(time, reason);
         let mut effects = self.halt("the connection to the simulation is lost", time);
-        effects.extend(self.answer_errand(Err("the connection was lost".to_owned())));
-        if let Control::Asking { page, id, .. } = self.control.clone() {
+        effects.extend(self.answer_operation(Err("the connection was lost".to_owned())));
+        if let Control::Requested { page, id, .. } = self.control.clone() {
             self.control = Control::None;
-            effects.extend(self.refuse_ask(&page, id, "the connection was lost"));
+            effects.extend(self.refuse_request(&page, id, "the connection was lost"));
         }
         effects
     }
 
     /// The server did not answer in time.
     pub fn silent(&mut self, time: f64) -> Vec<Effect> {
-        // While it works on an errand its silence is expected.
+        // While the server works on an operation its silence is expected.
         if self.busy.as_ref().is_some_and(|(word, _)| *word != LISTING) {
             return Vec::new();
         }
@@ -102,7 +102,7 @@ impl Model {
         self.halt("the simulation does not answer", time)
     }
 
-    /// The server's account of itself, and the round trip it took, s.
+    /// The server's status, and the round trip it took, s.
     pub fn status(&mut self, status: v1::Status, round_trip: f64, time: f64) -> Vec<Effect> {
         let holder = status.holder.clone();
         let verdicts = self.situation.take_status(status, round_trip, time);
@@ -126,7 +126,7 @@ impl Model {
         effects
     }
 
-    /// Every page that may drive is told what became of an episode's file.
+    /// Notifies every page that may drive of the state of an episode's file.
     fn tell_verdicts(&self, verdicts: &[Verdict]) -> Vec<Effect> {
         let driving = self
             .pages
@@ -137,49 +137,65 @@ impl Model {
             .collect()
     }
 
-    /// A page asks for control, or takes it.
-    pub(super) fn ask_lease(&mut self, page: &str, id: u64, take: bool, time: f64) -> Vec<Effect> {
-        let Some(asker) = self.pages.get(page).map(|p| p.visitor.clone()) else {
+    /// A page requests control, or takes it.
+    pub(super) fn request_lease(
+        &mut self,
+        page: &str,
+        id: u64,
+        take: bool,
+        time: f64,
+    ) -> Vec<Effect> {
+        let Some(requester) = self.pages.get(page).map(|p| p.visitor.clone()) else {
             return Vec::new();
         };
-        if !asker.role.may_drive() {
-            return self.refuse_ask(page, Some(id), "a viewer cannot drive");
+        if !requester.role.may_drive() {
+            return self.refuse_request(page, Some(id), "a viewer cannot drive");
         }
         if self.situation.connection != Connection::Open {
-            return self.refuse_ask(page, Some(id), "there is no connection to the simulation");
+            return self.refuse_request(
+                page,
+                Some(id),
+                "no connection to the simulation: wait until it is back",
+            );
         }
         match self.control.clone() {
-            Control::Asking { .. } => {
-                self.refuse_ask(page, Some(id), "somebody is being given control; ask again")
-            }
+            Control::Requested { .. } => self.refuse_request(
+                page,
+                Some(id),
+                "another request for control is pending: ask again",
+            ),
             Control::Ours { page: holder, .. } if holder == page => self.mine(page, Some(id)),
-            // A page that was loaded anew is another page of the same person.
+            // A reloaded page is another page of the same person.
             Control::Ours { page: holder, .. } if !take && self.is_open(&holder) => {
                 let owner = self.pages.get(&holder).map(|p| p.visitor.name.clone());
                 let owner = owner.unwrap_or_default();
-                if !self.asked.contains(&asker.name) {
-                    self.asked.push(asker.name.clone());
+                if !self.control_requests.contains(&requester.name) {
+                    self.control_requests.push(requester.name.clone());
                 }
                 let mut effects = vec![
-                    note(&holder, false, &format!("{} asks for control", asker.name)),
+                    note(
+                        &holder,
+                        false,
+                        &format!("{} asks for control", requester.name),
+                    ),
                     self.audit(page, "asked", &owner),
                 ];
-                effects.extend(self.refuse_ask(
+                effects.extend(self.refuse_request(
                     page,
                     Some(id),
-                    &format!("{owner} is in control and was told that you ask"),
+                    &format!("{owner} is in control and was notified of your request"),
                 ));
                 effects
             }
             Control::Ours {
                 page: holder, name, ..
             } => {
-                let words = format!("{} took control", asker.name);
+                let words = format!("{} took control", requester.name);
                 let mut effects = self.end_goal(&words, time);
                 effects.extend(self.cut(&holder, &words, time));
                 effects.push(note(&holder, true, &words));
                 effects.push(self.audit(page, "took", &name));
-                if name == asker.name {
+                if name == requester.name {
                     self.control = Control::Ours {
                         page: page.to_owned(),
                         name,
@@ -189,12 +205,12 @@ impl Model {
                     effects.extend(self.mine(page, Some(id)));
                     return effects;
                 }
-                effects.extend(self.ask_server(page, &asker.name, Some(id), true));
+                effects.extend(self.ask_server(page, &requester.name, Some(id), true));
                 effects
             }
             Control::None => {
                 let mut effects = vec![self.audit(page, if take { "took" } else { "asked" }, "")];
-                effects.extend(self.ask_server(page, &asker.name, Some(id), take));
+                effects.extend(self.ask_server(page, &requester.name, Some(id), take));
                 effects
             }
         }
@@ -210,8 +226,8 @@ impl Model {
         let status = self.situation.status.as_ref();
         let holder = status.map_or_else(String::new, |status| status.holder.clone());
         let is_open = self.situation.connection == Connection::Open;
-        let asker = self.pages.get(page).map(|p| p.visitor.name.clone());
-        let Some(asker) = asker.filter(|_| is_open && !holder.is_empty()) else {
+        let requester = self.pages.get(page).map(|p| p.visitor.name.clone());
+        let Some(requester) = requester.filter(|_| is_open && !holder.is_empty()) else {
             return Vec::new();
         };
         if self.control != Control::None {
@@ -219,24 +235,27 @@ impl Model {
         }
         let words = format!("STOP takes control from {holder}");
         let mut effects = vec![note(page, true, &words), self.audit(page, "took", &holder)];
-        effects.extend(self.ask_server(page, &asker, None, true));
-        if let Control::Asking { stops, .. } = &mut self.control {
+        effects.extend(self.ask_server(page, &requester, None, true));
+        if let Control::Requested { stops, .. } = &mut self.control {
             *stops = true;
         }
         effects
     }
 
     fn ask_server(&mut self, page: &str, name: &str, id: Option<u64>, take: bool) -> Vec<Effect> {
-        self.control = Control::Asking {
+        self.control = Control::Requested {
             page: page.to_owned(),
             name: name.to_owned(),
             id,
             stops: false,
         };
-        vec![Effect::Errand(Errand::Lease { take }, name.to_owned())]
+        vec![Effect::Operation(
+            Operation::Lease { take },
+            name.to_owned(),
+        )]
     }
 
-    /// Control that this page had was lost without anybody taking it.
+    /// This page lost control without a takeover.
     pub(super) fn ask_again(&mut self, page: &str, time: f64) -> Vec<Effect> {
         let Control::Ours { name, since, .. } = &self.control else {
             return Vec::new();
@@ -249,16 +268,16 @@ impl Model {
         self.ask_server(page, &name, None, false)
     }
 
-    /// What was pressed before control came moves nothing.
+    /// A press from before control was granted moves nothing.
     fn forget_motion(&mut self, page: &str) {
         if let Some(page) = self.pages.get_mut(page) {
             page.motion.forget();
         }
     }
 
-    /// What came of asking the server.
+    /// Result of the lease request.
     pub(super) fn leased(&mut self, result: Result<(), String>, time: f64) -> Vec<Effect> {
-        let Control::Asking {
+        let Control::Requested {
             page,
             name,
             id,
@@ -271,7 +290,7 @@ impl Model {
             Ok(()) => {
                 self.sent = 0;
                 self.numbers.clear();
-                self.asked.retain(|asked| *asked != name);
+                self.control_requests.retain(|waiting| *waiting != name);
                 self.control = Control::Ours {
                     page: page.clone(),
                     name,
@@ -291,7 +310,7 @@ impl Model {
             }
             Err(why) => {
                 let mut effects = vec![note(&page, true, &why)];
-                effects.extend(self.refuse_ask(&page, id, &why));
+                effects.extend(self.refuse_request(&page, id, &why));
                 effects
             }
         }
@@ -303,13 +322,13 @@ impl Model {
         say.into_iter().collect()
     }
 
-    fn refuse_ask(&self, page: &str, id: Option<u64>, why: &str) -> Vec<Effect> {
+    fn refuse_request(&self, page: &str, id: Option<u64>, why: &str) -> Vec<Effect> {
         let answer = id.map(|id| json!({"t": "answer", "id": id, "ok": false, "error": why}));
         let say = answer.map(|answer| Effect::Say(page.to_owned(), answer));
         say.into_iter().collect()
     }
 
-    /// The page in control gives it up, and offers it to somebody.
+    /// The page in control gives it up, and offers it to another user.
     pub(super) fn give_lease(
         &mut self,
         page: &str,
@@ -318,7 +337,7 @@ impl Model {
         time: f64,
     ) -> Vec<Effect> {
         if self.control.page() != Some(page) {
-            return self.refuse_ask(page, Some(id), "this page is not in control");
+            return self.refuse_request(page, Some(id), "this page is not in control");
         }
         let mut effects = self.end_goal("control was given back", time);
         effects.extend(self.cut(page, "control was given back", time));
@@ -326,9 +345,9 @@ impl Model {
         effects.extend(self.give_up("control was given back"));
         let offered = to
             .map(str::to_owned)
-            .or_else(|| self.asked.first().cloned());
+            .or_else(|| self.control_requests.first().cloned());
         if let Some(offered) = offered {
-            self.asked.retain(|asked| *asked != offered);
+            self.control_requests.retain(|name| *name != offered);
             let pages = self.pages.iter();
             let theirs = pages.filter(|(_, p)| p.is_open() && p.visitor.name == offered);
             for (name, _) in theirs {
@@ -340,12 +359,14 @@ impl Model {
         effects
     }
 
-    /// Takes control back from a page, also where the server has not answered yet.
+    /// Releases control of a page, also while the request for it is pending.
     pub(super) fn take_back(&mut self, page: &str, why: &str) -> Vec<Effect> {
         match &mut self.control {
             Control::Ours { page: holder, .. } if holder == page => self.give_up(why),
-            Control::Asking { page: asker, .. } if asker == page => {
-                SIGNED_OUT.clone_into(asker);
+            Control::Requested {
+                page: requester, ..
+            } if requester == page => {
+                SIGNED_OUT.clone_into(requester);
                 Vec::new()
             }
             _ => Vec::new(),
@@ -360,7 +381,7 @@ impl Model {
         vec![self.audit(&page, "released", why), Effect::Release]
     }
 
-    /// The gateway ends: everything stops and control goes back.
+    /// The gateway shuts down: everything stops and control is released.
     pub fn farewell(&mut self, time: f64) -> Vec<Effect> {
         let mut effects = self.end_goal("the gateway ends", time);
         if let Some(page) = self.control.page().map(str::to_owned) {

@@ -1,5 +1,5 @@
-//! Goals: a click names a thing, and the operator's skills go there under the same
-//! control. Whatever the person does by hand ends it at once.
+//! Goals: a click selects an object, and the scripted operator's skills act on it under
+//! the same control. Any manual input ends the goal at once.
 
 use serde_json::json;
 use wheelarm_proto::v1;
@@ -8,69 +8,69 @@ use super::{Answered, Effect, Model, note};
 use crate::motion::GONE;
 use crate::speed::Allow;
 
-/// What was picked can be chosen for this long, s.
+/// A candidate can be chosen for this long, s.
 const CHOICE: f64 = 30.0;
-/// Things that were picked and are remembered.
+/// Most candidates that are stored.
 const CHOICES: usize = 64;
-/// A thing that can be taken is looked for within this share of the picture's
-/// width: 48 of 640 pixels.
+/// Graspable objects are searched within this share of the image's width: 48 of 640
+/// pixels.
 const SNAP: f64 = 0.075;
-/// Both pads press more than this where something is held, N.
+/// An object counts as held when both pads press more than this, N.
 const HELD: f64 = 1.0;
 
-/// A question about a pixel.
+/// A pick request: the object at a pixel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picked {
-    /// The page that asked.
+pub struct PendingPick {
+    /// The page that sent it.
     pub page: String,
-    /// Under which number.
+    /// Number of the page's request.
     pub id: u64,
-    /// For the server.
+    /// Request for the server.
     pub request: v1::PickRequest,
 }
 
-/// A thing that was picked.
+/// An object that was picked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// Body.
     pub body: String,
-    /// The point that was met, in `house`, m.
+    /// Point on its surface, in `house`, m.
     pub point: [f64; 3],
-    /// What can be done with it.
+    /// Possible actions.
     pub actions: Vec<&'static str>,
-    /// Until when, s.
+    /// Expiry, s.
     pub until: f64,
 }
 
-/// A skill that is asked for.
+/// A requested skill.
 #[derive(Clone, Debug, PartialEq)]
-pub struct GoalAsked {
+pub struct GoalRequest {
     /// Its number.
     pub number: u64,
     /// Body.
     pub body: String,
     /// `near`, `take` or `put`.
     pub action: &'static str,
-    /// Where, in `house`, m.
+    /// Target point, in `house`, m.
     pub point: [f64; 3],
 }
 
-/// A skill at work.
+/// A running skill.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
     /// Its number.
     pub number: u64,
-    /// The page that asked.
+    /// The page that requested it.
     pub page: String,
     /// Body.
     pub body: String,
     /// `near`, `take` or `put`.
     pub action: &'static str,
-    /// What it does, in a word.
+    /// Current stage.
     pub stage: String,
-    /// Stages that were seen, in their order.
+    /// Stages so far, in order.
     pub stages: Vec<String>,
-    /// The newest word about it.
+    /// Newest message of the skill.
     pub text: String,
 }
 
@@ -85,7 +85,7 @@ impl Model {
     ) -> Vec<Effect> {
         let scenario = self.situation.scenario().cloned().unwrap_or_default();
         let Some(camera) = scenario.cameras.get(camera) else {
-            return self.answer(page, id, Err("there is no such camera".to_owned()));
+            return self.answer(page, id, Err("unknown camera: reload the page".to_owned()));
         };
         let request = v1::PickRequest {
             camera: camera.name.clone(),
@@ -95,10 +95,10 @@ impl Model {
             snap: SNAP,
         };
         let page = page.to_owned();
-        vec![Effect::Pick(Picked { page, id, request })]
+        vec![Effect::Pick(PendingPick { page, id, request })]
     }
 
-    /// What stands at a pixel.
+    /// Handles the reply to a pick.
     pub fn picked(
         &mut self,
         page: &str,
@@ -141,7 +141,7 @@ impl Model {
             }
             _ => json!([]),
         };
-        let told = json!({"candidates": [{
+        let found = json!({"candidates": [{
             "candidate": key,
             "name": name,
             "actions": actions,
@@ -158,7 +158,7 @@ impl Model {
                 until: time + CHOICE,
             },
         );
-        told
+        found
     }
 
     pub(super) fn start_goal(
@@ -186,13 +186,13 @@ impl Model {
         time: f64,
     ) -> Result<(Vec<Effect>, u64), String> {
         let known = self.candidates.get(candidate).cloned();
-        let chosen = known.ok_or("this choice is over; point at the thing again")?;
+        let chosen = known.ok_or("this choice has expired: point at the object again")?;
         let action = chosen.actions.iter().find(|known| **known == action);
         let action = *action.ok_or("this cannot be done with it")?;
-        let seen = self.pages.get(page).map(|page| &page.motion);
-        let age = seen.and_then(|motion| motion.age(self.situation.header.tick));
+        let motion = self.pages.get(page).map(|page| &page.motion);
+        let age = motion.and_then(|motion| motion.age(self.situation.header.tick));
         if Allow::at(age) == Allow::Stop {
-            return Err("the picture is too old: only a stop is taken".to_owned());
+            return Err("the image is too old: only a stop is accepted".to_owned());
         }
         if self.lock_step() {
             return Err("this server is in lock-step; goals need real time".to_owned());
@@ -207,10 +207,10 @@ impl Model {
             action,
             stage: String::new(),
             stages: Vec::new(),
-            text: "thinking".to_owned(),
+            text: "planning".to_owned(),
         });
         effects.push(self.audit(page, "goal", &format!("{action} {}", chosen.body)));
-        effects.push(Effect::Goal(GoalAsked {
+        effects.push(Effect::Goal(GoalRequest {
             number: self.goals,
             body: chosen.body,
             action,
@@ -226,7 +226,7 @@ impl Model {
         paced && self.situation.episode().is_some()
     }
 
-    /// What a skill does at one control tick.
+    /// Sends the command that a skill proposes for a control tick.
     pub fn goal_acts(
         &mut self,
         number: u64,
@@ -253,7 +253,7 @@ impl Model {
         vec![self.send(header, command)]
     }
 
-    /// A skill has come to its end.
+    /// A skill ended.
     pub fn goal_over(
         &mut self,
         number: u64,
@@ -275,7 +275,7 @@ impl Model {
         effects
     }
 
-    /// Ends the skill at work: the chair brakes, the arm holds.
+    /// Ends the running skill: the chair brakes, the arm holds.
     pub(crate) fn end_goal(&mut self, why: &str, _time: f64) -> Vec<Effect> {
         let Some(goal) = self.goal.take() else {
             return Vec::new();
@@ -305,7 +305,7 @@ impl Model {
         }
     }
 
-    /// A goal goes on only while somebody looks.
+    /// Ends a goal when its page is silent or its image is too old.
     pub(super) fn watch_goal(&mut self, time: f64) -> Vec<Effect> {
         let Some(goal) = &self.goal else {
             return Vec::new();
@@ -317,7 +317,7 @@ impl Model {
             return self.end_goal("the page was silent", time);
         }
         if Allow::at(age) == Allow::Stop {
-            return self.end_goal("the picture is too old", time);
+            return self.end_goal("the image is too old", time);
         }
         Vec::new()
     }

@@ -1,13 +1,13 @@
-//! What the gateway knows and decides: pages, their intents, samples and time go
-//! in; commands, errands and answers come out. Pure: no socket, no network, no
+//! State and decisions of the gateway. Input: pages, their intents, samples and time.
+//! Output: commands, pending operations and answers. Pure: no socket, no network, no
 //! clock of its own; times are seconds of the caller's clock.
 //!
 //! At most one page is in control. Its intents become commands by [`crate::motion`];
-//! what the others say is heard only when it stops everything.
+//! an intent of any other page is accepted only when it is a stop.
 
-mod asks;
 mod control;
 mod goals;
+mod requests;
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -16,40 +16,40 @@ use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1;
 use wheelarm_proto::v1::RefusalCode;
 
-use crate::errand::Errand;
 use crate::motion::{Motion, Now, Out};
+use crate::pending_operation::Operation;
 use crate::protocol::{Action, Intent};
 use crate::visitor::Visitor;
 use crate::watch::{Connection, Situation};
 
-pub use self::asks::Answered;
 pub use self::control::Control;
-pub use self::goals::{Candidate, Goal, GoalAsked, Picked};
+pub use self::goals::{Candidate, Goal, GoalRequest, PendingPick};
+pub use self::requests::Answered;
 
-/// A page without sockets is forgotten after this long, s; until then it keeps
+/// A page without sockets is removed after this long, s; until then it keeps
 /// control, which moves nothing.
 const FORGOTTEN: f64 = 10.0;
-/// Commands of which the page's number is remembered.
+/// Commands whose intent number is stored.
 const SENT: usize = 256;
 
-/// What the outside is to do.
+/// Actions for the hub to execute.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
     /// Send a command that answers the state of the header.
     Send(Box<v1::Header>, Box<v1::Command>),
-    /// Tell a page at once.
+    /// Send a message to a page at once.
     Say(String, Value),
-    /// Ask the server for something that takes time, under this name.
-    Errand(Errand, String),
-    /// Control goes back to the server.
+    /// Start a pending operation under this name.
+    Operation(Operation, String),
+    /// Release control.
     Release,
-    /// Ask what stands at a pixel.
-    Pick(Picked),
-    /// A skill begins.
-    Goal(GoalAsked),
-    /// The skill of this number ends.
+    /// Request the object at a pixel.
+    Pick(PendingPick),
+    /// Start a skill.
+    Goal(GoalRequest),
+    /// End the skill of this number.
     EndGoal(u64),
-    /// A line for the audit.
+    /// Write a line of the audit.
     Audit(Value),
 }
 
@@ -58,19 +58,19 @@ pub enum Effect {
 pub enum Socket {
     /// State and questions.
     State,
-    /// Pictures.
+    /// Images.
     Video,
     /// Commands, one of two.
     Control(u8),
 }
 
-/// A page that is open, or was a moment ago.
+/// A page that is open, or was until recently.
 #[derive(Debug)]
 pub(crate) struct Page {
     pub(crate) visitor: Visitor,
     pub(crate) motion: Motion,
     sockets: Vec<Socket>,
-    /// When its last socket went, s.
+    /// When its last socket closed, s.
     empty: f64,
 }
 
@@ -87,7 +87,7 @@ impl Page {
     }
 }
 
-/// A command that an intent brought about.
+/// A command that results from an intent.
 #[derive(Clone, Debug, PartialEq)]
 struct Number {
     /// The command's own number.
@@ -95,20 +95,20 @@ struct Number {
     /// The page, and its number.
     page: String,
     seq: u32,
-    /// It stops everything.
+    /// Whether it stops everything.
     stop: bool,
 }
 
-/// What the gateway knows.
+/// State of the gateway.
 #[derive(Debug, Default)]
 pub struct Model {
-    /// The newest of everything.
+    /// The newest samples and status.
     pub situation: Situation,
     pub(crate) pages: BTreeMap<String, Page>,
     pub(crate) control: Control,
-    /// Names that asked for control, the first first.
-    pub(crate) asked: Vec<String>,
-    /// An errand, its word, and who asked for it under which number.
+    /// Users that requested control, first come first.
+    pub(crate) control_requests: Vec<String>,
+    /// The pending operation, its word, and the page and number of the request.
     pub(crate) busy: Option<(&'static str, Option<(String, u64)>)>,
     pub(crate) goal: Option<Goal>,
     pub(crate) candidates: BTreeMap<String, Candidate>,
@@ -116,17 +116,17 @@ pub struct Model {
     goals: u64,
     picks: u64,
     robot: Option<v1::RobotDescription>,
-    /// Commands that were sent since control was given (count).
+    /// Commands sent since control was granted (count).
     sent: u64,
     /// The page's numbers of the newest commands, by the commands' own.
     numbers: VecDeque<Number>,
-    /// Commands of ours that were refused (count).
+    /// Own commands that were rejected (count).
     pub(crate) refused: u64,
     arm_problem: String,
 }
 
 impl Model {
-    /// Somebody opened a socket of a page.
+    /// A user opened a socket of a page.
     pub fn joined(&mut self, page: &str, visitor: &Visitor, socket: Socket, now: f64) {
         let robot = self.robot.clone();
         let known = self.pages.entry(page.to_owned()).or_insert_with(|| {
@@ -141,12 +141,12 @@ impl Model {
                 empty: now,
             }
         });
-        // Signed in anew: the former role counts no more.
+        // After a new login the former role no longer counts.
         known.visitor.clone_from(visitor);
         known.sockets.push(socket);
     }
 
-    /// The session of a page ended: everything stops and control goes back to the
+    /// The session of a page ended: everything stops and control is released at
     /// server at once.
     pub fn signed_out(&mut self, page: &str, why: &str, now: f64) -> Vec<Effect> {
         let mut effects = self.end_goal_of(page, why, now);
@@ -174,7 +174,7 @@ impl Model {
         Vec::new()
     }
 
-    /// Whether a page is open, or was a moment ago.
+    /// Whether a page is open, or was until recently.
     #[must_use]
     pub fn knows(&self, page: &str) -> bool {
         self.pages.contains_key(page)
@@ -208,7 +208,7 @@ impl Model {
         }
     }
 
-    /// Takes an intent of a page.
+    /// Handles an intent of a page.
     pub fn intent(&mut self, page: &str, intent: &Intent, time: f64) -> Vec<Effect> {
         let (goal, lock_step) = (self.goal.is_some(), self.lock_step());
         let Some(known) = self.pages.get_mut(page) else {
@@ -233,7 +233,7 @@ impl Model {
         effects
     }
 
-    /// Somebody stopped everything: whoever else is in control is told.
+    /// A user stopped everything: the page in control gets a note.
     fn stopped_by(&mut self, page: &str, time: f64) -> Vec<Effect> {
         let holder = self.control.page().filter(|holder| *holder != page);
         let Some(holder) = holder.map(str::to_owned) else {
@@ -244,7 +244,7 @@ impl Model {
         self.cut(&holder, &words, time)
     }
 
-    /// Ends what a page has set in motion.
+    /// Ends the motion of a page.
     pub(crate) fn cut(&mut self, page: &str, why: &str, time: f64) -> Vec<Effect> {
         let goal = self.goal.is_some();
         let Some(known) = self.pages.get_mut(page) else {
@@ -255,7 +255,7 @@ impl Model {
         self.carry_out(page, out, time)
     }
 
-    /// What comes of a page's motion.
+    /// Executes the outputs of a page's motion.
     fn carry_out(&mut self, page: &str, out: Vec<Out>, time: f64) -> Vec<Effect> {
         let mut effects = Vec::new();
         let in_control = self.control.page() == Some(page);
@@ -267,7 +267,7 @@ impl Model {
                     seq,
                 } => {
                     let stops = wheelarm_proto::check::stops(&command);
-                    // A stop is taken from every operator, a motion from one.
+                    // Every operator may stop; motion is accepted only from the holder of control.
                     let its_own = stops && self.control.is_ours();
                     if !(in_control || its_own) {
                         continue;
@@ -281,8 +281,9 @@ impl Model {
                     effects.push(self.send(header, *command));
                 }
                 Out::Refuse { seq, code, reason } => {
-                    let said = json!({"t": "refusal", "seq": seq, "code": code, "reason": reason});
-                    effects.push(Effect::Say(page.to_owned(), said));
+                    let message =
+                        json!({"t": "refusal", "seq": seq, "code": code, "reason": reason});
+                    effects.push(Effect::Say(page.to_owned(), message));
                     effects.push(self.audit(page, "refused", &reason));
                 }
                 Out::Note(text) => effects.push(note(page, true, &text)),
@@ -292,7 +293,7 @@ impl Model {
         effects
     }
 
-    /// The next command was brought about by an intent.
+    /// Records that the next command results from an intent.
     fn number(&mut self, page: &str, seq: u32, stop: bool) {
         if self.numbers.len() == SENT {
             self.numbers.pop_front();
@@ -310,16 +311,16 @@ impl Model {
         Effect::Send(Box::new(header), Box::new(command))
     }
 
-    /// A command was not handed over, because the link stalls.
+    /// A command could not be queued because the connection stalls.
     pub fn not_sent(&mut self, time: f64) -> Vec<Effect> {
         self.sent = self.sent.saturating_sub(1);
         let sent = self.sent;
         self.numbers.retain(|number| number.command < sent);
         self.situation.fall_silent(time);
-        self.halt("the link to the simulation stalls", time)
+        self.halt("the connection to the simulation stalls", time)
     }
 
-    /// Nothing can be sent: every motion is forgotten.
+    /// No command can be sent: every motion is cleared.
     fn halt(&mut self, why: &str, time: f64) -> Vec<Effect> {
         let mut effects = self.end_goal(why, time);
         for (name, page) in &mut self.pages {
@@ -331,7 +332,7 @@ impl Model {
         effects
     }
 
-    /// Time has come to `time`: what is due.
+    /// Advances the clock to `time` and does what is due.
     pub fn tick(&mut self, time: f64) -> Vec<Effect> {
         let mut effects = Vec::new();
         let open = self.situation.connection == Connection::Open;
@@ -353,7 +354,7 @@ impl Model {
         effects
     }
 
-    /// Whether something moves, so that time is to be told often.
+    /// Whether motion is active, so that [`Model::tick`] must be called often.
     #[must_use]
     pub fn is_busy(&self) -> bool {
         let moving = self.pages.values().any(|page| page.motion.is_moving());
@@ -372,7 +373,7 @@ impl Model {
         effects
     }
 
-    /// Takes the description of the robot that is simulated.
+    /// Stores the description of the simulated robot.
     pub fn robot(&mut self, robot: &v1::RobotDescription) {
         self.situation.take_robot(robot);
         for page in self.pages.values_mut() {
@@ -381,7 +382,7 @@ impl Model {
         self.robot = Some(robot.clone());
     }
 
-    /// Takes a sample of a stream.
+    /// Handles a sample of a stream.
     pub fn sample(&mut self, sample: Sample, time: f64) -> Vec<Effect> {
         let mut effects = Vec::new();
         match &sample {
@@ -413,7 +414,7 @@ impl Model {
         effects
     }
 
-    /// A contact ends whatever is in motion: nobody drives on against a wall.
+    /// A contact ends any motion, so that a user cannot keep driving against a wall.
     fn contact(&mut self, words: &str, time: f64) -> Vec<Effect> {
         let Some(holder) = self.control.page().map(str::to_owned) else {
             return Vec::new();
@@ -425,7 +426,7 @@ impl Model {
         self.cut(&holder, &format!("contact: {words}"), time)
     }
 
-    /// The server took a command: a stop is in force.
+    /// The server accepted a command: a stop is in force.
     fn taken(&mut self, log: &v1::CommandLog) -> Vec<Effect> {
         let command = log.command.clone().unwrap_or_default();
         if !self.control.is_named(&command.commander) {
@@ -438,8 +439,8 @@ impl Model {
                 break;
             }
             if first.stop && first.command == sequence {
-                let said = json!({"t": "stopped", "seq": first.seq});
-                effects.push(Effect::Say(first.page.clone(), said));
+                let message = json!({"t": "stopped", "seq": first.seq});
+                effects.push(Effect::Say(first.page.clone(), message));
             }
             self.numbers.pop_front();
         }
@@ -450,7 +451,7 @@ impl Model {
         if !self.control.is_named(&refusal.commander) {
             return Vec::new();
         }
-        // Somebody else sent it in this name: what we sent is not affected.
+        // Another client sent it under this name: our commands are not affected.
         let foreign = [
             RefusalCode::Seal,
             RefusalCode::Foreign,
@@ -469,13 +470,13 @@ impl Model {
         let seq = number.map_or(0, |number| number.seq);
         let mut effects = self.end_goal("a command was refused", time);
         effects.extend(self.cut(&holder, "a command was refused", time));
-        let said = json!({
+        let message = json!({
             "t": "refusal",
             "seq": seq,
             "code": code_name(refusal.code()),
             "reason": refusal.reason,
         });
-        effects.push(Effect::Say(holder.clone(), said));
+        effects.push(Effect::Say(holder.clone(), message));
         effects.push(self.audit(&holder, "refused", &refusal.reason));
         let lost = [
             RefusalCode::NoControl,
@@ -494,18 +495,18 @@ impl Model {
         page.map_or_else(Vec::new, |page| page.motion.hand_directions())
     }
 
-    /// Whether a body of a contact is a part of the robot.
+    /// Whether a body of a contact is part of the robot.
     pub(crate) fn is_robot(&self, body: &str) -> bool {
         let joints = self.robot.as_ref().map_or(&[][..], |robot| &robot.joints);
         let mut links = joints.iter();
         links.any(|joint| joint.child_link == body || joint.parent_link == body)
     }
 
-    /// Whether a body of a contact is the chair and not its arm.
+    /// Whether a body of a contact is the chair without its arm.
     pub(crate) fn is_chair(&self, body: &str) -> bool {
         let joints = self.robot.as_ref().map_or(&[][..], |robot| &robot.joints);
         let mut link = body;
-        // Up to the root; what moves with the arm hangs on a joint of it.
+        // Up to the root; bodies that move with the arm hang on one of its joints.
         for _ in 0..=joints.len() {
             let Some(joint) = joints.iter().find(|joint| joint.child_link == link) else {
                 return self.is_robot(body);
@@ -541,7 +542,7 @@ fn code_name(code: RefusalCode) -> &'static str {
         .unwrap_or("UNSPECIFIED")
 }
 
-/// Tells a page something in words.
+/// A note for a page.
 pub(crate) fn note(page: &str, bad: bool, text: &str) -> Effect {
     Effect::Say(
         page.to_owned(),

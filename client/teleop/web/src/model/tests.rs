@@ -5,8 +5,8 @@ use wheelarm_proto::geometry;
 use wheelarm_proto::v1;
 
 use super::*;
-use crate::errand::Done;
-use crate::protocol::{self, Asked, Held};
+use crate::pending_operation::Done;
+use crate::protocol::{self, Held, Request};
 use crate::visitor::Role;
 use crate::watch::tests::described;
 
@@ -71,15 +71,15 @@ fn open() -> Model {
 }
 
 fn request(model: &mut Model, page: &str, text: &str, time: f64) -> Vec<Effect> {
-    let asked: Asked = protocol::read(&format!(r#"{{"t":"ask","id":7,{text}}}"#)).unwrap();
-    model.asked(page, &asked, time)
+    let request: Request = protocol::read(&format!(r#"{{"t":"ask","id":7,{text}}}"#)).unwrap();
+    model.handle_request(page, &request, time)
 }
 
 /// As [`open`], with anna in control.
 fn driving() -> Model {
     let mut model = open();
     let effects = request(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
-    let lease = Effect::Errand(Errand::Lease { take: false }, "anna".to_owned());
+    let lease = Effect::Operation(Operation::Lease { take: false }, "anna".to_owned());
     assert!(effects.contains(&lease), "{effects:?}");
     let effects = model.done(Done::Lease(Ok(())), 0.1);
     assert_eq!(answers(&effects)["mine"], true);
@@ -88,19 +88,19 @@ fn driving() -> Model {
 }
 
 fn answers(effects: &[Effect]) -> Value {
-    let said = effects.iter().find_map(|effect| match effect {
-        Effect::Say(_, said) if said["t"] == "answer" => Some(said.clone()),
+    let message = effects.iter().find_map(|effect| match effect {
+        Effect::Say(_, message) if message["t"] == "answer" => Some(message.clone()),
         _ => None,
     });
-    said.unwrap_or_default()
+    message.unwrap_or_default()
 }
 
 fn notes<'a>(effects: &'a [Effect], page: &str) -> Vec<&'a str> {
-    let said = effects.iter().filter_map(|effect| match effect {
-        Effect::Say(to, said) if to == page => said["text"].as_str(),
+    let message = effects.iter().filter_map(|effect| match effect {
+        Effect::Say(to, message) if to == page => message["text"].as_str(),
         _ => None,
     });
-    said.collect()
+    message.collect()
 }
 
 fn sent(effects: &[Effect]) -> Vec<&v1::Command> {
@@ -159,7 +159,7 @@ fn only_the_page_in_control_drives_and_any_operator_stops() {
     assert!(sent(&refused).is_empty(), "{refused:?}");
     assert!(model.intent("c", &intent(1, 1, 1.0), 0.2).is_empty());
     assert!(model.intent("c", &stop(2), 0.2).is_empty(), "a viewer");
-    assert!(model.intent("nobody", &intent(1, 1, 1.0), 0.2).is_empty());
+    assert!(model.intent("unknown", &intent(1, 1, 1.0), 0.2).is_empty());
     let effects = model.intent("b", &stop(2), 0.25);
     assert!(stops(&effects));
     assert!(
@@ -176,27 +176,27 @@ fn only_the_page_in_control_drives_and_any_operator_stops() {
 }
 
 #[test]
-fn control_is_asked_for_taken_and_given() {
+fn control_is_requested_taken_and_given() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
     let effects = request(&mut model, "b", r#""ask":"lease.ask""#, 0.3);
     assert_eq!(answers(&effects)["ok"], false);
     assert_eq!(notes(&effects, "a"), ["ben asks for control"]);
-    assert_eq!(model.asked, ["ben"]);
+    assert_eq!(model.control_requests, ["ben"]);
     assert!(
         drives(&model.intent("a", &intent(2, 1, 1.0), 0.3)),
-        "asking moves nobody"
+        "a request moves nothing"
     );
-    // Taking stops what moves and tells who had it.
+    // Taking control stops all motion and notifies the former holder.
     let effects = request(&mut model, "b", r#""ask":"lease.take""#, 0.4);
     assert!(stops(&effects), "{effects:?}");
     assert!(notes(&effects, "a").contains(&"ben took control"));
-    let lease = Effect::Errand(Errand::Lease { take: true }, "ben".to_owned());
+    let lease = Effect::Operation(Operation::Lease { take: true }, "ben".to_owned());
     assert!(effects.contains(&lease));
     assert!(!drives(&model.intent("a", &intent(3, 2, 1.0), 0.4)));
     let effects = model.done(Done::Lease(Ok(())), 0.5);
     assert_eq!(answers(&effects)["mine"], true);
-    assert!(model.asked.is_empty());
+    assert!(model.control_requests.is_empty());
     assert!(!drives(&model.intent("a", &intent(4, 3, 1.0), 0.5)));
     assert!(drives(&model.intent("b", &intent(5, 9, 1.0), 0.5)));
     let effects = request(&mut model, "b", r#""ask":"lease.give","to":"anna""#, 0.6);
@@ -210,7 +210,7 @@ fn control_is_asked_for_taken_and_given() {
 }
 
 #[test]
-fn control_that_somebody_takes_at_the_server_is_lost_at_once() {
+fn control_that_another_client_takes_at_the_server_is_lost_at_once() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 4.9);
     let effects = model.status(status("operator"), 0.001, 5.0);
@@ -218,7 +218,7 @@ fn control_that_somebody_takes_at_the_server_is_lost_at_once() {
     assert!(notes(&effects, "a").contains(&"operator took control"));
     assert!(!drives(&model.intent("a", &intent(2, 1, 1.0), 5.1)));
     assert!(!drives(&model.intent("a", &intent(3, 2, 1.0), 5.1)));
-    // An answer that was under way when control was given does not take it.
+    // A status from before control was granted does not revoke it.
     let mut model = driving();
     assert!(model.status(status(""), 0.001, 0.5).is_empty());
     assert!(drives(&model.intent("a", &intent(1, 1, 1.0), 0.6)));
@@ -229,18 +229,22 @@ fn stop_takes_control_from_a_program_and_brakes() {
     let mut model = open();
     model.status(status("policy"), 0.001, 0.1);
     model.intent("c", &stop(1), 0.2);
-    assert_eq!(model.control, Control::None, "a viewer stops nobody");
-    let take = Effect::Errand(Errand::Lease { take: true }, "ben".to_owned());
+    assert_eq!(
+        model.control,
+        Control::None,
+        "a stop of a viewer has no effect"
+    );
+    let take = Effect::Operation(Operation::Lease { take: true }, "ben".to_owned());
     let effects = model.intent("b", &stop(1), 0.2);
     assert!(effects.contains(&take), "{effects:?}");
     assert!(notes(&effects, "b").iter().any(|n| n.contains("policy")));
-    // Pressed again before the server has answered: it is asked once.
+    // A second press before the server has answered sends one request.
     let effects = model.intent("b", &stop(2), 0.25);
     assert!(!effects.contains(&take), "{effects:?}");
     let effects = model.done(Done::Lease(Ok(())), 0.3);
     assert!(stops(&effects), "{effects:?}");
     assert_eq!(model.control.page(), Some("b"));
-    // Nobody is in control: there is nobody to take it from.
+    // Control is free: no holder has to be interrupted.
     let mut model = open();
     let effects = model.intent("b", &stop(1), 0.2);
     assert!(!effects.contains(&take), "{effects:?}");
@@ -282,7 +286,7 @@ fn a_page_that_stays_away_loses_control() {
 }
 
 #[test]
-fn a_page_that_is_loaded_anew_is_given_control_at_once() {
+fn a_reloaded_page_gets_control_at_once() {
     let mut model = driving();
     for socket in [
         Socket::State,
@@ -305,14 +309,14 @@ fn a_page_that_is_loaded_anew_is_given_control_at_once() {
 }
 
 #[test]
-fn nobody_drives_in_lock_step() {
+fn driving_is_rejected_in_lock_step() {
     let mut model = driving();
-    let mut told = status("anna");
-    if let Some(scenario) = &mut told.scenario {
+    let mut newest = status("anna");
+    if let Some(scenario) = &mut newest.scenario {
         scenario.pacing = v1::Pacing::LockStep.into();
     }
-    told.episode = Some(v1::EpisodeStarted::default());
-    model.status(told, 0.001, 0.1);
+    newest.episode = Some(v1::EpisodeStarted::default());
+    model.status(newest, 0.001, 0.1);
     let effects = model.intent("a", &intent(1, 1, 1.0), 0.2);
     assert!(sent(&effects).is_empty(), "{effects:?}");
     assert!(
@@ -329,7 +333,7 @@ fn a_lost_connection_moves_nothing_when_it_returns() {
     model.lost("the server has gone", 0.3);
     assert!(sent(&model.intent("a", &intent(2, 2, 1.0), 0.4)).is_empty());
     let effects = model.connected(3.0);
-    let lease = Effect::Errand(Errand::Lease { take: false }, "anna".to_owned());
+    let lease = Effect::Operation(Operation::Lease { take: false }, "anna".to_owned());
     assert_eq!(effects, [lease]);
     model.done(Done::Lease(Ok(())), 3.1);
     assert!(
@@ -340,7 +344,7 @@ fn a_lost_connection_moves_nothing_when_it_returns() {
 }
 
 #[test]
-fn a_refusal_and_a_contact_end_the_press_and_are_told() {
+fn a_refusal_and_a_contact_end_the_press_and_are_reported() {
     let mut model = driving();
     model.intent("a", &intent(7, 1, 1.0), 0.2);
     let refusal = v1::Refusal {
@@ -351,19 +355,19 @@ fn a_refusal_and_a_contact_end_the_press_and_are_told() {
         ..Default::default()
     };
     let effects = model.sample(Sample::Refusal(refusal.clone()), 0.25);
-    let told = effects.iter().find_map(|effect| match effect {
-        Effect::Say(_, said) if said["t"] == "refusal" => Some(said.clone()),
+    let found = effects.iter().find_map(|effect| match effect {
+        Effect::Say(_, message) if message["t"] == "refusal" => Some(message.clone()),
         _ => None,
     });
-    let told = told.unwrap();
+    let found = found.unwrap();
     assert_eq!(
-        (told["seq"].as_u64(), told["code"].as_str()),
+        (found["seq"].as_u64(), found["code"].as_str()),
         (Some(7), Some("TOO_OLD"))
     );
     assert!(stops(&effects));
     assert!(!drives(&model.intent("a", &intent(8, 1, 1.0), 0.3)));
     assert!(drives(&model.intent("a", &intent(9, 2, 1.0), 0.3)));
-    // Of somebody else's commands nothing is taken.
+    // Commands of other clients have no effect.
     let other = v1::Refusal {
         commander: "zoe".to_owned(),
         ..refusal
@@ -380,7 +384,7 @@ fn a_refusal_and_a_contact_end_the_press_and_are_told() {
 }
 
 #[test]
-fn a_stop_is_told_when_the_server_has_taken_it() {
+fn a_stop_is_reported_when_the_server_has_accepted_it() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
     model.intent("a", &stop(2), 0.3);
@@ -406,7 +410,7 @@ fn a_stop_is_told_when_the_server_has_taken_it() {
 }
 
 #[test]
-fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
+fn episodes_belong_to_the_page_in_control_and_stop_motion() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
     let start = r#""ask":"episode.start","label":"","instruction":"""#;
@@ -415,7 +419,7 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     let effects = request(&mut model, "a", start, 0.3);
     assert!(stops(&effects));
     let begun = effects.iter().find_map(|effect| match effect {
-        Effect::Errand(Errand::Start(start), name) => Some((start.clone(), name.clone())),
+        Effect::Operation(Operation::Start(start), name) => Some((start.clone(), name.clone())),
         _ => None,
     });
     let (begun, name) = begun.unwrap();
@@ -423,9 +427,9 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
         (begun.label.as_str(), name.as_str()),
         ("pick_mustard-seed5-1", "anna")
     );
-    // A person who starts an episode wants it recorded, under whichever label is free.
+    // An episode started by a person is recorded, under any label that is free.
     assert!(begun.numbered && begun.recorders == 1, "{begun:?}");
-    // One errand at a time.
+    // One pending operation at a time.
     assert!(answers(&request(&mut model, "a", start, 0.3))["error"].is_string());
     let started = v1::EpisodeStarted {
         header: Some(header(2500)),
@@ -443,7 +447,7 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
     assert!(
         effects
             .iter()
-            .any(|e| matches!(e, Effect::Errand(Errand::Redo(_), _)))
+            .any(|e| matches!(e, Effect::Operation(Operation::Redo(_), _)))
     );
     let effects = model.done(Done::Started(Err("the disk is full".to_owned())), 0.7);
     assert_eq!(answers(&effects)["error"], "the disk is full");
@@ -451,7 +455,7 @@ fn episodes_belong_to_the_page_in_control_and_stop_what_moves() {
 }
 
 #[test]
-fn a_goal_is_picked_begun_marked_and_ended_by_hand() {
+fn a_goal_is_picked_started_marked_and_ended_by_manual_input() {
     let mut model = driving();
     model.intent(
         "a",
@@ -496,28 +500,28 @@ fn a_goal_is_picked_begun_marked_and_ended_by_hand() {
         ..Default::default()
     };
     let effects = model.goal_acts(1, header(2400), command.clone(), &[]);
-    let told = sent(&effects)[0];
-    assert_eq!(told.phase_name, "assist:reaching");
-    assert_eq!(told.mode(), v1::InputMode::Goal);
-    assert_eq!(told.assistance(), v1::Assistance::Skill);
+    let found = sent(&effects)[0];
+    assert_eq!(found.phase_name, "assist:reaching");
+    assert_eq!(found.mode(), v1::InputMode::Goal);
+    assert_eq!(found.assistance(), v1::Assistance::Skill);
     assert!(
         model
             .goal_acts(9, header(2400), command.clone(), &[])
             .is_empty()
     );
-    // Whatever is done by hand ends it; what the skill still says is not heard.
+    // Manual input ends it; later proposals of the skill are ignored.
     let effects = model.intent("a", &intent(2, 1, 1.0), 0.4);
     assert!(effects.contains(&Effect::EndGoal(1)) && stops(&effects) && !drives(&effects));
     assert!(model.goal_acts(1, header(2404), command, &[]).is_empty());
-    // A choice does not last.
+    // A candidate expires.
     assert!(model.candidates.contains_key(&key));
     model.tick(40.0);
     assert!(model.candidates.is_empty());
 }
 
 #[test]
-fn a_goal_ends_with_the_page_that_looks_on() {
-    for why in ["silence", "picture", "lanes"] {
+fn a_goal_ends_when_its_page_is_lost() {
+    for why in ["silence", "image", "lanes"] {
         let mut model = driving();
         let alive = |seq, shown| Intent {
             action: Action::Alive,
@@ -540,7 +544,7 @@ fn a_goal_ends_with_the_page_that_looks_on() {
         assert!(model.tick(0.9).is_empty());
         let effects = match why {
             "silence" => model.tick(1.3),
-            "picture" => {
+            "image" => {
                 model.intent("a", &alive(2, None), 0.9);
                 model.tick(1.0)
             }
@@ -567,12 +571,12 @@ fn the_end_of_a_session_stops_the_chair_and_gives_control_back() {
     let release = effects.iter().position(|e| *e == Effect::Release);
     assert!(stop < release, "the stop goes before control: {effects:?}");
     assert_eq!(model.control, Control::None);
-    // What is still under way moves nothing.
+    // Commands that are still queued move nothing.
     assert!(sent(&model.intent("a", &intent(2, 2, 1.0), 0.31)).is_empty());
 }
 
 #[test]
-fn control_that_comes_after_the_end_of_the_session_goes_back_at_once() {
+fn control_granted_after_the_end_of_the_session_is_released_at_once() {
     let mut model = open();
     request(&mut model, "a", r#""ask":"lease.ask""#, 0.0);
     model.signed_out("a", "signed out", 0.05);
@@ -591,7 +595,7 @@ fn a_page_has_the_role_of_its_newest_session() {
 }
 
 #[test]
-fn a_refusal_of_what_others_send_in_this_name_stops_nothing() {
+fn a_refusal_of_another_client_with_this_name_stops_nothing() {
     for (code, stopped) in [
         (RefusalCode::Seal, false),
         (RefusalCode::Foreign, false),
@@ -612,7 +616,7 @@ fn a_refusal_of_what_others_send_in_this_name_stops_nothing() {
 }
 
 #[test]
-fn asking_for_the_tasks_hides_no_silence_and_a_viewer_may_not() {
+fn listing_tasks_hides_no_silence_and_is_rejected_for_a_viewer() {
     let mut model = driving();
     model.intent("a", &intent(1, 1, 1.0), 0.2);
     assert_eq!(
@@ -622,7 +626,7 @@ fn asking_for_the_tasks_hides_no_silence_and_a_viewer_may_not() {
     assert!(
         request(&mut model, "a", r#""ask":"tasks""#, 0.2)
             .iter()
-            .any(|effect| matches!(effect, Effect::Errand(Errand::Tasks, _)))
+            .any(|effect| matches!(effect, Effect::Operation(Operation::Tasks, _)))
     );
     model.silent(0.3);
     assert!(!model.is_busy(), "everything stops");

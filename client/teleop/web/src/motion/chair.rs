@@ -1,5 +1,5 @@
-//! The chair under what is held: as fast as the person chose, and no faster than the
-//! age of the picture allows. Pure.
+//! Chair motion from held input: as fast as the person chose, limited by the age of the
+//! displayed image. Pure.
 
 use wheelarm_proto::v1;
 
@@ -7,10 +7,10 @@ use crate::protocol::Held;
 use crate::speed::{self, Speeds};
 
 /// Distance from the middle of the axle to the farthest corner of a robot that is
-/// not described yet, m.
+/// without a description, m.
 const FAR_CORNER: f64 = 1.0;
 
-/// What of the robot limits how fast the chair turns.
+/// Property of the robot that limits the turn rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chair {
     /// Farthest corner of the footprint from the axle's middle, m.
@@ -37,8 +37,8 @@ impl Chair {
         }
     }
 
-    /// Its speeds while the picture is `age` old, s; `None` where nothing is held or
-    /// no picture is shown.
+    /// Chair speeds for an image of `age`, s; `None` without held chair input or without a
+    /// displayed image.
     #[must_use]
     pub fn drive(&self, held: &Held, speeds: &Speeds, age: Option<f64>) -> Option<v1::BaseCommand> {
         if held.chair == [0.0; 2] {

@@ -1,4 +1,4 @@
-//! The chair goes one step: so far, or so much about, and stands. Pure.
+//! One step of the chair: a given distance or angle, then rest. Pure.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::v1;
@@ -7,16 +7,16 @@ use crate::watch::Situation;
 
 /// Time between two messages, s.
 const RESEND: f64 = 0.05;
-/// The chair has come near enough, m and rad.
+/// Tolerance of the goal, m and rad.
 const ENOUGH: [f64; 2] = [0.002, 0.004];
 /// Least and greatest speeds, m/s and rad/s.
 const SPEEDS: [[f64; 2]; 2] = [[0.04, 0.20], [0.08, 0.40]];
-/// Speed for what is left to go, 1/s.
+/// Speed per remaining distance, 1/s.
 const GAIN: f64 = 2.0;
 /// Longest time of a step, s.
 const LONGEST: f64 = 4.0;
 
-/// A step that is being made.
+/// A step in progress.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChairStep {
     turns: bool,
@@ -27,19 +27,19 @@ pub struct ChairStep {
     house_from_start: Isometry3<f64>,
 }
 
-/// What is to be sent.
+/// Output of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Due {
-    /// Nothing yet.
+    /// Nothing is due.
     Nothing,
     /// Speeds.
     Send(v1::BaseCommand),
-    /// The step is made, or takes too long.
+    /// The step is complete, or timed out.
     Done,
 }
 
 impl ChairStep {
-    /// From where the chair stands at `time`, s; `None` when that is unknown.
+    /// Starts at the chair's pose at `time`, s; `None` when the pose is unknown.
     #[must_use]
     pub fn new(turns: bool, way: f64, time: f64, situation: &Situation) -> Option<Self> {
         Some(Self {
@@ -51,7 +51,7 @@ impl ChairStep {
         })
     }
 
-    /// What is due at `time`, s.
+    /// Output that is due at `time`, s.
     pub fn due(&mut self, time: f64, situation: &Situation) -> Due {
         let Some(chair) = situation.house_from_chair else {
             return Due::Done;
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_ends_where_it_was_meant_to_or_after_its_time() {
+    fn a_step_ends_at_its_goal_or_after_its_timeout() {
         let mut situation = Situation::default();
         situation.house_from_chair = Some(Isometry3::translation(3.0, 1.0, 0.0));
         let mut step = ChairStep::new(false, 0.05, 0.0, &situation).unwrap();

@@ -1,15 +1,15 @@
-//! A controller in the hand leads the robot's hand while a clutch is held. Pure.
+//! A tracked controller leads the robot's hand while a clutch is engaged. Pure.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::protocol::Clutch;
 
-/// Longest way of one message, m and rad.
+/// Longest motion of one message, m and rad.
 const STEP: [f64; 2] = [0.025, 0.10];
 /// The target leads the hand by this at most, m and rad.
 const LEAD: [f64; 2] = [0.12, 0.40];
 
-/// A clutch that is held.
+/// An engaged clutch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Engaged {
     epoch: u32,
@@ -20,7 +20,7 @@ pub struct Engaged {
 }
 
 impl Engaged {
-    /// The hand stays where it is, at `present` in `base_link`.
+    /// Engages at `present`, in `base_link`: the hand does not move.
     #[must_use]
     pub fn new(epoch: u32, present: Isometry3<f64>) -> Self {
         Self {
@@ -36,8 +36,8 @@ impl Engaged {
         self.epoch
     }
 
-    /// The target after the controller has moved as `clutch` says; `mount` is how
-    /// the arm's base is turned on the chair, `present` where the hand is.
+    /// The target after the controller has moved by `clutch`; `mount` is the rotation of
+    /// the arm's base on the chair, `present` the pose of the hand.
     pub fn follow(
         &mut self,
         clutch: &Clutch,
@@ -59,7 +59,7 @@ impl Engaged {
     }
 }
 
-/// `wanted`, or what lies on the way to it from `from` within `most`, m and rad.
+/// `wanted`, or the point on the way from `from` that is within `most`, m and rad.
 fn near(from: &Isometry3<f64>, wanted: &Isometry3<f64>, most: [f64; 2]) -> Isometry3<f64> {
     let way = wanted.translation.vector - from.translation.vector;
     let way = way * (most[0] / way.norm().max(most[0]));

@@ -1,4 +1,4 @@
-//! The fingers: where they are told to be while they are opened or closed. Pure.
+//! Finger motion: the commanded opening while they are opened or closed. Pure.
 
 use wheelarm_proto::v1;
 
@@ -20,19 +20,19 @@ pub struct Fingers {
 }
 
 impl Fingers {
-    /// Takes the gripper of a robot.
+    /// Stores the gripper of a robot.
     pub fn fit(&mut self, gripper: Option<&v1::GripperDescription>) {
         self.stroke = gripper.map_or(0.0, |g| g.stroke);
         self.linkage = gripper.and_then(|g| g.linkage);
     }
 
-    /// They are no longer moved.
+    /// Ends their motion.
     pub fn rest(&mut self) {
         self.target = None;
     }
 
-    /// Their target after as much time as has passed up to `time`, s; `None` where
-    /// nothing is held or it is not known how open they are.
+    /// The target at `time`, s; `None` without held gripper input or while the opening is
+    /// unknown.
     pub fn drive(
         &mut self,
         held: &Held,
@@ -54,8 +54,8 @@ impl Fingers {
         Some(command(opening))
     }
 
-    /// One step of them, open where `sign` is positive; `None` while it is not known
-    /// how open they are.
+    /// One step, open where `sign` is positive; `None` while the opening is
+    /// unknown.
     #[must_use]
     pub fn step(
         &self,
@@ -67,10 +67,10 @@ impl Fingers {
         Some(command(opening.clamp(0.0, self.stroke)))
     }
 
-    /// Opening that they were told last, m.
+    /// Opening of the last command, m.
     fn opening(&self, situation: &Situation) -> Option<f64> {
-        let told = situation.applied.as_ref().map(|a| a.knuckle);
-        let opening = self.linkage.zip(told.or(situation.knuckle()));
+        let commanded = situation.applied.as_ref().map(|a| a.knuckle);
+        let opening = self.linkage.zip(commanded.or(situation.knuckle()));
         opening.map(|(linkage, knuckle)| linkage.opening(knuckle).max(0.0))
     }
 }

@@ -1,5 +1,5 @@
-//! The hand: what is held becomes its velocity, a press one step. It goes along the
-//! axes of the chair and turns about its own. Pure.
+//! Hand motion: held input becomes a velocity, a press one step. Translation is along the
+//! axes of the chair, rotation about the tool's axes. Pure.
 
 use nalgebra::Vector3;
 use wheelarm_proto::geometry::{self, normalized};
@@ -10,10 +10,10 @@ use crate::protocol::Held;
 use crate::speed::{self, Speeds};
 use crate::watch::Situation;
 
-/// A step of the hand is not added while it has this far to go, m and rad.
+/// A step of the hand is rejected while the target is this far ahead, m and rad.
 const LEAD: [f64; 2] = [0.12, 0.40];
 
-/// Directions in which `held` moves the hand, as pages name them.
+/// Directions in which `held` moves the hand, as the page protocol names them.
 #[must_use]
 pub fn directions(held: &Held) -> Vec<&'static str> {
     const NAMES: [[&str; 2]; 6] = [
@@ -31,8 +31,8 @@ pub fn directions(held: &Held) -> Vec<&'static str> {
         .collect()
 }
 
-/// Its velocity while the picture is `age` old, s; `None` where nothing is held, no
-/// picture is shown or its pose has not come.
+/// Hand velocity for an image of `age`, s; `None` without held hand input, without a
+/// displayed image or while the pose is unknown.
 #[must_use]
 pub fn twist(
     held: &Held,
@@ -55,7 +55,7 @@ pub fn twist(
     }))
 }
 
-/// One step of it in the directions of `held`.
+/// One step in the directions of `held`.
 #[must_use]
 pub fn step(held: &Held, speeds: &Speeds) -> Target {
     let [metres, radians] = speeds.step;
@@ -68,7 +68,7 @@ pub fn step(held: &Held, speeds: &Speeds) -> Target {
     })
 }
 
-/// Why the hand takes no further step now.
+/// Reason for rejecting a further step of the hand.
 #[must_use]
 pub fn behind(situation: &Situation) -> Option<&'static str> {
     let applied = situation.applied.as_ref()?;

@@ -28,18 +28,18 @@ use crate::protocol::{Action, Held, Intent};
 use crate::speed::{self, Allow};
 use crate::watch::Situation;
 
-/// Silence of the page after which what it drives is stopped, s.
+/// Silence of the page after which held motion stops, s.
 pub const STALL: f64 = 0.25;
-/// Silence of the page after which a step or a goal is stopped, s.
+/// Silence of the page after which a step or a goal stops, s.
 pub const GONE: f64 = 1.0;
 /// Longest motion of one press that latches, s.
 pub const LATCH: f64 = 2.0;
-/// Time between two messages that say the same stop, s.
+/// Time between two repetitions of a stop, s.
 const AGAIN: f64 = 0.05;
-/// Messages that say stop, after the first.
+/// Repetitions of a stop.
 const STOPS: u8 = 2;
 
-/// What comes of an intent, or of time.
+/// Output of an intent, or of time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Out {
     /// A command that answers the state of a tick.
@@ -48,57 +48,57 @@ pub enum Out {
         command: Box<v1::Command>,
         /// Tick that it answers; the newest one where absent.
         shown: Option<u64>,
-        /// The page's number, where an intent brought it about.
+        /// The page's number, where it results from an intent.
         seq: Option<u32>,
     },
-    /// An intent is not carried out.
+    /// An intent was rejected.
     Refuse {
         /// The page's number.
         seq: u32,
-        /// For programs.
+        /// Code for programs.
         code: &'static str,
-        /// For people.
+        /// Reason for people.
         reason: String,
     },
-    /// The person should know.
+    /// A note for the person.
     Note(String),
-    /// A goal ends.
+    /// Ends a goal.
     EndGoal,
 }
 
-/// What is in motion by this page.
+/// Motion of this page.
 #[derive(Clone, Debug, Default, PartialEq)]
 enum Going {
     #[default]
     Rest,
     /// Held or latched.
     Driving(Driving),
-    /// The chair goes one step.
+    /// The chair makes one step.
     Stepping(ChairStep),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Driving {
     epoch: u32,
-    /// When the press came, s.
+    /// Time of the press, s.
     since: f64,
     latch: bool,
     base: bool,
     arm: bool,
 }
 
-/// What is known besides the intent.
+/// Context of an intent.
 #[derive(Clone, Copy)]
 pub struct Now<'a> {
     /// Time, s.
     pub time: f64,
-    /// The newest of everything.
+    /// The newest samples and status.
     pub situation: &'a Situation,
-    /// This page is in control of the robot.
+    /// Whether this page is in control of the robot.
     pub in_control: bool,
-    /// A skill is at work.
+    /// Whether a skill runs.
     pub goal: bool,
-    /// Time waits for an answer to every control tick, which no person gives.
+    /// Lock-step: the simulation waits for an answer to every tick, too fast for a person.
     pub lock_step: bool,
 }
 
@@ -108,7 +108,7 @@ impl Now<'_> {
     }
 }
 
-/// One page's motion.
+/// Motion state of one page.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
     chair: Chair,
@@ -116,8 +116,8 @@ pub struct Motion {
     seq: Option<u32>,
     epoch: u32,
     dead: u32,
-    /// When the newest message came, s.
-    heard: Option<f64>,
+    /// When the newest message arrived, s.
+    received_at: Option<f64>,
     shown: Option<u64>,
     echo: f64,
     speed: u8,
@@ -125,52 +125,52 @@ pub struct Motion {
     mode: v1::InputMode,
     going: Going,
     stopped: bool,
-    /// What still is to be stopped once more: how often, and when next, s.
+    /// Repetitions of a stop that remain, and the time of the next one, s.
     stops: u8,
     next_stop: f64,
     clutch: Option<Engaged>,
-    /// Epoch of which a refusal was told.
-    told: u32,
-    /// What was held or stepped last.
+    /// Epoch for which a refusal was sent.
+    refused_epoch: u32,
+    /// Last held or stepped input.
     held: Held,
 }
 
 impl Motion {
-    /// Takes the limits of the robot that is simulated.
+    /// Stores the limits of the simulated robot.
     pub fn fit(&mut self, robot: &v1::RobotDescription) {
         self.chair = Chair::of(robot);
         self.fingers.fit(robot.gripper.as_ref());
     }
 
-    /// Newest number that was taken.
+    /// Newest accepted number.
     #[must_use]
     pub fn seq(&self) -> u32 {
         self.seq.unwrap_or(0)
     }
 
-    /// Newest epoch that was heard of, and the newest one that is over.
+    /// Newest epoch received, and newest dead epoch.
     #[must_use]
     pub fn epochs(&self) -> [u32; 2] {
         [self.epoch, self.dead]
     }
 
-    /// A stop is in force until the next fresh press.
+    /// Whether a stop is in force until the next fresh press.
     #[must_use]
     pub fn is_stopped(&self) -> bool {
         self.stopped
     }
 
-    /// Whether this page moves something.
+    /// Whether this page moves the robot.
     #[must_use]
     pub fn is_moving(&self) -> bool {
         self.going != Going::Rest
     }
 
-    /// The page's own clock at its newest message, ms, and how long ago that came
+    /// The page's own clock at its newest message, ms, and the age of that message
     /// at `time`, s.
     #[must_use]
     pub fn echo(&self, time: f64) -> Option<(f64, f64)> {
-        self.heard.map(|heard| (self.echo, time - heard))
+        self.received_at.map(|at| (self.echo, time - at))
     }
 
     /// The person's speed, 1 to 5.
@@ -179,7 +179,7 @@ impl Motion {
         self.speed.max(1)
     }
 
-    /// Age of the picture that is seen when the newest state is that of `newest`, s.
+    /// Age of the displayed image when `newest` is the newest state, s.
     #[must_use]
     pub fn age(&self, newest: u64) -> Option<f64> {
         self.shown.map(|shown| speed::age(shown, newest))
@@ -188,22 +188,22 @@ impl Motion {
     /// Silence of the page at `time`, s.
     #[must_use]
     pub fn silence(&self, time: f64) -> f64 {
-        self.heard.map_or(f64::INFINITY, |heard| time - heard)
+        self.received_at.map_or(f64::INFINITY, |at| time - at)
     }
 
-    /// Directions in which the hand was moved last, as pages name them.
+    /// Directions of the last hand motion, as the page protocol names them.
     #[must_use]
     pub fn hand_directions(&self) -> Vec<&'static str> {
         hand::directions(&self.held)
     }
 
-    /// Takes an intent.
+    /// Handles an intent.
     pub fn take(&mut self, intent: &Intent, now: Now<'_>) -> Vec<Out> {
         if self.seq.is_some_and(|newest| intent.seq <= newest) {
             return Vec::new();
         }
         self.seq = Some(intent.seq);
-        self.heard = Some(now.time);
+        self.received_at = Some(now.time);
         self.epoch = self.epoch.max(intent.epoch);
         self.echo = intent.ms;
         self.shown = intent.shown;
@@ -234,13 +234,13 @@ impl Motion {
         match (Allow::at(age), intent.action) {
             (Allow::Drive, _) | (Allow::Steps, Action::Step { .. }) => {}
             (Allow::Steps, _) => {
-                let words = "the picture is more than 0.9 s old: only single steps are taken";
+                let words = "the image is more than 0.9 s old: only single steps are accepted";
                 return self.refuse(intent, "TOO_OLD", words, now);
             }
             (Allow::Stop, _) => {
                 let words = match age {
-                    None => "no picture is shown: only a stop is taken",
-                    Some(_) => "the picture is more than 2 s old: only a stop is taken",
+                    None => "no image is shown: only a stop is accepted",
+                    Some(_) => "the image is more than 2 s old: only a stop is accepted",
                 };
                 return self.refuse(intent, "FROZEN", words, now);
             }
@@ -254,7 +254,7 @@ impl Motion {
         }
     }
 
-    /// Time has come to `now`.
+    /// Advances the clock to `now`.
     pub fn tick(&mut self, now: Now<'_>) -> Vec<Out> {
         let silence = self.silence(now.time);
         let allow = Allow::at(self.age(now.newest()));
@@ -265,7 +265,7 @@ impl Motion {
                 let why = if silence > STALL {
                     Some("the page was silent: everything stops")
                 } else if allow != Allow::Drive {
-                    Some("the picture is too old: everything stops")
+                    Some("the image is too old: everything stops")
                 } else if driving.latch && held >= LATCH {
                     Some("the press is over: press again to go on")
                 } else {
@@ -280,7 +280,7 @@ impl Motion {
             Going::Stepping(step) => {
                 if silence > GONE || allow == Allow::Stop {
                     let mut out = self.end(now, true);
-                    out.push(Out::Note("the step was broken off".to_owned()));
+                    out.push(Out::Note("the step was interrupted".to_owned()));
                     return out;
                 }
                 match step.due(now.time, now.situation) {
@@ -304,7 +304,7 @@ impl Motion {
         Vec::new()
     }
 
-    /// Ends what is in motion and its epoch, because of `why`.
+    /// Ends the motion and its epoch, because of `why`.
     pub fn cut(&mut self, why: &str, now: Now<'_>) -> Vec<Out> {
         if self.going == Going::Rest {
             self.dead = self.epoch;
@@ -315,7 +315,7 @@ impl Motion {
         out
     }
 
-    /// Control is lost, or the connection: nothing is sent any more.
+    /// Control or the connection is lost: no further command is sent.
     pub fn forget(&mut self) {
         self.going = Going::Rest;
         self.dead = self.epoch;
@@ -342,7 +342,7 @@ impl Motion {
     }
 
     fn release(&mut self, intent: &Intent, now: Now<'_>) -> Vec<Out> {
-        // What was pressed is over. A step goes on to its end.
+        // The held press is over. A step runs to its end.
         match self.going {
             Going::Driving(_) => {
                 self.device = intent.device;
@@ -352,7 +352,7 @@ impl Motion {
         }
     }
 
-    /// Stops what this page has set in motion; with `dead` its press is over.
+    /// Stops the motion of this page; with `dead` its press is over.
     fn end(&mut self, now: Now<'_>, dead: bool) -> Vec<Out> {
         let (base, arm) = match self.going {
             Going::Driving(driving) => (driving.base, driving.arm),
@@ -379,8 +379,8 @@ impl Motion {
             out.extend(self.end(now, true));
         }
         self.dead = self.dead.max(intent.epoch);
-        if self.told != intent.epoch {
-            self.told = intent.epoch;
+        if self.refused_epoch != intent.epoch {
+            self.refused_epoch = intent.epoch;
             out.push(Out::Refuse {
                 seq: intent.seq,
                 code,
@@ -414,7 +414,7 @@ impl Motion {
     }
 }
 
-/// A chair at rest and an arm that holds.
+/// A command that brakes the chair and holds the arm.
 pub(crate) fn rest(base: bool, arm: bool) -> v1::Command {
     v1::Command {
         base: base.then(v1::BaseCommand::default),

@@ -1,5 +1,5 @@
-//! A press becomes a command: what is held, as velocities, or one step. Whether it may
-//! move anything has been decided before, by the rules of the module above.
+//! Converts a press into a command: held input becomes velocities, or one step. The
+//! parent module has already decided whether it may move the robot.
 
 use wheelarm_proto::geometry;
 use wheelarm_proto::v1;
@@ -13,7 +13,7 @@ use crate::protocol::{Clutch, Held, Intent, Part};
 use crate::speed::Speeds;
 
 impl Motion {
-    /// What is held, as velocities.
+    /// Held input, as velocities.
     pub(super) fn drive(&mut self, intent: &Intent, held: &Held, now: Now<'_>) -> Vec<Out> {
         let latch = intent.mode == v1::InputMode::Latch;
         let before = match self.going {
@@ -148,15 +148,15 @@ impl Motion {
                 command.gripper = Some(gripper);
             }
         }
-        // One press is one step, however often it is said.
+        // One press is one step, however often it is repeated.
         self.dead = intent.epoch;
         self.stopped = false;
         let work = match part {
             Part::Grip => Work::Gripper,
             _ => Work::Arm,
         };
-        // The gate takes no answers to states that are a second old; a step ends by
-        // itself, so the gateway answers for it.
+        // The command gate rejects answers to states that are a second old; a step ends by
+        // itself, so the gateway answers the newest state instead.
         let fresh = self.age(now.newest()).is_some_and(|age| age < 0.9);
         let shown = intent.shown.filter(|_| fresh);
         vec![self.command(command, Some(work), shown, Some(intent.seq), now)]

@@ -1,4 +1,4 @@
-//! Every rule of safety, without a page and without a server.
+//! Every safety rule, without a page and without a server.
 
 use nalgebra::Isometry3;
 use wheelarm_proto::geometry::{self, normalized};
@@ -23,20 +23,20 @@ fn at(tick: u64) -> Situation {
     situation
 }
 
-/// A person who drives a robot at 240 ticks per second.
-struct Desk {
+/// An operator who drives a robot at 240 ticks per second.
+struct TestDriver {
     motion: Motion,
     situation: Situation,
     seq: u32,
     time: f64,
     in_control: bool,
     goal: bool,
-    /// How old the shown picture is, ticks; `None` when there is none.
+    /// Age of the displayed image, ticks; `None` without an image.
     late: Option<u64>,
     mode: v1::InputMode,
 }
 
-impl Desk {
+impl TestDriver {
     fn new() -> Self {
         let mut motion = Motion::default();
         motion.fit(&described());
@@ -77,12 +77,12 @@ impl Desk {
         self.motion.take(intent, now)
     }
 
-    fn say(&mut self, epoch: u32, action: Action) -> Vec<Out> {
+    fn send(&mut self, epoch: u32, action: Action) -> Vec<Out> {
         let intent = self.intent(epoch, action);
         self.take(&intent)
     }
 
-    /// Time goes on, and the simulation with it.
+    /// Advances time and the simulation.
     fn wait(&mut self, seconds: f64) -> Vec<Out> {
         let mut out = Vec::new();
         for _ in 0..(seconds / 0.01).round() as u32 {
@@ -100,11 +100,11 @@ impl Desk {
         out
     }
 
-    /// Holds a key for a while, said 20 times a second.
+    /// Holds a key for a while, sent 20 times a second.
     fn hold(&mut self, epoch: u32, held: Held, seconds: f64) -> Vec<Out> {
         let mut out = Vec::new();
         for _ in 0..(seconds / 0.05).round() as u32 {
-            out.extend(self.say(epoch, Action::Drive(held)));
+            out.extend(self.send(epoch, Action::Drive(held)));
             out.extend(self.wait(0.05));
         }
         out
@@ -155,8 +155,8 @@ fn refusals(out: &[Out]) -> Vec<&'static str> {
 
 #[test]
 fn a_held_key_drives_and_its_release_stops() {
-    let mut desk = Desk::new();
-    let out = desk.hold(1, forward(), 0.5);
+    let mut driver = TestDriver::new();
+    let out = driver.hold(1, forward(), 0.5);
     assert_eq!(commands(&out).len(), 10);
     for command in commands(&out) {
         let base = command.base.unwrap();
@@ -166,18 +166,18 @@ fn a_held_key_drives_and_its_release_stops() {
         assert_eq!(command.assistance(), v1::Assistance::None);
         assert_eq!(command.phase(), v1::Phase::Navigating);
     }
-    let out = desk.say(1, Action::Drive(Held::default()));
+    let out = driver.send(1, Action::Drive(Held::default()));
     assert!(stops(&out) && !drives(&out));
-    assert!(!desk.motion.is_moving());
-    // It is said again, and then no more.
-    assert_eq!(commands(&desk.wait(1.0)).len(), 2);
-    assert_eq!(desk.wait(1.0), []);
+    assert!(!driver.motion.is_moving());
+    // It is repeated, and then no more.
+    assert_eq!(commands(&driver.wait(1.0)).len(), 2);
+    assert_eq!(driver.wait(1.0), []);
 }
 
 #[test]
-fn a_command_answers_the_picture_that_was_shown_and_a_stop_the_newest_state() {
-    let mut desk = Desk::new();
-    let out = desk.say(1, Action::Drive(forward()));
+fn a_command_answers_the_displayed_image_and_a_stop_the_newest_state() {
+    let mut driver = TestDriver::new();
+    let out = driver.send(1, Action::Drive(forward()));
     assert!(
         matches!(
             &out[..],
@@ -189,7 +189,7 @@ fn a_command_answers_the_picture_that_was_shown_and_a_stop_the_newest_state() {
         ),
         "{out:?}"
     );
-    let out = desk.say(1, Action::Stop);
+    let out = driver.send(1, Action::Stop);
     let sent = out.iter().find(|one| matches!(one, Out::Send { .. }));
     assert!(
         matches!(
@@ -209,23 +209,23 @@ fn a_command_answers_the_picture_that_was_shown_and_a_stop_the_newest_state() {
 }
 
 #[test]
-fn every_intent_is_taken_once_and_in_order() {
-    let mut desk = Desk::new();
-    let first = desk.intent(1, Action::Drive(forward()));
-    let second = desk.intent(1, Action::Drive(Held::default()));
-    assert!(drives(&desk.take(&first)));
-    assert!(stops(&desk.take(&second)));
-    // The other lane brings both once more, later.
-    assert_eq!(desk.take(&first), []);
-    assert_eq!(desk.take(&second), []);
+fn every_intent_is_accepted_once_and_in_order() {
+    let mut driver = TestDriver::new();
+    let first = driver.intent(1, Action::Drive(forward()));
+    let second = driver.intent(1, Action::Drive(Held::default()));
+    assert!(drives(&driver.take(&first)));
+    assert!(stops(&driver.take(&second)));
+    // The other lane delivers both again, later.
+    assert_eq!(driver.take(&first), []);
+    assert_eq!(driver.take(&second), []);
 }
 
 #[test]
-fn the_speed_is_capped_by_the_age_of_the_picture() {
-    let mut desk = Desk::new();
+fn the_speed_is_capped_by_the_age_of_the_image() {
+    let mut driver = TestDriver::new();
     for (late, cap) in [(0, 0.63), (120, 0.424), (216, 0.310)] {
-        desk.late = Some(late);
-        let out = desk.say(1, Action::Drive(forward()));
+        driver.late = Some(late);
+        let out = driver.send(1, Action::Drive(forward()));
         let base = commands(&out)[0].base.unwrap();
         assert!((base.linear - cap).abs() < 0.01, "{late}: {base:?}");
         // No corner of the chair turns faster either.
@@ -233,7 +233,7 @@ fn the_speed_is_capped_by_the_age_of_the_picture() {
             chair: [0.0, 1.0],
             ..Held::default()
         };
-        let out = desk.say(1, Action::Drive(turn));
+        let out = driver.send(1, Action::Drive(turn));
         let base = commands(&out)[0].base.unwrap();
         assert!(
             base.angular <= 1.0 && base.angular * 1.0 <= speed::cap(late as f64 / 240.0) + 1e-9
@@ -242,127 +242,127 @@ fn the_speed_is_capped_by_the_age_of_the_picture() {
 }
 
 #[test]
-fn an_old_picture_allows_steps_and_a_frozen_one_only_a_stop() {
-    let mut desk = Desk::new();
+fn an_old_image_allows_steps_and_a_frozen_one_only_a_stop() {
+    let mut driver = TestDriver::new();
     let step = Action::Step {
         part: Part::Hand,
         axis: 2,
         sign: 1.0,
     };
-    desk.late = Some(300);
+    driver.late = Some(300);
     assert_eq!(
-        refusals(&desk.say(1, Action::Drive(forward()))),
+        refusals(&driver.send(1, Action::Drive(forward()))),
         ["TOO_OLD"]
     );
     // The same press is refused once, in words, and moves nothing when it is fresh.
-    assert_eq!(desk.say(1, Action::Drive(forward())), []);
-    desk.late = Some(10);
-    assert_eq!(desk.say(1, Action::Drive(forward())), []);
-    desk.late = Some(300);
-    assert_eq!(commands(&desk.say(2, step)).len(), 1);
+    assert_eq!(driver.send(1, Action::Drive(forward())), []);
+    driver.late = Some(10);
+    assert_eq!(driver.send(1, Action::Drive(forward())), []);
+    driver.late = Some(300);
+    assert_eq!(commands(&driver.send(2, step)).len(), 1);
     for late in [Some(500), None] {
-        desk.late = late;
-        let epoch = desk.seq + 10;
-        assert_eq!(refusals(&desk.say(epoch, step)), ["FROZEN"], "{late:?}");
-        let stop = desk.say(epoch, Action::Stop);
+        driver.late = late;
+        let epoch = driver.seq + 10;
+        assert_eq!(refusals(&driver.send(epoch, step)), ["FROZEN"], "{late:?}");
+        let stop = driver.send(epoch, Action::Stop);
         assert!(stops(&stop), "{late:?}");
     }
 }
 
 #[test]
-fn a_picture_that_freezes_while_driving_stops_the_chair_for_good() {
-    let mut desk = Desk::new();
-    assert!(drives(&desk.hold(1, forward(), 0.3)));
-    let frozen = desk.situation.header.tick;
+fn an_image_that_freezes_while_driving_stops_the_chair_for_good() {
+    let mut driver = TestDriver::new();
+    assert!(drives(&driver.hold(1, forward(), 0.3)));
+    let frozen = driver.situation.header.tick;
     let mut out = Vec::new();
     for _ in 0..30 {
-        let mut intent = desk.intent(1, Action::Drive(forward()));
+        let mut intent = driver.intent(1, Action::Drive(forward()));
         intent.shown = Some(frozen);
-        out.extend(desk.take(&intent));
-        out.extend(desk.wait(0.05));
+        out.extend(driver.take(&intent));
+        out.extend(driver.wait(0.05));
     }
     assert!(stops(&out));
-    assert!(!desk.motion.is_moving());
-    // The picture is back and the key is still held.
-    assert!(!drives(&desk.hold(1, forward(), 0.5)));
-    assert!(drives(&desk.hold(2, forward(), 0.1)));
+    assert!(!driver.motion.is_moving());
+    // A new image arrives while the key is still held.
+    assert!(!drives(&driver.hold(1, forward(), 0.5)));
+    assert!(drives(&driver.hold(2, forward(), 0.1)));
 }
 
 #[test]
-fn a_silent_page_is_braked_and_what_was_queued_moves_nothing() {
-    let mut desk = Desk::new();
-    assert!(drives(&desk.hold(1, forward(), 0.3)));
-    // The line is cut for a second; what the page said meanwhile comes in one go.
+fn a_silent_page_is_braked_and_its_queued_messages_move_nothing() {
+    let mut driver = TestDriver::new();
+    assert!(drives(&driver.hold(1, forward(), 0.3)));
+    // The connection stalls for a second; then all messages arrive at once.
     let queued: Vec<Intent> = (0..20)
-        .map(|_| desk.intent(1, Action::Drive(forward())))
+        .map(|_| driver.intent(1, Action::Drive(forward())))
         .collect();
-    let out = desk.wait(STALL + 0.02);
+    let out = driver.wait(STALL + 0.02);
     assert!(stops(&out), "{out:?}");
-    let out = desk.wait(1.0);
+    let out = driver.wait(1.0);
     assert!(!drives(&out));
     for intent in &queued {
-        assert!(!drives(&desk.take(intent)));
+        assert!(!drives(&driver.take(intent)));
     }
-    // The key is still held, and pictures are fresh again.
-    assert!(!drives(&desk.hold(1, forward(), 1.0)));
-    assert!(drives(&desk.hold(2, forward(), 0.1)));
+    // The key is still held, and images are fresh again.
+    assert!(!drives(&driver.hold(1, forward(), 1.0)));
+    assert!(drives(&driver.hold(2, forward(), 0.1)));
 }
 
 #[test]
 fn a_latch_ends_by_itself_after_two_seconds() {
-    let mut desk = Desk::new();
-    desk.mode = v1::InputMode::Latch;
-    let out = desk.hold(1, forward(), 1.9);
+    let mut driver = TestDriver::new();
+    driver.mode = v1::InputMode::Latch;
+    let out = driver.hold(1, forward(), 1.9);
     assert!(drives(&out) && !stops(&out));
-    let out = desk.hold(1, forward(), 1.0);
+    let out = driver.hold(1, forward(), 1.0);
     assert!(stops(&out));
-    assert!(!desk.motion.is_moving());
-    assert!(!drives(&desk.hold(1, forward(), 0.5)));
+    assert!(!driver.motion.is_moving());
+    assert!(!drives(&driver.hold(1, forward(), 0.5)));
     // Renewed by a press: two seconds more.
-    let out = desk.hold(2, forward(), 1.9);
-    assert!(drives(&out) && desk.motion.is_moving());
-    let out = desk.hold(3, forward(), 1.9);
+    let out = driver.hold(2, forward(), 1.9);
+    assert!(drives(&out) && driver.motion.is_moving());
+    let out = driver.hold(3, forward(), 1.9);
     assert!(drives(&out) && !stops(&out));
 }
 
 #[test]
 fn a_contact_or_a_refusal_ends_the_press() {
     for mode in [v1::InputMode::Latch, v1::InputMode::Hold] {
-        let mut desk = Desk::new();
-        desk.mode = mode;
-        desk.hold(1, forward(), 0.3);
+        let mut driver = TestDriver::new();
+        driver.mode = mode;
+        driver.hold(1, forward(), 0.3);
         let now = Now {
-            time: desk.time,
-            situation: &desk.situation,
+            time: driver.time,
+            situation: &driver.situation,
             in_control: true,
             goal: false,
             lock_step: false,
         };
-        let out = desk.motion.cut("contact", now);
-        assert!(stops(&out) && !desk.motion.is_moving());
-        assert!(!drives(&desk.hold(1, forward(), 0.5)), "{mode:?}");
-        assert!(drives(&desk.hold(2, forward(), 0.1)));
+        let out = driver.motion.cut("contact", now);
+        assert!(stops(&out) && !driver.motion.is_moving());
+        assert!(!drives(&driver.hold(1, forward(), 0.5)), "{mode:?}");
+        assert!(drives(&driver.hold(2, forward(), 0.1)));
     }
 }
 
 #[test]
 fn without_control_nothing_moves_and_a_stop_still_stops() {
-    let mut desk = Desk::new();
-    desk.in_control = false;
+    let mut driver = TestDriver::new();
+    driver.in_control = false;
     assert_eq!(
-        refusals(&desk.say(1, Action::Drive(forward()))),
+        refusals(&driver.send(1, Action::Drive(forward()))),
         ["NO_CONTROL"]
     );
-    assert!(stops(&desk.say(1, Action::Stop)));
-    // Control comes while the key is still held.
-    desk.in_control = true;
-    desk.motion.forget();
-    assert!(!drives(&desk.hold(1, forward(), 0.3)));
-    assert!(drives(&desk.hold(2, forward(), 0.1)));
+    assert!(stops(&driver.send(1, Action::Stop)));
+    // Control is granted while the key is still held.
+    driver.in_control = true;
+    driver.motion.forget();
+    assert!(!drives(&driver.hold(1, forward(), 0.3)));
+    assert!(drives(&driver.hold(2, forward(), 0.1)));
 }
 
 #[test]
-fn whatever_is_done_by_hand_ends_a_goal_and_holds() {
+fn manual_input_ends_a_goal_and_holds() {
     let step = Action::Step {
         part: Part::Grip,
         axis: 0,
@@ -374,42 +374,42 @@ fn whatever_is_done_by_hand_ends_a_goal_and_holds() {
         step,
         Action::Stop,
     ] {
-        let mut desk = Desk::new();
-        desk.goal = true;
-        let out = desk.say(1, action);
+        let mut driver = TestDriver::new();
+        driver.goal = true;
+        let out = driver.send(1, action);
         assert!(out.contains(&Out::EndGoal), "{action:?}");
         assert!(stops(&out) && !drives(&out), "{action:?}: {out:?}");
-        desk.goal = false;
-        assert!(!drives(&desk.hold(1, forward(), 0.2)), "{action:?}");
+        driver.goal = false;
+        assert!(!drives(&driver.hold(1, forward(), 0.2)), "{action:?}");
     }
-    // Whoever only looks does not end it.
-    let mut desk = Desk::new();
-    desk.goal = true;
-    assert_eq!(desk.say(1, Action::Alive), []);
-    assert_eq!(desk.say(1, Action::Drive(Held::default())), []);
+    // Idle messages do not end it.
+    let mut driver = TestDriver::new();
+    driver.goal = true;
+    assert_eq!(driver.send(1, Action::Alive), []);
+    assert_eq!(driver.send(1, Action::Drive(Held::default())), []);
 }
 
 #[test]
-fn a_step_is_one_step_however_often_it_is_said() {
-    let mut desk = Desk::new();
+fn a_repeated_step_message_is_one_step() {
+    let mut driver = TestDriver::new();
     let step = Action::Step {
         part: Part::Hand,
         axis: 0,
         sign: -1.0,
     };
-    let out = desk.say(1, step);
-    let Some(Target::Step(step_told)) = commands(&out)[0].arm.clone().unwrap().target else {
+    let out = driver.send(1, step);
+    let Some(Target::Step(step_command)) = commands(&out)[0].arm.clone().unwrap().target else {
         panic!("{out:?}");
     };
-    assert_eq!(step_told.frame(), v1::CommandFrame::Wheelchair);
-    assert!((step_told.translation.unwrap().x + 0.10).abs() < 1e-12);
-    assert_eq!(desk.say(1, step), []);
-    assert_eq!(commands(&desk.say(2, step)).len(), 1);
-    // The hand does not follow: no way piles up.
-    if let Some(applied) = &mut desk.situation.applied {
+    assert_eq!(step_command.frame(), v1::CommandFrame::Wheelchair);
+    assert!((step_command.translation.unwrap().x + 0.10).abs() < 1e-12);
+    assert_eq!(driver.send(1, step), []);
+    assert_eq!(commands(&driver.send(2, step)).len(), 1);
+    // The hand does not follow: the lead does not grow.
+    if let Some(applied) = &mut driver.situation.applied {
         applied.desired_pose = Some(geometry::pose(&Isometry3::translation(-0.65, 0.0, 0.5)));
     }
-    assert_eq!(refusals(&desk.say(3, step)), ["AHEAD"]);
+    assert_eq!(refusals(&driver.send(3, step)), ["AHEAD"]);
 }
 
 #[test]
@@ -419,41 +419,41 @@ fn a_step_of_the_chair_ends_by_itself_and_by_a_stop() {
         axis: 0,
         sign: 1.0,
     };
-    let mut desk = Desk::new();
-    let out = desk.say(1, step);
+    let mut driver = TestDriver::new();
+    let out = driver.send(1, step);
     assert!(drives(&out), "{out:?}");
     for _ in 0..10 {
-        desk.say(1, Action::Alive);
-        desk.wait(0.05);
+        driver.send(1, Action::Alive);
+        driver.wait(0.05);
     }
-    assert!(desk.motion.is_moving());
-    desk.situation.house_from_chair = Some(Isometry3::translation(0.10, 0.0, 0.0));
-    let out = desk.wait(0.02);
-    assert!(stops(&out) && !desk.motion.is_moving());
-    assert!(drives(&desk.say(2, step)));
-    assert!(stops(&desk.say(2, Action::Stop)));
-    assert!(!drives(&desk.wait(1.0)));
-    // A page that is gone does not finish its step.
-    assert!(drives(&desk.say(3, step)));
-    let out = desk.wait(GONE + 0.05);
-    assert!(stops(&out) && !desk.motion.is_moving());
+    assert!(driver.motion.is_moving());
+    driver.situation.house_from_chair = Some(Isometry3::translation(0.10, 0.0, 0.0));
+    let out = driver.wait(0.02);
+    assert!(stops(&out) && !driver.motion.is_moving());
+    assert!(drives(&driver.send(2, step)));
+    assert!(stops(&driver.send(2, Action::Stop)));
+    assert!(!drives(&driver.wait(1.0)));
+    // A vanished page does not finish its step.
+    assert!(drives(&driver.send(3, step)));
+    let out = driver.wait(GONE + 0.05);
+    assert!(stops(&out) && !driver.motion.is_moving());
 }
 
 #[test]
-fn the_hand_moves_along_the_axes_of_the_chair_and_holds_when_let_go() {
-    let mut desk = Desk::new();
-    let out = desk.say(1, Action::Drive(up()));
-    let Some(Target::Twist(told)) = commands(&out)[0].arm.clone().unwrap().target else {
+fn the_hand_moves_along_the_axes_of_the_chair_and_holds_when_released() {
+    let mut driver = TestDriver::new();
+    let out = driver.send(1, Action::Drive(up()));
+    let Some(Target::Twist(target)) = commands(&out)[0].arm.clone().unwrap().target else {
         panic!("{out:?}");
     };
-    assert_eq!(told.frame(), v1::CommandFrame::Wheelchair);
-    let linear = told.twist.unwrap().linear.unwrap();
+    assert_eq!(target.frame(), v1::CommandFrame::Wheelchair);
+    let linear = target.twist.unwrap().linear.unwrap();
     assert!(
         linear.z > 0.1 && linear.x == 0.0 && linear.y == 0.0,
         "{linear:?}"
     );
-    // The chair joins, and the hand is let go.
-    let out = desk.say(1, Action::Drive(forward()));
+    // With chair input the hand is released.
+    let out = driver.send(1, Action::Drive(forward()));
     let command = commands(&out)[0];
     let arm = command.arm.clone().unwrap().target;
     assert_eq!(arm, Some(Target::Hold(true)));
@@ -461,13 +461,13 @@ fn the_hand_moves_along_the_axes_of_the_chair_and_holds_when_let_go() {
 }
 
 #[test]
-fn the_fingers_go_as_fast_as_is_wanted_and_no_further_than_they_can() {
-    let mut desk = Desk::new();
+fn the_fingers_move_at_the_chosen_speed_within_their_range() {
+    let mut driver = TestDriver::new();
     let close = Held {
         grip: -1.0,
         ..Held::default()
     };
-    let out = desk.hold(1, close, 0.5);
+    let out = driver.hold(1, close, 0.5);
     let openings: Vec<f64> = commands(&out)
         .iter()
         .filter_map(|c| match c.gripper.as_ref()?.target.as_ref()? {
@@ -479,7 +479,7 @@ fn the_fingers_go_as_fast_as_is_wanted_and_no_further_than_they_can() {
     let first = openings[0];
     let last = *openings.last().unwrap();
     assert!((first - last - 0.45 * 0.085).abs() < 0.003, "{openings:?}");
-    let out = desk.hold(2, close, 3.0);
+    let out = driver.hold(2, close, 3.0);
     let last = commands(&out).last().unwrap().gripper.unwrap();
     let shut = v1::gripper_command::Target::Opening(0.0);
     assert_eq!(last.target, Some(shut));
@@ -487,8 +487,8 @@ fn the_fingers_go_as_fast_as_is_wanted_and_no_further_than_they_can() {
 
 #[test]
 fn a_clutch_engages_without_a_jump_and_again_only_with_a_new_press() {
-    let mut desk = Desk::new();
-    desk.mode = v1::InputMode::Stream;
+    let mut driver = TestDriver::new();
+    driver.mode = v1::InputMode::Stream;
     let moved = |x| Held {
         clutch: Some(Clutch {
             moved: [x, 0.0, 0.0],
@@ -497,17 +497,17 @@ fn a_clutch_engages_without_a_jump_and_again_only_with_a_new_press() {
         ..Held::default()
     };
     let pose = |out: &[Out]| match commands(out)[0].arm.clone().unwrap().target {
-        Some(Target::Pose(told)) => normalized("pose", told.pose.as_ref()).unwrap(),
+        Some(Target::Pose(target)) => normalized("pose", target.pose.as_ref()).unwrap(),
         other => panic!("{other:?}"),
     };
-    let out = desk.say(1, Action::Drive(moved(0.0)));
+    let out = driver.send(1, Action::Drive(moved(0.0)));
     assert!((pose(&out).translation.x + 0.5).abs() < 1e-9);
-    let out = desk.say(1, Action::Drive(moved(0.02)));
+    let out = driver.send(1, Action::Drive(moved(0.02)));
     assert!((pose(&out).translation.x + 0.52).abs() < 1e-9);
-    let out = desk.say(1, Action::Drive(Held::default()));
+    let out = driver.send(1, Action::Drive(Held::default()));
     assert!(stops(&out));
-    assert_eq!(desk.say(1, Action::Drive(moved(0.05))), []);
+    assert_eq!(driver.send(1, Action::Drive(moved(0.05))), []);
     // The hand is where it is: engaging anew latches it there.
-    let out = desk.say(2, Action::Drive(moved(0.0)));
+    let out = driver.send(2, Action::Drive(moved(0.0)));
     assert!((pose(&out).translation.x + 0.5).abs() < 1e-9);
 }

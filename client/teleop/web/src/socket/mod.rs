@@ -21,7 +21,7 @@ const HELLO: Duration = Duration::from_secs(5);
 /// Longest name of a page, bytes.
 const PAGE: usize = 64;
 
-/// What a socket is for, by its path.
+/// Purpose of a socket, from its path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `/ws/state`.
@@ -32,7 +32,7 @@ pub enum Kind {
     Control,
 }
 
-/// Serves a socket until its end. `cookie` came with the request for it, on the
+/// Serves a socket until it ends. `cookie` is that of its request, on the
 /// connection at `place`.
 pub async fn serve(
     shared: Arc<Shared>,
@@ -53,7 +53,7 @@ pub async fn serve(
     if let Some(close) = close {
         if close.code != 4409 && close.code != 1000 {
             let line = serde_json::json!({"what": "closed", "code": close.code, "text": close.why});
-            shared.hub.tell(Event::Audit(line));
+            shared.hub.send(Event::Audit(line));
         }
         pipe.close(close).await;
     }
@@ -67,7 +67,7 @@ async fn enter(
     place: &Arc<Place>,
 ) -> Result<Entered, Close> {
     let first = tokio::time::timeout(HELLO, pipe.next()).await;
-    let first = first.map_err(|_| Close::new(4408, "no hello came within 5 s"))??;
+    let first = first.map_err(|_| Close::new(4408, "no hello arrived within 5 s"))??;
     let text = first.ok_or_else(|| Close::new(1000, ""))?;
     let hello: Hello = protocol::read(&text).map_err(|e| Close::new(4400, e.to_string()))?;
     if hello.t != "hello" {
@@ -109,7 +109,10 @@ async fn enter(
     };
     let (number, registered) = opened.map_err(|full| match full {
         Full::Pages => Close::new(4429, "too many pages are open"),
-        Full::Foreign => Close::new(SIGNED_OUT, "this page is somebody else's"),
+        Full::Foreign => Close::new(
+            SIGNED_OUT,
+            "this page belongs to another user: load the page again",
+        ),
     })?;
     Ok(Entered {
         page: hello.page,
@@ -135,12 +138,12 @@ async fn live(shared: &Arc<Shared>, pipe: &mut Pipe, entered: Entered) -> Option
             Socket::Control(_) => control::serve(shared, pipe, entered).await,
         },
     };
-    // Nothing of a session that ended stays in control.
+    // A session that ended must not stay in control.
     if let Some(close) = close.as_ref().filter(|close| close.code == SIGNED_OUT) {
         let gone = Event::SignedOut(page.clone(), close.why.clone());
-        shared.hub.tell(gone);
+        shared.hub.send(gone);
     }
     shared.registry.close(&page, socket, number);
-    shared.hub.tell(Event::Left(page, socket));
+    shared.hub.send(Event::Left(page, socket));
     close
 }

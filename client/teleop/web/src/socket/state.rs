@@ -1,30 +1,30 @@
-//! A state socket: reports ten times a second, answers and words at once, questions.
+//! A state socket: reports ten times a second, answers and notes at once, requests.
 
 use tokio::sync::{mpsc, watch as latest};
 
 use crate::hub::{Event, Outlet};
 use crate::pipe::{Close, Entered, Pipe, Shared};
-use crate::protocol::{self, Asked};
+use crate::protocol::{self, Request};
 
-/// Words that may wait for a page that reads slowly.
+/// Messages that may wait for a page that reads slowly.
 const WAITING: usize = 64;
 
-/// Serves until its end; why it is closed, if it is.
+/// Serves the socket until it ends; returns the close reason, if there is one.
 pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) -> Option<Close> {
     let mut ends = entered.ends;
-    let (said, mut words) = mpsc::channel(WAITING);
+    let (messages, mut waiting) = mpsc::channel(WAITING);
     let (report, mut reports) = latest::channel(String::new());
     reports.mark_unchanged();
-    let outlet = Outlet { said, report };
+    let outlet = Outlet { messages, report };
     let page = entered.page;
     let joined = Event::Joined(page.clone(), entered.visitor, entered.socket, Some(outlet));
-    shared.hub.tell(joined);
+    shared.hub.send(joined);
     loop {
         let text = tokio::select! {
             biased;
             close = ends.close() => return Some(close),
-            word = words.recv() => match word {
-                Some(word) => word,
+            message = waiting.recv() => match message {
+                Some(message) => message,
                 None => return Some(Close::new(4429, "this page does not read")),
             },
             next = pipe.next() => {
@@ -33,8 +33,8 @@ pub(super) async fn serve(shared: &Shared, pipe: &mut Pipe, entered: Entered) ->
                     Ok(None) => return None,
                     Err(close) => return Some(close),
                 };
-                match protocol::read::<Asked>(&text) {
-                    Ok(asked) => shared.hub.tell(Event::Asked(page.clone(), asked)),
+                match protocol::read::<Request>(&text) {
+                    Ok(request) => shared.hub.send(Event::Request(page.clone(), request)),
                     Err(why) => return Some(Close::new(4400, why.to_string())),
                 }
                 continue;

@@ -1,5 +1,5 @@
-//! A video socket: the newest picture of every camera that the page shows, never
-//! more than three that it has not acknowledged, so that nothing ever queues.
+//! A video socket: the newest image of every camera that the page shows, with at most
+//! three unacknowledged images, so that images never queue.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -10,36 +10,36 @@ use tokio_tungstenite::tungstenite::Message;
 use wheelarm_proto::preview::PreviewLevel;
 
 use crate::encode::{Codec, Encoded, Encoder};
-use crate::feed::{Feed, Feeds, Picture};
+use crate::feed::{Feed, Feeds, Image};
 use crate::hub::Event;
 use crate::ladder::Ladder;
 use crate::pipe::{Close, Entered, Pipe, Shared};
 use crate::protocol::{self, Viewing, WantedCamera};
 use crate::report::Sent;
 
-/// Pictures of a camera that may be under way.
+/// Most unacknowledged images of a camera.
 const FLIGHT: usize = 3;
-/// Cameras that one page may be shown.
+/// Most cameras of one page.
 const CAMERAS: usize = 8;
-/// Bytes before the picture.
+/// Size of the header before the image, bytes.
 const HEADER: usize = 40;
 
-/// A camera as this page is shown it.
+/// A camera that this page shows.
 struct Shown {
     index: usize,
     name: String,
-    /// What can be shown, pixels.
+    /// Width that the page can show, pixels.
     width: u32,
     ladder: Ladder,
     feed: Arc<Feed>,
-    /// The level that takes its place with its first picture.
+    /// The next level, which replaces the current one with its first image.
     next: Option<Arc<Feed>>,
-    /// Number of the feed's picture that was sent last; 0 before the first.
+    /// Sequence number of the last image sent; 0 before the first.
     newest: u64,
     seq: u32,
-    /// Numbers that are under way, and when they went, s.
+    /// Unacknowledged sequence numbers, and when they were sent, s.
     flight: VecDeque<(u32, f64)>,
-    /// Pictures that were let go since the last acknowledgement.
+    /// Images skipped since the last acknowledgement.
     skipped: u64,
     sent_width: u32,
     codec: Codec,
@@ -74,7 +74,7 @@ impl Shown {
         }
     }
 
-    /// Goes to the level that link and page can take now.
+    /// Switches to the level that network and page can carry now.
     fn choose(&mut self, feeds: &Feeds, now: f64) {
         self.ladder.decide(now);
         let (level, _) = rung(self.codec, self.ladder.level(), self.width);
@@ -88,13 +88,13 @@ impl Shown {
         }
     }
 
-    /// The picture that is to be sent now, if one is.
-    fn due(&mut self) -> Option<Arc<Picture>> {
+    /// The image to send now, if there is one.
+    fn due(&mut self) -> Option<Arc<Image>> {
         let newest = self.feed.newest()?;
         if newest.number == self.newest || self.flight.len() >= FLIGHT {
             return None;
         }
-        // What came meanwhile was let go before anything was made of it.
+        // Images that arrived meanwhile are skipped before they are encoded.
         if self.newest > 0 {
             self.skipped += newest.number.saturating_sub(self.newest + 1);
         }
@@ -108,14 +108,14 @@ impl Shown {
                 break;
             }
             self.flight.pop_front();
-            self.ladder.came(u64::from(first), now - at, now);
+            self.ladder.arrived(u64::from(first), now - at, now);
         }
         self.ladder.shown(std::mem::take(&mut self.skipped));
     }
 }
 
-/// What is subscribed for a rung of the ladder and a picture of so many pixels, and
-/// the bits per second that an encoder makes of it.
+/// The subscription for a rung of the ladder and a width in pixels, and
+/// the bits per second of an encoder.
 fn rung(codec: Codec, level: PreviewLevel, width: u32) -> (PreviewLevel, u32) {
     let most = match width {
         0..=320 => PreviewLevel::Low,
@@ -134,56 +134,54 @@ fn rung(codec: Codec, level: PreviewLevel, width: u32) -> (PreviewLevel, u32) {
     }
 }
 
-/// Serves until its end; why it is closed, if it is.
+/// Serves the socket until it ends; returns the close reason, if there is one.
 pub(super) async fn serve(
     shared: &Arc<Shared>,
     pipe: &mut Pipe,
     entered: Entered,
 ) -> Option<Close> {
-    // Those who only look share what the server encodes.
+    // Viewers share the server's encoding.
     let may_encode = entered.visitor.role.may_drive();
     let mut ends = entered.ends;
     let page = entered.page;
     let joined = Event::Joined(page.clone(), entered.visitor, entered.socket, None);
-    shared.hub.tell(joined);
+    shared.hub.send(joined);
     let mut pulse = shared.feeds.pulse();
     let mut cameras = shared.hub.cameras.clone();
     let mut codec = Codec::default();
     let mut wanted: Vec<WantedCamera> = Vec::new();
     let mut shown: Vec<Shown> = Vec::new();
-    // Numbers go on when a camera is shown again.
+    // Sequence numbers continue when a camera is shown again.
     let mut numbers = BTreeMap::new();
     let began = Instant::now();
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     loop {
         let now = began.elapsed().as_secs_f64();
         for one in &mut shown {
             one.choose(&shared.feeds, now);
-            let Some(picture) = one.due() else { continue };
+            let Some(image) = one.due() else { continue };
             let (_, bits) = rung(one.codec, one.ladder.level(), one.width);
             let (codec, encoder) = (one.codec, &mut one.encoder);
-            // An encoder takes some milliseconds, in which others are served.
+            // Encoding takes some milliseconds, in which other tasks must run.
             let made = match codec {
-                Codec::Jpeg => encoder.encode(codec, &picture, bits),
+                Codec::Jpeg => encoder.encode(codec, &image, bits),
                 #[cfg(feature = "h264")]
-                Codec::H264 => {
-                    tokio::task::block_in_place(|| encoder.encode(codec, &picture, bits))
-                }
+                Codec::H264 => tokio::task::block_in_place(|| encoder.encode(codec, &image, bits)),
             };
             let Some(made) = made else { continue };
             one.seq += 1;
             numbers.insert(one.index, one.seq);
             one.flight.push_back((one.seq, now));
-            one.sent_width = picture.width;
-            let message = message(&picture, one, &made, began);
+            one.sent_width = image.width;
+            let message = message(&image, one, &made, began);
             if !pipe.send(Message::Binary(message)).await {
                 return None;
             }
         }
         let sent = sent(&shown);
-        if sent != told {
-            shared.hub.tell(Event::Sent(page.clone(), sent.clone()));
-            told = sent;
+        if sent != reported {
+            shared.hub.send(Event::Sent(page.clone(), sent.clone()));
+            reported = sent;
         }
         let next = tokio::select! {
             biased;
@@ -212,13 +210,13 @@ pub(super) async fn serve(
         let now = began.elapsed().as_secs_f64();
         match protocol::read::<Viewing>(&text) {
             Ok(Viewing::Want {
-                cameras: asked,
+                cameras: requested,
                 codecs,
             }) => {
                 if may_encode {
                     codec = Codec::of(&codecs);
                 }
-                wanted = asked;
+                wanted = requested;
                 wanted.truncate(CAMERAS);
                 let names = cameras.borrow().clone();
                 show(
@@ -247,7 +245,7 @@ pub(super) async fn serve(
     }
 }
 
-/// Shows what is wanted, and goes on with what was shown before.
+/// Shows the wanted cameras, and continues those that were shown before.
 fn show(
     shown: &mut Vec<Shown>,
     wanted: &[WantedCamera],
@@ -278,7 +276,7 @@ fn show(
     }
 }
 
-/// What is sent of each camera, by its index.
+/// Codec and width of each camera, by its index.
 fn sent(shown: &[Shown]) -> Vec<Sent> {
     let most = shown.iter().map(|one| one.index + 1).max().unwrap_or(0);
     let mut sent = vec![Sent::default(); most];
@@ -291,19 +289,19 @@ fn sent(shown: &[Shown]) -> Vec<Sent> {
     sent
 }
 
-/// A picture as a message.
-fn message(picture: &Picture, shown: &Shown, made: &Encoded, began: Instant) -> Bytes {
+/// Assembles the message of an image.
+fn message(image: &Image, shown: &Shown, made: &Encoded, began: Instant) -> Bytes {
     let mut message = BytesMut::with_capacity(HEADER + made.bytes.len());
     message.put_u8(1);
     message.put_u8(shown.codec.number());
     message.put_u8(u8::from(made.key));
     message.put_u8(u8::try_from(shown.index).unwrap_or(u8::MAX));
-    message.put_u16_le(u16::try_from(picture.width).unwrap_or(u16::MAX));
-    message.put_u16_le(u16::try_from(picture.height).unwrap_or(u16::MAX));
+    message.put_u16_le(u16::try_from(image.width).unwrap_or(u16::MAX));
+    message.put_u16_le(u16::try_from(image.height).unwrap_or(u16::MAX));
     message.put_u32_le(shown.seq);
     message.put_u32_le(0);
-    message.put_u64_le(picture.tick);
-    message.put_u64_le(picture.stamp_nanos);
+    message.put_u64_le(image.tick);
+    message.put_u64_le(image.stamp_nanos);
     message.put_u64_le(u64::try_from(began.elapsed().as_micros()).unwrap_or(u64::MAX));
     message.extend_from_slice(&made.bytes);
     message.freeze()

@@ -1,33 +1,33 @@
-//! What recorders make of the episodes of a person. An episode is kept when a recorder
-//! says that its file is complete, and not before. Pure; times are seconds of the
+//! State of the recordings of an operator's episodes. An episode is kept when a recorder
+//! reports a complete file, and not before. Pure; times are seconds of the
 //! caller's clock.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use wheelarm_proto::v1;
 
-/// Episodes that are followed at a time.
+/// Most episodes that are followed at a time.
 const FOLLOWED: usize = 4;
-/// A recorder that is missing for so long after the end makes no file any more, s. One
-/// that stood still comes back within five.
+/// A recorder that is missing for this long after the end no longer counts, s. One
+/// that stalled returns within five.
 const GONE: f64 = 8.0;
-/// So long after the end a recorder may still appear, s.
+/// A recorder may still appear for this long after the end, s.
 const APPEARS: f64 = 2.0;
 
-/// What became of an episode's file.
+/// Result for an episode's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// Nothing is kept, or not everything.
+    /// Nothing was kept, or not everything.
     pub bad: bool,
-    /// In words.
+    /// Text for the person.
     pub text: String,
 }
 
-/// What one recorder says of an episode.
+/// State of an episode at one recorder.
 #[derive(Clone, Debug)]
 struct File {
     status: v1::RecorderStatus,
-    /// The recorder is not connected, since this time, s.
+    /// The recorder disconnected at this time, s.
     missing: Option<f64>,
 }
 
@@ -39,17 +39,17 @@ struct Episode {
     /// This client started it.
     ours: bool,
     files: BTreeMap<String, File>,
-    /// Since when it runs without a recorder that the server knows, s.
+    /// Since when it runs without a recorder that the server lists, s.
     unrecorded: Option<f64>,
-    /// No recorder came for longer than [`APPEARS`].
+    /// No recorder appeared for longer than [`APPEARS`].
     is_lost: bool,
     /// When it ended, s.
     ended: Option<f64>,
-    /// The server told of its end, which says whether it is discarded.
-    heard: bool,
+    /// The server confirmed the end, which states whether it is discarded.
+    confirmed: bool,
 }
 
-/// The files of the running episode and of those that ended a moment ago.
+/// The files of the running episode and of those that ended recently.
 #[derive(Clone, Debug, Default)]
 pub struct Files {
     episodes: VecDeque<Episode>,
@@ -60,7 +60,7 @@ fn id(header: Option<&v1::Header>) -> (String, u64) {
 }
 
 impl Files {
-    /// An episode runs, started by this client or (`ours` false) by another one.
+    /// An episode started, by this client or (`ours` false) by another one.
     pub fn began(&mut self, started: &v1::EpisodeStarted, ours: bool) {
         let id = id(started.header.as_ref());
         if let Some(known) = self.episodes.iter_mut().find(|episode| episode.id == id) {
@@ -79,22 +79,22 @@ impl Files {
             unrecorded: None,
             is_lost: false,
             ended: None,
-            heard: false,
+            confirmed: false,
         });
     }
 
-    /// An episode ended; of one that is thrown away nothing is expected.
+    /// An episode ended; a discarded one needs no file.
     pub fn ended(&mut self, stopped: &v1::EpisodeStopped, now: f64) {
         let id = id(stopped.header.as_ref());
         if stopped.discard {
             self.episodes.retain(|episode| episode.id != id);
         } else if let Some(episode) = self.episodes.iter_mut().find(|e| e.id == id) {
             episode.ended.get_or_insert(now);
-            episode.heard = true;
+            episode.confirmed = true;
         }
     }
 
-    /// Takes the server's account of its recorders. Returns what became of files.
+    /// Handles the server's list of recorders. Returns results of files.
     pub fn status(&mut self, status: &v1::Status, now: f64) -> Vec<Verdict> {
         let running = status.episode.as_ref();
         let waits = status.waiting_for_code() == v1::WaitingFor::Recorders;
@@ -105,7 +105,7 @@ impl Files {
         let mut verdicts = Vec::new();
         self.episodes.retain_mut(|episode| {
             if running.as_ref() != Some(&episode.id) {
-                // Its end was not heard: the server may be another one.
+                // The end was missed: the server may be another one.
                 episode.ended.get_or_insert(now);
             }
             for file in episode.files.values_mut() {
@@ -120,7 +120,7 @@ impl Files {
                     episode.files.insert(recorder.recorder.clone(), file);
                 }
             }
-            // A recorder that ends right after the start is never seen.
+            // A recorder that ends right after the start is never listed.
             if episode.files.is_empty() {
                 let since = *episode.unrecorded.get_or_insert(now);
                 episode.is_lost = now - since > APPEARS;
@@ -130,7 +130,7 @@ impl Files {
             let Some(verdict) = episode.verdict(now) else {
                 return true;
             };
-            // Others may run episodes without a recorder as they please.
+            // Other clients may run episodes without a recorder.
             if episode.ours || !episode.files.is_empty() {
                 verdicts.push(verdict);
             }
@@ -139,7 +139,7 @@ impl Files {
         verdicts
     }
 
-    /// Whether a recorder that answers has the newest episode.
+    /// Whether a connected recorder has the newest episode.
     #[must_use]
     pub fn is_recorded(&self) -> bool {
         let newest = self.episodes.back();
@@ -149,7 +149,7 @@ impl Files {
         })
     }
 
-    /// What is wrong with the recording of the running episode.
+    /// Problem of the recording of the running episode.
     #[must_use]
     pub fn problem(&self) -> Option<String> {
         let running = self.episodes.back()?;
@@ -190,7 +190,7 @@ impl File {
         }
     }
 
-    /// Nothing more comes of it.
+    /// Stops following an episode.
     fn is_settled(&self, now: f64) -> bool {
         let over = [v1::RecorderState::Finished, v1::RecorderState::Failed];
         let silent = self.status.silent_seconds;
@@ -208,7 +208,7 @@ impl Episode {
     fn verdict(&self, now: f64) -> Option<Verdict> {
         let ended = self.ended?;
         let settled = self.files.values().all(|file| file.is_settled(now));
-        let early = !self.heard || self.files.is_empty();
+        let early = !self.confirmed || self.files.is_empty();
         if !settled || (early && now - ended < APPEARS) {
             return None;
         }
@@ -308,7 +308,7 @@ mod tests {
         let ready = [recorder("disk", Ready)];
         assert_eq!(files.status(&status(true, &ready), 0.0), []);
         files.ended(&stopped(), 5.0);
-        // A status that was on its way says that it still runs.
+        // A status from before the end still lists it as running.
         assert_eq!(files.status(&status(true, &ready), 5.1), []);
         let finishing = [recorder("disk", Finishing)];
         assert_eq!(files.status(&status(false, &finishing), 60.0), []);
@@ -324,12 +324,12 @@ mod tests {
         assert_eq!(
             files.status(&status(false, &finished), 62.0),
             [],
-            "said once"
+            "reported once"
         );
     }
 
     #[test]
-    fn nothing_is_called_kept_that_no_recorder_has() {
+    fn an_episode_without_a_complete_file_is_not_reported_as_kept() {
         let partial = v1::RecorderStatus {
             complete: false,
             ..recorder("disk", Finished)
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn episode_whose_recorder_was_never_seen_is_a_problem() {
+    fn episode_whose_recorder_never_appeared_is_a_problem() {
         let mut files = Files::default();
         let running = status(true, &[]);
         files.began(running.episode.as_ref().expect("an episode"), true);
@@ -373,11 +373,11 @@ mod tests {
         let problem = files.problem().unwrap_or_default();
         assert!(problem.starts_with("NOTHING IS RECORDED"), "{problem}");
         files.status(&status(true, &[recorder("a", Ready)]), 2.0 * APPEARS);
-        assert_eq!(files.problem(), None, "it has come");
+        assert_eq!(files.problem(), None, "it has appeared");
     }
 
     #[test]
-    fn a_recorder_that_fails_or_goes_is_a_problem_at_once() {
+    fn a_recorder_that_fails_or_disconnects_is_a_problem_at_once() {
         let mut files = Files::default();
         let both = [recorder("a", Ready), recorder("b", Ready)];
         files.status(&status(true, &both), 0.0);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn practice_and_what_is_discarded_is_expected_from_no_recorder() {
+    fn practice_and_discarded_episodes_need_no_recorder() {
         let mut files = Files::default();
         files.began(&started(true), true);
         files.status(

@@ -1,14 +1,14 @@
-//! What a person at the controls is told: [`Line`] keeps a connection open,
-//! [`Situation`] keeps the newest of everything. Nothing here commands.
+//! State for a person at the controls: [`ServerConnection`] keeps a connection open, [`Situation`]
+//! stores the newest samples and status. This module sends no commands.
 
 mod files;
 mod hand;
-mod line;
+mod server_connection;
 mod situation;
 
 pub use files::{Files, Verdict};
-pub use hand::seen_from_the_chair;
-pub use line::{Heard, Line};
+pub use hand::chair_directions;
+pub use server_connection::{ConnectionEvent, ServerConnection};
 pub use situation::{Connection, Happening, Situation, Target};
 
 #[cfg(test)]

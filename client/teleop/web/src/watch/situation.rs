@@ -1,7 +1,7 @@
-//! The newest of everything that a person at the controls wants to know.
+//! The newest samples and status, for a person at the controls.
 //!
-//! Pure: samples and the time at which they came go in, nothing is asked of
-//! the network. Times are seconds of a clock that the caller chooses.
+//! Pure: input is samples and their arrival times; it sends no requests.
+//! Times are seconds of a clock that the caller chooses.
 
 use std::collections::VecDeque;
 
@@ -14,35 +14,35 @@ use super::files::{Files, Verdict};
 use super::hand;
 use wheelarm_proto::geometry::normalized;
 
-/// Newest lines that are kept of what happened.
+/// Most events that are stored.
 const KEPT: usize = 50;
 
-/// How the connection is.
+/// State of the connection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Connection {
-    /// Not connected yet, or no more; why.
+    /// Not connected; the reason.
     #[default]
     Opening,
     /// The server answers.
     Open,
-    /// Connected, but nothing has come since this time, s.
+    /// Connected, but no message arrived since this time, s.
     Silent(f64),
-    /// Lost at this time, s, with the reason. It is tried again by itself.
+    /// Lost at this time, s, with the reason. It reconnects by itself.
     Lost(f64, String),
 }
 
-/// Something that happened.
+/// An event of the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Happening {
-    /// When, s.
+    /// Time, s.
     pub at: f64,
-    /// It wants attention.
+    /// Whether it needs attention.
     pub bad: bool,
-    /// In words.
+    /// Text.
     pub text: String,
 }
 
-/// Where the object of the task is to be taken, seen from the hand.
+/// Where to grasp the object of the task, relative to the hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// Its name.
@@ -54,7 +54,7 @@ pub struct Target {
     pub place: [f64; 3],
 }
 
-/// What the scene query tells that is needed here.
+/// Used fields of the scene query.
 #[derive(Clone, Debug, PartialEq)]
 struct Scene {
     target: String,
@@ -63,7 +63,7 @@ struct Scene {
     grasp: Point3<f64>,
 }
 
-/// What the robot's description tells that is needed here.
+/// Used fields of the robot's description.
 #[derive(Clone, Debug, PartialEq)]
 struct Robot {
     roles: Roles,
@@ -71,14 +71,14 @@ struct Robot {
     tool_length: f64,
 }
 
-/// The newest of everything.
+/// The newest samples and status.
 #[derive(Clone, Debug, Default)]
 pub struct Situation {
-    /// How the connection is.
+    /// State of the connection.
     pub connection: Connection,
-    /// The server's own account, asked regularly.
+    /// The server's status.
     pub status: Option<v1::Status>,
-    /// Round trip of the newest answer, s.
+    /// Round trip of the newest reply, s.
     pub round_trip: Option<f64>,
     /// Stamp of the newest tick.
     pub header: v1::Header,
@@ -92,19 +92,19 @@ pub struct Situation {
     pub house_from_chair: Option<Isometry3<f64>>,
     /// End effector in `base_link`.
     pub base_from_tool: Option<Isometry3<f64>>,
-    /// What the robot was told at the newest control tick.
+    /// Applied command of the newest control tick.
     pub applied: Option<v1::Applied>,
     /// Normal force at the left and the right pad, N.
     pub pad_force: [f64; 2],
-    /// Pairs of the robot and anything else that touch, strongest first.
+    /// Contacts between the robot and other bodies, strongest first.
     pub contacts: Vec<v1::Contact>,
-    /// Finer name of the phase of the work, as the operator tells it.
+    /// Phase name of the command in force.
     pub phase: String,
-    /// What happened, oldest first.
+    /// Events, oldest first.
     pub happenings: VecDeque<Happening>,
-    /// What recorders make of the episodes.
+    /// State of the recordings of episodes.
     pub files: Files,
-    /// An episode that did not start, or of which nothing or not everything was kept, in
+    /// An episode that did not start, or that was not kept completely, in
     /// words. The next episode clears it.
     pub alarm: Option<String>,
     scene: Option<Scene>,
@@ -115,7 +115,7 @@ pub struct Situation {
 }
 
 impl Situation {
-    /// Takes a sample; a malformed part of it is left out.
+    /// Handles a sample; malformed parts are skipped.
     pub fn take(&mut self, sample: Sample, now: f64) {
         if matches!(self.connection, Connection::Silent(_)) {
             self.connection = Connection::Open;
@@ -140,7 +140,7 @@ impl Situation {
             Sample::Evaluation(evaluation) => self.evaluation = Some(evaluation),
             Sample::Applied(applied) => self.applied = Some(applied),
             Sample::Contact(contacts) => {
-                // Without the sign of a zero.
+                // Without negative zeros.
                 let force = |i: usize| contacts.pad_forces.get(i).map_or(0.0, |f| f + 0.0);
                 self.pad_force = [force(0), force(1)];
                 self.contacts = contacts.contacts;
@@ -171,7 +171,7 @@ impl Situation {
         }
     }
 
-    /// What is wrong and must not be overlooked, in words; the newest last.
+    /// Alarms, in words; the newest last.
     #[must_use]
     pub fn alarms(&self) -> Vec<String> {
         let evaluation = self.evaluation.as_ref();
@@ -190,8 +190,8 @@ impl Situation {
             .collect()
     }
 
-    /// Takes the server's own account, the round trip it took, s, and the time, s.
-    /// Returns what became of the files of episodes.
+    /// Handles the server's status, the round trip it took, s, and the time, s.
+    /// Returns results of the files of episodes.
     pub fn take_status(&mut self, status: v1::Status, round_trip: f64, now: f64) -> Vec<Verdict> {
         let verdicts = self.files.status(&status, now);
         for verdict in &verdicts {
@@ -211,13 +211,13 @@ impl Situation {
         verdicts
     }
 
-    /// An episode of ours did not start, or did not end.
+    /// An episode of this client did not start, or did not end.
     pub fn refused(&mut self, why: &str, now: f64) {
         self.note(now, true, why.to_owned());
         self.alarm = Some(why.to_owned());
     }
 
-    /// An episode of ours runs.
+    /// An episode of this client started.
     pub fn began(&mut self, started: v1::EpisodeStarted) {
         if let Some(header) = &started.header {
             self.header = header.clone();
@@ -226,13 +226,13 @@ impl Situation {
         self.evaluation = None;
         self.files.began(&started, true);
         if let Some(status) = &mut self.status {
-            // The next status is not waited for: commands must carry the number now.
+            // Commands must carry the number before the next status.
             status.evaluation = None;
             status.episode = Some(started);
         }
     }
 
-    /// An episode of ours ended at `now`, s. Returns how it went, in words.
+    /// An episode of this client ended at `now`, s. Returns its result, in words.
     pub fn ended(&mut self, stopped: &v1::EpisodeStopped, now: f64) -> String {
         let evaluation = stopped.evaluation.clone().unwrap_or_default();
         let result = match (evaluation.success, evaluation.failure.as_str()) {
@@ -260,7 +260,7 @@ impl Situation {
         text
     }
 
-    /// Takes the newest stamp; another run of the server begins anew.
+    /// Stores the newest stamp; another run of the server resets the state.
     fn tick(&mut self, header: Option<v1::Header>) {
         let Some(header) = header else { return };
         let is_new = header.run_id != self.header.run_id || header.tick >= self.header.tick;
@@ -270,8 +270,8 @@ impl Situation {
         }
     }
 
-    /// Takes the robot's description, without which samples do not say where
-    /// chair and hand are. A malformed one is left out.
+    /// Stores the robot's description, which is needed to locate chair and
+    /// hand in samples. A malformed one is ignored.
     pub fn take_robot(&mut self, robot: &v1::RobotDescription) {
         let roles = Roles::find(robot);
         let mount = normalized("arm mount", robot.arm_mount.as_ref());
@@ -285,7 +285,7 @@ impl Situation {
         }
     }
 
-    /// Finds chair and hand in the newest poses.
+    /// Computes chair and hand from the newest poses.
     fn place(&mut self) {
         let (Some(robot), Some(set)) = (&self.robot, &self.poses) else {
             return;
@@ -299,7 +299,7 @@ impl Situation {
         self.base_from_tool = tool.or(self.base_from_tool);
     }
 
-    /// Takes the scene's layout, for the target hint.
+    /// Stores the scene's layout, for the target hint.
     pub fn take_scene(&mut self, reply: &v1::SceneReply) {
         if let Some(robot) = &reply.robot {
             self.take_robot(robot);
@@ -317,14 +317,14 @@ impl Situation {
         });
     }
 
-    /// Nothing was answered in time.
+    /// No reply arrived in time.
     pub fn fall_silent(&mut self, now: f64) {
         if self.connection == Connection::Open {
             self.connection = Connection::Silent(now);
         }
     }
 
-    /// The connection is gone.
+    /// The connection was lost.
     pub fn lose(&mut self, now: f64, reason: &str) {
         if !matches!(self.connection, Connection::Lost(..)) {
             self.connection = Connection::Lost(now, reason.to_owned());
@@ -333,7 +333,7 @@ impl Situation {
         self.round_trip = None;
     }
 
-    /// Keeps a line of what happened; a repeated one is kept once.
+    /// Appends an event; a repeated one is stored once.
     pub fn note(&mut self, at: f64, bad: bool, text: String) {
         if self.happenings.back().is_some_and(|last| last.text == text) {
             self.happenings.pop_back();
@@ -375,15 +375,15 @@ impl Situation {
         ])
     }
 
-    /// The end effector from the arm's base as a person on the chair sees it:
+    /// The end effector relative to the arm's base, in the chair's directions:
     /// forward, left and up, m.
     #[must_use]
     pub fn hand(&self) -> Option<[f64; 3]> {
         let tool = self.base_from_tool?.translation;
-        Some(hand::seen_from_the_chair(tool.vector, &self.mount()?))
+        Some(hand::chair_directions(tool.vector, &self.mount()?))
     }
 
-    /// How the arm's base is turned on the chair.
+    /// Rotation of the arm's base on the chair.
     #[must_use]
     pub fn mount(&self) -> Option<UnitQuaternion<f64>> {
         Some(self.robot.as_ref()?.chair_from_base.rotation)
@@ -392,7 +392,7 @@ impl Situation {
     /// Distance between the pads, m.
     #[must_use]
     pub fn opening(&self) -> Option<f64> {
-        // A closed gripper may be told to be a hair less than closed.
+        // The command for a closed gripper may be slightly below zero.
         Some(self.joints.as_ref()?.opening?.max(0.0))
     }
 
@@ -403,7 +403,7 @@ impl Situation {
         self.joints.as_ref()?.positions.get(index).copied()
     }
 
-    /// Where the object of the task lies; `None` unless scene and objects came.
+    /// Position of the task's object; `None` until scene and objects are known.
     #[must_use]
     pub fn target(&self) -> Option<Target> {
         let (scene, robot) = (self.scene.as_ref()?, self.robot.as_ref()?);
@@ -414,7 +414,7 @@ impl Situation {
         let away = base_from_house * place - grasp;
         Some(Target {
             name: scene.target.clone(),
-            from_hand: hand::seen_from_the_chair(away, &robot.chair_from_base.rotation),
+            from_hand: hand::chair_directions(away, &robot.chair_from_base.rotation),
             place: place.coords.into(),
         })
     }
@@ -426,7 +426,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_server_that_starts_anew_replaces_the_clock() {
+    fn a_restarted_server_replaces_the_clock() {
         let mut situation = Situation::default();
         let at = |run: &str, tick| {
             Sample::Clock(v1::Clock {
@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_is_told_along_the_axes_of_the_chair() {
+    fn the_target_is_given_along_the_axes_of_the_chair() {
         let mut situation = Situation::default();
         let pose = |x: f64, y: f64, z: f64| v1::Pose {
             position: Some(v1::Vector3 { x, y, z }),

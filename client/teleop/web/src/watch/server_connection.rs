@@ -1,7 +1,7 @@
-//! A connection that keeps itself open: it connects, tells what comes, notices
-//! when the server is gone and connects again, until its owner drops it.
+//! A connection that keeps itself open: it connects, reports samples, detects the loss
+//! of the server and reconnects, until its owner drops it.
 //!
-//! All of it is told in one queue, in the order in which it came.
+//! All reports arrive in one queue, in order.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,61 +13,61 @@ use wheelarm_proto::{TopicId, v1};
 
 use wheelarm_sdk::{Bound, Client, ClientError, Connect};
 
-/// Time between two questions for the status.
+/// Time between two status requests.
 const PULSE: Duration = Duration::from_millis(400);
-/// Longest wait for the answer to one.
+/// Longest wait for a status reply.
 const PULSE_PATIENCE: Duration = Duration::from_millis(1500);
-/// The connection is opened anew after this long without any answer.
+/// The connection is reopened after this long without a reply.
 const GIVE_UP: Duration = Duration::from_secs(8);
 /// Wait between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(500);
 /// Longest wait for one attempt, s.
 const ATTEMPT_SECS: f64 = 2.0;
 
-/// Samples that may wait: several seconds of all streams. Under a flood the newest
-/// count.
+/// Samples that may wait: several seconds of all streams. On overflow the oldest are
+/// dropped.
 const WAITING: Bound = Bound {
     samples: 4096,
     bytes: 32 << 20,
 };
 
-/// What a line tells.
-pub enum Heard {
-    /// Connected; the link may be used until [`Heard::Lost`].
+/// Reports of a connection.
+pub enum ConnectionEvent {
+    /// Connected; the client may be used until [`ConnectionEvent::Lost`].
     Connected(Box<Client>),
     /// A sample.
     Sample(Box<Sample>),
-    /// The robot that is simulated: told after the connection, and again when
-    /// there is another one.
+    /// The simulated robot: reported after connecting, and again when
+    /// it changes.
     Robot(Box<v1::RobotDescription>),
-    /// The server's account of itself, and the round trip it took, s.
+    /// The server's status, and the round trip it took, s.
     Status(Box<v1::Status>, f64),
-    /// No answer within the patience; the connection may recover.
+    /// No reply within the timeout; the connection may recover.
     Silent,
-    /// The connection is gone; it is tried again.
+    /// The connection is lost; it reconnects by itself.
     Lost(String),
 }
 
 /// A connection that keeps itself open; it ends when dropped.
-pub struct Line {
+pub struct ServerConnection {
     ended: Arc<AtomicBool>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
-impl Line {
-    /// Starts connecting; `tell` makes the owner's event of what is heard.
+impl ServerConnection {
+    /// Starts connecting; `to_event` converts a report into the owner's event.
     #[must_use]
     pub fn open<E: Send + 'static>(
         connect: Connect,
         streams: Vec<TopicId>,
         events: Sender<E>,
-        tell: fn(Heard) -> E,
+        to_event: fn(ConnectionEvent) -> E,
     ) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
         let ours = Arc::clone(&ended);
         let thread = std::thread::spawn(move || {
-            let send = |heard| {
-                if events.send(tell(heard)).is_err() {
+            let send = |event| {
+                if events.send(to_event(event)).is_err() {
                     ours.store(true, Ordering::Release);
                 }
             };
@@ -80,7 +80,7 @@ impl Line {
     }
 }
 
-impl Drop for Line {
+impl Drop for ServerConnection {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
@@ -94,7 +94,7 @@ fn keep_open(
     connect: &Connect,
     streams: &[TopicId],
     ended: &AtomicBool,
-    send: &(dyn Fn(Heard) + Sync),
+    send: &(dyn Fn(ConnectionEvent) + Sync),
 ) {
     let attempt = Connect {
         timeout_secs: connect.timeout_secs.clamp(0.2, ATTEMPT_SECS),
@@ -102,45 +102,45 @@ fn keep_open(
     };
     while !ended.load(Ordering::Acquire) {
         let reason = match Client::open(&attempt) {
-            Ok(link) => match stay(&link, streams, ended, send) {
+            Ok(client) => match stay(&client, streams, ended, send) {
                 Ok(Some(reason)) => {
-                    close(link);
+                    close(client);
                     reason
                 }
                 Ok(None) => {
-                    close(link);
+                    close(client);
                     return;
                 }
                 Err(error) => error.to_string(),
             },
             Err(error) => error.to_string(),
         };
-        send(Heard::Lost(reason));
+        send(ConnectionEvent::Lost(reason));
         std::thread::sleep(RETRY);
     }
 }
 
-/// Closing waits for the peer, which may be gone: nobody waits for that.
-fn close(link: Client) {
-    std::thread::spawn(move || link.close());
+/// Closing waits for the peer, which may be gone: it runs on its own thread.
+fn close(client: Client) {
+    std::thread::spawn(move || client.close());
 }
 
-/// Serves one connection; why it is lost, or `None` when the owner ended it.
+/// Serves one connection; returns why it was lost, or `None` when the owner ended it.
 fn stay(
-    link: &Client,
+    client: &Client,
     streams: &[TopicId],
     ended: &AtomicBool,
-    send: &(dyn Fn(Heard) + Sync),
+    send: &(dyn Fn(ConnectionEvent) + Sync),
 ) -> Result<Option<String>, ClientError> {
-    let samples = link.newest_streams(streams, WAITING)?;
-    send(Heard::Connected(Box::new(link.clone())));
+    let samples = client.newest_streams(streams, WAITING)?;
+    send(ConnectionEvent::Connected(Box::new(client.clone())));
     let closed = &AtomicBool::new(false);
     std::thread::scope(|scope| {
         scope.spawn(move || {
             while !closed.load(Ordering::Acquire) {
-                // A sample that cannot be read is told by `wheelarm watch`.
+                // `wheelarm watch` reports samples that cannot be read.
                 if let Ok(Some(sample)) = samples.next(Duration::from_millis(50)) {
-                    send(Heard::Sample(Box::new(sample)));
+                    send(ConnectionEvent::Sample(Box::new(sample)));
                 }
             }
         });
@@ -150,33 +150,33 @@ fn stay(
             if ended.load(Ordering::Acquire) {
                 break None;
             }
-            if link.is_gone() {
-                break Some("the server has gone".to_owned());
+            if client.is_gone() {
+                break Some("the server has disconnected".to_owned());
             }
-            let asked = Instant::now();
-            match pulse(link) {
+            let requested = Instant::now();
+            match pulse(client) {
                 Some(status) => {
                     answered = Instant::now();
-                    let round_trip = asked.elapsed().as_secs_f64();
+                    let round_trip = requested.elapsed().as_secs_f64();
                     let named = status.scenario.as_ref().map(|s| s.robot.clone());
-                    send(Heard::Status(Box::new(status), round_trip));
+                    send(ConnectionEvent::Status(Box::new(status), round_trip));
                     if robot != named
-                        && let Some(told) = describe(link)
+                        && let Some(description) = describe(client)
                     {
                         robot = named;
-                        send(Heard::Robot(Box::new(told)));
+                        send(ConnectionEvent::Robot(Box::new(description)));
                     }
-                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                    std::thread::sleep(PULSE.saturating_sub(requested.elapsed()));
                 }
                 None if answered.elapsed() > GIVE_UP => {
                     break Some(format!(
-                        "no answer for {:.0} s",
+                        "no reply for {:.0} s",
                         answered.elapsed().as_secs_f64()
                     ));
                 }
                 None => {
-                    send(Heard::Silent);
-                    std::thread::sleep(PULSE.saturating_sub(asked.elapsed()));
+                    send(ConnectionEvent::Silent);
+                    std::thread::sleep(PULSE.saturating_sub(requested.elapsed()));
                 }
             }
         };
@@ -185,14 +185,15 @@ fn stay(
     })
 }
 
-/// Asks for the robot's description.
-fn describe(link: &Client) -> Option<v1::RobotDescription> {
-    let scene = link.request_within(&v1::SceneRequest {}, PULSE_PATIENCE);
+/// Requests the robot's description.
+fn describe(client: &Client) -> Option<v1::RobotDescription> {
+    let scene = client.request_within(&v1::SceneRequest {}, PULSE_PATIENCE);
     scene.ok()?.robot
 }
 
-/// Asks for the status, with less patience than a query of a command has.
-fn pulse(link: &Client) -> Option<v1::Status> {
-    link.request_within(&v1::StatusRequest {}, PULSE_PATIENCE)
+/// Requests the status, with a shorter timeout than that of a command's query.
+fn pulse(client: &Client) -> Option<v1::Status> {
+    client
+        .request_within(&v1::StatusRequest {}, PULSE_PATIENCE)
         .ok()
 }

@@ -1,16 +1,16 @@
-// The pictures that come: their header, what is painted, what is acknowledged and
-// how old it is. Pure: pictures are opaque things with `close()`.
+// Received images: their header, painting, acknowledgements and
+// age. Pure: images are opaque objects with `close()`.
 
 export const HEADER_BYTES = 40;
-/** Without a new picture for this long the picture is frozen, ms. */
+/** Without a new image for this long the image is frozen, ms. */
 export const FROZEN_MS = 1000;
 
-/** The header of a message and where the picture begins; an Error when it is none. */
+/** Parses the header of a message, with the encoded image; throws an Error when it is invalid. */
 export function readHeader(buffer) {
-  if (buffer.byteLength <= HEADER_BYTES) throw new Error("a picture without content");
+  if (buffer.byteLength <= HEADER_BYTES) throw new Error("an image without content");
   const view = new DataView(buffer);
   const version = view.getUint8(0);
-  if (version !== 1) throw new Error(`pictures of version ${version}: load the page again`);
+  if (version !== 1) throw new Error(`images of version ${version}: load the page again`);
   return {
     codec: ["jpeg", "h264"][view.getUint8(1)] || "unknown",
     key: (view.getUint8(2) & 1) === 1,
@@ -25,33 +25,33 @@ export function readHeader(buffer) {
   };
 }
 
-/** What waits to be painted and what was painted, by camera. */
-export class Pictures {
+/** Images that wait to be painted and painted ones, by camera. */
+export class Images {
   constructor() {
     this.waiting = new Map();
     this.painted = new Map();
   }
 
-  /** A decoded picture; an older one of its camera that waits is given up. */
-  decoded(header, picture) {
+  /** A decoded image; an older waiting image of its camera is closed. */
+  decoded(header, image) {
     const old = this.waiting.get(header.camera);
     if (old && old.header.seq > header.seq) {
-      picture.close();
+      image.close();
       return;
     }
-    if (old) old.picture.close();
-    this.waiting.set(header.camera, { header, picture });
+    if (old) old.image.close();
+    this.waiting.set(header.camera, { header, image });
   }
 
   /**
-   * In the animation frame: `paint(header, picture)` for each that waits. Returns
-   * the acknowledgements; each speaks for all older ones of its camera.
+   * In the animation frame: `paint(header, image)` for each waiting image. Returns
+   * the acknowledgements; each covers all older images of its camera.
    */
   paint(now, paint) {
     const acks = [];
-    for (const [camera, { header, picture }] of this.waiting) {
-      paint(header, picture);
-      picture.close();
+    for (const [camera, { header, image }] of this.waiting) {
+      paint(header, image);
+      image.close();
       const last = this.painted.get(camera);
       const times = (last?.times || []).filter((time) => now - time < 3000);
       this.painted.set(camera, { ...header, body: undefined, at: now, times: [...times, now] });
@@ -61,26 +61,26 @@ export class Pictures {
     return acks;
   }
 
-  /** The lowest tick on the screen among these cameras, or null. */
+  /** The lowest painted tick of these cameras, or null. */
   shown(cameras, now) {
     if (cameras.length === 0 || this.frozenFor(cameras, now) > FROZEN_MS) return null;
     return Math.min(...cameras.map((camera) => this.painted.get(camera).tick));
   }
 
-  /** How long the oldest picture on the screen has stood, ms; Infinity before the first. */
+  /** Age of the oldest painted image, ms; Infinity before the first. */
   frozenFor(cameras, now) {
     return Math.max(0, ...cameras.map((camera) => now - (this.painted.get(camera)?.at ?? -Infinity)));
   }
 
-  /** Pictures per second of a camera. */
+  /** Images per second of a camera. */
   rate(camera, now) {
     const times = (this.painted.get(camera)?.times || []).filter((time) => now - time < 3000);
     return times.length > 1 ? ((times.length - 1) * 1000) / (times.at(-1) - times[0]) : 0;
   }
 
-  /** The sockets are new: numbers begin again. */
+  /** The sockets are new: sequence numbers start again. */
   forget() {
-    for (const { picture } of this.waiting.values()) picture.close();
+    for (const { image } of this.waiting.values()) image.close();
     this.waiting.clear();
     this.painted.clear();
   }

@@ -1,36 +1,42 @@
-//! What pages ask on the state socket: control, tasks, scenarios, episodes, time.
+//! Requests of pages on the state socket: control, tasks, scenarios, episodes, time.
 
 use serde_json::{Value, json};
 use wheelarm_proto::label;
 
 use super::{Control, Effect, Model};
-use crate::errand::{Done, Errand, Start};
-use crate::protocol::{Ask, Asked};
+use crate::pending_operation::{Done, Operation, Start};
+use crate::protocol::{Request, RequestKind};
 use crate::watch::Connection;
 
-/// The errand during which the server is not expected to be silent.
+/// Name of the operation during which silence of the server is expected.
 pub(super) const LISTING: &str = "listing the tasks";
 
-/// What an ask brought: further fields of the answer, or why not.
+/// Result of a request: further fields of the answer, or the error text.
 pub type Answered = Result<Value, String>;
 
 impl Model {
-    /// Takes what a page asks.
-    pub fn asked(&mut self, page: &str, asked: &Asked, time: f64) -> Vec<Effect> {
-        let id = asked.id;
-        match &asked.ask {
-            Ask::LeaseAsk => return self.ask_lease(page, id, false, time),
-            Ask::LeaseTake => return self.ask_lease(page, id, true, time),
-            Ask::LeaseGive { to } => return self.give_lease(page, id, to.as_deref(), time),
-            Ask::Tasks => {
+    /// Handles a request of a page.
+    pub fn handle_request(&mut self, page: &str, request: &Request, time: f64) -> Vec<Effect> {
+        let id = request.id;
+        match &request.kind {
+            RequestKind::LeaseRequest => return self.request_lease(page, id, false, time),
+            RequestKind::LeaseTake => return self.request_lease(page, id, true, time),
+            RequestKind::LeaseGive { to } => return self.give_lease(page, id, to.as_deref(), time),
+            RequestKind::Tasks => {
                 let known = self.pages.get(page);
                 if !known.is_some_and(|page| page.visitor.role.may_drive()) {
                     let words = "the tasks are for those who may drive";
                     return self.answer(page, id, Err(words.to_owned()));
                 }
-                return self.errand(page, id, LISTING, Errand::Tasks);
+                return self.start_operation(page, id, LISTING, Operation::Tasks);
             }
-            Ask::Unknown => return self.answer(page, id, Err("nobody knows this".to_owned())),
+            RequestKind::Unknown => {
+                return self.answer(
+                    page,
+                    id,
+                    Err("unknown request: load the page again".to_owned()),
+                );
+            }
             _ => {}
         }
         if self.control.page() != Some(page) {
@@ -41,16 +47,16 @@ impl Model {
         let scenario = self.situation.scenario().cloned().unwrap_or_default();
         let none = || Err("no episode runs".to_owned());
         let runs = || Err("an episode runs; finish or discard it first".to_owned());
-        let (word, errand) = match (&asked.ask, running) {
-            (Ask::Reset { .. } | Ask::Start { .. }, Some(_)) => {
+        let (word, operation) = match (&request.kind, running) {
+            (RequestKind::Reset { .. } | RequestKind::Start { .. }, Some(_)) => {
                 return self.answer(page, id, runs());
             }
-            (Ask::Reset { task, seed }, None) => {
+            (RequestKind::Reset { task, seed }, None) => {
                 let (task, seed) = (task.clone(), *seed);
-                ("setting up", Errand::Reset { task, seed })
+                ("setting up", Operation::Reset { task, seed })
             }
             (
-                Ask::Start {
+                RequestKind::Start {
                     label,
                     instruction,
                     recorders,
@@ -69,12 +75,14 @@ impl Model {
                     },
                     recorders: *recorders,
                 };
-                ("starting", Errand::Start(start))
+                ("starting", Operation::Start(start))
             }
-            (Ask::Finish | Ask::Discard | Ask::Redo, None) => return self.answer(page, id, none()),
-            (Ask::Finish, Some(_)) => ("finishing", Errand::Stop { discard: false }),
-            (Ask::Discard, Some(_)) => ("discarding", Errand::Stop { discard: true }),
-            (Ask::Redo, Some(running)) => {
+            (RequestKind::Finish | RequestKind::Discard | RequestKind::Redo, None) => {
+                return self.answer(page, id, none());
+            }
+            (RequestKind::Finish, Some(_)) => ("finishing", Operation::Stop { discard: false }),
+            (RequestKind::Discard, Some(_)) => ("discarding", Operation::Stop { discard: true }),
+            (RequestKind::Redo, Some(running)) => {
                 let start = Start {
                     label: running.label,
                     // A recorder that failed may have left the log of this label.
@@ -82,52 +90,62 @@ impl Model {
                     instruction: running.instruction,
                     recorders: u32::from(!running.practice),
                 };
-                ("starting anew", Errand::Redo(start))
+                ("restarting", Operation::Redo(start))
             }
-            (Ask::Pause, _) => ("pausing", Errand::Pause(true)),
-            (Ask::Resume, _) => ("resuming", Errand::Pause(false)),
-            (Ask::Pick { camera, tick, u, v }, _) => {
+            (RequestKind::Pause, _) => ("pausing", Operation::Pause(true)),
+            (RequestKind::Resume, _) => ("resuming", Operation::Pause(false)),
+            (RequestKind::Pick { camera, tick, u, v }, _) => {
                 return self.pick(page, id, *camera, *tick, [*u, *v]);
             }
-            (Ask::GoalStart { candidate, action }, _) => {
+            (RequestKind::GoalStart { candidate, action }, _) => {
                 return self.start_goal(page, id, candidate, action, time);
             }
-            (Ask::GoalCancel, _) => {
+            (RequestKind::GoalCancel, _) => {
                 let mut effects = self.end_goal("cancelled", time);
                 effects.extend(self.answer(page, id, Ok(json!({}))));
                 return effects;
             }
             (
-                Ask::LeaseAsk | Ask::LeaseTake | Ask::LeaseGive { .. } | Ask::Tasks | Ask::Unknown,
+                RequestKind::LeaseRequest
+                | RequestKind::LeaseTake
+                | RequestKind::LeaseGive { .. }
+                | RequestKind::Tasks
+                | RequestKind::Unknown,
                 _,
             ) => return Vec::new(),
         };
-        // Nobody steers while the world changes.
+        // Motion stops while the scene changes.
         let mut effects = self.end_goal(word, time);
         effects.extend(self.cut(page, word, time));
         effects.push(self.audit(page, "episode", word));
-        effects.extend(self.errand(page, id, word, errand));
+        effects.extend(self.start_operation(page, id, word, operation));
         effects
     }
 
-    fn errand(&mut self, page: &str, id: u64, word: &'static str, errand: Errand) -> Vec<Effect> {
+    fn start_operation(
+        &mut self,
+        page: &str,
+        id: u64,
+        word: &'static str,
+        operation: Operation,
+    ) -> Vec<Effect> {
         if let Some((busy, _)) = &self.busy {
             let words = format!("wait: {busy}");
             return self.answer(page, id, Err(words));
         }
         if self.situation.connection != Connection::Open {
-            let words = "there is no connection to the simulation";
+            let words = "no connection to the simulation: wait until it is back";
             return self.answer(page, id, Err(words.to_owned()));
         }
         self.busy = Some((word, Some((page.to_owned(), id))));
         let name = match &self.control {
             Control::Ours { name, .. } => name.clone(),
-            Control::None | Control::Asking { .. } => String::new(),
+            Control::None | Control::Requested { .. } => String::new(),
         };
-        vec![Effect::Errand(errand, name)]
+        vec![Effect::Operation(operation, name)]
     }
 
-    /// Answers a page's question.
+    /// Answers a page's request.
     pub(crate) fn answer(&self, page: &str, id: u64, answered: Answered) -> Vec<Effect> {
         let mut answer = json!({"t": "answer", "id": id, "ok": answered.is_ok()});
         match answered {
@@ -142,14 +160,14 @@ impl Model {
         vec![Effect::Say(page.to_owned(), answer)]
     }
 
-    pub(super) fn answer_errand(&mut self, answered: Answered) -> Vec<Effect> {
+    pub(super) fn answer_operation(&mut self, answered: Answered) -> Vec<Effect> {
         match self.busy.take() {
             Some((_, Some((page, id)))) => self.answer(&page, id, answered),
             _ => Vec::new(),
         }
     }
 
-    /// Takes what came of an errand.
+    /// Handles the result of a pending operation.
     pub fn done(&mut self, done: Done, time: f64) -> Vec<Effect> {
         let answered = match done {
             Done::Lease(result) => return self.leased(result, time),
@@ -202,6 +220,6 @@ impl Model {
                 Err(why)
             }
         };
-        self.answer_errand(answered)
+        self.answer_operation(answered)
     }
 }

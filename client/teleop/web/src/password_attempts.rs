@@ -1,5 +1,5 @@
-//! Limits on wrong passwords: per address, and per address and user together. A name
-//! alone has no limit, so that nobody locks a user out from elsewhere.
+//! Limits on wrong passwords: per address, and per address and user together. User names
+//! alone have no limit, so that an attacker cannot lock a user out.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -8,25 +8,25 @@ use std::net::IpAddr;
 const MOST: [usize; 2] = [5, 20];
 /// s.
 const WINDOW: f64 = 60.0;
-/// Most accounts that are remembered; the one that was quiet longest goes first.
+/// Most accounts that are stored; the one that was quiet longest is dropped first.
 const ACCOUNTS: usize = 4096;
-/// Most pairs of address and user that are remembered for a right password.
+/// Most pairs of address and user that are stored after a right password.
 const RIGHT: usize = 1024;
 
-/// An address, and a user or none.
+/// An address, and optionally a user.
 type Account = (IpAddr, String);
 
 /// Wrong passwords of the last minute.
 #[derive(Debug, Default)]
-pub struct Tries {
+pub struct PasswordAttempts {
     wrong: BTreeMap<Account, Vec<f64>>,
-    /// Users that were let in from an address, and when, s. Strangers behind the same
-    /// address (a tunnel, a router) do not use up their tries.
+    /// Users that logged in from an address, and when, s. Strangers behind the same
+    /// address (a tunnel, a router) do not use up their attempts.
     right: BTreeMap<Account, f64>,
 }
 
-impl Tries {
-    /// Whether `user` may try from an address at `now`, s.
+impl PasswordAttempts {
+    /// Whether `user` may try a password from an address at `now`, s.
     ///
     /// # Errors
     /// The time to wait, s.
@@ -64,7 +64,7 @@ impl Tries {
         }
     }
 
-    /// The password of [`Tries::wrong`] at `now` was right after all.
+    /// The password counted by [`PasswordAttempts::wrong`] at `now` was right after all.
     pub fn right(&mut self, from: IpAddr, user: &str, now: f64) {
         let accounts = accounts(from, user);
         for account in &accounts {
@@ -89,13 +89,13 @@ fn forget_first<T>(all: &mut BTreeMap<Account, T>, at: impl Fn(&T) -> f64) {
     }
 }
 
-/// The accounts of the pair and of the address alone. A host has a whole /64 of IPv6.
+/// The accounts of the pair and of the address alone.
 fn accounts(from: IpAddr, user: &str) -> [Account; 2] {
     let from = network(from);
     [(from, user.to_owned()), (from, String::new())]
 }
 
-/// The address, or the /64 of an IPv6 address.
+/// The address, or the /64 of an IPv6 address: one host has a whole /64.
 pub fn network(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(ip) => IpAddr::V6((ip.to_bits() & (u128::MAX << 64)).into()),
@@ -113,62 +113,62 @@ mod tests {
 
     #[test]
     fn five_wrong_passwords_a_minute_of_one_user_from_one_address() {
-        let mut tries = Tries::default();
+        let mut attempts = PasswordAttempts::default();
         for i in 0..5 {
-            assert_eq!(tries.may(ip(1), "anna", f64::from(i)), Ok(()));
-            tries.wrong(ip(1), "anna", f64::from(i));
+            assert_eq!(attempts.may(ip(1), "anna", f64::from(i)), Ok(()));
+            attempts.wrong(ip(1), "anna", f64::from(i));
         }
-        assert_eq!(tries.may(ip(1), "anna", 5.0), Err(55.0));
-        assert_eq!(tries.may(ip(1), "anna", 61.0), Ok(()));
-        tries.wrong(ip(9), "zoe", 4.0);
-        tries.right(ip(9), "zoe", 4.0);
-        assert_eq!(tries.may(ip(9), "zoe", 5.0), Ok(()));
+        assert_eq!(attempts.may(ip(1), "anna", 5.0), Err(55.0));
+        assert_eq!(attempts.may(ip(1), "anna", 61.0), Ok(()));
+        attempts.wrong(ip(9), "zoe", 4.0);
+        attempts.right(ip(9), "zoe", 4.0);
+        assert_eq!(attempts.may(ip(9), "zoe", 5.0), Ok(()));
     }
 
     #[test]
     fn wrong_passwords_from_elsewhere_lock_no_user_out() {
-        let mut tries = Tries::default();
+        let mut attempts = PasswordAttempts::default();
         for i in 0..400 {
-            tries.wrong(ip(i % 40), "anna", f64::from(i) * 0.1);
+            attempts.wrong(ip(i % 40), "anna", f64::from(i) * 0.1);
         }
-        assert!(tries.may(ip(3), "anna", 40.0).is_err());
-        assert_eq!(tries.may(ip(77), "anna", 40.0), Ok(()));
+        assert!(attempts.may(ip(3), "anna", 40.0).is_err());
+        assert_eq!(attempts.may(ip(77), "anna", 40.0), Ok(()));
     }
 
     #[test]
-    fn strangers_behind_the_same_address_do_not_lock_out_a_user_who_was_let_in() {
-        let mut tries = Tries::default();
-        tries.wrong(ip(1), "anna", 0.0);
-        tries.right(ip(1), "anna", 0.0);
+    fn strangers_behind_the_same_address_do_not_lock_out_a_user_who_logged_in_before() {
+        let mut attempts = PasswordAttempts::default();
+        attempts.wrong(ip(1), "anna", 0.0);
+        attempts.right(ip(1), "anna", 0.0);
         for i in 0..30 {
-            tries.wrong(ip(1), &format!("guess{i}"), 1.0);
+            attempts.wrong(ip(1), &format!("guess{i}"), 1.0);
         }
-        assert!(tries.may(ip(1), "ben", 2.0).is_err(), "unknown there");
-        assert_eq!(tries.may(ip(1), "anna", 2.0), Ok(()));
+        assert!(attempts.may(ip(1), "ben", 2.0).is_err(), "unknown there");
+        assert_eq!(attempts.may(ip(1), "anna", 2.0), Ok(()));
     }
 
     #[test]
-    fn a_full_table_refuses_nobody_and_does_not_grow() {
-        let mut tries = Tries::default();
+    fn a_full_table_rejects_no_user_and_does_not_grow() {
+        let mut attempts = PasswordAttempts::default();
         for i in 0..10_000 {
-            tries.wrong(ip(i), &format!("user{i}"), 100.0);
+            attempts.wrong(ip(i), &format!("user{i}"), 100.0);
         }
-        assert!(tries.wrong.len() <= ACCOUNTS);
-        assert_eq!(tries.may(ip(99_999), "anna", 101.0), Ok(()));
+        assert!(attempts.wrong.len() <= ACCOUNTS);
+        assert_eq!(attempts.may(ip(99_999), "anna", 101.0), Ok(()));
         for i in 0..5000 {
-            tries.right(ip(i), "anna", 101.0);
+            attempts.right(ip(i), "anna", 101.0);
         }
-        assert!(tries.right.len() <= RIGHT);
+        assert!(attempts.right.len() <= RIGHT);
     }
 
     #[test]
     fn addresses_of_one_ipv6_network_count_as_one() {
-        let mut tries = Tries::default();
+        let mut attempts = PasswordAttempts::default();
         let ip = |text: &str| -> IpAddr { text.parse().unwrap() };
         for i in 0..5 {
-            tries.wrong(ip(&format!("2001:db8::{i}")), "anna", 0.0);
+            attempts.wrong(ip(&format!("2001:db8::{i}")), "anna", 0.0);
         }
-        assert!(tries.may(ip("2001:db8::ffff"), "anna", 1.0).is_err());
-        assert!(tries.may(ip("2001:db8:0:1::1"), "anna", 1.0).is_ok());
+        assert!(attempts.may(ip("2001:db8::ffff"), "anna", 1.0).is_err());
+        assert!(attempts.may(ip("2001:db8:0:1::1"), "anna", 1.0).is_ok());
     }
 }

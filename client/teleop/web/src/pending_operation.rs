@@ -1,5 +1,5 @@
-//! Queries that take time: control, episodes, scenarios. Each runs on a thread of
-//! its own, and what came of it goes back to whoever decides.
+//! Server operations that take time: control, episodes, scenarios. Each runs on its own
+//! thread and hands its result to the caller's event queue.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -9,10 +9,10 @@ use wheelarm_proto::{check, v1};
 use super::send::Commands;
 use wheelarm_sdk::{Client, ClientError, Commander};
 
-/// A query that takes time; its result comes back as [`Done`].
+/// An operation that takes time; its result arrives as [`Done`].
 #[derive(Clone, Debug, PartialEq)]
-pub enum Errand {
-    /// Ask for control; `take` takes it from whoever holds it.
+pub enum Operation {
+    /// Request control; `take` takes it from the current holder.
     Lease {
         /// Take it over.
         take: bool,
@@ -43,7 +43,7 @@ pub enum Errand {
 
 /// How long a person who starts an episode waits for recorders that are not connected.
 const RECORDERS_COME: Duration = Duration::from_secs(2);
-/// Time between two questions for them.
+/// Time between two checks for them.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// How an episode is started.
@@ -51,7 +51,7 @@ const LOOK: Duration = Duration::from_millis(100);
 pub struct Start {
     /// File label.
     pub label: String,
-    /// Nobody chose the label: a recorder that has such a file numbers it anew.
+    /// The label is generated: a recorder that already has such a file adds a number.
     pub numbered: bool,
     /// Instruction sentence.
     pub instruction: String,
@@ -59,10 +59,10 @@ pub struct Start {
     pub recorders: u32,
 }
 
-/// What came of an errand; the error in words.
+/// Result of an operation; the error is text for the person.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Done {
-    /// Control is ours, or why not.
+    /// Control is ours, or the reason why not.
     Lease(Result<(), String>),
     /// An episode began.
     Started(Result<Box<v1::EpisodeStarted>, String>),
@@ -70,7 +70,7 @@ pub enum Done {
     Stopped(Result<Box<v1::EpisodeStopped>, String>),
     /// A scenario is set up.
     Reset(Result<Box<v1::Scenario>, String>),
-    /// Time is paused, or resumes.
+    /// Time is paused or resumed.
     Paused(Result<bool, String>),
     /// The tasks.
     Tasks(Result<Vec<v1::TaskInfo>, String>),
@@ -78,69 +78,69 @@ pub enum Done {
     Scene(Result<Box<v1::SceneReply>, String>),
 }
 
-/// What an errand brought.
-pub enum Brought {
-    /// An answer.
+/// A message of a running operation.
+pub enum OperationEvent {
+    /// The operation ended.
     Done(Done),
-    /// Control, with the channel for commands.
+    /// Control was granted, with the channel for commands.
     Control(Box<Commander>),
 }
 
-/// Runs an errand and hands over what it brought. `former` is a channel that
-/// is given back before.
+/// Runs an operation on a thread and passes its messages on. `former` is a command
+/// channel that is released first.
 pub fn run(
-    link: Client,
+    client: Client,
     name: String,
-    errand: Errand,
+    operation: Operation,
     former: Option<Commands>,
-    bring: impl Fn(Brought) + Send + 'static,
+    send: impl Fn(OperationEvent) + Send + 'static,
 ) {
     std::thread::spawn(move || {
         if let Some(former) = former {
             former.finish();
         }
-        let done = match errand {
-            Errand::Lease { take } => match link.commander(&name, take) {
+        let done = match operation {
+            Operation::Lease { take } => match client.commander(&name, take) {
                 Ok(commander) => {
-                    bring(Brought::Control(Box::new(commander)));
+                    send(OperationEvent::Control(Box::new(commander)));
                     Done::Lease(Ok(()))
                 }
                 Err(error) => Done::Lease(Err(words(&error))),
             },
-            Errand::Start(args) => Done::Started(start(&link, &name, &args)),
-            Errand::Stop { discard } => Done::Stopped(stop(&link, discard)),
-            Errand::Redo(args) => {
-                let again = stop(&link, true)
-                    .and_then(|_| reset(&link, v1::Scenario::default()))
-                    .and_then(|_| start(&link, &name, &args));
+            Operation::Start(args) => Done::Started(start(&client, &name, &args)),
+            Operation::Stop { discard } => Done::Stopped(stop(&client, discard)),
+            Operation::Redo(args) => {
+                let again = stop(&client, true)
+                    .and_then(|_| reset(&client, v1::Scenario::default()))
+                    .and_then(|_| start(&client, &name, &args));
                 Done::Started(again)
             }
-            Errand::Reset { task, seed } => {
+            Operation::Reset { task, seed } => {
                 let scenario = v1::Scenario {
                     task: Some(task),
                     seed: Some(seed),
                     ..v1::Scenario::default()
                 };
-                Done::Reset(reset(&link, scenario))
+                Done::Reset(reset(&client, scenario))
             }
-            Errand::Pause(pause) => {
-                let result = pause_time(&link, pause);
+            Operation::Pause(pause) => {
+                let result = pause_time(&client, pause);
                 Done::Paused(result.map(|()| pause).map_err(|e| words(&e)))
             }
-            Errand::Tasks => {
-                let list = link.request(&v1::TasksRequest {});
+            Operation::Tasks => {
+                let list = client.request(&v1::TasksRequest {});
                 Done::Tasks(list.map(|l| l.tasks).map_err(|e| words(&e)))
             }
-            Errand::Scene => {
-                let scene = link.request(&v1::SceneRequest {});
+            Operation::Scene => {
+                let scene = client.request(&v1::SceneRequest {});
                 Done::Scene(scene.map(Box::new).map_err(|e| words(&e)))
             }
         };
-        bring(Brought::Done(done));
+        send(OperationEvent::Done(done));
     });
 }
 
-/// The server's own words where it refused; else the whole error.
+/// The server's own words where it rejected the request; otherwise the whole error.
 fn words(error: &ClientError) -> String {
     match error {
         ClientError::Refused { message, .. } => message.clone(),
@@ -148,10 +148,10 @@ fn words(error: &ClientError) -> String {
     }
 }
 
-/// Starts an episode of a person: it has no time limit, and it begins only when its
+/// Starts an episode for a person: it has no time limit and begins only when its
 /// recorders have opened their files.
-fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
-    wait_for_recorders(link, args.recorders)?;
+fn start(client: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStarted>, String> {
+    wait_for_recorders(client, args.recorders)?;
     let request = v1::EpisodeStartRequest {
         label: args.label.clone(),
         instruction: (!args.instruction.is_empty()).then(|| args.instruction.clone()),
@@ -162,21 +162,23 @@ fn start(link: &Client, name: &str, args: &Start) -> Result<Box<v1::EpisodeStart
         ..Default::default()
     };
     let started = match args.numbered {
-        true => link.start_episode_numbered(request),
-        false => link.start_episode(&request),
+        true => client.start_episode_numbered(request),
+        false => client.start_episode(&request),
     };
     started.map(Box::new).map_err(|e| words(&e))
 }
 
-/// The server waits half a minute for recorders that are not connected, which a person
-/// would take for a fault.
-fn wait_for_recorders(link: &Client, wanted: u32) -> Result<(), String> {
+/// Waits here, because the server waits half a minute for recorders that are not
+/// connected, which a person would take for a fault.
+fn wait_for_recorders(client: &Client, wanted: u32) -> Result<(), String> {
     if wanted == 0 {
         return Ok(());
     }
     let since = Instant::now();
     loop {
-        let status = link.request(&v1::StatusRequest {}).map_err(|e| words(&e))?;
+        let status = client
+            .request(&v1::StatusRequest {})
+            .map_err(|e| words(&e))?;
         let all = status.recorders.iter();
         let answering = all.filter(|recorder| recorder.silent_seconds.is_none());
         let names: BTreeSet<_> = answering.map(|recorder| &recorder.recorder).collect();
@@ -194,23 +196,25 @@ fn wait_for_recorders(link: &Client, wanted: u32) -> Result<(), String> {
     }
 }
 
-fn stop(link: &Client, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
-    link.stop_episode(discard)
+fn stop(client: &Client, discard: bool) -> Result<Box<v1::EpisodeStopped>, String> {
+    client
+        .stop_episode(discard)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
-/// Sets up again; the instruction of the scenario is kept.
-fn reset(link: &Client, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
-    link.reset(scenario, false)
+/// Resets the same scenario; its instruction is kept.
+fn reset(client: &Client, scenario: v1::Scenario) -> Result<Box<v1::Scenario>, String> {
+    client
+        .reset(scenario, false)
         .map(Box::new)
         .map_err(|e| words(&e))
 }
 
-fn pause_time(link: &Client, pause: bool) -> Result<(), ClientError> {
+fn pause_time(client: &Client, pause: bool) -> Result<(), ClientError> {
     let done = match pause {
-        true => link.request(&v1::PauseRequest {}),
-        false => link.request(&v1::ResumeRequest {}),
+        true => client.request(&v1::PauseRequest {}),
+        false => client.request(&v1::ResumeRequest {}),
     };
     done.map(|_| ())
 }
