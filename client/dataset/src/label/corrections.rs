@@ -240,7 +240,7 @@ mod tests {
         for (text, words) in [
             ("episode,from_seconds,label\na,0,7\n", "line 2"),
             ("episode,from_seconds,label\na,2,0\na,1,1\n", "line 3"),
-            ("episode,from_seconds,label\na,soon,0\n", "no time"),
+            ("episode,from_seconds,label\na,soon,0\n", "invalid time"),
             ("a,0,0\na,2,1\n", "line 1: no column named \"episode\""),
             (
                 "# x\nepisode;from_seconds;label\na;0;0\n",

@@ -9,7 +9,7 @@ use super::error::ReadError;
 
 impl Episode {
     /// Every recorded state of robot, objects and furniture, with what was
-    /// applied and judged, oldest first: what the query `show` takes.
+    /// applied and judged, oldest first: what the query `playback` takes.
     ///
     /// # Errors
     /// When a stream is absent or cannot be read.

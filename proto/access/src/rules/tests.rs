@@ -82,7 +82,7 @@ const ROWS: &[Row] = &[
     (In, Kind::Query, "query/resume", "opa"),
     (In, Kind::Query, "query/episode_start", "opa"),
     (In, Kind::Query, "query/episode_stop", "opa"),
-    (In, Kind::Query, "query/show", "a"),
+    (In, Kind::Query, "query/playback", "a"),
     (In, Kind::Query, "query/shutdown", "a"),
     (In, Kind::Query, "query/*", "a"),
     (In, Kind::Query, "query/**", "a"),

@@ -1,4 +1,4 @@
-//! The query `show`: plays back recorded states in place of simulated ones.
+//! The query `playback`: plays back recorded states in place of simulated ones.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use wheelarm_proto::check::{self, Invalid};
@@ -141,7 +141,7 @@ impl Engine {
             Some(recorder) => Waits::new(v1::WaitingFor::Credit, format!("recorder {recorder}")),
             None => Waits::new(
                 v1::WaitingFor::Commander,
-                "the next state of the recording that is shown (`show`), or a `reset`",
+                "the next state of the recording that is shown (`playback`), or a `reset`",
             ),
         };
         Next::Wait(NAP)
