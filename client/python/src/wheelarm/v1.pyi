@@ -13,7 +13,7 @@ from google.protobuf.message import Message as _Message
 class FailureCode(int, metaclass=_EnumWrapper):
     """Why a request was not carried out, for programs."""
     FAILURE_CODE_UNSPECIFIED: _ClassVar[FailureCode]
-    """Not told."""
+    """Not set."""
     FAILURE_CODE_INVALID: _ClassVar[FailureCode]
     """The request cannot be read, or a field of it is wrong."""
     FAILURE_CODE_TOO_LONG: _ClassVar[FailureCode]
@@ -21,9 +21,9 @@ class FailureCode(int, metaclass=_EnumWrapper):
     FAILURE_CODE_BUSY: _ClassVar[FailureCode]
     """Too many queries wait; the same request may do in a moment."""
     FAILURE_CODE_CONTROL_HELD: _ClassVar[FailureCode]
-    """Somebody else is in control."""
+    """Another client is in control."""
     FAILURE_CODE_NO_CONTROL: _ClassVar[FailureCode]
-    """Nobody is in control, and somebody must be."""
+    """No commander is in control, and the request needs one."""
     FAILURE_CODE_SECRET: _ClassVar[FailureCode]
     """The secret is not that of the lease."""
     FAILURE_CODE_EPISODE_RUNS: _ClassVar[FailureCode]
@@ -37,7 +37,7 @@ class FailureCode(int, metaclass=_EnumWrapper):
     FAILURE_CODE_PACING: _ClassVar[FailureCode]
     """The pacing is another than what this needs."""
     FAILURE_CODE_FOREIGN: _ClassVar[FailureCode]
-    """The payload names somebody else than the key does."""
+    """The name in the payload differs from that in the key."""
     FAILURE_CODE_VERSION: _ClassVar[FailureCode]
     """The other side speaks another version of the contract."""
     FAILURE_CODE_INTERNAL: _ClassVar[FailureCode]
@@ -76,7 +76,7 @@ class BodyPart(int, metaclass=_EnumWrapper):
     BODY_PART_HANDS: _ClassVar[BodyPart]
     """Hands."""
     BODY_PART_LAP: _ClassVar[BodyPart]
-    """The lap: thighs of who sits."""
+    """The lap: thighs of the seated person."""
     BODY_PART_LEGS: _ClassVar[BodyPart]
     """Legs below the knee, and feet."""
 
@@ -91,8 +91,7 @@ BODY_PART_LAP: BodyPart
 BODY_PART_LEGS: BodyPart
 
 class PixelFormat(int, metaclass=_EnumWrapper):
-    """How the pixels of a plane are written; rows follow each other from the top, numbers are
-    little-endian.
+    """Encoding of the pixels of a plane; rows are ordered from the top, numbers are little-endian.
     """
     PIXEL_FORMAT_UNSPECIFIED: _ClassVar[PixelFormat]
     """As the first recordings had them: RGB8, float32 metres, 8-bit ids."""
@@ -117,7 +116,7 @@ PIXEL_FORMAT_ID_U16: PixelFormat
 class PreviewLevel(int, metaclass=_EnumWrapper):
     """Size, rate and quality of a preview."""
     PREVIEW_LEVEL_UNSPECIFIED: _ClassVar[PreviewLevel]
-    """Not told."""
+    """Not set."""
     PREVIEW_LEVEL_LOW: _ClassVar[PreviewLevel]
     """For links of about 0.5 Mbit/s."""
     PREVIEW_LEVEL_MEDIUM: _ClassVar[PreviewLevel]
@@ -125,9 +124,9 @@ class PreviewLevel(int, metaclass=_EnumWrapper):
     PREVIEW_LEVEL_HIGH: _ClassVar[PreviewLevel]
     """For local networks."""
     PREVIEW_LEVEL_FLAT: _ClassVar[PreviewLevel]
-    """Raw pictures of 640 pixels' width, for who encodes them on the same host."""
+    """Raw images of 640 pixels' width, for an encoder on the same host."""
     PREVIEW_LEVEL_FLAT_LARGE: _ClassVar[PreviewLevel]
-    """Raw pictures of 1280 pixels' width, for who encodes them on the same host."""
+    """Raw images of 1280 pixels' width, for an encoder on the same host."""
 
 PREVIEW_LEVEL_UNSPECIFIED: PreviewLevel
 PREVIEW_LEVEL_LOW: PreviewLevel
@@ -158,7 +157,7 @@ COMMAND_FRAME_HOUSE: CommandFrame
 class Phase(int, metaclass=_EnumWrapper):
     """Phase of the work as the operator sees it."""
     PHASE_UNSPECIFIED: _ClassVar[Phase]
-    """Not told."""
+    """Not set."""
     PHASE_NAVIGATING: _ClassVar[Phase]
     """The chair drives (label 0 of WheelArm-Sim)."""
     PHASE_REACHING: _ClassVar[Phase]
@@ -175,9 +174,9 @@ PHASE_GRASPING: Phase
 PHASE_RETRACTING: Phase
 
 class Device(int, metaclass=_EnumWrapper):
-    """What a person, or a program, commands with."""
+    """Input device of a person, or program, that commands."""
     DEVICE_UNSPECIFIED: _ClassVar[Device]
-    """Not told."""
+    """Not set."""
     DEVICE_KEYBOARD: _ClassVar[Device]
     """A keyboard."""
     DEVICE_MOUSE: _ClassVar[Device]
@@ -218,9 +217,9 @@ DEVICE_REPLAY: Device
 DEVICE_PROGRAM: Device
 
 class InputMode(int, metaclass=_EnumWrapper):
-    """How an input becomes motion."""
+    """Mapping of an input to motion."""
     INPUT_MODE_UNSPECIFIED: _ClassVar[InputMode]
-    """Not told."""
+    """Not set."""
     INPUT_MODE_HOLD: _ClassVar[InputMode]
     """It moves while it is held."""
     INPUT_MODE_LATCH: _ClassVar[InputMode]
@@ -240,9 +239,9 @@ INPUT_MODE_GOAL: InputMode
 INPUT_MODE_STREAM: InputMode
 
 class Assistance(int, metaclass=_EnumWrapper):
-    """What helps the person who commands."""
+    """Assistance for the person who commands."""
     ASSISTANCE_UNSPECIFIED: _ClassVar[Assistance]
-    """Not told."""
+    """Not set."""
     ASSISTANCE_SKILL: _ClassVar[Assistance]
     """Skills carry out what the person named."""
     ASSISTANCE_SHARED: _ClassVar[Assistance]
@@ -256,21 +255,21 @@ ASSISTANCE_SHARED: Assistance
 ASSISTANCE_NONE: Assistance
 
 class Incident(int, metaclass=_EnumWrapper):
-    """What a commander says of an error of its own, for the recording."""
+    """Intentional errors and recoveries that a commander reports for the recording."""
     INCIDENT_UNSPECIFIED: _ClassVar[Incident]
     """Nothing."""
     INCIDENT_FORCED_WRONG_GRASP: _ClassVar[Incident]
-    """The hand closes beside the thing, on purpose."""
+    """The hand closes beside the object, on purpose."""
     INCIDENT_FORCED_WRONG_OBJECT: _ClassVar[Incident]
-    """It takes another thing than the one that is asked for, on purpose."""
+    """It grasps an object other than the requested one, on purpose."""
     INCIDENT_FORCED_DROP: _ClassVar[Incident]
-    """It drops the thing, on purpose."""
+    """It drops the object, on purpose."""
     INCIDENT_MISSED: _ClassVar[Incident]
     """An attempt came to nothing, not on purpose."""
     INCIDENT_MOVED: _ClassVar[Incident]
-    """The thing is no longer where it was."""
+    """The object has moved from its place."""
     INCIDENT_RECOVERED: _ClassVar[Incident]
-    """The thing is in the hand again."""
+    """The object is in the hand again."""
 
 INCIDENT_UNSPECIFIED: Incident
 INCIDENT_FORCED_WRONG_GRASP: Incident
@@ -283,15 +282,15 @@ INCIDENT_RECOVERED: Incident
 class RefusalCode(int, metaclass=_EnumWrapper):
     """Why a command was not taken, for programs."""
     REFUSAL_CODE_UNSPECIFIED: _ClassVar[RefusalCode]
-    """Not told."""
+    """Not set."""
     REFUSAL_CODE_INVALID: _ClassVar[RefusalCode]
     """It cannot be read, or a field of it is wrong."""
     REFUSAL_CODE_TOO_LONG: _ClassVar[RefusalCode]
     """It is too long."""
     REFUSAL_CODE_NO_CONTROL: _ClassVar[RefusalCode]
-    """Nobody is in control; ask for it."""
+    """No commander is in control; request it."""
     REFUSAL_CODE_CONTROL_HELD: _ClassVar[RefusalCode]
-    """Somebody else is in control, or another process of the same name."""
+    """Another commander is in control, or another process of the same name."""
     REFUSAL_CODE_SEAL: _ClassVar[RefusalCode]
     """It has no seal, or a wrong one."""
     REFUSAL_CODE_EPISODE: _ClassVar[RefusalCode]
@@ -333,7 +332,7 @@ REFUSAL_CODE_FOREIGN: RefusalCode
 REFUSAL_CODE_VERSION: RefusalCode
 
 class JointRole(int, metaclass=_EnumWrapper):
-    """What a joint of the robot is for."""
+    """Function of a joint of the robot."""
     JOINT_ROLE_UNSPECIFIED: _ClassVar[JointRole]
     """Nothing that a client has to know."""
     JOINT_ROLE_WHEEL_LEFT: _ClassVar[JointRole]
@@ -345,7 +344,7 @@ class JointRole(int, metaclass=_EnumWrapper):
     JOINT_ROLE_CASTER_RIGHT: _ClassVar[JointRole]
     """Right wheel that rolls along."""
     JOINT_ROLE_ARM: _ClassVar[JointRole]
-    """One of the arm's; `arm_index` says which."""
+    """One of the arm's joints; `arm_index` is its number."""
     JOINT_ROLE_KNUCKLE: _ClassVar[JointRole]
     """Knuckle of the left finger: `GripperCommand.knuckle` is its position."""
     JOINT_ROLE_KNUCKLE_RIGHT: _ClassVar[JointRole]
@@ -373,9 +372,9 @@ JOINT_ROLE_INNER_KNUCKLE_LEFT: JointRole
 JOINT_ROLE_INNER_KNUCKLE_RIGHT: JointRole
 
 class JointType(int, metaclass=_EnumWrapper):
-    """How a joint moves."""
+    """Kind of motion of a joint."""
     JOINT_TYPE_UNSPECIFIED: _ClassVar[JointType]
-    """Not told."""
+    """Not set."""
     JOINT_TYPE_REVOLUTE: _ClassVar[JointType]
     """Turns within limits."""
     JOINT_TYPE_CONTINUOUS: _ClassVar[JointType]
@@ -389,7 +388,7 @@ JOINT_TYPE_CONTINUOUS: JointType
 JOINT_TYPE_PRISMATIC: JointType
 
 class FrameRole(int, metaclass=_EnumWrapper):
-    """What a recorded frame is."""
+    """Function of a recorded frame."""
     FRAME_ROLE_UNSPECIFIED: _ClassVar[FrameRole]
     """Nothing that a client has to know."""
     FRAME_ROLE_CHAIR: _ClassVar[FrameRole]
@@ -405,9 +404,9 @@ FRAME_ROLE_ARM_LINK: FrameRole
 FRAME_ROLE_END_EFFECTOR: FrameRole
 
 class CameraMount(int, metaclass=_EnumWrapper):
-    """What a camera of the robot rides on."""
+    """Mount of a camera of the robot."""
     CAMERA_MOUNT_UNSPECIFIED: _ClassVar[CameraMount]
-    """Not told."""
+    """Not set."""
     CAMERA_MOUNT_CHAIR: _ClassVar[CameraMount]
     """The chair."""
     CAMERA_MOUNT_ARM: _ClassVar[CameraMount]
@@ -420,11 +419,11 @@ CAMERA_MOUNT_ARM: CameraMount
 class ReachProblem(int, metaclass=_EnumWrapper):
     """Why the end effector does not reach a pose."""
     REACH_PROBLEM_UNSPECIFIED: _ClassVar[ReachProblem]
-    """It does; or not told by an older server."""
+    """The arm reaches it; or not set, by an older server."""
     REACH_PROBLEM_TOO_FAR: _ClassVar[ReachProblem]
     """The pose is further from the shoulder than the arm is long."""
     REACH_PROBLEM_JOINT_LIMITS: _ClassVar[ReachProblem]
-    """The closest joint positions lie on their limits."""
+    """The closest joint positions are at their limits."""
     REACH_PROBLEM_NO_SOLUTION: _ClassVar[ReachProblem]
     """Within reach, but no joint positions were found."""
     REACH_PROBLEM_JUMP: _ClassVar[ReachProblem]
@@ -440,7 +439,7 @@ REACH_PROBLEM_JUMP: ReachProblem
 REACH_PROBLEM_PERSON: ReachProblem
 
 class LanguageSplit(int, metaclass=_EnumWrapper):
-    """Which templates and names of the grammar are said."""
+    """Templates and names of the grammar in use."""
     LANGUAGE_SPLIT_UNSPECIFIED: _ClassVar[LanguageSplit]
     """The one in force; at first all."""
     LANGUAGE_SPLIT_ANY: _ClassVar[LanguageSplit]
@@ -456,7 +455,7 @@ LANGUAGE_SPLIT_TRAIN: LanguageSplit
 LANGUAGE_SPLIT_HELD_OUT: LanguageSplit
 
 class Pacing(int, metaclass=_EnumWrapper):
-    """How simulation time relates to wall time."""
+    """Relation of simulation time to wall time."""
     PACING_UNSPECIFIED: _ClassVar[Pacing]
     """The one in force."""
     PACING_REAL_TIME: _ClassVar[Pacing]
@@ -464,7 +463,7 @@ class Pacing(int, metaclass=_EnumWrapper):
     PACING_LOCK_STEP: _ClassVar[Pacing]
     """Waits for the commander at every control tick and for the recorders' credit."""
     PACING_FAST: _ClassVar[Pacing]
-    """As fast as it goes, for benchmarks."""
+    """As fast as possible, for benchmarks."""
 
 PACING_UNSPECIFIED: Pacing
 PACING_REAL_TIME: Pacing
@@ -472,7 +471,7 @@ PACING_LOCK_STEP: Pacing
 PACING_FAST: Pacing
 
 class RenderQuality(int, metaclass=_EnumWrapper):
-    """How much work goes into a camera picture. Recorded with the data."""
+    """Effort of rendering a camera image. Recorded with the data."""
     RENDER_QUALITY_UNSPECIFIED: _ClassVar[RenderQuality]
     """The one in force."""
     RENDER_QUALITY_FAST: _ClassVar[RenderQuality]
@@ -491,7 +490,7 @@ RENDER_QUALITY_HIGH: RenderQuality
 RENDER_QUALITY_DRAFT: RenderQuality
 
 class Starts(int, metaclass=_EnumWrapper):
-    """Where the robot starts."""
+    """Initial poses of the robot."""
     STARTS_UNSPECIFIED: _ClassVar[Starts]
     """The one in force."""
     STARTS_NEAR: _ClassVar[Starts]
@@ -506,7 +505,7 @@ STARTS_NEAR: Starts
 STARTS_ANYWHERE: Starts
 
 class GoalKind(int, metaclass=_EnumWrapper):
-    """What a task asks for."""
+    """Kind of goal of a task."""
     GOAL_KIND_UNSPECIFIED: _ClassVar[GoalKind]
     """No task."""
     GOAL_KIND_LIFT: _ClassVar[GoalKind]
@@ -533,11 +532,11 @@ GOAL_KIND_BRING: GoalKind
 class FailureReason(int, metaclass=_EnumWrapper):
     """Why a task failed, for programs."""
     FAILURE_REASON_UNSPECIFIED: _ClassVar[FailureReason]
-    """Not told: the first recordings have the words alone."""
+    """Not set: the first recordings have the message alone."""
     FAILURE_REASON_DROPPED: _ClassVar[FailureReason]
     """The target fell, from the gripper or from where it stood."""
     FAILURE_REASON_TIPPED: _ClassVar[FailureReason]
-    """The target lies where it stood."""
+    """The target tipped over at its place."""
     FAILURE_REASON_TIMEOUT: _ClassVar[FailureReason]
     """The time is over."""
     FAILURE_REASON_UNREACHABLE: _ClassVar[FailureReason]
@@ -553,7 +552,7 @@ class FailureReason(int, metaclass=_EnumWrapper):
     FAILURE_REASON_PERSON_FORCE: _ClassVar[FailureReason]
     """The person in the chair was pressed harder than the task allows."""
     FAILURE_REASON_WRONG_OBJECT: _ClassVar[FailureReason]
-    """An object that was not asked for was lifted."""
+    """An object other than the requested one was lifted."""
     FAILURE_REASON_KNOCKED_OVER: _ClassVar[FailureReason]
     """Another object fell or leaned further than the task allows."""
     FAILURE_REASON_TILTED: _ClassVar[FailureReason]
@@ -574,9 +573,9 @@ FAILURE_REASON_KNOCKED_OVER: FailureReason
 FAILURE_REASON_TILTED: FailureReason
 
 class InstanceKind(int, metaclass=_EnumWrapper):
-    """What an instance id stands for."""
+    """Kind of an instance id."""
     INSTANCE_KIND_UNSPECIFIED: _ClassVar[InstanceKind]
-    """Not told."""
+    """Not set."""
     INSTANCE_KIND_FURNITURE: _ClassVar[InstanceKind]
     """Furniture, a wall, the floor."""
     INSTANCE_KIND_OBJECT: _ClassVar[InstanceKind]
@@ -595,17 +594,17 @@ INSTANCE_KIND_PERSON: InstanceKind
 class EndCause(int, metaclass=_EnumWrapper):
     """Why an episode ended."""
     END_CAUSE_UNSPECIFIED: _ClassVar[EndCause]
-    """Not told: an older server."""
+    """Not set, by an older server."""
     END_CAUSE_REQUESTED: _ClassVar[EndCause]
-    """A client asked for it."""
+    """A client requested it."""
     END_CAUSE_PHYSICS: _ClassVar[EndCause]
-    """The state of the simulation broke; the last of `anomalies` says how. The last sample is of
-    the last good state, and the episode is no success.
+    """The state of the simulation broke; the last of `anomalies` has the reason. The last sample
+    is of the last valid state, and the episode is not a success.
     """
     END_CAUSE_RECORDERS: _ClassVar[EndCause]
     """It never began: its recorders were not ready."""
     END_CAUSE_SHUTDOWN: _ClassVar[EndCause]
-    """The server was told to end."""
+    """The server was shut down."""
 
 END_CAUSE_UNSPECIFIED: EndCause
 END_CAUSE_REQUESTED: EndCause
@@ -614,10 +613,11 @@ END_CAUSE_RECORDERS: EndCause
 END_CAUSE_SHUTDOWN: EndCause
 
 class AnomalyKind(int, metaclass=_EnumWrapper):
-    """What was odd in an episode: the first three go on, the others are faults that end it.
+    """Anomaly of an episode: after the first three kinds the episode continues, the others are
+    faults that end it.
     """
     ANOMALY_KIND_UNSPECIFIED: _ClassVar[AnomalyKind]
-    """Not told by an older server."""
+    """Not set, by an older server."""
     ANOMALY_KIND_ESCAPED: _ClassVar[AnomalyKind]
     """An object left the home."""
     ANOMALY_KIND_JOINT_FAST: _ClassVar[AnomalyKind]
@@ -654,7 +654,7 @@ ANOMALY_KIND_FAULT_PANIC: AnomalyKind
 class RecorderState(int, metaclass=_EnumWrapper):
     """Progress of one recorder."""
     RECORDER_STATE_UNSPECIFIED: _ClassVar[RecorderState]
-    """Not told."""
+    """Not set."""
     RECORDER_STATE_IDLE: _ClassVar[RecorderState]
     """Connected, no episode."""
     RECORDER_STATE_READY: _ClassVar[RecorderState]
@@ -662,7 +662,7 @@ class RecorderState(int, metaclass=_EnumWrapper):
     RECORDER_STATE_FINISHED: _ClassVar[RecorderState]
     """The file is finished."""
     RECORDER_STATE_FAILED: _ClassVar[RecorderState]
-    """Recording failed; `message` says why."""
+    """Recording failed; `message` has the reason."""
     RECORDER_STATE_FINISHING: _ClassVar[RecorderState]
     """The episode is over and its log is being made into the file; the recorder can take the next
     episode meanwhile.
@@ -678,11 +678,11 @@ RECORDER_STATE_FINISHING: RecorderState
 class ArmProblem(int, metaclass=_EnumWrapper):
     """Why the arm does not follow, for programs."""
     ARM_PROBLEM_UNSPECIFIED: _ClassVar[ArmProblem]
-    """Not told: the first recordings have the words alone."""
+    """Not set: the first recordings have the message alone."""
     ARM_PROBLEM_UNREACHABLE: _ClassVar[ArmProblem]
     """No joint positions reach the pose, or no straight line leads there."""
     ARM_PROBLEM_JOINT_LIMIT: _ClassVar[ArmProblem]
-    """A joint was asked beyond its limit and goes to the limit."""
+    """A joint target beyond its limit was clamped to the limit."""
     ARM_PROBLEM_STALLED: _ClassVar[ArmProblem]
     """It does not come on along its line."""
     ARM_PROBLEM_HINDERED: _ClassVar[ArmProblem]
@@ -698,11 +698,11 @@ ARM_PROBLEM_HINDERED: ArmProblem
 ARM_PROBLEM_NONE: ArmProblem
 
 class ControlChange(int, metaclass=_EnumWrapper):
-    """What became of control."""
+    """Change of control."""
     CONTROL_CHANGE_UNSPECIFIED: _ClassVar[ControlChange]
-    """Not told."""
+    """Not set."""
     CONTROL_CHANGE_GIVEN: _ClassVar[ControlChange]
-    """The commander has it now, and nobody had it before."""
+    """The commander has it now, and no commander had it before."""
     CONTROL_CHANGE_TAKEN: _ClassVar[ControlChange]
     """The commander has taken it from another one."""
     CONTROL_CHANGE_RETURNED: _ClassVar[ControlChange]
@@ -717,9 +717,9 @@ CONTROL_CHANGE_RETURNED: ControlChange
 CONTROL_CHANGE_LOST: ControlChange
 
 class EventKind(int, metaclass=_EnumWrapper):
-    """What kind of thing happened."""
+    """Kind of event."""
     EVENT_KIND_UNSPECIFIED: _ClassVar[EventKind]
-    """Not told."""
+    """Not set."""
     EVENT_KIND_REFUSED: _ClassVar[EventKind]
     """Commands were refused."""
     EVENT_KIND_COLLISION: _ClassVar[EventKind]
@@ -729,7 +729,7 @@ class EventKind(int, metaclass=_EnumWrapper):
     EVENT_KIND_PAUSED: _ClassVar[EventKind]
     """Time is paused."""
     EVENT_KIND_RESUMED: _ClassVar[EventKind]
-    """Time goes on."""
+    """Simulation time continues."""
     EVENT_KIND_CONTROL: _ClassVar[EventKind]
     """Control was given, given back, taken over or lost."""
     EVENT_KIND_NOTE: _ClassVar[EventKind]
@@ -750,13 +750,13 @@ EVENT_KIND_PERSON_CONTACT: EventKind
 class Access(int, metaclass=_EnumWrapper):
     """From where a server is reached, and who may do what there."""
     ACCESS_UNSPECIFIED: _ClassVar[Access]
-    """Not told."""
+    """Not set."""
     ACCESS_LOCAL: _ClassVar[Access]
-    """From this host alone, where everybody may do everything."""
+    """From this host alone, where every client has all rights."""
     ACCESS_KEYS: _ClassVar[Access]
-    """With the keys of a user, who may do what the user's role says."""
+    """With the keys of a user, who has the rights of the user's role."""
     ACCESS_INSECURE: _ClassVar[Access]
-    """From other hosts without keys: everybody may do everything."""
+    """From other hosts without keys: every client has all rights."""
 
 ACCESS_UNSPECIFIED: Access
 ACCESS_LOCAL: Access
@@ -764,15 +764,15 @@ ACCESS_KEYS: Access
 ACCESS_INSECURE: Access
 
 class WaitingFor(int, metaclass=_EnumWrapper):
-    """What the simulation waits for, for programs."""
+    """Reason why the simulation waits, for programs."""
     WAITING_FOR_UNSPECIFIED: _ClassVar[WaitingFor]
-    """Not told."""
+    """Not set."""
     WAITING_FOR_RESET: _ClassVar[WaitingFor]
     """A `reset`, because the state is broken."""
     WAITING_FOR_FAILED_CAMERAS: _ClassVar[WaitingFor]
     """The cameras, which failed."""
     WAITING_FOR_CAMERAS: _ClassVar[WaitingFor]
-    """The cameras, which draw the last pictures before an act."""
+    """The cameras, which render the last images before an operation."""
     WAITING_FOR_EPISODE: _ClassVar[WaitingFor]
     """An episode: lock-step time is paused between episodes."""
     WAITING_FOR_RECORDERS: _ClassVar[WaitingFor]
@@ -782,9 +782,9 @@ class WaitingFor(int, metaclass=_EnumWrapper):
     WAITING_FOR_COMMANDER: _ClassVar[WaitingFor]
     """The commander's answer."""
     WAITING_FOR_CONTROL: _ClassVar[WaitingFor]
-    """Somebody who takes control."""
+    """A client that acquires control."""
     WAITING_FOR_NOTHING: _ClassVar[WaitingFor]
-    """Nothing: time goes on."""
+    """Nothing: simulation time advances."""
 
 WAITING_FOR_UNSPECIFIED: WaitingFor
 WAITING_FOR_RESET: WaitingFor
@@ -798,11 +798,11 @@ WAITING_FOR_CONTROL: WaitingFor
 WAITING_FOR_NOTHING: WaitingFor
 
 class PolicyAction(int, metaclass=_EnumWrapper):
-    """What the numbers of an action row are."""
+    """Meaning of the numbers of an action row."""
     POLICY_ACTION_UNSPECIFIED: _ClassVar[PolicyAction]
     """As POLICY_ACTION_NEXT_POSE."""
     POLICY_ACTION_NEXT_POSE: _ClassVar[PolicyAction]
-    """In force at the next picture: pose of the hand in `base_link` (3 m, and 6 of its rotation),
+    """In force at the next image: pose of the hand in `base_link` (3 m, and 6 of its rotation),
     knuckle (rad); forward speed (m/s) and turn rate (rad/s) until then.
     """
     POLICY_ACTION_NEXT_JOINTS: _ClassVar[PolicyAction]
@@ -813,12 +813,12 @@ POLICY_ACTION_NEXT_POSE: PolicyAction
 POLICY_ACTION_NEXT_JOINTS: PolicyAction
 
 class Appearance(_Message):
-    """What the cameras see of a run beside what moves. Physics does not know it: the same scenario
-    with another look has the same state hashes. Every axis has a strength: 0 off, 1 slight, 2
-    usual, 3 strong; each draws from the seed alone, whatever the others are.
+    """Visual randomization of a run. It does not affect physics: the same scenario with another
+    appearance has the same state hashes. Every axis has a strength: 0 off, 1 slight, 2 usual, 3
+    strong; each axis is sampled from the seed alone, independently of the others.
     """
     seed: int
-    """Seed of all draws of the look (no unit)."""
+    """Seed of all samples of the appearance (no unit)."""
     light: int
     """Sun, sky, lamps and their colours: strength, 0 to 3 (no unit)."""
     background: int
@@ -828,16 +828,16 @@ class Appearance(_Message):
     exposure: int
     """Exposure and white balance of the cameras: strength, 0 to 3 (no unit)."""
     decoration: int
-    """Pictures on the walls, rugs, plants, lamps that touch nothing: strength, 0 to 3. They have
-    the id 0, depth sees them (no unit).
+    """Wall art, rugs, plants and lamps that touch no other body: strength, 0 to 3. They have the
+    id 0 and are visible in depth (no unit).
     """
     camera: int
-    """Places of the robot's cameras, up to 1.5 cm and 8 degrees at strength 3, on top of the
-    calibration: strength, 0 to 3. What is drawn stands in `cameras` (no unit).
+    """Poses of the robot's cameras, up to 1.5 cm and 8 degrees at strength 3, on top of the
+    calibration: strength, 0 to 3. `cameras` lists the sampled poses (no unit).
     """
     lens: int
     """Focal length of the robot's cameras, up to 12 % at strength 3, on top of the calibration:
-    strength, 0 to 3. What is drawn stands in `cameras` (no unit).
+    strength, 0 to 3. `cameras` lists the sampled values (no unit).
     """
     def __init__(
         self,
@@ -853,7 +853,7 @@ class Appearance(_Message):
     ) -> None: ...
 
 class Header(_Message):
-    """Stands first in every message that is published and in every answer."""
+    """First field of every published message and of every reply."""
     run_id: str
     """Identifies one run of one server process (no unit)."""
     episode: int
@@ -923,7 +923,7 @@ class Pose(_Message):
     ) -> None: ...
 
 class Twist(_Message):
-    """Velocity of a frame; the field that holds it says in which frame."""
+    """Velocity of a frame; the comment of each field of this type names the frame."""
     linear: Vector3
     """Velocity of the origin, m/s."""
     angular: Vector3
@@ -953,9 +953,9 @@ class Failure(_Message):
     header: Header
     """Stamp of the answer."""
     message: str
-    """What is wrong and the cure, for people (no unit)."""
+    """Reason and fix, for people (no unit)."""
     code: FailureCode
-    """What is wrong, for programs (no unit)."""
+    """Reason, for programs (no unit)."""
     def __init__(
         self,
         *,
@@ -979,9 +979,9 @@ class Intrinsics(_Message):
     OpenCV and ROS count from its middle: subtract 0.5 from cx and cy.
     """
     width: int
-    """Picture width, pixels."""
+    """Image width, pixels."""
     height: int
-    """Picture height, pixels."""
+    """Image height, pixels."""
     fx: float
     """Focal length along x, pixels."""
     fy: float
@@ -1002,13 +1002,13 @@ class Intrinsics(_Message):
     ) -> None: ...
 
 class CameraFrame(_Message):
-    """One picture of one camera: colour, depth and instance ids, registered."""
+    """One image of one camera: color, depth and instance ids, registered."""
     header: Header
     """Stamp of the exposure."""
     camera: str
     """Camera name (no unit)."""
     intrinsics: Intrinsics
-    """Intrinsics of this picture, pixels."""
+    """Intrinsics of this image, pixels."""
     pose: Pose
     """Pose of the optical frame in `house`, metres."""
     color: bytes
@@ -1043,24 +1043,24 @@ class CameraFrame(_Message):
     ) -> None: ...
 
 class CompressedCameraFrame(_Message):
-    """A CameraFrame of the same camera and sequence number whose planes are compressed, once for
-    all who record: what a recorder writes as it comes. A plane is one zlib stream (RFC 1950). A
-    picture that nobody waited for in this form has its stamp alone: all its planes are empty.
+    """A CameraFrame of the same camera and sequence number with compressed planes, compressed once
+    for all recorders, which write it unchanged. A plane is one zlib stream (RFC 1950). An image
+    that no client requested in this form has its stamp alone: all its planes are empty.
     """
     header: Header
     """Stamp of the exposure."""
     camera: str
     """Camera name (no unit)."""
     intrinsics: Intrinsics
-    """Intrinsics of this picture, pixels."""
+    """Intrinsics of this image, pixels."""
     pose: Pose
     """Pose of the optical frame in `house`, metres."""
     color: bytes
     """Colour in `color_format`, deflated (bytes)."""
     depth: bytes
-    """Depth in `depth_format`, metres, or millimetres as all who record keep it: the bytes of its
-    elements shuffled as HDF5's filter does, then deflated (bytes); empty where nobody keeps
-    depth.
+    """Depth in `depth_format`, metres, or millimetres when every recorder stores it so: the bytes
+    of its elements shuffled as HDF5's filter does, then deflated (bytes); empty when no
+    recorder stores depth.
     """
     segmentation: bytes
     """Instance ids in `segmentation_format`, the bytes of their 16-bit elements shuffled, then
@@ -1093,15 +1093,15 @@ class CompressedCameraFrame(_Message):
     ) -> None: ...
 
 class SensorFrame(_Message):
-    """One picture as a real camera would give it, made from the exact picture of a camera by a
-    sensor model: through a lens of its own, with noise, late. Colour or depth.
+    """One image of a real camera, simulated from the exact image of a camera by a sensor model:
+    through a lens of its own, with noise and delay. Color or depth.
     """
     header: Header
-    """Stamp of the arrival: from then on the robot knows the picture."""
+    """Stamp of the arrival, from which the image is available to the robot."""
     sensor: str
     """Name of the sensor: the camera's name, `_`, and `color` or `depth` (no unit)."""
     intrinsics: Intrinsics
-    """Intrinsics of this picture, pixels."""
+    """Intrinsics of this image, pixels."""
     pose: Pose
     """Pose of the optical frame in `house` at the exposure, metres."""
     color: bytes
@@ -1109,16 +1109,17 @@ class SensorFrame(_Message):
     """
     depth: bytes
     """Depth in `depth_format`, row-major from the top left, millimetres along the optical axis; 0
-    where there is no return; empty of a colour sensor.
+    without a return; empty for a color sensor.
     """
     color_format: PixelFormat
     """Format of `color` (no unit)."""
     depth_format: PixelFormat
     """Format of `depth` (no unit)."""
     camera: str
-    """Camera whose exact picture it was made from (no unit)."""
+    """Camera of the exact image (no unit)."""
     exposure_nanos: int
-    """Stamp of the exposure: of the exact picture, nanoseconds of simulation time."""
+    """Stamp of the exposure, which is that of the exact image, nanoseconds of simulation time.
+    """
     exposure_tick: int
     """Tick of the exposure (ticks)."""
     def __init__(
@@ -1138,7 +1139,7 @@ class SensorFrame(_Message):
     ) -> None: ...
 
 class PreviewFrame(_Message):
-    """A compressed picture for people who watch from afar; never recorded."""
+    """A compressed image for remote viewers; never recorded."""
     header: Header
     """Stamp of the exposure; sequence numbers count per camera and level."""
     camera: str
@@ -1146,18 +1147,18 @@ class PreviewFrame(_Message):
     level: PreviewLevel
     """Its level (no unit)."""
     width: int
-    """Picture width, pixels."""
+    """Image width, pixels."""
     height: int
-    """Picture height, pixels."""
+    """Image height, pixels."""
     jpeg: bytes
     """JPEG file (bytes)."""
     sent_unix_nanos: int
-    """Wall clock of the server when the picture was sent, nanoseconds since 1970 (Unix time):
-    differences tell the growth of the delay.
+    """Wall clock of the server when the image was sent, nanoseconds since 1970 (Unix time):
+    differences show the growth of the delay.
     """
     i420: bytes
-    """Raw picture in the place of a JPEG file: I420, BT.601 with values 16 to 235, rows from the
-    top, width and height even (bytes).
+    """Raw image in place of a JPEG file: I420, BT.601 with values 16 to 235, rows from the top,
+    width and height even (bytes).
     """
     def __init__(
         self,
@@ -1196,7 +1197,7 @@ class CartesianTarget(_Message):
     ) -> None: ...
 
 class CartesianTwist(_Message):
-    """A velocity for the end effector; held until it goes stale."""
+    """A velocity for the end effector; held until it is stale."""
     frame: CommandFrame
     """Frame in which `twist` is expressed (no unit)."""
     twist: Twist
@@ -1299,23 +1300,23 @@ class Command(_Message):
     phase_name: str
     """Finer name of the phase, for example `lifting` (no unit)."""
     over_ticks: int
-    """Lock-step: this command answers for so many control ticks, 0 and 1 for one. Arm pose, arm
-    joints, gripper and the chair's velocities go straight from what is in force to what is
-    asked, which they reach with the last tick of them. A pose is in `base_link`,
+    """Lock-step: number of control ticks that this command covers; 0 and 1 mean one. Arm pose, arm
+    joints, gripper and the chair's velocities are interpolated linearly from the values in
+    force to the target, which they reach at the last of these ticks. A pose is in `base_link`,
     `wheelchair_root` or `house`. At most 60 (count).
     """
     device: Device
-    """What it is commanded with; recorded (no unit)."""
+    """Input device; recorded (no unit)."""
     mode: InputMode
-    """How the input becomes motion; recorded (no unit)."""
+    """Mapping of the input to motion; recorded (no unit)."""
     assistance: Assistance
-    """What helps; recorded (no unit)."""
+    """Assistance; recorded (no unit)."""
     incident: Incident
-    """What went wrong or right again at this tick; recorded (no unit)."""
+    """Error or recovery at this tick; recorded (no unit)."""
     seal: bytes
-    """Seal of a lease that was asked for with `sealed`: HMAC-SHA256 with the lease's secret (its
-    text) as key, over all bytes of the encoded command that stand before this field, which is
-    the last (bytes).
+    """Seal of a lease that was requested with `sealed`: HMAC-SHA256 with the lease's secret (its
+    text) as key, over all bytes of the encoded command before this field, which is the last
+    (bytes).
     """
     def __init__(
         self,
@@ -1345,13 +1346,13 @@ class Refusal(_Message):
     sequence: int
     """Sequence number of the refused command (no unit)."""
     reason: str
-    """What is wrong and what would be right, for people (no unit)."""
+    """Reason and fix, for people (no unit)."""
     count: int
     """Commands that this refusal speaks of: 1, or more when it sums up those that came too fast to
     be answered one by one; then `sequence` and `reason` are those of the last (count).
     """
     code: RefusalCode
-    """What is wrong, for programs; of a sum that of the last (no unit)."""
+    """Reason, for programs; of a sum that of the last (no unit)."""
     def __init__(
         self,
         *,
@@ -1384,11 +1385,11 @@ class RobotJoint(_Message):
     name: str
     """Name, as in the URDF and in files (no unit)."""
     role: JointRole
-    """What it is for (no unit)."""
+    """Function (no unit)."""
     arm_index: int
     """JOINT_ROLE_ARM: its place in joint targets, 0 nearest to the base (no unit)."""
     type: JointType
-    """How it moves (no unit)."""
+    """Kind of motion (no unit)."""
     lower: float
     """Least position, radians or metres; absent without limit. Optional."""
     upper: float
@@ -1404,7 +1405,7 @@ class RobotJoint(_Message):
     child_link: str
     """Link that it moves (no unit)."""
     mimic: JointMimic
-    """Which joint it follows; absent where it moves by itself."""
+    """The joint that it follows; absent for an independent joint."""
     origin: Pose
     """Pose of the child link in the parent link at position 0, metres."""
     def __init__(
@@ -1430,11 +1431,11 @@ class RobotFrame(_Message):
     name: str
     """Short name, as in files, for example `end_effector` (no unit)."""
     parent: str
-    """Frame in which its pose is told: `house` or a link (no unit)."""
+    """Frame of its pose: `house` or a link (no unit)."""
     link: str
     """Link whose pose it is (no unit)."""
     role: FrameRole
-    """What it is (no unit)."""
+    """Function (no unit)."""
     def __init__(
         self,
         *,
@@ -1468,7 +1469,7 @@ class Outline(_Message):
     top: float
     """It holds up to this height above the floor, metres; the next one begins there."""
     footprint: Footprint
-    """What the robot takes up, in the chair's frame, metres."""
+    """Outline of the robot on the floor, in the chair's frame, metres."""
     def __init__(
         self,
         *,
@@ -1477,7 +1478,7 @@ class Outline(_Message):
     ) -> None: ...
 
 class ReachShell(_Message):
-    """Where the arm reaches, for first guesses; the query `reach` knows."""
+    """Approximate reach of the arm; the query `reach` is exact."""
     centre: Vector3
     """Middle of the shell in the frame of the arm's base, metres."""
     inner_radius: float
@@ -1546,11 +1547,11 @@ class GripperLinkage(_Message):
 class GripperDescription(_Message):
     """The gripper."""
     stroke: float
-    """Distance between the pads that may be asked at most, metres."""
+    """Greatest distance between the pads in a command, metres."""
     closed: float
-    """Knuckle angle at which the pads meet: it goes no further, radians."""
+    """Knuckle angle at which the pads meet, the end of its range, radians."""
     max_knuckle: float
-    """Greatest knuckle angle that may be asked, radians."""
+    """Greatest knuckle angle in a command, radians."""
     max_velocity: float
     """Greatest speed of the knuckle, rad/s."""
     usual_force: float
@@ -1584,7 +1585,7 @@ class GripperDescription(_Message):
     ) -> None: ...
 
 class DriveDescription(_Message):
-    """How the chair drives. Speeds of commands are cut to these."""
+    """Drive of the chair. Speeds of commands are clamped to these."""
     track: float
     """Distance between the driven wheels, metres."""
     wheel_radius: float
@@ -1624,7 +1625,7 @@ class DriveDescription(_Message):
     ) -> None: ...
 
 class ArmDescription(_Message):
-    """How fast the arm may move; its joints have limits of their own."""
+    """Speed limits of the arm; its joints have limits of their own."""
     joint_acceleration: float
     """Greatest joint acceleration, rad/s²."""
     tool_speed: float
@@ -1654,13 +1655,13 @@ class RobotCamera(_Message):
     pose: Pose
     """Pose of the optical frame in that link, metres."""
     intrinsics: Intrinsics
-    """Size and intrinsics as delivered, pixels; they scale with the pictures."""
+    """Size and intrinsics as delivered, pixels; they scale with the images."""
     near: float
     """Nearest distance that it sees, metres."""
     far: float
     """Furthest distance that it sees, metres."""
     mount: CameraMount
-    """What it rides on (no unit)."""
+    """Mount (no unit)."""
     def __init__(
         self,
         *,
@@ -1674,8 +1675,8 @@ class RobotCamera(_Message):
     ) -> None: ...
 
 class RobotDescription(_Message):
-    """All that a client has to know of a robot. The server makes it from the robot's folder; it
-    stands in the answer to `scene` and in every recording.
+    """All that a client has to know of a robot. The server makes it from the robot's folder; it is
+    part of the reply of `scene` and of every recording.
     """
     name: str
     """Its name: that of its folder in assets/robots (no unit)."""
@@ -1704,13 +1705,13 @@ class RobotDescription(_Message):
     outlines: _Messages[Outline]
     """The robot by height, bottom up, with its arm at home."""
     reach: ReachShell
-    """Where the arm reaches."""
+    """Approximate reach of the arm."""
     arm: ArmDescription
-    """How fast the arm moves."""
+    """Speed limits of the arm."""
     gripper: GripperDescription
     """The gripper."""
     drive: DriveDescription
-    """How the chair drives."""
+    """Drive of the chair."""
     cameras: _Messages[RobotCamera]
     """Cameras on it."""
     urdf_text: str
@@ -1748,8 +1749,7 @@ class JointState(_Message):
     velocities: _Scalars[float]
     """Velocities at the stamp, rad/s. Their integral is the way."""
     efforts: _Scalars[float]
-    """Torques of the drives that move and hold the joints at the stamp, N·m; 0 where there is no
-    drive.
+    """Torques of the drives that move and hold the joints at the stamp, N·m; 0 without a drive.
     """
     opening: float
     """Distance between the gripper's pads by its linkage, metres; the first recordings lack it.
@@ -1827,8 +1827,8 @@ class Odometry(_Message):
     ) -> None: ...
 
 class SensedJoints(_Message):
-    """The arm's joints and the gripper as a robot's encoders and torque sensors would tell them,
-    made by a sensor model; nothing where none is on.
+    """The arm's joints and the gripper as measured by a robot's encoders and torque sensors, from
+    a sensor model; absent without a model.
     """
     header: Header
     """Stamp of the sample."""
@@ -1839,7 +1839,7 @@ class SensedJoints(_Message):
     efforts: _Scalars[float]
     """Their torques, N·m."""
     opening: float
-    """Distance between the gripper's pads; all that a gripper tells, metres."""
+    """Distance between the gripper's pads; the only measurement of a gripper, metres."""
     def __init__(
         self,
         *,
@@ -1903,7 +1903,7 @@ class ReachRequest(_Message):
     """
     max_joint_change: float
     """Greatest change of a joint from one of these poses to the next, radians: more is a jump.
-    Absent: as far as the search near joint positions goes. Optional.
+    Absent: the range of the search near joint positions. Optional.
     """
     def __init__(
         self,
@@ -1946,7 +1946,7 @@ class Disturbances(_Message):
     `applied` keeps what was intended. Strengths are 0 (none) to 3.
     """
     seed: int
-    """Seed of what is drawn; absent: the scenario's (no unit). Optional."""
+    """Seed of the sampled values; absent: the scenario's (no unit). Optional."""
     noise: int
     """Strength of the noise on what is applied to arm and wheels (no unit)."""
     pushes: int
@@ -1963,12 +1963,11 @@ class Disturbances(_Message):
     ) -> None: ...
 
 class Disturbance(_Message):
-    """What disturbs one control tick; published where the scenario has disturbances."""
+    """Disturbance of one control tick; published when the scenario has disturbances."""
     header: Header
     """Stamp of the control tick, that of `applied`."""
     joint_offsets: _Scalars[float]
-    """What is added to the targets of the arm's joints at the end of the tick, from base to hand,
-    rad.
+    """Offsets of the targets of the arm's joints at the end of the tick, from base to hand, rad.
     """
     wheel_factors: _Scalars[float]
     """By what the speeds of the left and the right wheel are multiplied (no unit)."""
@@ -1990,28 +1989,27 @@ class Disturbance(_Message):
     ) -> None: ...
 
 class Language(_Message):
-    """A sentence from the grammar in assets/language, about the scene as it was drawn. Left,
-    right, in front and behind are those of who sits in the chair while it stands at the area
-    and looks at it.
+    """A sentence from the grammar in assets/language, about the sampled scene. Left, right, in
+    front and behind are those of the seated person while the chair is at the area and faces it.
     """
     seed: int
     """Seed of the sentence; the scene does not depend on it (no unit)."""
     split: LanguageSplit
-    """Which templates and names are said (no unit)."""
+    """Templates and names in use (no unit)."""
     typo_share: float
     """Share of sentences with a typing error, 0 to 1 (no unit)."""
     politeness_share: float
     """Share of sentences with politeness, 0 to 1; absent is 0.5 (no unit). Optional."""
     ambiguous_share: float
-    """Share of sentences that may mean several things, 0 to 1 (no unit)."""
+    """Share of ambiguous sentences, 0 to 1 (no unit)."""
     template: str
     """Template of the sentence; the server fills it in (no unit)."""
     question: str
-    """Question that must be asked back, where the sentence may mean several things; empty where it
-    is clear; the server fills it in (no unit).
+    """Clarifying question for an ambiguous sentence; empty for a clear one; the server fills it in
+    (no unit).
     """
     ambiguous: bool
-    """Whether the sentence may mean several things; the server fills it in (no unit)."""
+    """Whether the sentence is ambiguous; the server fills it in (no unit)."""
     def __init__(
         self,
         *,
@@ -2026,11 +2024,11 @@ class Language(_Message):
     ) -> None: ...
 
 class Person(_Message):
-    """Who is to sit in the chair. Names are those of assets/people; what is empty is drawn by the
-    seed.
+    """Settings of the person in the chair. Names are those of assets/people; empty fields are
+    sampled from the seed.
     """
     body: str
-    """Body, for example `woman_p50`; `none`: nobody sits there (no unit)."""
+    """Body, for example `woman_p50`; `none` for an empty chair (no unit)."""
     posture: str
     """Posture, for example `hands_in_lap` (no unit)."""
     skin: str
@@ -2040,11 +2038,11 @@ class Person(_Message):
     clothes: str
     """Clothes, by name (no unit)."""
     seed: int
-    """Seed of what is drawn and of the motion of head and mouth; absent: the scenario's (no unit).
-    Optional.
+    """Seed of the sampled values and of the motion of head and mouth; absent: the scenario's (no
+    unit). Optional.
     """
     motion: float
-    """How much head and mouth move, 0 (still) to 1; absent: 1 (no unit). Optional."""
+    """Amount of motion of head and mouth, 0 (still) to 1; absent: 1 (no unit). Optional."""
     mouth_open: bool
     """The mouth opens in the first second and stays open, as of who waits for a sip (no unit).
     """
@@ -2054,7 +2052,7 @@ class Person(_Message):
     the guard is on unless `unguarded` is set.
     """
     sampled: SampledPerson
-    """Who was drawn; where it is told it is taken as it is."""
+    """The sampled person; a given one is used unchanged."""
     unguarded: bool
     """The guard is off (no unit)."""
     def __init__(
@@ -2074,7 +2072,7 @@ class Person(_Message):
     ) -> None: ...
 
 class SampledPerson(_Message):
-    """Who was drawn. Names are those of assets/people."""
+    """The sampled person. Names are those of assets/people."""
     body: str
     """Body (no unit)."""
     posture: str
@@ -2096,23 +2094,23 @@ class SampledPerson(_Message):
     ) -> None: ...
 
 class PersonState(_Message):
-    """The person in the chair; published where somebody sits there."""
+    """The person in the chair; published while the chair is occupied."""
     header: Header
     """Stamp of the sample."""
     head_angles: _Scalars[float]
-    """How the head is turned beside the posture: to the left, down, to the right, rad."""
+    """Rotation of the head relative to the posture: to the left, down, to the right, rad."""
     jaw: float
-    """How far the jaw is turned down, rad."""
+    """Downward rotation of the jaw, rad."""
     mouth: Pose
     """Pose of the mouth in `house`: origin between the lips, x out of the mouth, z up, metres.
     """
     forces: _Scalars[float]
-    """What presses on each part of the body, in the order of `BodyPart` from the head on: the sum
-    of the forces of all that touches it, of four physics ticks the greatest, N. What touches
-    the mouth also counts for the face.
+    """Force on each part of the body, in the order of `BodyPart` from the head on: the sum over
+    all contacts, the greatest of four physics ticks, N. Contacts of the mouth also count for
+    the face.
     """
     robot_force: float
-    """What the robot itself presses on all of the body, likewise, N."""
+    """Force of the robot on the whole body, likewise, N."""
     contacts: _Messages[PersonContact]
     """Each body that touched a part of the person in these four physics ticks, strongest first, at
     most 16. The seat of the person's own chair is left out.
@@ -2151,25 +2149,25 @@ class PersonContact(_Message):
 class CameraSetting(_Message):
     """One camera of the scenario."""
     name: str
-    """One of the robot's, or `room`; where it asks, `*` stands for each of the robot's that is not
-    named (no unit).
+    """One of the robot's, or `room`; in a request, `*` is each of the robot's that is not named
+    (no unit).
     """
     width: int
-    """Picture width, 16 to 4096 pixels; the intrinsics scale with it. There is no usual size: 0 is
-    refused.
+    """Image width, 16 to 4096 pixels; the intrinsics scale with it. 0 is refused, since the size
+    has no default.
     """
     height: int
-    """Picture height, 16 to 4096 pixels."""
+    """Image height, 16 to 4096 pixels."""
     rate_hz: float
-    """Pictures per second of simulation time, Hz; must divide 240. Absent takes 10, 0 is off.
+    """Images per second of simulation time, Hz; must divide 240. Absent means 10, 0 is off.
     Optional.
     """
     lens: Intrinsics
-    """Lens, where it is not that of the robot's description; it scales to the size above. Where
-    the server draws calibrations, it fills it in.
+    """Lens, when it differs from the robot's description; it scales to the size above. A server
+    that samples calibrations fills it in.
     """
     place: CameraPlace
-    """Where the camera is, where that is not as the robot's description says."""
+    """Pose of the camera, when it differs from the robot's description."""
     def __init__(
         self,
         *,
@@ -2182,7 +2180,7 @@ class CameraSetting(_Message):
     ) -> None: ...
 
 class CameraPlace(_Message):
-    """Where a camera is."""
+    """Pose of a camera."""
     frame: str
     """Frame that carries it: one of the robot's frames, or `house` (no unit)."""
     pose: Pose
@@ -2195,15 +2193,15 @@ class CameraPlace(_Message):
     ) -> None: ...
 
 class ObjectPlacement(_Message):
-    """Where an object starts and what was drawn for it."""
+    """Initial pose and sampled properties of an object."""
     name: str
     """Object name in the scene (no unit)."""
     pose: Pose
     """Pose of the object's frame in `house`, metres."""
     mass: float
-    """Mass, kg; absent takes the drawn one. Optional."""
+    """Mass, kg; absent uses the sampled one. Optional."""
     friction: float
-    """Coulomb friction coefficient; absent takes the drawn one (no unit). Optional."""
+    """Coulomb friction coefficient; absent uses the sampled one (no unit). Optional."""
     def __init__(
         self,
         *,
@@ -2214,13 +2212,13 @@ class ObjectPlacement(_Message):
     ) -> None: ...
 
 class SlideResistance(_Message):
-    """What was drawn for furniture that slides."""
+    """Sampled friction of furniture that slides."""
     joint: str
     """Joint, for example `drawer_1_joint` (no unit)."""
     friction: float
-    """Dry friction, N; absent takes the drawn one. Optional."""
+    """Dry friction, N; absent uses the sampled one. Optional."""
     damping: float
-    """Viscous friction, N·s/m; absent takes the drawn one. Optional."""
+    """Viscous friction, N·s/m; absent uses the sampled one. Optional."""
     position: float
     """Joint position at the start, metres; absent is 0, closed. Optional."""
     def __init__(
@@ -2238,12 +2236,12 @@ class SensorSetting(_Message):
     model: str
     """File in assets/sensors, without `.toml` (no unit)."""
     camera: str
-    """Camera whose pictures it takes; empty for a model of no camera (no unit)."""
+    """Camera whose images it uses; empty for a model without a camera (no unit)."""
     seed: int
     """Seed of its noise; absent takes the scenario's (no unit). Optional."""
     strength: float
-    """How far from perfect, 0 to 3: 1 is as the file says, 0 has no noise and no delay; absent is
-    1 (no unit). Optional.
+    """Deviation from a perfect sensor, 0 to 3: 1 is that of the file, 0 has no noise and no delay;
+    absent is 1 (no unit). Optional.
     """
     def __init__(
         self,
@@ -2255,11 +2253,11 @@ class SensorSetting(_Message):
     ) -> None: ...
 
 class Scenario(_Message):
-    """What is simulated. Start-up, reset, episode start, replay, collection and the attributes of
-    a recording all use this message. Where it asks (`reset`), what is absent takes the value in
-    force. Who gives a scene, a task, a robot or a seed, be it the same, or other starts or
-    another variant, has drawn anew what he does not give: objects, slides, start, arm, gripper,
-    instruction, target and variant. Where it answers, and in recordings, everything is there.
+    """A scenario. Start-up, reset, episode start, replay, collection and the attributes of a
+    recording all use this message. In a request (`reset`), absent fields keep the value in
+    force. A request with a scene, a task, a robot, a seed (also the same one), other starts or
+    another variant samples all absent values again: objects, slides, start, arm, gripper,
+    instruction, target and variant. In replies and recordings every field is set.
     """
     scene: str
     """Scene name in assets/scenes; empty takes the one in force (no unit)."""
@@ -2270,8 +2268,8 @@ class Scenario(_Message):
     robot: str
     """Robot description folder in assets/robots; empty takes the one in force (no unit)."""
     cameras: _Messages[CameraSetting]
-    """Cameras in use; empty takes those in force, or all where another robot is asked for. A
-    camera of rate 0 is off.
+    """Cameras in use; empty keeps those in force, or uses all when the request names another
+    robot. A camera of rate 0 is off.
     """
     state_rate_hz: float
     """Rate of the state streams, Hz; must divide 60; 0 is off. At start-up 60. Optional."""
@@ -2280,89 +2278,90 @@ class Scenario(_Message):
     pacing: Pacing
     """Pacing of the simulation (no unit)."""
     quality: RenderQuality
-    """Quality of the camera pictures (no unit)."""
+    """Quality of the camera images (no unit)."""
     imu_noise: bool
-    """Adds the IMU noise of the robot description, drawn from the seed (no unit). Optional.
+    """Adds the IMU noise of the robot description, sampled from the seed (no unit). Optional.
     """
     objects: _Messages[ObjectPlacement]
-    """Object placements in `house`. Those that are given are taken as they are, the others are
-    drawn, and the answer has all. Where some are given, clutter that is not is not there.
+    """Object placements in `house`. Given ones are used unchanged, the others are sampled, and the
+    reply has all. When some are given, clutter without a placement is removed.
     """
     start: Pose
     """Pose of `wheelchair_root` in `house` at the start, metres."""
     instruction: str
-    """Instruction sentence; where the server draws, one of the task's by seed (no unit). Optional.
+    """Instruction sentence; when the server samples, one of the task's by seed (no unit).
+    Optional.
     """
     target: str
-    """What the task is about: an object, or furniture that slides; where the server draws, the
-    task's only target, or one of several by seed (no unit). Optional.
+    """Target of the task: an object, or furniture that slides; when the server samples, the task's
+    only target, or one of several by seed (no unit). Optional.
     """
     slides: _Messages[SlideResistance]
-    """Resistance of furniture that slides. Where the server draws, it fills in what is not named.
+    """Resistance of furniture that slides. When the server samples, it fills in the missing ones.
     """
     deformable_rate_hz: float
     """Rate of the shapes of soft objects, Hz; must divide 60; 0 is off. At start-up 10. Optional.
     """
     calibration_seed: int
-    """Which specimen of the robot: lens and place of each of its cameras that has none of its own
-    are drawn from this number, within the tolerances of the robot's folder, and told in
-    `cameras`. Absent: as the description says (no unit). Optional.
+    """Specimen of the robot: lens and pose of each of its cameras without a value of its own are
+    sampled from this number, within the tolerances of the robot's folder, and returned in
+    `cameras`. Absent: the values of the description (no unit). Optional.
     """
     language: Language
-    """How the task is said, where the server draws the sentence. Absent takes what is in force, at
+    """Sentence of the task, when the server samples it. Absent keeps the setting in force, at
     start-up one of the task's own sentences (no unit). Optional.
     """
     appearance: Appearance
-    """How it looks. Absent: as the scene's files say, or the one in force; with all axes 0 as the
-    files say.
+    """Appearance. Absent: that of the scene's files, or the one in force; with all axes 0 that of
+    the files.
     """
     disturbances: Disturbances
-    """What hinders the robot on purpose. Absent takes what is in force, at start-up nothing (no
+    """Intentional disturbances of the robot. Absent keeps those in force, at start-up none (no
     unit). Optional.
     """
     style: str
-    """How the scripted operator moves: `quick` or `human`. Absent takes the one in force, at
+    """Motion of the scripted operator: `quick` or `human`. Absent keeps the one in force, at
     start-up `quick` (no unit). Optional.
     """
     person: Person
-    """Who sits in the chair. Absent takes what is in force, at start-up nobody; what of it is
-    drawn is drawn anew as the scene is (no unit). Optional.
+    """Person in the chair. Absent keeps the person in force, at start-up none; sampled values are
+    sampled again with the scene (no unit). Optional.
     """
     starts: Starts
-    """Where the robot starts; at start-up near by (no unit)."""
+    """Initial poses of the robot; at start-up near by (no unit)."""
     arm_positions: _Scalars[float]
-    """Positions of the arm's joints at the start, from base to hand, radians. Empty where the
-    server draws.
+    """Positions of the arm's joints at the start, from base to hand, radians. Empty when the
+    server samples.
     """
     knuckle: float
-    """Angle of the gripper's knuckle at the start, radians; 0 is open. Absent where the server
-    draws. Optional.
+    """Angle of the gripper's knuckle at the start, radians; 0 is open. Absent when the server
+    samples. Optional.
     """
     variant: str
-    """Variant of the task's area (see assets/areas), empty for the first. Where the server draws,
+    """Variant of the task's area (see assets/areas), empty for the first. When the server samples,
     one by the shares of the area (no unit). Optional.
     """
     variant_share: float
-    """How often a variant other than the area's first is drawn, 0 to 1. Absent takes what the area
-    says (no unit). Optional.
+    """Probability of a variant other than the area's first, 0 to 1. Absent uses that of the area
+    (no unit). Optional.
     """
     sensors: _Messages[SensorSetting]
-    """Sensor models that are on; where it asks, empty takes those in force, or none where another
-    robot is asked for. One of model `none` switches all off.
+    """Sensor models that are on; in a request, empty keeps those in force, or uses none when the
+    request names another robot. One of model `none` switches all off.
     """
     time_limit_seconds: float
-    """Simulated seconds after which the task has failed. 0 asks the server for three times what
-    the operator is expected to take, which the answer tells. Absent takes the one in force, at
-    start-up that of the task, s. Optional.
+    """Simulated seconds after which the task has failed. 0 requests three times the expected time
+    of the operator, which the reply returns. Absent keeps the one in force, at start-up that of
+    the task, s. Optional.
     """
     rejected_starts: int
     """Start poses that the server drew before `start` and rejected because chair or arm would have
     met the person (count).
     """
     start_in_view: bool
-    """Where the server draws the start: a start from which the wrist camera or the chair's camera
-    has the target in its field of view and nothing but objects between. Absent takes the one in
-    force, at start-up false (no unit). Optional.
+    """When the server samples the start: only starts from which the wrist camera or the chair's
+    camera has the target in its field of view, with nothing but objects between. Absent keeps
+    the setting in force, at start-up false (no unit). Optional.
     """
     look_around: bool
     """The scripted operator looks around before it drives. Absent takes the one in force, at
@@ -2406,9 +2405,9 @@ class Scenario(_Message):
     ) -> None: ...
 
 class TaskGoal(_Message):
-    """What a task asks for, for who has to do it."""
+    """Goal of a task, for its performer."""
     kind: GoalKind
-    """What is to be done (no unit)."""
+    """Kind of goal (no unit)."""
     target: str
     """Object or furniture that the hand takes (no unit)."""
     region: BoxGeometry
@@ -2421,8 +2420,8 @@ class TaskGoal(_Message):
     position: float
     """GOAL_KIND_OPEN and GOAL_KIND_CLOSE: wanted joint position, metres."""
     tip: Vector3
-    """GOAL_KIND_BRING: the point of the target that goes to the mouth, metres in the target's own
-    frame.
+    """GOAL_KIND_BRING: the point of the target that is brought to the mouth, metres in the
+    target's own frame.
     """
     def __init__(
         self,
@@ -2448,9 +2447,9 @@ class TaskInfo(_Message):
     predicates: _Scalars[str]
     """Predicates as text (no unit)."""
     goal: GoalKind
-    """What is to be done (no unit)."""
+    """Kind of goal (no unit)."""
     targets: _Scalars[str]
-    """What it is done to: one of these is drawn by the seed (no unit)."""
+    """Targets of the goal: one of these is sampled from the seed (no unit)."""
     variants: _Scalars[str]
     """Variants of its area in which it can be done, by name; the first has none (no unit).
     """
@@ -2486,8 +2485,7 @@ class TaskList(_Message):
 class Condition(_Message):
     """One condition of the task."""
     name: str
-    """The condition's name in its task, by which it is told from the others: the predicate with
-    its arguments (no unit).
+    """The condition's unique name in its task: the predicate with its arguments (no unit).
     """
     holds: bool
     """Whether it holds now (no unit)."""
@@ -2568,7 +2566,7 @@ class FurnitureJoint(_Message):
     travel: float
     """Greatest position, metres or radians; the least is 0."""
     type: JointType
-    """How it moves (no unit)."""
+    """Kind of motion (no unit)."""
     def __init__(
         self,
         *,
@@ -2581,7 +2579,7 @@ class FurnitureJoint(_Message):
     ) -> None: ...
 
 class GraspFrame(_Message):
-    """Where the end effector takes an object."""
+    """Pose of the end effector to grasp an object."""
     object: str
     """Object, or furniture that slides, that it belongs to (no unit)."""
     name: str
@@ -2596,9 +2594,7 @@ class GraspFrame(_Message):
     """Cap of the force at each pad for what is soft, N; absent leaves it to the client. Optional.
     """
     from_above: bool
-    """It takes the object only where the hand comes from above, for example by an arm of what has
-    fallen over (no unit).
-    """
+    """Only for a hand from above, for example for an arm of a fallen toy (no unit)."""
     def __init__(
         self,
         *,
@@ -2612,13 +2608,13 @@ class GraspFrame(_Message):
     ) -> None: ...
 
 class Instance(_Message):
-    """One instance id of the pictures."""
+    """One instance id of the images."""
     id: int
-    """Id in the pictures, 1 to 65535 (no unit)."""
+    """Id in the images, 1 to 65535 (no unit)."""
     name: str
     """Body name (no unit)."""
     kind: InstanceKind
-    """What it is (no unit)."""
+    """Kind (no unit)."""
     part: BodyPart
     """Part of the person, where it is one (no unit)."""
     def __init__(
@@ -2631,7 +2627,7 @@ class Instance(_Message):
     ) -> None: ...
 
 class SceneRequest(_Message):
-    """Asks what stands in the home. Query `scene`."""
+    """Requests the content of the home. Query `scene`."""
 
 class SceneReply(_Message):
     """Answers the query `scene`."""
@@ -2650,13 +2646,13 @@ class SceneReply(_Message):
     joints: _Messages[FurnitureJoint]
     """Furniture that slides, in the order of FurnitureJoints."""
     goal: TaskGoal
-    """What the task asks for; absent without a task."""
+    """Goal of the task; absent without a task."""
     cameras: _Messages[RobotCamera]
-    """Cameras that stand in the scene; their link is `house`."""
+    """Cameras of the scene; their link is `house`."""
     robot: RobotDescription
     """The robot in it."""
     persons: _Messages[SeatedPerson]
-    """Who sits in the chair; none or one."""
+    """The person in the chair; none or one."""
     def __init__(
         self,
         *,
@@ -2674,20 +2670,20 @@ class SceneReply(_Message):
     ) -> None: ...
 
 class PickRequest(_Message):
-    """Asks what stands at a pixel of a picture that was shown. Query `pick`. The server knows the
-    last 30 pictures of each camera that somebody previews.
+    """Requests the instance at a pixel of a preview image. Query `pick`. The server keeps the last
+    30 images of each camera with a preview.
     """
     camera: str
     """Camera (no unit)."""
     tick: int
-    """Tick of the picture (ticks)."""
+    """Tick of the image (ticks)."""
     u: float
     """Place from the left edge, 0 to 1 (share of the width, no unit)."""
     v: float
     """Place from the upper edge, 0 to 1 (share of the height, no unit)."""
     snap: float
-    """The nearest thing that can be taken is looked for within this share of the width, at most
-    0.25; 0 takes what stands at the pixel (no unit).
+    """The nearest object with a grasp is searched within this share of the width, at most 0.25; 0
+    selects the body at the pixel (no unit).
     """
     def __init__(
         self,
@@ -2704,18 +2700,18 @@ class PickReply(_Message):
     header: Header
     """Stamp of the answer."""
     body: str
-    """Body at the pixel, or the thing that it snapped to; empty where nothing is (no unit).
+    """Body at the pixel, or the object that the search found; empty without either (no unit).
     """
     kind: InstanceKind
-    """What it is (no unit)."""
+    """Kind (no unit)."""
     graspable: bool
     """It has grasps: the operator's skills can take it (no unit)."""
     point: Vector3
     """The point that was met, in `house`, metres; absent where nothing is."""
     u: float
-    """Where it was met, from the left edge, 0 to 1 (no unit)."""
+    """Position of the hit pixel, from the left edge, 0 to 1 (no unit)."""
     v: float
-    """Where it was met, from the upper edge, 0 to 1 (no unit)."""
+    """Position of the hit pixel, from the upper edge, 0 to 1 (no unit)."""
     bounds: _Scalars[float]
     """Box around what is seen of it: left, upper, right and lower edge, 0 to 1; empty where
     nothing is (no unit).
@@ -2734,10 +2730,10 @@ class PickReply(_Message):
     ) -> None: ...
 
 class SeatedPerson(_Message):
-    """Who sits in the chair. Places are in `wheelchair_root`, with the head as the posture has it.
+    """The person in the chair. Poses are in `wheelchair_root`, with the head in its posture.
     """
     sampled: SampledPerson
-    """Who, how and in what."""
+    """Body, posture and clothes."""
     words: str
     """The body in words (no unit)."""
     stature: float
@@ -2747,11 +2743,11 @@ class SeatedPerson(_Message):
     seat_height: float
     """Height of the seat over the foot plate, metres."""
     capsules: _Messages[PersonCapsule]
-    """What stands for the body in contacts and for planning."""
+    """Capsules of the body for contacts and for planning."""
     margin: float
-    """How far clothes and skin may stand out of the capsules, metres."""
+    """Greatest distance of clothes and skin from the capsules, metres."""
     lap: BoxGeometry
-    """Where a thing may lie in the lap: its upper side has no height, metres."""
+    """Area of the lap for an object: its upper side has no height, metres."""
     mouth: Pose
     """Pose of the mouth: origin between the lips, x out of the mouth, z up, metres."""
     def __init__(
@@ -2801,7 +2797,7 @@ class EpisodeStartRequest(_Message):
     """Instruction sentence, stored exactly; absent takes the scenario's (no unit). Optional.
     """
     require_recorders: int
-    """Number of recorders that must be ready before time goes on (count)."""
+    """Number of recorders that must be ready before simulation time starts (count)."""
     commander: str
     """Lock-step: the commander to wait for; it must hold control. Empty takes the one that does
     (no unit).
@@ -2837,17 +2833,17 @@ class EpisodeStarted(_Message):
     instruction: str
     """Instruction sentence (no unit)."""
     scenario: Scenario
-    """Scenario with the drawn values."""
+    """Scenario with the sampled values."""
     activity: str
     """Activity of daily living of the task, `serve` or `organize` (no unit)."""
     area: str
     """Area of the task (no unit)."""
     streams: _Scalars[str]
-    """Streams that will be published, without pictures (no unit)."""
+    """Streams that will be published, without images (no unit)."""
     cameras: _Scalars[str]
     """Cameras that will be published (no unit)."""
     adapter: str
-    """Adapter that draws the pictures (no unit)."""
+    """Adapter that renders the images (no unit)."""
     version: str
     """Server version (no unit)."""
     objects: _Scalars[str]
@@ -2856,18 +2852,19 @@ class EpisodeStarted(_Message):
     """Names of the furniture's joints, in the order of FurnitureJoints (no unit)."""
     physics_version: int
     """Version of the physics that computes the episode; servers of the same version replay it bit
-    for bit (no unit, 0 = told none).
+    for bit (no unit, 0 = unknown).
     """
     robot: RobotDescription
     """The robot that is recorded."""
     as_recorded: bool
-    """The states are those of a recording, see PlaybackRequest: only they and the pictures are
+    """The states are those of a recording, see PlaybackRequest: only they and the images are
     published, and no version of the physics computes them (no unit).
     """
     sensors: _Scalars[str]
-    """Picture sensors that will be published (no unit)."""
+    """Camera sensors that will be published (no unit)."""
     compressed_cameras: bool
-    """The cameras' pictures come compressed as well, see CompressedCameraFrame (no unit)."""
+    """The cameras' images are also published compressed, see CompressedCameraFrame (no unit).
+    """
     practice: bool
     """Recorders leave this episode out (no unit)."""
     def __init__(
@@ -2897,7 +2894,7 @@ class SnapshotRequest(_Message):
     """Asks for state and assets of the running episode. Query `snapshot`."""
 
 class SnapshotReply(_Message):
-    """What an episode's recording needs beside the streams. Query `snapshot`."""
+    """Data of an episode that a recording needs besides the streams. Query `snapshot`."""
     header: Header
     """Stamp of the snapshot: the first tick of the episode."""
     snapshot: bytes
@@ -2931,16 +2928,15 @@ class AssetText(_Message):
 class EpisodeStopRequest(_Message):
     """Asks to stop the running episode."""
     discard: bool
-    """Recorders throw the episode away; refused while somebody else is in control (no unit).
-    """
+    """Recorders delete the episode; refused while another client is in control (no unit)."""
     episode: int
     """Number of the episode that is meant; refused with NO_EPISODE where another one runs or none.
     Absent ends whichever runs (no unit). Optional.
     """
     force: bool
-    """Discards although somebody else is in control (no unit)."""
+    """Discards although another client is in control (no unit)."""
     secret: str
-    """Secret of the lease of whoever is in control (no unit)."""
+    """Secret of the lease of the client in control (no unit)."""
     def __init__(
         self,
         *,
@@ -2951,7 +2947,7 @@ class EpisodeStopRequest(_Message):
     ) -> None: ...
 
 class StreamCount(_Message):
-    """What one stream published in an episode."""
+    """Samples of one stream in an episode."""
     stream: str
     """Stream or `camera/NAME` (no unit)."""
     first: int
@@ -2961,8 +2957,8 @@ class StreamCount(_Message):
     count: int
     """Number of samples (count)."""
     digest: bytes
-    """What was published, to the last bit: BLAKE3 over the BLAKE3 hashes of the encoded messages
-    in the order of their sequence numbers (32 bytes).
+    """Digest of the published samples: BLAKE3 over the BLAKE3 hashes of the encoded messages in
+    the order of their sequence numbers (32 bytes).
     """
     compressed_digest: bytes
     """Of a camera the same of its CompressedCameraFrames (32 bytes)."""
@@ -2993,8 +2989,8 @@ class EpisodeRequest(_Message):
     ) -> None: ...
 
 class EpisodeState(_Message):
-    """What runs and what has run lately. Query `episode`. Whoever records asks for it: what is
-    heard on `episode/start` and `episode/stop` only says when.
+    """The running episode and recent ones. Query `episode`. A recorder relies on this reply:
+    samples of `episode/start` and `episode/stop` only show when to send the query.
     """
     header: Header
     """Stamp of the answer."""
@@ -3020,13 +3016,13 @@ class EpisodeStopped(_Message):
     evaluation: Evaluation
     """Task state at the end."""
     manifest: _Messages[StreamCount]
-    """What every stream published: the manifest."""
+    """Samples of every stream: the manifest."""
     wall_seconds: float
     """Wall seconds that the episode took, s."""
     cause: EndCause
     """Why it ended (no unit)."""
     anomalies: _Scalars[str]
-    """What was odd in it, in words, oldest first, each once (no unit)."""
+    """Anomalies as text, oldest first, each once (no unit)."""
     anomaly_kinds: _Scalars[AnomalyKind]
     """Codes of `anomalies`, as many and in the same order (no unit)."""
     unconfirmed_recorders: _Scalars[str]
@@ -3056,7 +3052,7 @@ class RecorderStatus(_Message):
     recorder: str
     """Name of the recorder, as in the key (no unit)."""
     state: RecorderState
-    """What it does (no unit)."""
+    """Present state (no unit)."""
     accepted_frames: int
     """Camera frames accepted into its queue in this episode (count). Servers that do not know
     `credit_frames` take this and `missed` together for the credit.
@@ -3070,24 +3066,24 @@ class RecorderStatus(_Message):
     message: str
     """Problem in words (no unit)."""
     credit_frames: int
-    """The credit in pictures: camera frames of this episode that were accepted, and those that
-    were asked for in vain, as of the last moment at which no sample was missing that may still
-    come (count). Absent from older recorders: `accepted_frames` and `missed` stand for it.
-    Optional.
+    """The credit in images: camera frames of this episode that were accepted, and those that were
+    requested in vain, as of the last moment without a missing sample that may still arrive
+    (count). Absent from older recorders: `accepted_frames` and `missed` replace it. Optional.
     """
     credit_tick: int
-    """The credit in time: tick up to which every state stream of a fixed rate was there at that
-    moment (ticks). In lock-step time stands still 480 ticks beyond it, so a recorder tells it
-    at least every 48 ticks. Absent from older recorders, for which time waits only with
+    """The credit in time: tick up to which every state stream of a fixed rate was received at that
+    moment (ticks). In lock-step, simulation time stops 480 ticks beyond it, so a recorder sends
+    it at least every 48 ticks. Absent from older recorders, for which time waits only with
     cameras. Optional.
     """
     free_label: str
-    """Where recording failed because a file or a log of that label exists: the next label of the
+    """When recording failed because a file or a log of that label exists: the next label of the
     same stem that is free at this recorder (no unit).
     """
     silent_seconds: float
-    """In the server's account of its recorders: for how long a connected recorder has told
-    nothing, where that is so long that it does not answer, s. Recorders leave it out. Optional.
+    """In the server's account of its recorders: time since the last status of a connected
+    recorder, when it is so long that the recorder counts as unresponsive, s. Recorders leave it
+    out. Optional.
     """
     def __init__(
         self,
@@ -3138,8 +3134,8 @@ class CommandLog(_Message):
     ) -> None: ...
 
 class Applied(_Message):
-    """What the robot was told at one control tick. With the snapshot at the start of the episode
-    the first four fields replay it bit for bit.
+    """The commands in force at one control tick. With the snapshot at the start of the episode the
+    first four fields replay it bit for bit.
     """
     header: Header
     """Stamp of the control tick at which it took effect."""
@@ -3311,7 +3307,7 @@ class Event(_Message):
     header: Header
     """Stamp of the event."""
     kind: EventKind
-    """What kind of thing (no unit)."""
+    """Kind of event (no unit)."""
     text: str
     """In words (no unit)."""
     body: str
@@ -3346,7 +3342,7 @@ class PauseRequest(_Message):
     """Asks to pause time. Query `pause`."""
 
 class ResumeRequest(_Message):
-    """Asks that time goes on. Query `resume`."""
+    """Requests that simulation time continues. Query `resume`."""
 
 class Status(_Message):
     """Answers the query `status`."""
@@ -3355,7 +3351,7 @@ class Status(_Message):
     version: str
     """Server version (no unit)."""
     scenario: Scenario
-    """Scenario in force, with the drawn values."""
+    """Scenario in force, with the sampled values."""
     adapter: str
     """Graphics adapter, driver and type; empty without cameras (no unit)."""
     paused: bool
@@ -3376,7 +3372,7 @@ class Status(_Message):
     evaluation: Evaluation
     """State of the task."""
     holder: str
-    """Commander that holds control; empty when nobody does (no unit)."""
+    """Commander that holds control; empty without one (no unit)."""
     held_seconds: float
     """For how long it has held control, wall time, s."""
     unix_nanos: int
@@ -3386,13 +3382,13 @@ class Status(_Message):
     `reset`. Empty while all is well (no unit).
     """
     waiting_for_code: WaitingFor
-    """What the simulation waits for, for programs (no unit)."""
+    """Reason why the simulation waits, for programs (no unit)."""
     access: Access
     """From where the server is reached, and who may do what (no unit)."""
     strange: int
-    """Messages since the start whose sender named somebody else than the key under which it sent,
-    or that could not be read; commands among them are also in `refused`. What the transport's
-    own rules refuse never gets here (count).
+    """Messages since the start that could not be decoded, or whose sender differs from the name in
+    the key; commands among them are also in `refused`. Messages that the transport's rules drop
+    are not counted (count).
     """
     def __init__(
         self,
@@ -3418,15 +3414,15 @@ class Status(_Message):
     ) -> None: ...
 
 class LeaseRequest(_Message):
-    """Asks for control, takes it over, or gives it back. Query `lease`. Whoever asks has declared
-    its liveliness token `commander/NAME/RUN_ID/alive` before: control ends with that token.
+    """Acquires control, takes it over, or releases it. Query `lease`. The client must declare its
+    liveliness token `commander/NAME/RUN_ID/alive` before: control ends with that token.
     """
     header: Header
     """Its run id names the life of the asking process."""
     commander: str
     """Name of the commander, as in the key (no unit)."""
     take: bool
-    """Takes control over from whoever holds it (no unit)."""
+    """Takes control over from the commander that holds it (no unit)."""
     release: bool
     """Gives control back instead of asking for it; needs the secret (no unit)."""
     secret: str
@@ -3434,8 +3430,8 @@ class LeaseRequest(_Message):
     in control (no unit).
     """
     sealed: bool
-    """The asker seals its commands: in this lease no command without a seal is taken, so that
-    nobody else can command in its name (no unit).
+    """The client seals its commands: in this lease every command without a seal is refused, so
+    that no other client can command in its name (no unit).
     """
     def __init__(
         self,
@@ -3449,14 +3445,14 @@ class LeaseRequest(_Message):
     ) -> None: ...
 
 class LeaseReply(_Message):
-    """Answers `lease`. Control that somebody else holds is answered by a Failure that names the
-    holder and how to take it over.
+    """Reply of `lease`. When another commander holds control, the reply is a Failure that names
+    the holder and how to take it over.
     """
     header: Header
     """Stamp of the answer."""
     holder: str
-    """Commander that holds control now. Empty when nobody does: after a release, or because the
-    server has not seen the asking process's token yet (ask again) (no unit).
+    """Commander that holds control now. Empty without one: after a release, or because the server
+    has not received the client's token yet (try again) (no unit).
     """
     held_seconds: float
     """For how long it has held control, wall time, s."""
@@ -3474,19 +3470,19 @@ class LeaseReply(_Message):
     ) -> None: ...
 
 class ResetRequest(_Message):
-    """Asks for a new scenario. Refused while an episode runs, and while somebody else is in
+    """Requests a new scenario. Refused while an episode runs, and while another client is in
     control.
     """
     scenario: Scenario
-    """What to simulate; what is absent takes the value in force."""
+    """Scenario to simulate; absent fields keep the value in force."""
     snapshot: bytes
     """A snapshot to continue from (see SnapshotReply), at most 4 MiB with the rest of the request;
     empty for none (bytes).
     """
     force: bool
-    """Resets although somebody else is in control (no unit)."""
+    """Resets although another client is in control (no unit)."""
     secret: str
-    """Secret of the lease of whoever is in control (no unit)."""
+    """Secret of the lease of the client in control (no unit)."""
     playback: bool
     """The scenario only shows recorded states (query `playback`): a robot that starts inside of
     something is accepted (no unit).
@@ -3506,7 +3502,7 @@ class ResetReply(_Message):
     header: Header
     """Stamp after the reset."""
     scenario: Scenario
-    """Scenario in force, with the drawn values."""
+    """Scenario in force, with the sampled values."""
     def __init__(
         self,
         *,
@@ -3515,21 +3511,21 @@ class ResetReply(_Message):
     ) -> None: ...
 
 class SensorsRequest(_Message):
-    """Asks what the sensors on cameras have given by the present tick. In lock-step the answer
-    waits until every picture of the tick is drawn, so that who waits for the pictures that it
-    counts sees what the robot knows. Query `sensors`. An empty message.
+    """Requests the state of the sensors on cameras at the present tick. In lock-step the reply
+    waits until every image of the tick is rendered, so that a client that waits for the counted
+    images has all that the robot has. Query `sensors`. An empty message.
     """
 
 class SensorProgress(_Message):
-    """What a sensor on a camera has given."""
+    """State of a sensor on a camera."""
     sensor: str
-    """Name of the sensor, as in the key of its pictures (no unit)."""
+    """Name of the sensor, as in the key of its images (no unit)."""
     camera: str
-    """Camera whose exact pictures it takes (no unit)."""
+    """Camera whose exact images it uses (no unit)."""
     depth: bool
     """It gives depth, and not colour (no unit)."""
     images: int
-    """Pictures of the running episode that have arrived (count)."""
+    """Images of the running episode that have arrived (count)."""
     newest: int
     """Sequence number of the newest of them; 0 without any (no unit)."""
     def __init__(
@@ -3556,13 +3552,13 @@ class SensorsReply(_Message):
     ) -> None: ...
 
 class ShutdownRequest(_Message):
-    """Asks the server to end. Refused while somebody else is in control. An empty request is one
-    without force.
+    """Requests the end of the server. Refused while another client is in control. An empty request
+    is one without force.
     """
     force: bool
-    """Ends although somebody else is in control (no unit)."""
+    """Ends although another client is in control (no unit)."""
     secret: str
-    """Secret of the lease of whoever is in control (no unit)."""
+    """Secret of the lease of the client in control (no unit)."""
     def __init__(
         self,
         *,
@@ -3571,12 +3567,12 @@ class ShutdownRequest(_Message):
     ) -> None: ...
 
 class PlaybackRequest(_Message):
-    """Shows one state of a recording in place of a computed one: new pictures of an episode whose
-    physics this server cannot compute again. In lock-step pacing only, and while nobody is in
-    control. From the first one on, until a `reset`, nothing is computed; an episode that begins
-    meanwhile is marked `as_recorded`, goes on with every request, and publishes again what the
-    request holds. Query `playback`; answered when the state is shown, which waits for cameras
-    and recorders.
+    """Shows one state of a recording in place of a computed one: new images of an episode whose
+    physics this server cannot compute again. In lock-step pacing only, and while no commander
+    is in control. From the first request on, until a `reset`, no physics is computed. An
+    episode that begins meanwhile is marked `as_recorded`, advances with every request, and
+    publishes the content of the request again. Query `playback`; the reply follows the state,
+    after cameras and recorders.
     """
     tick: int
     """Tick of the state; in an episode later than the one before (ticks)."""
@@ -3591,7 +3587,7 @@ class PlaybackRequest(_Message):
     deformable: Deformable
     """Shape of the soft object; absent where it is as it was."""
     applied_samples: _Messages[Applied]
-    """What was applied since the state before, oldest first."""
+    """Commands applied since the state before, oldest first."""
     commands: _Messages[CommandLog]
     """Commands that were taken since the state before, oldest first."""
     evaluation: Evaluation
@@ -3623,7 +3619,7 @@ class PlaybackRequest(_Message):
     ) -> None: ...
 
 class PolicyCamera(_Message):
-    """Pictures that a policy wants."""
+    """Images that a policy needs."""
     name: str
     """Name of the robot's camera (no unit)."""
     width: int
@@ -3664,7 +3660,7 @@ class PolicySpec(_Message):
     weights_sha256: str
     """SHA-256 of its weights, hexadecimal; empty without weights (no unit)."""
     cameras: _Messages[PolicyCamera]
-    """Pictures that every observation holds, in this order."""
+    """Images of every observation, in this order."""
     state_names: _Scalars[str]
     """Names of the state that it was made for, in order; empty for any (no unit)."""
     history: int
@@ -3674,15 +3670,15 @@ class PolicySpec(_Message):
     chunk: int
     """Rows of an answer (count)."""
     execute: int
-    """Rows of an answer that are carried out before it is asked again (count)."""
+    """Rows of a reply that are executed before the next query (count)."""
     action: PolicyAction
-    """What a row is (no unit)."""
+    """Meaning of a row (no unit)."""
     action_names: _Scalars[str]
     """Names of the numbers of a row, in order; empty for any (no unit)."""
     max_batch: int
     """Observations that one request may hold; 0 for 1 (count)."""
     stochastic: bool
-    """It draws random numbers, from the seeds of the observations alone (no unit)."""
+    """It samples random numbers, from the seeds of the observations alone (no unit)."""
     training_seeds: _Messages[SeedRange]
     """Seeds whose episodes it was trained on."""
     def __init__(
@@ -3710,7 +3706,7 @@ class PolicyResetRequest(_Message):
     seed: int
     """Seed of its scenario (no unit)."""
     instruction: str
-    """What the person says (no unit)."""
+    """Instruction of the person (no unit)."""
     def __init__(
         self,
         *,
@@ -3723,7 +3719,7 @@ class PolicyResetReply(_Message):
     """Answers the query `reset`."""
 
 class PolicyImage(_Message):
-    """One picture."""
+    """One image."""
     camera: str
     """Name of the camera (no unit)."""
     width: int
@@ -3747,11 +3743,11 @@ class PolicyImage(_Message):
     ) -> None: ...
 
 class PolicyStep(_Message):
-    """What is seen at one instant."""
+    """Observation of one instant."""
     state_values: _Scalars[float]
     """Row of state; radians, rad/s, metres."""
     images: _Messages[PolicyImage]
-    """Pictures in the order of the spec."""
+    """Images in the order of the spec."""
     def __init__(
         self,
         *,
@@ -3760,7 +3756,7 @@ class PolicyStep(_Message):
     ) -> None: ...
 
 class PolicyObservation(_Message):
-    """What a policy is asked about."""
+    """Observation for which a policy chooses actions."""
     episode_key: str
     """Names the episode (no unit)."""
     seed: int
@@ -3770,10 +3766,10 @@ class PolicyObservation(_Message):
     tick: int
     """Tick of the newest moment, 1/240 s."""
     instruction: str
-    """What the person says (no unit)."""
+    """Instruction of the person (no unit)."""
     steps: _Messages[PolicyStep]
-    """As many as the spec says, the newest last; at the beginning of an episode the first stands
-    there several times.
+    """As many as the spec defines, the newest last; at the beginning of an episode the first one
+    is repeated.
     """
     def __init__(
         self,
@@ -3807,7 +3803,7 @@ class PolicyChunk(_Message):
     values: _Scalars[float]
     """The rows, one after the other; metres, radians, m/s, rad/s."""
     problem: str
-    """Why there are no rows, for people; empty where there are some (no unit)."""
+    """Why rows are missing, for people; empty with rows (no unit)."""
     def __init__(
         self,
         *,
