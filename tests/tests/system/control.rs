@@ -175,10 +175,10 @@ fn tasks_are_the_same_with_and_without_a_server() {
     let text = String::from_utf8_lossy(&asked.stdout).into_owned();
     for part in [
         "open_drawer (organize, workstation)",
-        "asks  open drawer_1 or drawer_2 or drawer_3 or drawer_4",
-        "asks  close drawer_1 or drawer_2 or drawer_3 or drawer_4",
-        "asks  lift coke_1 or coke_2 or coke_3 or coke_4",
-        "wants inside(knife, placemat)",
+        "goal  open drawer_1 or drawer_2 or drawer_3 or drawer_4",
+        "goal  close drawer_1 or drawer_2 or drawer_3 or drawer_4",
+        "goal  lift coke_1 or coke_2 or coke_3 or coke_4",
+        "needs inside(knife, placemat)",
     ] {
         assert!(text.contains(part), "{part:?} in {text}");
     }

@@ -54,7 +54,7 @@ const INEXACT: [&str; 22] = [
 /// Below these paths everything that reaches the state, a draw or a command.
 const EXACT: [&str; 14] = [
     "server/src/world",
-    "server/src/look",
+    "server/src/appearance",
     "server/src/robot",
     "server/src/sensors",
     "server/src/sim",
