@@ -528,7 +528,7 @@ fn merging_checks_every_file(out: &Path, merged: &Path) {
 }
 
 fn another_plan_is_refused(plan: &Path, args: &[&str]) {
-    std::fs::write(plan, PLAN.replace("[64, 48]", "[32, 24]")).expect("a plan");
+    std::fs::write(plan, PLAN.replace("width = 64", "width = 32")).expect("a plan");
     let refused = run(args);
     let text = printed(&refused);
     assert_eq!(refused.status.code(), Some(1), "{text}");
@@ -539,7 +539,7 @@ fn another_plan_is_refused(plan: &Path, args: &[&str]) {
     std::fs::write(plan, PLAN.replace("pick_mustard", "pick_custard")).expect("a plan");
     let text = printed(&run(args));
     assert!(
-        text.contains("plan.toml:8") && text.contains("pick_mustard"),
+        text.contains("plan.toml:10") && text.contains("pick_mustard"),
         "{text}"
     );
 }
