@@ -203,8 +203,21 @@ impl Engine {
                     .store(true, std::sync::atomic::Ordering::Release);
                 self.ack()
             }
-            // Other queries are answered elsewhere.
-            _ => self.ack(),
+            // Answered elsewhere. Every query is named: a new one does not compile until its
+            // handler is decided.
+            Query::Scene
+            | Query::Tasks
+            | Query::Lease
+            | Query::Pick
+            | Query::Reset
+            | Query::Playback
+            | Query::EpisodeStart
+            | Query::EpisodeStop => {
+                return Err(Denied::internal(format!(
+                    "{} has no reply here",
+                    kind.name()
+                )));
+            }
         })
     }
 
