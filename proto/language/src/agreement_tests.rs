@@ -2,10 +2,6 @@
 //! generated sentence breaks the rules below. The rules are written independently of
 //! the grammar's agreement data.
 
-#[path = "../tests/made_up/mod.rs"]
-#[expect(dead_code, reason = "the tests of the crate need more of it")]
-mod made_up;
-
 use std::collections::BTreeSet;
 
 use crate::grammar::{Means, Names, Noun, Phrase, Slot, Template};
@@ -13,7 +9,7 @@ use crate::meaning::{Named, is_called};
 use crate::parse::{Answer, Parser};
 use crate::space::{Order, Side};
 use crate::wording::{At, ObjectWords, RequestWords, spoken};
-use crate::{Grammar, Meaning, Role, Scene, Verb};
+use crate::{Grammar, Meaning, Role, Scene, Verb, made_up};
 
 /// A generated request and its meaning.
 struct GeneratedRequest<'a> {
@@ -208,8 +204,8 @@ fn broken_rule(worded: &GeneratedRequest<'_>) -> Option<&'static str> {
 fn ends_in_clause(text: &str) -> bool {
     let last = text.rsplit([',']).next().unwrap_or(text);
     let last = last.rsplit(" and ").next().unwrap_or(last);
-    let is_in = |clause: &&str| last.contains(&format!(" {clause} "));
-    IN_CLAUSE.iter().any(|clause| is_in(&clause))
+    let is_in = |clause: &str| last.contains(&format!(" {clause} "));
+    IN_CLAUSE.iter().any(|clause| is_in(clause))
 }
 
 /// Every object and drawer, each on each area, and every goal.

@@ -18,6 +18,10 @@ mod entries;
 mod generator;
 mod grammar;
 mod home;
+#[cfg(test)]
+#[path = "../tests/made_up/mod.rs"]
+#[expect(dead_code, reason = "the tests of the crate need more of it")]
+mod made_up;
 mod meaning;
 mod parse;
 mod question;

@@ -1,12 +1,8 @@
 //! Tests of whole sentences: politeness, reasons and words for ends.
 
-#[path = "../tests/made_up/mod.rs"]
-#[expect(dead_code, reason = "the tests of the crate need more of it")]
-mod made_up;
-
 use crate::grammar::Form;
 use crate::parse::{Answer, Parser};
-use crate::{Grammar, Meaning, Options, Split, Verb, generate};
+use crate::{Grammar, Meaning, Options, Split, Verb, generate, made_up};
 
 /// Sentences of a task with politeness, in the order of the seeds.
 fn sentences(grammar: &Grammar, task: &made_up::Task, seeds: std::ops::Range<u64>) -> Vec<String> {
@@ -131,8 +127,8 @@ fn the_top_and_the_bottom_drawer_are_not_counted() {
     for task in made_up::library() {
         if !task.name.ends_with("_drawer") {
             for text in sentences(&grammar, &task, 0..10) {
-                let has = |word: &&str| text.contains(&format!("the {word} "));
-                assert!(!UPRIGHT.iter().any(|word| has(&word)), "{text}");
+                let has = |word: &str| text.contains(&format!("the {word} "));
+                assert!(!UPRIGHT.iter().any(|word| has(word)), "{text}");
             }
             continue;
         }
