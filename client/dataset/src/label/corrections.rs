@@ -250,7 +250,7 @@ mod tests {
                 "episode\tfrom_seconds\tlabel\na\t0\t0\n",
                 "separated by \"\\t\"",
             ),
-            ("episode,from_seconds\na,0\n", "no column \"label\""),
+            ("episode,from_seconds\na,0\n", "no column named \"label\""),
             (
                 "label,episode,from_seconds,label\n0,a,0,0\n",
                 "occurs twice",
