@@ -174,7 +174,7 @@ mod tests {
         assert!(error().contains("contains no episode file"), "{}", error());
         let episodes = folder.path().join("episodes");
         std::fs::create_dir(&episodes).unwrap();
-        let cure = format!("lie in {}: name that folder", episodes.display());
-        assert!(error().ends_with(&cure), "{}", error());
+        let fix = format!("are in {}: name that folder", episodes.display());
+        assert!(error().ends_with(&fix), "{}", error());
     }
 }
