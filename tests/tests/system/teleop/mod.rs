@@ -75,7 +75,7 @@ fn a_person_picks_up_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
         ],
     );
     person.waits_for("control is yours");
-    person.waits_for("ready  0 pictures");
+    person.waits_for("ready  0 images");
     person.presses("s");
     person.waits_for("start an episode");
     // Whatever is typed here is text and drives nothing.
