@@ -48,7 +48,7 @@ fn answers(name: &str) -> Answers {
             camera: (*camera).to_owned(),
             width: *width as u32,
             height: *height as u32,
-            rgb: rgb.to_vec().into(),
+            color: rgb.to_vec().into(),
             ..Default::default()
         });
     let moment = v1::PolicyStep {

@@ -39,7 +39,7 @@ impl Drop for Served {
     }
 }
 
-fn request<R: Message + Default>(
+fn query_reply<R: Message + Default>(
     session: &Session,
     key: String,
     message: &str,
@@ -67,7 +67,7 @@ fn observation(key: &str) -> v1::PolicyObservation {
         camera: camera.to_owned(),
         width: 50,
         height: 41,
-        rgb: (0..41 * 50 * 3).map(|i| (i * 7 % 251) as u8).collect(),
+        color: (0..41 * 50 * 3).map(|i| (i * 7 % 251) as u8).collect(),
         ..Default::default()
     };
     v1::PolicyObservation {
@@ -131,7 +131,7 @@ fn three_thousand_answers_take_no_more_memory_than_a_thousand() {
             observations: vec![observation("one")],
         };
         let bytes = request.encode_to_vec();
-        ask::<v1::InferReply>(&session, keys.infer(), "wheelarm.v1.InferRequest", bytes)
+        query_reply::<v1::InferReply>(&session, keys.infer(), "wheelarm.v1.InferRequest", bytes)
             .expect("an answer");
     }
     let grown = resident().saturating_sub(before);
@@ -144,7 +144,7 @@ fn three_thousand_answers_take_no_more_memory_than_a_thousand() {
 #[test]
 fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     let (_folder, session, _served, keys) = served("tested");
-    let spec: v1::PolicySpec = request(
+    let spec: v1::PolicySpec = query_reply(
         &session,
         keys.describe(),
         "wheelarm.v1.PolicyDescribeRequest",
@@ -153,7 +153,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     .expect("a spec");
     assert_eq!((spec.name.as_str(), spec.stochastic), ("flow", true));
     let reset = v1::PolicyResetRequest::default().encode_to_vec();
-    let reset: Result<v1::PolicyResetReply, _> = request(
+    let reset: Result<v1::PolicyResetReply, _> = query_reply(
         &session,
         keys.reset(),
         "wheelarm.v1.PolicyResetRequest",
@@ -164,7 +164,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     let infer = |observations| {
         let request = v1::InferRequest { observations };
         let bytes = request.encode_to_vec();
-        ask::<v1::InferReply>(&session, keys.infer(), "wheelarm.v1.InferRequest", bytes)
+        query_reply::<v1::InferReply>(&session, keys.infer(), "wheelarm.v1.InferRequest", bytes)
     };
     let one = infer(vec![observation("one")]).expect("an answer");
     let again = infer(vec![observation("one")]).expect("an answer");
@@ -181,7 +181,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     assert_eq!(all.chunks[1].rows, 4);
 
     // What cannot be read is a failure in words, and the policy goes on.
-    let failure = ask::<v1::InferReply>(
+    let failure = query_reply::<v1::InferReply>(
         &session,
         keys.infer(),
         "wheelarm.v1.InferRequest",

@@ -156,7 +156,7 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
                     camera: "eye".to_owned(),
                     width: SIDES[1] as u32,
                     height: SIDES[0] as u32,
-                    rgb: all[0].picture("eye", row).to_vec().into(),
+                    color: all[0].picture("eye", row).to_vec().into(),
                     ..Default::default()
                 }],
             }],
