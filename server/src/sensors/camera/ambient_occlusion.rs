@@ -8,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 use parking_lot::Mutex;
 use wheelarm_proto::exact;
 
+use super::ambient_map::{Chart, Plane};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene};
 
@@ -107,7 +108,7 @@ impl Surroundings {
     }
 
     /// Share of the light from all around that reaches a surface, 0 to 1.
-    fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+    pub(super) fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let (right, ahead) = across(normal);
         // Out of the surface's own cells first.
         let start = p + normal * (1.5 * CELL);
@@ -117,6 +118,12 @@ impl Surroundings {
             .map(|d| self.blocked(&start, &(right * d.x + ahead * d.y + normal * d.z)))
             .sum();
         1.0 - STRENGTH * blocked / self.directions.len() as f64
+    }
+
+    /// Whether the rays of [`Self::of_surface`] start outside of what is in the way.
+    pub(super) fn is_free_before(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> bool {
+        let start = p + normal * (1.5 * CELL);
+        !self.cell(&start).is_some_and(|cell| self.filled[cell])
     }
 
     /// The mean of [`Self::of_surface`] around a point of a wide surface. Its vertices lie
@@ -171,7 +178,7 @@ impl Surroundings {
 }
 
 /// Two unit vectors across a normal.
-fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let helper = if normal.x.abs() < 0.7 {
         Vector3::x()
     } else {
@@ -219,6 +226,15 @@ pub(super) struct Corner {
     pub(super) ambient_occlusion: f64,
 }
 
+/// Where the corners of a triangle get their light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum CornerLight {
+    /// Pixels look it up in a chart.
+    Chart,
+    /// Rays from each corner; smoothed on a wide surface.
+    Own { is_wide: bool },
+}
+
 /// Longer edges are cut in halves, so that light can change along them, metres.
 const LONGEST: f64 = 0.4;
 
@@ -229,8 +245,14 @@ pub(super) struct AmbientOcclusion<'a> {
     known: Known,
 }
 
-/// Light of places by the bits of place and normal, and whether the surface is wide.
-pub(super) type Known = BTreeMap<([u64; 6], bool), f64>;
+/// The light of one body.
+#[derive(Default)]
+pub(super) struct Known {
+    /// Of places by the bits of place and normal, and whether the surface is wide.
+    places: BTreeMap<([u64; 6], bool), f64>,
+    /// Of its wide planes.
+    pub(super) charts: BTreeMap<Plane, Chart>,
+}
 
 /// The light of a home, body by body, so that several can be worked out at one time.
 pub(super) struct HomeLight<'a> {
@@ -288,14 +310,14 @@ impl<'a> HomeLight<'a> {
             known: self
                 .known
                 .get_mut(fixed)
-                .map_or_else(Known::new, std::mem::take),
+                .map_or_else(Known::default, std::mem::take),
         }
     }
 
     /// Puts what is known of a body in its place.
     pub(super) fn put_back(&mut self, fixed: usize, known: Known) {
         if self.known.len() <= fixed {
-            self.known.resize_with(fixed + 1, Known::new);
+            self.known.resize_with(fixed + 1, Known::default);
         }
         self.known[fixed] = known;
     }
@@ -314,11 +336,27 @@ impl AmbientOcclusion<'_> {
         let around = self.around;
         *self
             .known
+            .places
             .entry((key, is_wide))
             .or_insert_with(|| match is_wide {
                 true => around.of_wide_surface(p, normal),
                 false => around.of_surface(p, normal),
             })
+    }
+
+    /// What stands around.
+    pub(super) fn around(&self) -> &Surroundings {
+        self.around
+    }
+
+    /// The charts that were computed before.
+    pub(super) fn take_charts(&mut self) -> BTreeMap<Plane, Chart> {
+        std::mem::take(&mut self.known.charts)
+    }
+
+    /// Keeps charts for the next scene.
+    pub(super) fn keep_charts(&mut self, charts: &BTreeMap<Plane, Chart>) {
+        self.known.charts = charts.clone();
     }
 
     /// All of it.
@@ -328,7 +366,8 @@ impl AmbientOcclusion<'_> {
 
     /// Pieces of a triangle that never moves. Every edge is cut by its length
     /// alone, as is the neighbour's: no gaps. What looks out of the house stays whole.
-    pub(super) fn cut(&mut self, triangle: [Corner; 3], is_wide: bool) -> Vec<[Corner; 3]> {
+    /// Pieces of a triangle of a chart get no light of their own.
+    pub(super) fn cut(&mut self, triangle: [Corner; 3], light: CornerLight) -> Vec<[Corner; 3]> {
         let [a, b, c] = &triangle;
         let middle =
             Point3::from((a.position.coords + b.position.coords + c.position.coords) / 3.0);
@@ -347,13 +386,13 @@ impl AmbientOcclusion<'_> {
                 continue;
             }
             let (a, b, c) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
-            let m = self.middle(&a, &b, is_wide);
+            let m = self.middle(&a, &b, light);
             waiting.extend([[a, m, c], [m, b, c]]);
         }
         pieces
     }
 
-    fn middle(&mut self, a: &Corner, b: &Corner, is_wide: bool) -> Corner {
+    fn middle(&mut self, a: &Corner, b: &Corner, light: CornerLight) -> Corner {
         let position = nalgebra::center(&a.position, &b.position);
         let normal = (a.normal + b.normal)
             .try_normalize(1e-6)
@@ -362,7 +401,10 @@ impl AmbientOcclusion<'_> {
             position,
             normal,
             uv: std::array::from_fn(|k| 0.5 * (a.uv[k] + b.uv[k])),
-            ambient_occlusion: self.of_surface(&position, &normal, is_wide),
+            ambient_occlusion: match light {
+                CornerLight::Chart => 1.0,
+                CornerLight::Own { is_wide } => self.of_surface(&position, &normal, is_wide),
+            },
         }
     }
 }
@@ -387,7 +429,7 @@ mod tests {
         let light = |around: &Surroundings| {
             let mut home = last.of(around);
             let mut body = home.of_body(3);
-            let before = body.known.len();
+            let before = body.known.places.len();
             let light = body.of_surface(&at.0, &at.1, false);
             home.put_back(3, body.into_known());
             last.keep(home);
@@ -437,8 +479,9 @@ mod tests {
             corner(-1.5, 1.5),
         ];
         let mut ambient_occlusion = LastHome::default().of(&around).of_body(0);
-        let mut pieces = ambient_occlusion.cut([a, b, c], true);
-        pieces.extend(ambient_occlusion.cut([a, c, d], true));
+        let light = CornerLight::Own { is_wide: true };
+        let mut pieces = ambient_occlusion.cut([a, b, c], light);
+        pieces.extend(ambient_occlusion.cut([a, c, d], light));
         assert!(pieces.len() > 20);
         // Every inner edge is met from both sides, the rim once.
         let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();

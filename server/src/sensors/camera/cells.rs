@@ -16,6 +16,18 @@ pub(super) struct Cell {
     pub(super) half: Vector3<f64>,
     /// Of the ball around them.
     pub(super) radius: f64,
+    /// The same triangles in smaller boxes, one behind the other.
+    pub(super) pieces: Vec<Piece>,
+}
+
+/// A part of a cell, in the frame of its body.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub(super) indices: Range<u32>,
+    /// Middle of the box around it.
+    pub(super) centre: Point3<f64>,
+    /// Half the sides of the box.
+    pub(super) half: Vector3<f64>,
 }
 
 /// What may be done with the triangles of a batch.
@@ -27,11 +39,17 @@ pub(super) struct Division {
     /// How far their vertices move in the frame of the body, metres. What moves stays
     /// whole.
     pub(super) reach: f64,
+    /// Cells know their pieces.
+    pub(super) pieces: bool,
 }
 
 /// A box of which no side is longer is not divided, metres.
 const SIDE: f64 = 1.5;
-/// Nor are so few triangles.
+/// A piece of which no side is longer is not divided, metres.
+const PIECE_SIDE: f64 = 0.4;
+/// Nor are so few triangles of a piece.
+const FEW_OF_PIECE: usize = 2;
+/// Nor are so few triangles of a cell.
 const FEW: usize = 48;
 /// Adapters place a vertex in single precision: what touches the edge of a picture by
 /// less than this may be seen, metres.
@@ -98,7 +116,34 @@ fn halve(
         centre,
         half: (sides / 2.0).add_scalar(division.reach + SLACK),
         radius: radius + division.reach,
+        pieces: match division.pieces {
+            true => pieces(triangles, first, position, division),
+            false => Vec::new(),
+        },
     });
+}
+
+/// Halves triangles, in their order, until the boxes are small.
+fn pieces(
+    triangles: &[Triangle],
+    first: u32,
+    position: &dyn Fn(u32) -> Point3<f64>,
+    division: Division,
+) -> Vec<Piece> {
+    let (low, high) = bounds(triangles.iter().flatten().map(|i| position(*i)));
+    let sides = high - low;
+    if division.reach == 0.0 && triangles.len() > FEW_OF_PIECE && sides.max() > PIECE_SIDE {
+        let (before, behind) = triangles.split_at(triangles.len() / 2);
+        let mut found = pieces(before, first, position, division);
+        let first = first + 3 * before.len() as u32;
+        found.extend(pieces(behind, first, position, division));
+        return found;
+    }
+    vec![Piece {
+        indices: first..first + 3 * triangles.len() as u32,
+        centre: nalgebra::center(&low, &high),
+        half: (sides / 2.0).add_scalar(division.reach),
+    }]
 }
 
 /// The box around points.
@@ -131,7 +176,11 @@ mod tests {
         let squares = 400;
         let corner = |i: u32| Point3::new(0.01 * f64::from(i / 2), 0.01 * f64::from(i % 2), 0.5);
         let [free, moves, glass] =
-            [(true, 0.0), (true, 0.2), (false, 0.0)].map(|(free, reach)| Division { free, reach });
+            [(true, 0.0), (true, 0.2), (false, 0.0)].map(|(free, reach)| Division {
+                free,
+                reach,
+                pieces: true,
+            });
         let mut indices = vec![7; 6];
         let band = (0..squares).flat_map(|s| [[0, 1, 2], [2, 1, 3]].map(|t| t.map(|i| 2 * s + i)));
         let band: Vec<Triangle> = band.collect();
@@ -146,6 +195,17 @@ mod tests {
         for cell in &found {
             assert_eq!(cell.indices.start, next);
             next = cell.indices.end;
+            let ends = cell.pieces.iter().map(|piece| piece.indices.end);
+            let starts = cell.pieces.iter().map(|piece| piece.indices.start);
+            assert!(
+                starts.eq(std::iter::once(cell.indices.start)
+                    .chain(ends)
+                    .take(cell.pieces.len()))
+            );
+            assert_eq!(
+                cell.pieces.last().map(|piece| piece.indices.end),
+                Some(next)
+            );
             let own = &indices[cell.indices.start as usize..next as usize];
             assert!(own.len() / 3 > FEW && 2.0 * cell.half.max() <= SIDE + 2.1 * SLACK);
             for i in own {

@@ -7,6 +7,9 @@ use wgpu::util::DeviceExt;
 
 use super::ambient_occlusion::Surroundings;
 use super::buffers::{Batch, Body, Buffers, Finish, Shine, Vertex};
+use super::cells::Cell;
+use super::contact::Contacts;
+use super::pipelines::Ambient;
 use super::scene::Binding;
 use super::view::View;
 
@@ -43,6 +46,7 @@ pub(super) enum Order {
 /// Triangles in view that are drawn together.
 pub(super) struct Seen {
     pub(super) finish: Finish,
+    pub(super) ambient: Ambient,
     pub(super) indices: Range<u32>,
 }
 
@@ -89,9 +93,15 @@ impl Geometry {
     }
 
     /// What is in view, batch by batch in `order`; large ones (rugs, walls, the floor)
-    /// last: they are mostly hidden.
-    pub(super) fn seen(&self, view: &View, poses: &[Isometry3<f64>], order: Order) -> Vec<Seen> {
-        let mut seen: Vec<(f64, Finish, Vec<Range<u32>>)> = self
+    /// last: they are mostly hidden. With `contacts` ambient light is known per pixel.
+    pub(super) fn seen(
+        &self,
+        view: &View,
+        poses: &[Isometry3<f64>],
+        order: Order,
+        mut contacts: Option<&mut Contacts<'_>>,
+    ) -> Vec<Seen> {
+        let mut seen: Vec<(f64, Finish, Vec<Lit>)> = self
             .batches
             .iter()
             .filter_map(|batch| {
@@ -107,13 +117,10 @@ impl Geometry {
                     false => &batch.full,
                 };
                 let placed = view.placed(&poses[batch.body]);
-                let mut ranges: Vec<Range<u32>> = Vec::new();
-                for cell in cells.iter().filter(|cell| view.shows(&placed, cell)) {
-                    match ranges.last_mut() {
-                        Some(last) if last.end == cell.indices.start => last.end = cell.indices.end,
-                        _ => ranges.push(cell.indices.clone()),
-                    }
-                }
+                let shown = cells.iter().filter(|cell| view.shows(&placed, cell));
+                let glass = batch.finish.shine == Shine::Glass;
+                let contacts = contacts.as_deref_mut().filter(|_| !glass);
+                let ranges = self.lit(batch, shown, (&poses[batch.body], &centre), contacts);
                 (!ranges.is_empty()).then_some((rank, batch.finish, ranges))
             })
             .collect();
@@ -127,11 +134,69 @@ impl Geometry {
             .into_iter()
             .partition(|(_, finish, _)| finish.shine == Shine::Glass);
         seen.extend(glass.into_iter().rev());
-        let pieces = |(_, finish, ranges): (f64, Finish, Vec<Range<u32>>)| {
-            let piece = move |indices| Seen { finish, indices };
+        let pieces = |(_, finish, ranges): (f64, Finish, Vec<Lit>)| {
+            let piece = move |(ambient, indices)| Seen {
+                finish,
+                ambient,
+                indices,
+            };
             ranges.into_iter().map(piece)
         };
         seen.into_iter().flat_map(pieces).collect()
+    }
+
+    /// Triangles of the cells of a batch, by where their ambient light is known from:
+    /// those that nothing is near to come first.
+    fn lit<'a>(
+        &self,
+        batch: &Batch,
+        cells: impl Iterator<Item = &'a Cell>,
+        (pose, centre): (&Isometry3<f64>, &Point3<f64>),
+        contacts: Option<&mut Contacts<'_>>,
+    ) -> Vec<Lit> {
+        let mut ranges: Vec<Lit> = Vec::new();
+        let Some(contacts) = contacts else {
+            for cell in cells {
+                extend(&mut ranges, Ambient::Vertices, &cell.indices);
+            }
+            return ranges;
+        };
+        let plain = match self.bodies[batch.body].binding {
+            Binding::World => Ambient::Map,
+            _ => Ambient::Vertices,
+        };
+        let candidates = contacts.of_batch(batch.body, &self.bodies, centre, batch.radius);
+        let mut near: Vec<Lit> = Vec::new();
+        for cell in cells {
+            if candidates.is_empty() {
+                extend(&mut ranges, plain, &cell.indices);
+                continue;
+            }
+            for piece in &cell.pieces {
+                match contacts.of_piece(&candidates, piece, pose) {
+                    None => extend(&mut ranges, plain, &piece.indices),
+                    Some((list, variant)) => {
+                        let ambient = Ambient::Contacts(list, variant);
+                        extend(&mut near, ambient, &piece.indices);
+                    }
+                }
+            }
+        }
+        ranges.append(&mut near);
+        ranges
+    }
+}
+
+/// Triangles, and where their ambient light is known from.
+type Lit = (Ambient, Range<u32>);
+
+/// Appends triangles, to the last ones where they go on.
+fn extend(ranges: &mut Vec<Lit>, ambient: Ambient, indices: &Range<u32>) {
+    match ranges.last_mut() {
+        Some((last, range)) if *last == ambient && range.end == indices.start => {
+            range.end = indices.end;
+        }
+        _ => ranges.push((ambient, indices.clone())),
     }
 }
 

@@ -6,10 +6,12 @@
 //! snapshot gives the same bytes; adapters differ in single bits.
 
 mod adapter;
+mod ambient_map;
 mod ambient_occlusion;
 mod antialias;
 mod buffers;
 mod cells;
+mod contact;
 mod decoration;
 mod deflate;
 mod error;
@@ -84,6 +86,8 @@ impl Frame {
     }
 }
 
+#[cfg(test)]
+mod ambient_tests;
 #[cfg(test)]
 mod deflate_tests;
 #[cfg(test)]
