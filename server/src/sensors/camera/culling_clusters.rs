@@ -15,6 +15,18 @@ pub(super) struct Cluster {
     pub(super) half: Vector3<f64>,
     /// Radius of the bounding sphere.
     pub(super) radius: f64,
+    /// The same triangles in smaller boxes, in order.
+    pub(super) pieces: Vec<Piece>,
+}
+
+/// A part of a cluster, in the frame of its body.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub(super) indices: Range<u32>,
+    /// Centre of the bounding box.
+    pub(super) centre: Point3<f64>,
+    /// Half extents of the bounding box.
+    pub(super) half: Vector3<f64>,
 }
 
 /// Constraints on the triangles of a batch.
@@ -26,11 +38,17 @@ pub(super) struct Division {
     /// How far vertices move in the frame of the body, metres. Batches with moving
     /// vertices are not divided.
     pub(super) reach: f64,
+    /// Clusters are divided into pieces.
+    pub(super) pieces: bool,
 }
 
 /// Largest side of a box that is not divided, metres.
 const SIDE: f64 = 1.5;
-/// Largest number of triangles that are not divided.
+/// Largest side of a piece that is not divided, metres.
+const PIECE_SIDE: f64 = 0.4;
+/// Largest number of triangles of a piece that are not divided.
+const FEW_OF_PIECE: usize = 2;
+/// Largest number of triangles of a cluster that are not divided.
 const FEW: usize = 48;
 /// Adapters compute vertices in single precision: triangles within this distance of the
 /// image border may be visible, metres.
@@ -97,7 +115,34 @@ fn halve(
         centre,
         half: (sides / 2.0).add_scalar(division.reach + SLACK),
         radius: radius + division.reach,
+        pieces: match division.pieces {
+            true => pieces(triangles, first, position, division),
+            false => Vec::new(),
+        },
     });
+}
+
+/// Halves triangles, in their order, until the boxes are small.
+fn pieces(
+    triangles: &[Triangle],
+    first: u32,
+    position: &dyn Fn(u32) -> Point3<f64>,
+    division: Division,
+) -> Vec<Piece> {
+    let (low, high) = bounds(triangles.iter().flatten().map(|i| position(*i)));
+    let sides = high - low;
+    if division.reach == 0.0 && triangles.len() > FEW_OF_PIECE && sides.max() > PIECE_SIDE {
+        let (before, behind) = triangles.split_at(triangles.len() / 2);
+        let mut found = pieces(before, first, position, division);
+        let first = first + 3 * before.len() as u32;
+        found.extend(pieces(behind, first, position, division));
+        return found;
+    }
+    vec![Piece {
+        indices: first..first + 3 * triangles.len() as u32,
+        centre: nalgebra::center(&low, &high),
+        half: (sides / 2.0).add_scalar(division.reach),
+    }]
 }
 
 /// The bounding box of points.
@@ -130,7 +175,11 @@ mod tests {
         let squares = 400;
         let corner = |i: u32| Point3::new(0.01 * f64::from(i / 2), 0.01 * f64::from(i % 2), 0.5);
         let [free, moves, glass] =
-            [(true, 0.0), (true, 0.2), (false, 0.0)].map(|(free, reach)| Division { free, reach });
+            [(true, 0.0), (true, 0.2), (false, 0.0)].map(|(free, reach)| Division {
+                free,
+                reach,
+                pieces: true,
+            });
         let mut indices = vec![7; 6];
         let band = (0..squares).flat_map(|s| [[0, 1, 2], [2, 1, 3]].map(|t| t.map(|i| 2 * s + i)));
         let band: Vec<Triangle> = band.collect();
@@ -145,6 +194,17 @@ mod tests {
         for cluster in &found {
             assert_eq!(cluster.indices.start, next);
             next = cluster.indices.end;
+            let ends = cluster.pieces.iter().map(|piece| piece.indices.end);
+            let starts = cluster.pieces.iter().map(|piece| piece.indices.start);
+            assert!(
+                starts.eq(std::iter::once(cluster.indices.start)
+                    .chain(ends)
+                    .take(cluster.pieces.len()))
+            );
+            assert_eq!(
+                cluster.pieces.last().map(|piece| piece.indices.end),
+                Some(next)
+            );
             let own = &indices[cluster.indices.start as usize..next as usize];
             assert!(own.len() / 3 > FEW && 2.0 * cluster.half.max() <= SIDE + 2.1 * SLACK);
             for i in own {

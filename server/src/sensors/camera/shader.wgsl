@@ -13,6 +13,8 @@ override ID_IN_ALPHA: bool = true;
 override LIT: bool = false;
 // Mirrors the room.
 override MIRRORS: bool = false;
+// Number of capsules that occlude ambient light: 0, 1, 2, 4 or 8.
+override NEAR: u32 = 0u;
 
 struct Lamp { at: vec4<f32>, color: vec4<f32> }
 
@@ -44,8 +46,24 @@ struct Material { color: vec4<f32>, more: vec4<f32> }
 // Environment map, octahedral; square roots of shares of 6.
 @group(0) @binding(5) var reflection: texture_2d<f32>;
 @group(0) @binding(6) var smooth_levels: sampler;
+// Ambient light of wide static planes, and a ramp for the values of other vertices.
+@group(0) @binding(7) var ambient_map: texture_2d<f32>;
+@group(0) @binding(8) var one_level: sampler;
 @group(1) @binding(0) var shadow_map: texture_depth_2d;
 @group(1) @binding(1) var shadow_sampler: sampler_comparison;
+
+// A capsule that approximates a movable object.
+struct Occluder {
+    // Centre and radius.
+    centre: vec4<f32>,
+    // Axis and half the distance between the centres of the caps.
+    axis: vec4<f32>,
+    // Square of the radius, falloff, 1 / reach².
+    more: vec4<f32>,
+}
+
+// Capsules near the rendered triangles.
+@group(2) @binding(0) var<uniform> near: array<Occluder, 8>;
 
 struct Vertex {
     @location(0) position: vec3<f32>,
@@ -54,6 +72,7 @@ struct Vertex {
     @location(2) uv: vec2<f32>,
     // Body: 12 bits, ambient occlusion: 8 bits, material: 12 bits.
     @location(3) packed: u32,
+    @location(4) ambient: vec2<f32>,
 }
 
 struct Varying {
@@ -200,6 +219,100 @@ struct MatteVarying {
     return out;
 }
 
+// As MatteVarying, with ambient occlusion per pixel.
+struct MappedMatte {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) light: vec4<f32>,
+    // Coordinates in the texture and in the ambient map.
+    @location(1) uv: vec4<f32>,
+    @location(2) shadow: vec3<f32>,
+    @location(3) @interpolate(flat) color: vec4<f32>,
+    // Texture layer and emission.
+    @location(4) @interpolate(flat) more: vec2<f32>,
+}
+
+@vertex fn mapped_matte_surface(v: Vertex) -> MappedMatte {
+    return mapped_matte(v, place(v, v.packed & 0xfffu));
+}
+
+fn mapped_matte(v: Vertex, lit: Lit) -> MappedMatte {
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
+    var around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * lit.normal.z);
+    if LIT {
+        around = surrounding(lit);
+    }
+    var out: MappedMatte;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.light = vec4(
+        around * bodies[body].more.y,
+        max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
+    );
+    out.uv = vec4(v.uv, v.ambient);
+    out.shadow = lit.shadow;
+    out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
+    out.more = vec2(m.more.z, m.more.y);
+    return out;
+}
+
+// As MappedMatte, for surfaces near movable objects.
+struct NearMatte {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) light: vec4<f32>,
+    @location(1) uv: vec4<f32>,
+    @location(2) shadow: vec3<f32>,
+    @location(3) @interpolate(flat) color: vec4<f32>,
+    @location(4) @interpolate(flat) more: vec2<f32>,
+    @location(5) world: vec3<f32>,
+    @location(6) normal: vec3<f32>,
+}
+
+@vertex fn near_matte_surface(v: Vertex) -> NearMatte {
+    let lit = place(v, v.packed & 0xfffu);
+    let matte = mapped_matte(v, lit);
+    var out: NearMatte;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.light = matte.light;
+    out.uv = matte.uv;
+    out.shadow = matte.shadow;
+    out.color = matte.color;
+    out.more = matte.more;
+    out.world = lit.world;
+    out.normal = lit.normal;
+    return out;
+}
+
+// As LitVarying; the fourth component of `view` is the ambient occlusion of the body.
+struct MappedVarying {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    @location(1) view: vec4<f32>,
+    @location(2) uv: vec4<f32>,
+    @location(3) shadow: vec3<f32>,
+    @location(4) @interpolate(flat) color: vec4<f32>,
+    @location(5) @interpolate(flat) more: vec4<f32>,
+    @location(6) around: vec3<f32>,
+}
+
+@vertex fn mapped_surface(v: Vertex) -> MappedVarying {
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
+    let lit = place(v, body);
+    var out: MappedVarying;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.normal = lit.normal;
+    out.view = vec4(camera.eye.xyz - lit.world, bodies[body].more.y);
+    out.uv = vec4(v.uv, v.ambient);
+    out.shadow = lit.shadow;
+    out.color = m.color;
+    out.more = vec4(m.more.xyz, bodies[body].more.x);
+    out.around = vec3(0.0);
+    if LIT {
+        out.around = surrounding(lit);
+    }
+    return out;
+}
+
 // Far from the sun, in the part of the shadow map that is rendered again.
 @vertex fn erase(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
     return vec4(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 1.0, 1.0);
@@ -285,6 +398,72 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     return root * root;
 }
 
+// Share of the ambient light at a point that a capsule does not occlude. The nearest
+// sphere of the capsule counts: it occludes r / d nearby, as a cylinder does, and less
+// further away.
+fn unoccluded_share(o: Occluder, p: vec3<f32>, n: vec3<f32>) -> f32 {
+    let offset = p - o.centre.xyz;
+    let to = o.axis.xyz * clamp(dot(offset, o.axis.xyz), -o.axis.w, o.axis.w) - offset;
+    let square = max(dot(to, to), o.more.x);
+    let facing = max(dot(n, to), 0.0);
+    let fade = max(1.0 - square * o.more.z, 0.0);
+    return 1.0 - facing * o.centre.w * fade / (square + square * square * o.more.y);
+}
+
+// The product over all capsules, unrolled: a CPU adapter executes both sides of a branch,
+// and gathers reads whose index is not constant.
+fn unoccluded_share_of_all(p: vec3<f32>, n: vec3<f32>) -> f32 {
+    var share = unoccluded_share(near[0], p, n);
+    if NEAR > 1u {
+        share *= unoccluded_share(near[1], p, n);
+    }
+    if NEAR > 2u {
+        share *= unoccluded_share(near[2], p, n) * unoccluded_share(near[3], p, n);
+    }
+    if NEAR > 4u {
+        share *= unoccluded_share(near[4], p, n) * unoccluded_share(near[5], p, n);
+        share *= unoccluded_share(near[6], p, n) * unoccluded_share(near[7], p, n);
+    }
+    return share;
+}
+
+// Share of the ambient light that static bodies do not occlude.
+fn fixed_share(at: vec2<f32>) -> f32 {
+    return textureSampleLevel(ambient_map, one_level, at, 0.0).r;
+}
+
+// Share of the ambient light that reaches a pixel.
+fn ambient_share(at: vec2<f32>, p: vec3<f32>, n: vec3<f32>) -> f32 {
+    let fixed = fixed_share(at);
+    if NEAR > 0u {
+        return fixed * unoccluded_share_of_all(p, n);
+    }
+    return fixed;
+}
+
+@fragment fn mapped_matte_shade(v: MappedMatte) -> @location(0) vec4<f32> {
+    return matte(v, fixed_share(v.uv.zw));
+}
+
+@fragment fn near_matte_shade(v: NearMatte) -> @location(0) vec4<f32> {
+    let open = ambient_share(v.uv.zw, v.world, v.normal);
+    return matte(MappedMatte(v.clip, v.light, v.uv, v.shadow, v.color, v.more), open);
+}
+
+// `open`: share of the ambient light that reaches the pixel.
+fn matte(v: MappedMatte, open: f32) -> vec4<f32> {
+    var base = v.color.rgb;
+    if TEXTURED {
+        base *= image(v.uv.xy, v.more.x);
+    }
+    var light = v.light.rgb * open + v.more.y;
+    if SUNNY {
+        light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
+    }
+    let c = base * light;
+    return vec4(display(c), alpha(v.color.a));
+}
+
 @fragment fn matte_shade(v: MatteVarying) -> @location(0) vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
@@ -299,6 +478,17 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
 }
 
 @fragment fn shade(v: Varying) -> @location(0) vec4<f32> {
+    return glossy(v, v.view.w);
+}
+
+@fragment fn mapped_shade(v: MappedVarying) -> @location(0) vec4<f32> {
+    let open = ambient_share(v.uv.zw, camera.eye.xyz - v.view.xyz, normalize(v.normal));
+    let own = Varying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more);
+    return glossy(own, v.view.w * open);
+}
+
+// `open`: share of the ambient light that reaches the pixel.
+fn glossy(v: Varying, open: f32) -> vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
         base *= image(v.uv, v.more.z);
@@ -333,7 +523,7 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     let mirror = f0 + (1.0 - roughness) * (facing * facing * facing * facing * 0.5);
     let around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * n.z);
     let mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
-    let ambient = (matte * around + mirror * mirrored) * v.view.w;
+    let ambient = (matte * around + mirror * mirrored) * open;
 
     let c = direct + ambient + base * v.more.y;
     return vec4(display(c), alpha(v.more.w));
@@ -352,6 +542,17 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
 }
 
 @fragment fn lit_shade(v: LitVarying) -> @location(0) vec4<f32> {
+    return lit_glossy(v, v.view.w);
+}
+
+@fragment fn mapped_lit_shade(v: MappedVarying) -> @location(0) vec4<f32> {
+    let open = ambient_share(v.uv.zw, camera.eye.xyz - v.view.xyz, normalize(v.normal));
+    let own = LitVarying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more, v.around);
+    return lit_glossy(own, v.view.w * open);
+}
+
+// As `glossy`, with ambient light of the room.
+fn lit_glossy(v: LitVarying, open: f32) -> vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
         base *= image(v.uv, v.more.z);
@@ -379,7 +580,7 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
         let up = 2.0 * nv * n.z - view.z;
         mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
     }
-    let ambient = (matte * v.around + mirror * mirrored) * v.view.w;
+    let ambient = (matte * v.around + mirror * mirrored) * open;
     let c = direct + ambient + base * v.more.y;
     return vec4(display(c), alpha(v.more.w));
 }
