@@ -31,14 +31,19 @@ fn greens(frame: &Frame, places: impl Iterator<Item = [f64; 3]>) -> Vec<i32> {
     places.map(green).collect()
 }
 
-#[test]
-fn object_darkens_its_support_surface_only_nearby() {
+/// A can, 12 cm tall.
+fn can(object: usize) -> RenderItem {
     let can = Shape::Cylinder {
         radius: 0.04,
         half_height: 0.06,
     };
-    let can = item(&can, [0.6; 3], Binding::Object(0), [0.0; 3], 1);
-    let scene = dim(vec![can], 1);
+    let binding = Binding::Object(object);
+    item(&can, [0.6; 3], binding, [0.0; 3], 1 + object as u16)
+}
+
+#[test]
+fn object_darkens_its_support_surface_only_nearby() {
+    let scene = dim(vec![can(0)], 1);
     let eye = looking([0.5, -0.6, 0.6], [0.08, 0.0, 0.0]);
     let eye = camera(eye, Intrinsics::centred(SIZE, 0.8));
     let places = || [0.047, 0.09, 0.2, 0.3].map(|x| [x, 0.0, 0.0]).into_iter();
@@ -56,6 +61,8 @@ fn object_darkens_its_support_surface_only_nearby() {
             greens(&frame, places())
         };
         let (standing, gone) = (green_at_height(0.06), green_at_height(5.0));
+        // Below the floor it darkens nothing above.
+        assert_eq!(green_at_height(-0.11), gone, "{quality:?}");
         assert!(gone.iter().all(|green| (green - gone[3]).abs() <= 1));
         let lost: Vec<i32> = gone.iter().zip(&standing).map(|(a, b)| a - b).collect();
         if darkens {
@@ -68,6 +75,65 @@ fn object_darkens_its_support_surface_only_nearby() {
             assert_eq!(lost[3], 0, "{quality:?}");
         } else {
             assert_eq!(lost, [0; 4]);
+        }
+    }
+}
+
+#[test]
+fn every_object_of_a_row_darkens_the_floor() {
+    let count = 9;
+    let scene = dim((0..count).map(can).collect(), count);
+    let eye = looking([0.0, -1.2, 1.5], [0.0, 0.0, 0.0]);
+    let eye = camera(eye, Intrinsics::centred([640, 480], 1.0));
+    let Some(mut renderer) = renderer(&scene, &[eye], Quality::Standard) else {
+        return;
+    };
+    let at = |i: usize| 0.13 * (i as f64 - 4.0);
+    let row = |z: f64| -> Vec<[f64; 3]> { (0..count).map(|i| [at(i), 0.0, z]).collect() };
+    // On the side of each can that faces the camera.
+    let places = || (0..count).map(|i| [at(i), -0.05, 0.0]);
+    let mut green_at_height = |z: f64| {
+        let now = snapshot(&row(z));
+        let frame = renderer.render(&now, &[0]).unwrap().remove(0);
+        greens(&frame, places())
+    };
+    let (standing, gone) = (green_at_height(0.06), green_at_height(5.0));
+    for (i, (a, b)) in gone.iter().zip(&standing).enumerate() {
+        assert!(a - b >= 8, "can {i}: {gone:?} {standing:?}");
+    }
+}
+
+#[test]
+fn light_varies_within_a_triangle() {
+    // The long sides of the panel are too short to be divided.
+    let panel = Shape::Cuboid {
+        half: [0.19, 0.05, 0.05],
+    };
+    let board = Shape::Cuboid {
+        half: [0.02, 0.5, 0.15],
+    };
+    let panel = item(&panel, [0.6; 3], Binding::World, [0.0, 0.0, -0.05], 1);
+    let board = item(&board, [0.6; 3], Binding::World, [0.0, 0.0, 0.15], 2);
+    let mut scene = scene(vec![panel, board], 0);
+    scene.lighting.sun = [0.0; 3];
+    let eye = looking([0.0, -0.5, 0.5], [0.0, 0.0, 0.0]);
+    let eye = camera(eye, Intrinsics::centred(SIZE, 0.9));
+    for (quality, is_linear) in [
+        (Quality::Draft, true),
+        (Quality::Standard, false),
+        (Quality::High, false),
+    ] {
+        let Some(mut renderer) = renderer(&scene, std::slice::from_ref(&eye), quality) else {
+            return;
+        };
+        let frame = renderer.render(&snapshot(&[]), &[0]).unwrap().remove(0);
+        // On the triangle at the edge that faces the camera.
+        let places = [-0.14, -0.05, 0.05, 0.14].map(|x| [x, -0.044, 0.0]);
+        let green = greens(&frame, places.into_iter());
+        let bend = green[0] + green[3] - green[1] - green[2];
+        match is_linear {
+            true => assert!(bend.abs() <= 2, "{quality:?} {green:?}"),
+            false => assert!(bend >= 8, "{quality:?} {green:?}"),
         }
     }
 }

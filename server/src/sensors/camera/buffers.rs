@@ -6,10 +6,10 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ambient_map::{AmbientMap, Chart, Lookup, Plane, Planes, plane};
+use super::ambient_map::{AmbientMap, Chart, ChartPoint, Plane, Planes, plane};
 use super::ambient_occlusion::{AmbientCache, AmbientOcclusion, Corner, CornerLight, HomeLight};
 use super::contact::Occluder;
-use super::culling_clusters::{Cluster, Division, Piece, bounds, clusters};
+use super::culling_clusters::{Cluster, Division, Piece, Triangle, bounds, clusters, pieces};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
@@ -240,45 +240,63 @@ impl Buffers {
         built
             .indices
             .reserve_exact(lengths(|part| part.indices.len()));
-        let (mut charts, mut lookups) = (Vec::new(), Vec::new());
+        let (mut charts, mut points) = (Vec::new(), Vec::new());
         for (body, ((mut part, known), number)) in parts.into_iter().zip(numbers).enumerate() {
             let before = charts.len();
             charts.append(&mut part.charts);
-            lookups.extend(part.lookups.drain(..).map(|lookup| match lookup {
-                Lookup::Chart(chart, at) => Lookup::Chart(before + chart, at),
-                own @ Lookup::Own(_) => own,
+            points.extend(part.points.drain(..).map(|point| {
+                point.map(|point| ChartPoint {
+                    chart: before + point.chart,
+                    ..point
+                })
             }));
-            built.take(body, part);
+            built.take(body, part, before);
             if let Some(number) = number {
                 light.put_back(number, known);
             }
         }
         if tier.ambient_per_pixel {
-            let map = AmbientMap::new(&charts);
-            for (vertex, lookup) in built.vertices.iter_mut().zip(lookups) {
-                vertex.ambient = map.coordinates(lookup);
-            }
-            built.ambient_map = map;
+            built.pack_ambient_map(&charts, &points);
         }
         built
     }
 
-    /// Appends the part of a body.
-    fn take(&mut self, body: usize, part: Part) {
+    /// Packs the ambient map and sets the coordinates of the vertices on charts.
+    fn pack_ambient_map(&mut self, charts: &[Chart], points: &[Option<ChartPoint>]) {
+        let map = AmbientMap::new(charts);
+        for (vertex, point) in self.vertices.iter_mut().zip(points) {
+            if let Some(point) = point {
+                let coordinates = map.coordinates(&charts[point.chart], *point);
+                vertex.ambient = coordinates.unwrap_or_default();
+            }
+        }
+        // Charts without room in the map keep light per vertex.
+        for batch in &mut self.batches {
+            for cluster in batch.full.iter_mut().chain(&mut batch.coarse) {
+                let chart = |piece: &Piece| map.charts.placed[piece.chart];
+                if !cluster.pieces.iter().all(|piece| chart(piece).is_some()) {
+                    cluster.mapped = false;
+                    cluster.pieces.retain(|piece| chart(piece).is_some());
+                }
+            }
+        }
+        self.ambient_map = map;
+    }
+
+    /// Appends the part of a body, whose first chart has the index `first_chart`.
+    fn take(&mut self, body: usize, part: Part, first_chart: usize) {
         let (vertices, indices) = (self.vertices.len() as u32, self.indices.len() as u32);
         let moved = |range: Range<u32>| range.start + indices..range.end + indices;
         let all_moved = |clusters: Vec<Cluster>| {
-            let moved = |cluster: Cluster| Cluster {
-                indices: moved(cluster.indices),
-                pieces: cluster
-                    .pieces
-                    .into_iter()
-                    .map(|piece| Piece {
-                        indices: moved(piece.indices),
-                        ..piece
-                    })
-                    .collect(),
-                ..cluster
+            let moved = |mut cluster: Cluster| {
+                for piece in &mut cluster.pieces {
+                    piece.indices = moved(piece.indices.clone());
+                    piece.chart += first_chart;
+                }
+                Cluster {
+                    indices: moved(cluster.indices),
+                    ..cluster
+                }
             };
             clusters.into_iter().map(moved).collect()
         };
@@ -347,7 +365,7 @@ struct Share<'a> {
     sun: Vector3<f32>,
     /// Ambient light of wide surfaces is smoothed.
     smooths_light: bool,
-    /// Wide planes have charts, and objects darken other surfaces as capsules.
+    /// Wide planes have charts, and objects darken them as capsules.
     ambient_per_pixel: bool,
     /// How far its vertices move in its frame, metres.
     reach: f64,
@@ -366,8 +384,8 @@ struct Part {
     charts: Vec<Chart>,
     /// Index of the chart of each plane.
     planes: BTreeMap<Plane, usize>,
-    /// One per vertex.
-    lookups: Vec<Lookup>,
+    /// The point on a chart of each vertex, if it is on one.
+    points: Vec<Option<ChartPoint>>,
 }
 
 /// Side of a wide surface, metres.
@@ -502,7 +520,6 @@ impl Share<'_> {
         let division = Division {
             free: finish.shine != Shine::Glass,
             reach: self.reach,
-            pieces: self.ambient_per_pixel && finish.shine != Shine::Glass,
         };
         let [full, mut coarse, others] = [start..middle, middle..caster_end, caster_end..end]
             .map(|range| part.clusters(range, division));
@@ -527,12 +544,50 @@ impl Share<'_> {
 }
 
 impl Part {
-    /// Triangles in clusters.
+    /// Triangles in clusters: those that need the ambient map come last, in their own.
     fn clusters(&mut self, range: Range<u32>, division: Division) -> Vec<Cluster> {
-        let vertices = &self.vertices;
+        let Self {
+            vertices,
+            indices,
+            charts,
+            points,
+            ..
+        } = self;
         let position = |i: u32| Point3::from(vertices[i as usize].position.map(f64::from));
-        let range = range.start as usize..range.end as usize;
-        clusters(&mut self.indices, range, &position, division)
+        let chart = |triangle: &Triangle| points[triangle[0] as usize].map(|point| point.chart);
+        let needs_map = |triangle: &Triangle| {
+            let [Some(a), Some(b), Some(c)] = triangle.map(|i| points[i as usize]) else {
+                return false;
+            };
+            charts[a.chart].needs_map([a, b, c].map(|point| point.local))
+        };
+        let (start, end) = (range.start as usize, range.end as usize);
+        if charts.is_empty() {
+            return clusters(indices, start..end, &position, division);
+        }
+        let (triangles, _) = indices[start..end].as_chunks_mut::<3>();
+        let (flat, mapped): (Vec<Triangle>, Vec<Triangle>) =
+            triangles.iter().partition(|triangle| !needs_map(triangle));
+        let middle = start + 3 * flat.len();
+        if !mapped.is_empty() {
+            triangles.copy_from_slice(&[flat, mapped].concat());
+        }
+        let mut found = clusters(indices, start..middle, &position, division);
+        let flat_clusters = found.len();
+        found.extend(clusters(indices, middle..end, &position, division));
+        for (i, cluster) in found.iter_mut().enumerate() {
+            cluster.mapped = i >= flat_clusters;
+            let own = cluster.indices.start as usize..cluster.indices.end as usize;
+            let (triangles, _) = indices[own].as_chunks::<3>();
+            let mut first = cluster.indices.start;
+            for part in triangles.chunk_by(|a, b| chart(a) == chart(b)) {
+                if let Some(chart) = chart(&part[0]) {
+                    pieces(part, first, &position, chart, &mut cluster.pieces);
+                }
+                first += 3 * part.len() as u32;
+            }
+        }
+        found
     }
 
     /// Appends the matching triangles, by the normals of their corners.
@@ -587,8 +642,15 @@ impl Part {
                 }
             };
             for corner in pieces.iter().flatten() {
-                let ambient_occlusion =
-                    (corner.ambient_occlusion.clamp(0.0, 1.0) * 255.0).round() as u32;
+                let point = chart.map(|chart| ChartPoint {
+                    chart,
+                    local: self.charts[chart].local(&corner.position),
+                });
+                let light = match &point {
+                    Some(point) => self.charts[point.chart].light_at(point.local.map(f64::from)),
+                    None => corner.ambient_occlusion.clamp(0.0, 1.0) * 255.0,
+                };
+                let ambient_occlusion = light.round() as u32;
                 let vertex = Vertex {
                     position: corner.position.coords.cast::<f32>().into(),
                     normal: octahedral(corner.normal.into()),
@@ -596,14 +658,10 @@ impl Part {
                     packed: packed | ambient_occlusion << 12,
                     ambient: [0; 2],
                 };
-                let lookup = match chart {
-                    None => Lookup::Own(ambient_occlusion as u8),
-                    Some(chart) => Lookup::Chart(chart, self.charts[chart].local(&corner.position)),
-                };
                 let key: [u32; 8] = bytemuck::cast(vertex);
-                let index = *known.entry((key, lookup)).or_insert_with(|| {
+                let index = *known.entry((key, point)).or_insert_with(|| {
                     self.vertices.push(vertex);
-                    self.lookups.push(lookup);
+                    self.points.push(point);
                     self.vertices.len() as u32 - 1
                 });
                 self.indices.push(index);

@@ -123,7 +123,7 @@ impl Geometry {
                     .filter(|cluster| view.shows(&placed, cluster));
                 let glass = batch.finish.shine == Shine::Glass;
                 let contacts = contacts.as_deref_mut().filter(|_| !glass);
-                let ranges = self.lit_ranges(batch, shown, (&poses[batch.body], &centre), contacts);
+                let ranges = self.lit_ranges(batch, shown, &centre, contacts);
                 (!ranges.is_empty()).then_some((rank, batch.finish, ranges))
             })
             .collect();
@@ -149,12 +149,12 @@ impl Geometry {
     }
 
     /// Triangles of the clusters of a batch, grouped by the source of their ambient
-    /// light. Those without contacts come first.
+    /// light: vertices, the ambient map, contacts.
     fn lit_ranges<'a>(
         &self,
         batch: &Batch,
         clusters: impl Iterator<Item = &'a Cluster>,
-        (pose, centre): (&Isometry3<f64>, &Point3<f64>),
+        centre: &Point3<f64>,
         contacts: Option<&mut Contacts<'_>>,
     ) -> Vec<LitRange> {
         let mut ranges: Vec<LitRange> = Vec::new();
@@ -164,27 +164,26 @@ impl Geometry {
             }
             return ranges;
         };
-        let plain = match self.bodies[batch.body].binding {
-            Binding::World => Ambient::Map,
-            _ => Ambient::Vertices,
-        };
-        let candidates =
-            contacts.candidates_for_batch(batch.body, &self.bodies, centre, batch.radius);
+        let body = &self.bodies[batch.body];
+        let candidates = contacts.candidates_for_batch(body, centre, batch.radius);
         let mut near: Vec<LitRange> = Vec::new();
         for cluster in clusters {
-            if candidates.is_empty() {
-                extend(&mut ranges, plain, &cluster.indices);
-                continue;
-            }
-            for piece in &cluster.pieces {
-                match contacts.list_for_piece(&candidates, piece, pose) {
-                    None => extend(&mut ranges, plain, &piece.indices),
-                    Some((list, variant)) => {
-                        let ambient = Ambient::Contacts(list, variant);
-                        extend(&mut near, ambient, &piece.indices);
-                    }
+            let plain = match cluster.mapped {
+                true => Ambient::Map,
+                false => Ambient::Vertices,
+            };
+            let candidates = contacts.candidates_for_cluster(&candidates, cluster);
+            let mut start = cluster.indices.start;
+            for piece in cluster.pieces.iter().filter(|_| !candidates.is_empty()) {
+                if let Some(list) = contacts.list_for_piece(&candidates, piece) {
+                    extend(&mut ranges, plain, &(start..piece.indices.start));
+                    start = piece.indices.end;
+                    let mapped = cluster.mapped;
+                    let ambient = Ambient::Contacts { list, mapped };
+                    extend(&mut near, ambient, &piece.indices);
                 }
             }
+            extend(&mut ranges, plain, &(start..cluster.indices.end));
         }
         ranges.append(&mut near);
         ranges
@@ -197,6 +196,7 @@ type LitRange = (Ambient, Range<u32>);
 /// Appends triangles, and merges them with the last range if they are adjacent.
 fn extend(ranges: &mut Vec<LitRange>, ambient: Ambient, indices: &Range<u32>) {
     match ranges.last_mut() {
+        _ if indices.is_empty() => (),
         Some((last, range)) if *last == ambient && range.end == indices.start => {
             range.end = indices.end;
         }

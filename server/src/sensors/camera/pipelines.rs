@@ -23,23 +23,25 @@ pub(super) enum Ambient {
     Vertices,
     /// The ambient map.
     Map,
-    /// The ambient map, and a list of capsules: index of the list and of its variant.
-    Contacts(usize, usize),
+    /// A list of capsules, and vertices or the ambient map.
+    Contacts { list: usize, mapped: bool },
 }
 
 impl Ambient {
-    /// Index of the shader variant.
-    pub(super) fn variant(self) -> usize {
+    /// Index of the shader variant; `lists` are the variants of the lists.
+    pub(super) fn variant(self, lists: &[usize]) -> usize {
+        let of_list = |list: usize| lists.get(list).copied().unwrap_or_default();
         match self {
             Self::Vertices => 0,
             Self::Map => 1,
-            Self::Contacts(_, variant) => 2 + variant,
+            Self::Contacts { list, mapped: true } => 2 + of_list(list),
+            Self::Contacts { list, .. } => 2 + contact::VARIANTS.len() + of_list(list),
         }
     }
 }
 
-/// Shader variants of one finish: the ambient map alone, and with contacts.
-const MAPPED: usize = 1 + contact::VARIANTS.len();
+/// Shader variants of one finish: the ambient map alone, and contacts with and without it.
+const MAPPED: usize = 1 + 2 * contact::VARIANTS.len();
 
 /// All pipelines of a renderer.
 pub(super) struct Pipelines {
@@ -52,8 +54,8 @@ pub(super) struct Pipelines {
     /// In the order of [`Finish::ALL`]; glass absorbs light first and adds its own in a
     /// second pass.
     surfaces: Vec<(wgpu::RenderPipeline, Option<wgpu::RenderPipeline>)>,
-    /// Variants with the ambient map: without contacts, then in the order of
-    /// [`contact::VARIANTS`]. Created at first use, because few of them are needed.
+    /// By [`Ambient::variant`] without the first. Created at first use, because few of them
+    /// are needed.
     mapped: Vec<[OnceLock<wgpu::RenderPipeline>; MAPPED]>,
     factory: PipelineFactory,
     /// Renders shadow casters.
@@ -67,16 +69,16 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    /// The pipelines of a finish, in order.
+    /// The pipelines of a finish and a variant of [`Ambient`], in order.
     pub(super) fn surface(
         &self,
         finish: Finish,
-        ambient: Ambient,
+        variant: usize,
     ) -> (&wgpu::RenderPipeline, Option<&wgpu::RenderPipeline>) {
         let at = Finish::ALL.iter().position(|f| *f == finish);
         let at = at.unwrap_or_default();
         if finish.shine != Shine::Glass
-            && let Some(variant) = ambient.variant().checked_sub(1)
+            && let Some(variant) = variant.checked_sub(1)
             && let Some(mapped) = self.mapped.get(at)
         {
             let make = || self.factory.mapped(finish, variant);
@@ -178,23 +180,26 @@ impl PipelineFactory {
     /// The pipeline of a finish other than glass, by the index of its variant.
     fn mapped(&self, finish: Finish, variant: usize) -> wgpu::RenderPipeline {
         let (vertex, fragment) = match (finish.shine, self.tier.lit) {
-            (Shine::Matte, _) if variant == 0 => ("mapped_matte_surface", "mapped_matte_shade"),
-            (Shine::Matte, _) => ("near_matte_surface", "near_matte_shade"),
+            (Shine::Matte, _) => ("mapped_matte_surface", "mapped_matte_shade"),
             (_, true) => ("mapped_surface", "mapped_lit_shade"),
             (_, false) => ("mapped_surface", "mapped_shade"),
         };
-        let near = variant.checked_sub(1).map_or(0, |i| contact::VARIANTS[i]);
-        self.shaded(finish, vertex, fragment, Mix::Replace, Some(near))
+        let count = contact::VARIANTS.len();
+        let near = variant.checked_sub(1);
+        let near = near.map_or(0, |i| contact::VARIANTS[i % count]);
+        let ambient = (near, variant <= count);
+        self.shaded(finish, vertex, fragment, Mix::Replace, Some(ambient))
     }
 
-    /// `near`: number of capsules that darken a pixel; `None` without the ambient map.
+    /// `ambient`: number of capsules that darken a pixel, and whether it samples the ambient
+    /// map; `None` for light per vertex without capsules.
     fn shaded(
         &self,
         finish: Finish,
         vertex: &str,
         fragment: &str,
         mix: Mix,
-        near: Option<usize>,
+        ambient: Option<(usize, bool)>,
     ) -> wgpu::RenderPipeline {
         let tier = self.tier;
         let mut constants = vec![
@@ -208,9 +213,12 @@ impl PipelineFactory {
                 f64::from(u8::from(finish.shine == Shine::Mirror)),
             ),
         ];
-        constants.extend(near.map(|near| ("NEAR", near as f64)));
+        if let Some((near, mapped)) = ambient {
+            constants.push(("NEAR", near as f64));
+            constants.push(("MAPPED", f64::from(u8::from(mapped))));
+        }
         let stage = Stage {
-            layout: match near {
+            layout: match ambient {
                 None => &self.full,
                 Some(_) => &self.near,
             },

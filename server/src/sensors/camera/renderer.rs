@@ -11,6 +11,7 @@ use wgpu::util::DeviceExt;
 use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
+use super::ambient_map::PlacedCharts;
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Shine;
 use super::contact::{self, Contacts, Occluder, PlacedOccluder};
@@ -56,6 +57,7 @@ pub struct Renderer {
     shadow_group: wgpu::BindGroup,
     contact_groups: Vec<wgpu::BindGroup>,
     occluders: Vec<Occluder>,
+    charts: PlacedCharts,
     /// Links, objects and sliding furniture that a snapshot must have.
     expected: [usize; 3],
     /// One per camera.
@@ -210,6 +212,7 @@ impl Renderer {
             shadow_group,
             contact_groups,
             occluders: buffers.occluders,
+            charts: buffers.ambient_map.charts,
             deflated: vec![None; cameras.len()],
             read_back,
             pending: VecDeque::new(),
@@ -339,16 +342,19 @@ impl Renderer {
         for (&c, view) in cameras.iter().zip(&views) {
             let order = self.read_back[c].order();
             let per_pixel = self.tier.ambient_per_pixel;
-            let mut contacts = per_pixel.then(|| Contacts::in_view(view, &occluders));
+            let mut contacts = per_pixel.then(|| Contacts::in_view(view, &occluders, &self.charts));
             let visible = self
                 .geometry
                 .visible(view, &poses, order, contacts.as_mut());
-            let lists = contacts.map(|contacts| contacts.bytes());
-            if let Some(lists) = lists.filter(|lists| !lists.is_empty()) {
-                let buffer = &self.targets[c].contacts;
-                self.queue.write_buffer(buffer, contact::STRIDE, &lists);
+            let (mut lists, mut bytes) = (Vec::new(), Vec::new());
+            if let Some(contacts) = contacts {
+                (lists, bytes) = (contacts.variants(), contacts.bytes());
             }
-            self.draw_camera(&mut encoder, c, &visible);
+            if !bytes.is_empty() {
+                let buffer = &self.targets[c].contacts;
+                self.queue.write_buffer(buffer, contact::STRIDE, &bytes);
+            }
+            self.draw_camera(&mut encoder, c, &visible, &lists);
         }
         let mut buffers = Vec::with_capacity(cameras.len());
         for &c in cameras {
@@ -488,6 +494,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         camera: usize,
         visible: &[VisibleRange],
+        lists: &[usize],
     ) {
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
@@ -528,13 +535,13 @@ impl Renderer {
         }
         let mut current = None;
         for s in visible {
-            let pipelines = self.pipelines.surface(s.finish, s.ambient);
-            let variant = (s.finish, s.ambient.variant());
+            let variant = (s.finish, s.ambient.variant(lists));
+            let pipelines = self.pipelines.surface(variant.0, variant.1);
             if current != Some(variant) {
                 current = Some(variant);
                 pass.set_pipeline(pipelines.0);
             }
-            if let Ambient::Contacts(list, _) = s.ambient {
+            if let Ambient::Contacts { list, .. } = s.ambient {
                 let offset = (list as u64 + 1) * contact::STRIDE;
                 pass.set_bind_group(2, contacts, &[offset as u32]);
             }

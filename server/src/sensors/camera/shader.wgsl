@@ -13,8 +13,10 @@ override ID_IN_ALPHA: bool = true;
 override LIT: bool = false;
 // Mirrors the room.
 override MIRRORS: bool = false;
-// Number of capsules that occlude ambient light: 0, 1, 2, 4 or 8.
+// Number of capsules that occlude ambient light: 0, 2 or 4.
 override NEAR: u32 = 0u;
+// Ambient occlusion is sampled from the ambient map; else interpolated between vertices.
+override MAPPED: bool = true;
 
 struct Lamp { at: vec4<f32>, color: vec4<f32> }
 
@@ -46,24 +48,27 @@ struct Material { color: vec4<f32>, more: vec4<f32> }
 // Environment map, octahedral; square roots of shares of 6.
 @group(0) @binding(5) var reflection: texture_2d<f32>;
 @group(0) @binding(6) var smooth_levels: sampler;
-// Ambient light of wide static planes, and a ramp for the values of other vertices.
+// Ambient light of wide static planes.
 @group(0) @binding(7) var ambient_map: texture_2d<f32>;
 @group(0) @binding(8) var one_level: sampler;
 @group(1) @binding(0) var shadow_map: texture_depth_2d;
 @group(1) @binding(1) var shadow_sampler: sampler_comparison;
 
-// A capsule that approximates a movable object.
+// A capsule that approximates a movable object, in coordinates of a plane, metres.
 struct Occluder {
-    // Centre and radius.
-    centre: vec4<f32>,
-    // Axis and half the distance between the centres of the caps.
-    axis: vec4<f32>,
-    // Square of the radius, falloff, 1 / reach².
+    // Centre and axis, projected on the plane.
+    place: vec4<f32>,
+    // Height of the centre above the plane, rise of the axis, their product, half the
+    // distance between the centres of the caps.
+    heights: vec4<f32>,
+    // Square of the radius, falloff, 1 / reach², radius.
     more: vec4<f32>,
 }
 
-// Capsules near the rendered triangles.
-@group(2) @binding(0) var<uniform> near: array<Occluder, 8>;
+// Capsules near the rendered triangles; width and height of the ambient map, metres.
+struct Contacts { extent: vec4<f32>, occluders: array<Occluder, 4> }
+
+@group(2) @binding(0) var<uniform> contacts: Contacts;
 
 struct Vertex {
     @location(0) position: vec3<f32>,
@@ -219,6 +224,14 @@ struct MatteVarying {
     return out;
 }
 
+// Share of the ambient light of a vertex that pixels multiply further.
+fn vertex_share(lit: Lit, body: u32) -> f32 {
+    if MAPPED {
+        return bodies[body].more.y;
+    }
+    return lit.ambient_occlusion;
+}
+
 // As MatteVarying, with ambient occlusion per pixel.
 struct MappedMatte {
     @builtin(position) @invariant clip: vec4<f32>,
@@ -232,12 +245,9 @@ struct MappedMatte {
 }
 
 @vertex fn mapped_matte_surface(v: Vertex) -> MappedMatte {
-    return mapped_matte(v, place(v, v.packed & 0xfffu));
-}
-
-fn mapped_matte(v: Vertex, lit: Lit) -> MappedMatte {
     let body = v.packed & 0xfffu;
     let m = materials[v.packed >> 20u];
+    let lit = place(v, body);
     var around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * lit.normal.z);
     if LIT {
         around = surrounding(lit);
@@ -245,7 +255,7 @@ fn mapped_matte(v: Vertex, lit: Lit) -> MappedMatte {
     var out: MappedMatte;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.light = vec4(
-        around * bodies[body].more.y,
+        around * vertex_share(lit, body),
         max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
     );
     out.uv = vec4(v.uv, v.ambient);
@@ -255,34 +265,7 @@ fn mapped_matte(v: Vertex, lit: Lit) -> MappedMatte {
     return out;
 }
 
-// As MappedMatte, for surfaces near movable objects.
-struct NearMatte {
-    @builtin(position) @invariant clip: vec4<f32>,
-    @location(0) light: vec4<f32>,
-    @location(1) uv: vec4<f32>,
-    @location(2) shadow: vec3<f32>,
-    @location(3) @interpolate(flat) color: vec4<f32>,
-    @location(4) @interpolate(flat) more: vec2<f32>,
-    @location(5) world: vec3<f32>,
-    @location(6) normal: vec3<f32>,
-}
-
-@vertex fn near_matte_surface(v: Vertex) -> NearMatte {
-    let lit = place(v, v.packed & 0xfffu);
-    let matte = mapped_matte(v, lit);
-    var out: NearMatte;
-    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
-    out.light = matte.light;
-    out.uv = matte.uv;
-    out.shadow = matte.shadow;
-    out.color = matte.color;
-    out.more = matte.more;
-    out.world = lit.world;
-    out.normal = lit.normal;
-    return out;
-}
-
-// As LitVarying; the fourth component of `view` is the ambient occlusion of the body.
+// As LitVarying; the fourth component of `view` is `vertex_share`.
 struct MappedVarying {
     @builtin(position) @invariant clip: vec4<f32>,
     @location(0) normal: vec3<f32>,
@@ -301,7 +284,7 @@ struct MappedVarying {
     var out: MappedVarying;
     out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
     out.normal = lit.normal;
-    out.view = vec4(camera.eye.xyz - lit.world, bodies[body].more.y);
+    out.view = vec4(camera.eye.xyz - lit.world, vertex_share(lit, body));
     out.uv = vec4(v.uv, v.ambient);
     out.shadow = lit.shadow;
     out.color = m.color;
@@ -398,65 +381,45 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     return root * root;
 }
 
-// Share of the ambient light at a point that a capsule does not occlude. The nearest
-// sphere of the capsule counts: it occludes r / d nearby, as a cylinder does, and less
-// further away.
-fn unoccluded_share(o: Occluder, p: vec3<f32>, n: vec3<f32>) -> f32 {
-    let offset = p - o.centre.xyz;
-    let to = o.axis.xyz * clamp(dot(offset, o.axis.xyz), -o.axis.w, o.axis.w) - offset;
-    let square = max(dot(to, to), o.more.x);
-    let facing = max(dot(n, to), 0.0);
+// Share of the ambient light at a point of a plane that a capsule does not occlude. The
+// nearest sphere of the capsule counts: it occludes r / d nearby, as a cylinder does, and
+// less further away.
+fn unoccluded_share(o: Occluder, p: vec2<f32>) -> f32 {
+    let offset = p - o.place.xy;
+    let along = clamp(dot(offset, o.place.zw) - o.heights.z, -o.heights.w, o.heights.w);
+    let to = o.place.zw * along - offset;
+    let height = max(o.heights.x + o.heights.y * along, 0.0);
+    let square = max(dot(to, to) + height * height, o.more.x);
     let fade = max(1.0 - square * o.more.z, 0.0);
-    return 1.0 - facing * o.centre.w * fade / (square + square * square * o.more.y);
+    return 1.0 - height * o.more.w * fade / (square + square * square * o.more.y);
 }
 
-// The product over all capsules, unrolled: a CPU adapter executes both sides of a branch,
-// and gathers reads whose index is not constant.
-fn unoccluded_share_of_all(p: vec3<f32>, n: vec3<f32>) -> f32 {
-    var share = unoccluded_share(near[0], p, n);
-    if NEAR > 1u {
-        share *= unoccluded_share(near[1], p, n);
+// Share of the ambient light that reaches a pixel, by its coordinates in the ambient map;
+// what its vertices know is not included. Unrolled: a CPU adapter executes both sides of a
+// branch, and gathers reads whose index is not constant.
+fn ambient_share(at: vec2<f32>) -> f32 {
+    var share = 1.0;
+    if MAPPED {
+        share = textureSampleLevel(ambient_map, one_level, at, 0.0).r;
+    }
+    let p = at * contacts.extent.xy;
+    if NEAR > 0u {
+        share *= unoccluded_share(contacts.occluders[0], p)
+            * unoccluded_share(contacts.occluders[1], p);
     }
     if NEAR > 2u {
-        share *= unoccluded_share(near[2], p, n) * unoccluded_share(near[3], p, n);
-    }
-    if NEAR > 4u {
-        share *= unoccluded_share(near[4], p, n) * unoccluded_share(near[5], p, n);
-        share *= unoccluded_share(near[6], p, n) * unoccluded_share(near[7], p, n);
+        share *= unoccluded_share(contacts.occluders[2], p)
+            * unoccluded_share(contacts.occluders[3], p);
     }
     return share;
 }
 
-// Share of the ambient light that static bodies do not occlude.
-fn fixed_share(at: vec2<f32>) -> f32 {
-    return textureSampleLevel(ambient_map, one_level, at, 0.0).r;
-}
-
-// Share of the ambient light that reaches a pixel.
-fn ambient_share(at: vec2<f32>, p: vec3<f32>, n: vec3<f32>) -> f32 {
-    let fixed = fixed_share(at);
-    if NEAR > 0u {
-        return fixed * unoccluded_share_of_all(p, n);
-    }
-    return fixed;
-}
-
 @fragment fn mapped_matte_shade(v: MappedMatte) -> @location(0) vec4<f32> {
-    return matte(v, fixed_share(v.uv.zw));
-}
-
-@fragment fn near_matte_shade(v: NearMatte) -> @location(0) vec4<f32> {
-    let open = ambient_share(v.uv.zw, v.world, v.normal);
-    return matte(MappedMatte(v.clip, v.light, v.uv, v.shadow, v.color, v.more), open);
-}
-
-// `open`: share of the ambient light that reaches the pixel.
-fn matte(v: MappedMatte, open: f32) -> vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
         base *= image(v.uv.xy, v.more.x);
     }
-    var light = v.light.rgb * open + v.more.y;
+    var light = v.light.rgb * ambient_share(v.uv.zw) + v.more.y;
     if SUNNY {
         light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
     }
@@ -482,7 +445,7 @@ fn matte(v: MappedMatte, open: f32) -> vec4<f32> {
 }
 
 @fragment fn mapped_shade(v: MappedVarying) -> @location(0) vec4<f32> {
-    let open = ambient_share(v.uv.zw, camera.eye.xyz - v.view.xyz, normalize(v.normal));
+    let open = ambient_share(v.uv.zw);
     let own = Varying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more);
     return glossy(own, v.view.w * open);
 }
@@ -546,7 +509,7 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
 }
 
 @fragment fn mapped_lit_shade(v: MappedVarying) -> @location(0) vec4<f32> {
-    let open = ambient_share(v.uv.zw, camera.eye.xyz - v.view.xyz, normalize(v.normal));
+    let open = ambient_share(v.uv.zw);
     let own = LitVarying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more, v.around);
     return lit_glossy(own, v.view.w * open);
 }
