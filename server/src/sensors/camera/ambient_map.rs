@@ -22,15 +22,16 @@ const MOST_TEXELS: i32 = 250;
 const WIDTH: usize = 1024;
 /// Maximum number of rows of the atlas. A home of 80 m² needs about 300.
 const MOST_ROWS: usize = 8192;
-/// Largest deviation from linear interpolation with which a triangle does without the map,
-/// of 255. In the home, 12 changes 1 % of the pixels by more than 2 of 255.
-const FLAT: f64 = 12.0;
-/// Barycentric coordinates of the points where the deviation is computed.
-const PROBES: [[f64; 3]; 7] = [
+/// Largest deviation of the light from linear interpolation, of 255, with which a triangle
+/// does without the map, along its edges: 10 would show the shapes of triangles on walls.
+const FLAT_EDGE: f64 = 4.0;
+/// The same inside a triangle.
+const FLAT_INSIDE: f64 = 10.0;
+/// Shares of the first end at the points of an edge where the deviation is computed.
+const ON_EDGE: [f64; 3] = [0.25, 0.5, 0.75];
+/// Barycentric coordinates of the points inside a triangle.
+const INSIDE: [[f64; 3]; 4] = [
     [0.33, 0.33, 0.34],
-    [0.5, 0.5, 0.0],
-    [0.0, 0.5, 0.5],
-    [0.5, 0.0, 0.5],
     [0.66, 0.17, 0.17],
     [0.17, 0.66, 0.17],
     [0.17, 0.17, 0.66],
@@ -136,11 +137,19 @@ impl Chart {
     pub(super) fn needs_map(&self, corners: [[u16; 2]; 3]) -> bool {
         let corners = corners.map(|corner| corner.map(f64::from));
         let lights = corners.map(|corner| self.light_at(corner));
-        PROBES.iter().any(|shares| {
+        let deviates = |shares: [f64; 3], most: f64| {
             let mean = |values: [f64; 3]| -> f64 { (0..3).map(|k| values[k] * shares[k]).sum() };
             let at = std::array::from_fn(|axis| mean(corners.map(|corner| corner[axis])));
-            (self.light_at(at) - mean(lights)).abs() > FLAT
-        })
+            (self.light_at(at) - mean(lights)).abs() > most
+        };
+        let edge = |k: usize, share: f64| {
+            let mut shares = [0.0; 3];
+            (shares[k], shares[(k + 1) % 3]) = (share, 1.0 - share);
+            shares
+        };
+        let mut edges = (0..3).flat_map(|k| ON_EDGE.map(|share| edge(k, share)));
+        edges.any(|shares| deviates(shares, FLAT_EDGE))
+            || INSIDE.iter().any(|shares| deviates(*shares, FLAT_INSIDE))
     }
 
     fn has_outline_of(&self, other: &Self) -> bool {
@@ -346,7 +355,7 @@ pub(super) struct PlacedChart {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct ChartPoint {
     /// Index of the chart.
-    pub(super) chart: usize,
+    pub(super) chart: u32,
     /// Texel coordinates in steps of 1/256.
     pub(super) local: [u16; 2],
 }
@@ -413,12 +422,17 @@ impl AmbientMap {
         }
     }
 
-    /// Texture coordinates of a point of `chart`, in units of 1/65535; `None` if the atlas
-    /// has no room for the chart.
-    pub(super) fn coordinates(&self, chart: &Chart, point: ChartPoint) -> Option<[u16; 2]> {
-        let placed = self.charts.placed.get(point.chart)?.as_ref()?;
+    /// Texture coordinates of a point of a chart, which is in steps of 1/256 texel, in units
+    /// of 1/65535; `None` if the atlas has no room for the chart.
+    pub(super) fn coordinates(
+        &self,
+        index: usize,
+        chart: &Chart,
+        local: [u16; 2],
+    ) -> Option<[u16; 2]> {
+        let placed = self.charts.placed.get(index)?.as_ref()?;
         Some(std::array::from_fn(|k| {
-            let texel = f64::from(chart.low[k]) + f64::from(point.local[k]) / 256.0;
+            let texel = f64::from(chart.low[k]) + f64::from(local[k]) / 256.0;
             let share = (texel * TEXEL + placed.origin[k]) / self.charts.extent[k];
             (share * 65535.0).round() as u16
         }))

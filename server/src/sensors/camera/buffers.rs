@@ -229,7 +229,7 @@ impl Buffers {
             // Moving bodies have none.
             (share, light.of_body(number.unwrap_or(usize::MAX)))
         });
-        let parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
+        let mut parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
             share.worked_out(light)
         });
         // Reserve all memory at once: growing copies and briefly doubles the memory.
@@ -240,58 +240,34 @@ impl Buffers {
         built
             .indices
             .reserve_exact(lengths(|part| part.indices.len()));
-        let (mut charts, mut points) = (Vec::new(), Vec::new());
-        for (body, ((mut part, known), number)) in parts.into_iter().zip(numbers).enumerate() {
-            let before = charts.len();
+        let mut charts = Vec::new();
+        let mut first_charts = Vec::new();
+        for (part, _) in &mut parts {
+            first_charts.push(charts.len());
             charts.append(&mut part.charts);
-            points.extend(part.points.drain(..).map(|point| {
-                point.map(|point| ChartPoint {
-                    chart: before + point.chart,
-                    ..point
-                })
-            }));
-            built.take(body, part, before);
+        }
+        if tier.ambient_per_pixel {
+            built.ambient_map = AmbientMap::new(&charts);
+        }
+        let parts = parts.into_iter().zip(first_charts).zip(numbers);
+        for (body, (((mut part, known), first_chart), number)) in parts.enumerate() {
+            part.place_on_map(&built.ambient_map, &charts, first_chart);
+            built.take(body, part);
             if let Some(number) = number {
                 light.put_back(number, known);
             }
         }
-        if tier.ambient_per_pixel {
-            built.pack_ambient_map(&charts, &points);
-        }
         built
     }
 
-    /// Packs the ambient map and sets the coordinates of the vertices on charts.
-    fn pack_ambient_map(&mut self, charts: &[Chart], points: &[Option<ChartPoint>]) {
-        let map = AmbientMap::new(charts);
-        for (vertex, point) in self.vertices.iter_mut().zip(points) {
-            if let Some(point) = point {
-                let coordinates = map.coordinates(&charts[point.chart], *point);
-                vertex.ambient = coordinates.unwrap_or_default();
-            }
-        }
-        // Charts without room in the map keep light per vertex.
-        for batch in &mut self.batches {
-            for cluster in batch.full.iter_mut().chain(&mut batch.coarse) {
-                let chart = |piece: &Piece| map.charts.placed[piece.chart];
-                if !cluster.pieces.iter().all(|piece| chart(piece).is_some()) {
-                    cluster.mapped = false;
-                    cluster.pieces.retain(|piece| chart(piece).is_some());
-                }
-            }
-        }
-        self.ambient_map = map;
-    }
-
-    /// Appends the part of a body, whose first chart has the index `first_chart`.
-    fn take(&mut self, body: usize, part: Part, first_chart: usize) {
+    /// Appends the part of a body.
+    fn take(&mut self, body: usize, part: Part) {
         let (vertices, indices) = (self.vertices.len() as u32, self.indices.len() as u32);
         let moved = |range: Range<u32>| range.start + indices..range.end + indices;
         let all_moved = |clusters: Vec<Cluster>| {
             let moved = |mut cluster: Cluster| {
                 for piece in &mut cluster.pieces {
                     piece.indices = moved(piece.indices.clone());
-                    piece.chart += first_chart;
                 }
                 Cluster {
                     indices: moved(cluster.indices),
@@ -384,7 +360,7 @@ struct Part {
     charts: Vec<Chart>,
     /// Index of the chart of each plane.
     planes: BTreeMap<Plane, usize>,
-    /// The point on a chart of each vertex, if it is on one.
+    /// The point on a chart of each vertex, if it is on one; empty without charts.
     points: Vec<Option<ChartPoint>>,
 }
 
@@ -544,6 +520,30 @@ impl Share<'_> {
 }
 
 impl Part {
+    /// Sets the coordinates of the vertices in the ambient map. The first chart of the part
+    /// is `charts[first]`. Charts without room in the map keep light per vertex.
+    fn place_on_map(&mut self, map: &AmbientMap, charts: &[Chart], first: usize) {
+        let coordinates = |point: &ChartPoint| {
+            let index = first + point.chart as usize;
+            map.coordinates(index, &charts[index], point.local)
+        };
+        for (vertex, point) in self.vertices.iter_mut().zip(&self.points) {
+            vertex.ambient = point.as_ref().and_then(coordinates).unwrap_or_default();
+        }
+        for batch in &mut self.batches {
+            for cluster in batch.full.iter_mut().chain(&mut batch.coarse) {
+                for piece in &mut cluster.pieces {
+                    piece.chart += first;
+                }
+                let has_room = |piece: &Piece| map.charts.placed[piece.chart].is_some();
+                if !cluster.pieces.iter().all(has_room) {
+                    cluster.mapped = false;
+                    cluster.pieces.retain(has_room);
+                }
+            }
+        }
+    }
+
     /// Triangles in clusters: those that need the ambient map come last, in their own.
     fn clusters(&mut self, range: Range<u32>, division: Division) -> Vec<Cluster> {
         let Self {
@@ -554,12 +554,15 @@ impl Part {
             ..
         } = self;
         let position = |i: u32| Point3::from(vertices[i as usize].position.map(f64::from));
-        let chart = |triangle: &Triangle| points[triangle[0] as usize].map(|point| point.chart);
+        let chart = |triangle: &Triangle| {
+            let point = points[triangle[0] as usize];
+            point.map(|point| point.chart as usize)
+        };
         let needs_map = |triangle: &Triangle| {
             let [Some(a), Some(b), Some(c)] = triangle.map(|i| points[i as usize]) else {
                 return false;
             };
-            charts[a.chart].needs_map([a, b, c].map(|point| point.local))
+            charts[a.chart as usize].needs_map([a, b, c].map(|point| point.local))
         };
         let (start, end) = (range.start as usize, range.end as usize);
         if charts.is_empty() {
@@ -643,11 +646,14 @@ impl Part {
             };
             for corner in pieces.iter().flatten() {
                 let point = chart.map(|chart| ChartPoint {
-                    chart,
+                    chart: chart as u32,
                     local: self.charts[chart].local(&corner.position),
                 });
                 let light = match &point {
-                    Some(point) => self.charts[point.chart].light_at(point.local.map(f64::from)),
+                    Some(point) => {
+                        let chart = &self.charts[point.chart as usize];
+                        chart.light_at(point.local.map(f64::from))
+                    }
                     None => corner.ambient_occlusion.clamp(0.0, 1.0) * 255.0,
                 };
                 let ambient_occlusion = light.round() as u32;
@@ -661,7 +667,9 @@ impl Part {
                 let key: [u32; 8] = bytemuck::cast(vertex);
                 let index = *known.entry((key, point)).or_insert_with(|| {
                     self.vertices.push(vertex);
-                    self.points.push(point);
+                    if !self.charts.is_empty() {
+                        self.points.push(point);
+                    }
                     self.vertices.len() as u32 - 1
                 });
                 self.indices.push(index);

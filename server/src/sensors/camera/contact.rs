@@ -2,8 +2,8 @@
 //! chart. A pixel there combines the occlusion by at most [`MOST`] capsules, in closed form.
 //! Triangles without a nearby object use a shader without this step.
 //!
-//! The sphere of a capsule that is nearest to the pixel counts. Close to the capsule this
-//! approximates a cylinder, further away a sphere. Capsules are in coordinates of the chart,
+//! The sphere of a capsule that is nearest to the pixel counts. Its occlusion is the height
+//! of its centre above the plane times a smooth function of the distance. Capsules are in coordinates of the chart,
 //! so that a pixel needs only its coordinates in the ambient map. Oriented boxes instead of
 //! capsules take a CPU adapter twice the time. Robot and person are not occluders: the floor
 //! around the chair would cost a tenth of the rate. Objects and other curved surfaces are
@@ -18,20 +18,30 @@ use super::scene::Binding;
 use super::view::View;
 
 /// Maximum number of capsules that darken one piece of a surface.
-pub(super) const MOST: usize = 4;
+pub(super) const MOST: usize = 8;
 /// Number of capsules of each shader variant. A variant evaluates all of its capsules,
 /// because a CPU adapter executes both sides of a branch.
-pub(super) const VARIANTS: [usize; 2] = [2, MOST];
+pub(super) const VARIANTS: [usize; 4] = [1, 2, 4, MOST];
 /// Maximum number of distinct lists in an image. Further pieces have no contacts.
 pub(super) const MOST_LISTS: usize = 64;
 /// Bytes between the starts of two lists, a multiple of the uniform buffer alignment.
-pub(super) const STRIDE: u64 = 256;
+pub(super) const STRIDE: u64 = 512;
 /// Bytes of a list.
 pub(super) const LIST: u64 = size_of::<List>() as u64;
-/// Largest invisible occlusion.
+/// Largest number of capsules of a list that different pieces share: pieces with lists of
+/// their own cost a draw call each, further capsules cost time per pixel.
+const MOST_SHARED: usize = 2;
+/// Share of the reach beyond which the occlusion is invisible: at most 2 %.
+const VISIBLE: f64 = 0.8;
+/// Reach of an object, as a share of its distance to the camera, at which its occlusion
+/// appears and at which it is complete.
+const APPEARS: [f64; 2] = [0.04, 0.06];
+/// Occlusion that counts as invisible.
 const LEAST: f64 = 0.05;
-/// Largest distance at which an object darkens a surface, metres.
-const MOST_REACH: f64 = 0.16;
+/// Distance beyond the diameter of an object at which its occlusion ends, metres.
+const REACH: f64 = 0.05;
+/// Decrease of the occlusion with the distance, relative to a sphere without end.
+const FALLOFF: f64 = 0.25;
 /// Smallest side of an occluder, metres.
 const LEAST_SIDE: f64 = 0.02;
 /// Least radius, metres.
@@ -45,11 +55,10 @@ pub(super) struct Occluder {
     axis: Vector3<f64>,
     /// Half the distance between the centres of the caps.
     half_length: f64,
-    radius: f64,
-    /// Mean half side.
-    width: f64,
-    /// Largest distance from the axis with visible occlusion, metres.
+    /// Largest distance from the axis with occlusion, metres.
     reach: f64,
+    /// Occlusion by a unit of height without fading, 1/m.
+    strength: f64,
 }
 
 impl Occluder {
@@ -63,15 +72,19 @@ impl Occluder {
         let across = half[(longest + 1) % 3] * half[(longest + 2) % 3];
         let radius = across.sqrt().max(LEAST_RADIUS);
         let width = half.sum() / 3.0;
-        let reach = (radius * width / LEAST).sqrt().min(MOST_REACH);
+        let reach = (radius * width.max(radius) / LEAST).sqrt();
+        let reach = reach.min(2.0 * radius + REACH);
+        // Beside a sphere on the plane the occlusion equals the exact one.
+        let square = 2.0 * radius * radius;
+        let fade = 1.0 - square / (reach * reach);
+        let falloff = 1.0 + FALLOFF * square / width.max(radius).powi(2);
         Some(Self {
             body,
             centre: nalgebra::center(low, high),
             axis: Vector3::ith(longest, 1.0),
             half_length: (half[longest] - radius).max(0.0),
-            radius,
-            width: width.max(radius),
-            reach: reach.max(radius * 1.5),
+            reach,
+            strength: radius / (square * falloff * fade.powi(3)),
         })
     }
 
@@ -83,9 +96,6 @@ impl Occluder {
         }
     }
 }
-
-/// Decrease of the occlusion with the distance: see `unoccluded_share` in the shaders.
-const FALLOFF: f64 = 0.25;
 
 /// A capsule in the world.
 pub(super) struct PlacedOccluder {
@@ -125,16 +135,15 @@ impl PlacedOccluder {
         let nearest = [-1.0, -0.5, 0.0, 0.5, 1.0].map(outside);
         let nearest = nearest.into_iter().fold(f64::INFINITY, f64::min);
         let gap = (nearest - 0.25 * half_length) / reach;
-        (gap < 1.0).then_some(gap.max(0.0))
+        (gap < VISIBLE).then_some(gap.max(0.0))
     }
 
-    /// The capsule in coordinates of a chart.
-    fn on_chart(&self, chart: &PlacedChart) -> GpuOccluder {
+    /// The capsule in coordinates of a chart, with a share of its occlusion.
+    fn on_chart(&self, chart: &PlacedChart, share: f64) -> GpuOccluder {
         let Occluder {
             half_length,
-            radius,
-            width,
             reach,
+            strength,
             ..
         } = self.capsule;
         let [right, ahead] = chart.axes;
@@ -149,12 +158,7 @@ impl PlacedOccluder {
                 ahead.dot(&self.axis),
             ]),
             heights: row([height, rise, height * rise, half_length]),
-            more: row([
-                radius * radius,
-                FALLOFF / (width * width),
-                1.0 / (reach * reach),
-                radius,
-            ]),
+            fading: row([1.0 / (reach * reach), strength * share, 0.0, 0.0]),
         }
     }
 }
@@ -188,8 +192,8 @@ struct GpuOccluder {
     /// Height of the centre above the plane, rise of the axis, their product, half the
     /// length.
     heights: [f32; 4],
-    /// Square of the radius, falloff, 1 / reach², radius.
-    more: [f32; 4],
+    /// 1 / reach² and strength.
+    fading: [f32; 4],
 }
 
 impl GpuOccluder {
@@ -197,7 +201,7 @@ impl GpuOccluder {
     const NONE: Self = Self {
         place: [0.0; 4],
         heights: [0.0; 4],
-        more: [1.0, 0.0, 0.0, 0.0],
+        fading: [0.0; 4],
     };
 }
 
@@ -213,7 +217,8 @@ struct List {
 /// The capsules near the view of one camera, and the lists of them for the pieces.
 pub(super) struct Contacts<'a> {
     charts: &'a PlacedCharts,
-    near: Vec<&'a PlacedOccluder>,
+    /// Each with the share of its occlusion that the distance to the camera leaves.
+    near: Vec<(&'a PlacedOccluder, f64)>,
     /// Index of a chart, and indices into `near`.
     lists: Vec<(usize, Vec<usize>)>,
 }
@@ -225,19 +230,22 @@ impl<'a> Contacts<'a> {
         placed: &'a [PlacedOccluder],
         charts: &'a PlacedCharts,
     ) -> Self {
-        let is_near = |p: &&PlacedOccluder| {
+        let near = |p: &'a PlacedOccluder| {
             let radius = p.capsule.half_length + p.capsule.reach;
-            view.distance(&p.centre, radius).is_some()
+            let distance = view.distance(&p.centre, radius)?;
+            let [from, to] = APPEARS;
+            let share = (p.capsule.reach / distance.max(1e-3) - from) / (to - from);
+            (share > 0.0).then_some((p, share.min(1.0)))
         };
         Self {
             charts,
-            near: placed.iter().filter(is_near).collect(),
+            near: placed.iter().filter_map(near).collect(),
             lists: Vec::new(),
         }
     }
 
-    /// Indices of the capsules that may darken a static batch: those that reach its
-    /// bounding sphere.
+    /// Indices of the capsules that may darken a batch: those that reach its bounding
+    /// sphere. Only static bodies are darkened; their frame is that of the world.
     pub(super) fn candidates_for_batch(
         &self,
         body: &Body,
@@ -247,7 +255,7 @@ impl<'a> Contacts<'a> {
         if body.binding != Binding::World {
             return Vec::new();
         }
-        let reaches = |i: &usize| self.near[*i].reaches(centre, radius);
+        let reaches = |i: &usize| self.near[*i].0.reaches(centre, radius);
         (0..self.near.len()).filter(reaches).collect()
     }
 
@@ -257,26 +265,26 @@ impl<'a> Contacts<'a> {
         candidates: &[usize],
         cluster: &Cluster,
     ) -> Vec<usize> {
-        let reaches = |i: &&usize| self.near[**i].reaches(&cluster.centre, cluster.radius);
+        let reaches = |i: &&usize| self.near[**i].0.reaches(&cluster.centre, cluster.radius);
         candidates.iter().filter(reaches).copied().collect()
     }
 
     /// Index of the list for a piece of a batch; `None` without a nearby capsule. Pieces of
-    /// one chart share a list where it has room, so that they are rendered together.
+    /// one chart share a list of few capsules, so that they are rendered together.
     pub(super) fn list_for_piece(&mut self, candidates: &[usize], piece: &Piece) -> Option<usize> {
         let chart = self.charts.placed.get(piece.chart)?.as_ref()?;
-        let gap = |&i: &usize| Some((self.near[i].gap(piece, chart)?, i));
+        let gap = |&i: &usize| Some((self.near[i].0.gap(piece, chart)?, i));
         let mut found: Vec<(f64, usize)> = candidates.iter().filter_map(gap).collect();
         if found.is_empty() {
             return None;
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         found.truncate(MOST);
-        let own = found.into_iter().map(|(_, i)| i);
-        let own: Vec<usize> = own.collect();
+        let own: Vec<usize> = found.into_iter().map(|(_, i)| i).collect();
         let fitting = self.lists.iter().rposition(|(chart, list)| {
             let added = own.iter().filter(|i| !list.contains(i)).count();
-            *chart == piece.chart && list.len() + added <= MOST
+            let shared = list.len() + added;
+            *chart == piece.chart && (added == 0 || shared <= MOST_SHARED)
         });
         if let Some(fitting) = fitting {
             let list = &mut self.lists[fitting].1;
@@ -314,7 +322,8 @@ impl<'a> Contacts<'a> {
             };
             if let Some(Some(chart)) = self.charts.placed.get(*chart) {
                 for (to, from) in own.occluders.iter_mut().zip(list) {
-                    *to = self.near[*from].on_chart(chart);
+                    let (occluder, share) = &self.near[*from];
+                    *to = occluder.on_chart(chart, *share);
                 }
             }
             to[..LIST as usize].copy_from_slice(bytemuck::bytes_of(&own));

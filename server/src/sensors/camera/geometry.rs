@@ -149,7 +149,7 @@ impl Geometry {
     }
 
     /// Triangles of the clusters of a batch, grouped by the source of their ambient
-    /// light: vertices, the ambient map, contacts.
+    /// light. Those with contacts come last.
     fn lit_ranges<'a>(
         &self,
         batch: &Batch,

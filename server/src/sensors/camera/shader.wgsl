@@ -13,7 +13,7 @@ override ID_IN_ALPHA: bool = true;
 override LIT: bool = false;
 // Mirrors the room.
 override MIRRORS: bool = false;
-// Number of capsules that occlude ambient light: 0, 2 or 4.
+// Number of capsules that occlude ambient light: 0, 1, 2, 4 or 8.
 override NEAR: u32 = 0u;
 // Ambient occlusion is sampled from the ambient map; else interpolated between vertices.
 override MAPPED: bool = true;
@@ -61,12 +61,12 @@ struct Occluder {
     // Height of the centre above the plane, rise of the axis, their product, half the
     // distance between the centres of the caps.
     heights: vec4<f32>,
-    // Square of the radius, falloff, 1 / reach², radius.
-    more: vec4<f32>,
+    // 1 / reach² and strength.
+    fading: vec4<f32>,
 }
 
 // Capsules near the rendered triangles; width and height of the ambient map, metres.
-struct Contacts { extent: vec4<f32>, occluders: array<Occluder, 4> }
+struct Contacts { extent: vec4<f32>, occluders: array<Occluder, 8> }
 
 @group(2) @binding(0) var<uniform> contacts: Contacts;
 
@@ -382,16 +382,16 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
 }
 
 // Share of the ambient light at a point of a plane that a capsule does not occlude. The
-// nearest sphere of the capsule counts: it occludes r / d nearby, as a cylinder does, and
-// less further away.
+// nearest sphere of the capsule counts. A fourth power fades about as the exact share of a
+// sphere, without a division.
 fn unoccluded_share(o: Occluder, p: vec2<f32>) -> f32 {
     let offset = p - o.place.xy;
     let along = clamp(dot(offset, o.place.zw) - o.heights.z, -o.heights.w, o.heights.w);
     let to = o.place.zw * along - offset;
     let height = max(o.heights.x + o.heights.y * along, 0.0);
-    let square = max(dot(to, to) + height * height, o.more.x);
-    let fade = max(1.0 - square * o.more.z, 0.0);
-    return 1.0 - height * o.more.w * fade / (square + square * square * o.more.y);
+    let fade = max(1.0 - (dot(to, to) + height * height) * o.fading.x, 0.0);
+    let square = fade * fade;
+    return 1.0 - height * o.fading.y * (square * square);
 }
 
 // Share of the ambient light that reaches a pixel, by its coordinates in the ambient map;
@@ -404,12 +404,20 @@ fn ambient_share(at: vec2<f32>) -> f32 {
     }
     let p = at * contacts.extent.xy;
     if NEAR > 0u {
-        share *= unoccluded_share(contacts.occluders[0], p)
-            * unoccluded_share(contacts.occluders[1], p);
+        share *= unoccluded_share(contacts.occluders[0], p);
+    }
+    if NEAR > 1u {
+        share *= unoccluded_share(contacts.occluders[1], p);
     }
     if NEAR > 2u {
         share *= unoccluded_share(contacts.occluders[2], p)
             * unoccluded_share(contacts.occluders[3], p);
+    }
+    if NEAR > 4u {
+        share *= unoccluded_share(contacts.occluders[4], p)
+            * unoccluded_share(contacts.occluders[5], p);
+        share *= unoccluded_share(contacts.occluders[6], p)
+            * unoccluded_share(contacts.occluders[7], p);
     }
     return share;
 }
