@@ -7,6 +7,7 @@ use nalgebra::{Point3, Vector3};
 use parking_lot::Mutex;
 use wheelarm_proto::exact;
 
+use super::ambient_map::{Chart, Plane};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene};
 
@@ -106,7 +107,7 @@ impl Surroundings {
     }
 
     /// Share of the ambient light that reaches a surface, 0 to 1.
-    fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
+    pub(super) fn of_surface(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
         let (right, ahead) = across(normal);
         // Leave the surface's own cells first.
         let start = p + normal * (1.5 * CELL);
@@ -116,6 +117,12 @@ impl Surroundings {
             .map(|d| self.blocked(&start, &(right * d.x + ahead * d.y + normal * d.z)))
             .sum();
         1.0 - STRENGTH * blocked / self.directions.len() as f64
+    }
+
+    /// Whether the rays of [`Self::of_surface`] start outside of other bodies.
+    pub(super) fn is_free_before(&self, p: &Point3<f64>, normal: &Vector3<f64>) -> bool {
+        let start = p + normal * (1.5 * CELL);
+        !self.cell(&start).is_some_and(|cell| self.filled[cell])
     }
 
     /// The mean of [`Self::of_surface`] around a point of a wide surface. Its vertices
@@ -169,7 +176,7 @@ impl Surroundings {
 }
 
 /// Two unit vectors perpendicular to a normal.
-fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+pub(super) fn across(normal: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let helper = if normal.x.abs() < 0.7 {
         Vector3::x()
     } else {
@@ -217,6 +224,15 @@ pub(super) struct Corner {
     pub(super) ambient_occlusion: f64,
 }
 
+/// Source of the ambient light at the corners of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum CornerLight {
+    /// Pixels sample it from a chart.
+    Chart,
+    /// Rays from each corner; smoothed on a wide surface.
+    Own { is_wide: bool },
+}
+
 /// Longer edges are halved, so that light can vary along them, metres.
 const LONGEST: f64 = 0.4;
 
@@ -227,8 +243,14 @@ pub(super) struct AmbientOcclusion<'a> {
     known: AmbientCache,
 }
 
-/// Ambient light by the bits of position and normal, and whether the surface is wide.
-pub(super) type AmbientCache = BTreeMap<([u64; 6], bool), f64>;
+/// The ambient light of one body.
+#[derive(Default)]
+pub(super) struct AmbientCache {
+    /// By the bits of position and normal, and whether the surface is wide.
+    points: BTreeMap<([u64; 6], bool), f64>,
+    /// Charts of its wide planes.
+    pub(super) charts: BTreeMap<Plane, Chart>,
+}
 
 /// The ambient light of a home, by body, so that bodies can be computed in parallel.
 pub(super) struct HomeLight<'a> {
@@ -286,14 +308,14 @@ impl<'a> HomeLight<'a> {
             known: self
                 .known
                 .get_mut(fixed)
-                .map_or_else(AmbientCache::new, std::mem::take),
+                .map_or_else(AmbientCache::default, std::mem::take),
         }
     }
 
     /// Puts the values of a body back.
     pub(super) fn put_back(&mut self, fixed: usize, known: AmbientCache) {
         if self.known.len() <= fixed {
-            self.known.resize_with(fixed + 1, AmbientCache::new);
+            self.known.resize_with(fixed + 1, AmbientCache::default);
         }
         self.known[fixed] = known;
     }
@@ -312,11 +334,27 @@ impl AmbientOcclusion<'_> {
         let around = self.around;
         *self
             .known
+            .points
             .entry((key, is_wide))
             .or_insert_with(|| match is_wide {
                 true => around.of_wide_surface(p, normal),
                 false => around.of_surface(p, normal),
             })
+    }
+
+    /// The bodies that block ambient light.
+    pub(super) fn around(&self) -> &Surroundings {
+        self.around
+    }
+
+    /// Removes the charts of the previous scene from the cache.
+    pub(super) fn take_charts(&mut self) -> BTreeMap<Plane, Chart> {
+        std::mem::take(&mut self.known.charts)
+    }
+
+    /// Stores charts for the next scene.
+    pub(super) fn keep_charts(&mut self, charts: &BTreeMap<Plane, Chart>) {
+        self.known.charts = charts.clone();
     }
 
     /// All values.
@@ -326,7 +364,8 @@ impl AmbientOcclusion<'_> {
 
     /// Subdivides a static triangle. Edges are split by their length only, as those of
     /// the neighbour, so there are no gaps. Surfaces facing outdoors stay whole.
-    pub(super) fn cut(&mut self, triangle: [Corner; 3], is_wide: bool) -> Vec<[Corner; 3]> {
+    /// Corners on a chart need no light of their own.
+    pub(super) fn cut(&mut self, triangle: [Corner; 3], light: CornerLight) -> Vec<[Corner; 3]> {
         let [a, b, c] = &triangle;
         let middle =
             Point3::from((a.position.coords + b.position.coords + c.position.coords) / 3.0);
@@ -345,13 +384,13 @@ impl AmbientOcclusion<'_> {
                 continue;
             }
             let (a, b, c) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
-            let m = self.middle(&a, &b, is_wide);
+            let m = self.middle(&a, &b, light);
             waiting.extend([[a, m, c], [m, b, c]]);
         }
         pieces
     }
 
-    fn middle(&mut self, a: &Corner, b: &Corner, is_wide: bool) -> Corner {
+    fn middle(&mut self, a: &Corner, b: &Corner, light: CornerLight) -> Corner {
         let position = nalgebra::center(&a.position, &b.position);
         let normal = (a.normal + b.normal)
             .try_normalize(1e-6)
@@ -360,7 +399,10 @@ impl AmbientOcclusion<'_> {
             position,
             normal,
             uv: std::array::from_fn(|k| 0.5 * (a.uv[k] + b.uv[k])),
-            ambient_occlusion: self.of_surface(&position, &normal, is_wide),
+            ambient_occlusion: match light {
+                CornerLight::Chart => 1.0,
+                CornerLight::Own { is_wide } => self.of_surface(&position, &normal, is_wide),
+            },
         }
     }
 }
@@ -385,7 +427,7 @@ mod tests {
         let light = |around: &Surroundings| {
             let mut home = last.take(around);
             let mut body = home.of_body(3);
-            let before = body.known.len();
+            let before = body.known.points.len();
             let light = body.of_surface(&at.0, &at.1, false);
             home.put_back(3, body.into_known());
             last.keep(home);
@@ -435,8 +477,9 @@ mod tests {
             corner(-1.5, 1.5),
         ];
         let mut ambient_occlusion = LastHome::default().take(&around).of_body(0);
-        let mut pieces = ambient_occlusion.cut([a, b, c], true);
-        pieces.extend(ambient_occlusion.cut([a, c, d], true));
+        let light = CornerLight::Own { is_wide: true };
+        let mut pieces = ambient_occlusion.cut([a, b, c], light);
+        pieces.extend(ambient_occlusion.cut([a, c, d], light));
         assert!(pieces.len() > 20);
         // Every inner edge has two pieces, the rim one.
         let mut edges: std::collections::BTreeMap<[[u64; 2]; 2], i32> = Default::default();

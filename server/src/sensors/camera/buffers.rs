@@ -6,8 +6,10 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 use wheelarm_proto::exact;
 
-use super::ambient_occlusion::{AmbientCache, AmbientOcclusion, Corner, HomeLight};
-use super::culling_clusters::{Cluster, Division, bounds, clusters};
+use super::ambient_map::{AmbientMap, Chart, ChartPoint, Plane, Planes, plane};
+use super::ambient_occlusion::{AmbientCache, AmbientOcclusion, Corner, CornerLight, HomeLight};
+use super::contact::Occluder;
+use super::culling_clusters::{Cluster, Division, Piece, Triangle, bounds, clusters, pieces};
 use super::parallel;
 use super::scene::{Binding, RenderItem, RenderScene, RenderedPerson};
 use super::tier::Tier;
@@ -23,6 +25,8 @@ pub(super) struct Vertex {
     pub(super) uv: [f32; 2],
     /// Body: 12 bits, ambient occlusion: 8 bits, material: 12 bits.
     pub(super) packed: u32,
+    /// Coordinates in the ambient map.
+    pub(super) ambient: [u16; 2],
 }
 
 /// Linear colour and roughness; metallic, emission, texture layer.
@@ -150,6 +154,9 @@ pub(super) struct Buffers {
     pub(super) patterns: Vec<String>,
     pub(super) bodies: Vec<Body>,
     pub(super) batches: Vec<Batch>,
+    pub(super) ambient_map: AmbientMap,
+    /// Capsules that approximate the objects.
+    pub(super) occluders: Vec<Occluder>,
 }
 
 impl Buffers {
@@ -162,6 +169,8 @@ impl Buffers {
             patterns: Vec::new(),
             bodies: Vec::new(),
             batches: Vec::new(),
+            ambient_map: AmbientMap::empty(),
+            occluders: Vec::new(),
         };
         let mut known: Vec<Material> = Vec::new();
         let same =
@@ -180,7 +189,8 @@ impl Buffers {
             let mut share = Share {
                 body,
                 sun,
-                smooths_light: tier.smooth_edges,
+                smooths_light: tier.ambient_per_pixel,
+                ambient_per_pixel: tier.ambient_per_pixel,
                 reach: match person.contains(&items[0].instance) {
                     true => RenderedPerson::REACH,
                     false if soft(items[0].binding) => SOFT_REACH,
@@ -219,7 +229,7 @@ impl Buffers {
             // Moving bodies have none.
             (share, light.of_body(number.unwrap_or(usize::MAX)))
         });
-        let parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
+        let mut parts = parallel::map(shares.collect(), |(share, light): (Share<'_>, _)| {
             share.worked_out(light)
         });
         // Reserve all memory at once: growing copies and briefly doubles the memory.
@@ -230,7 +240,18 @@ impl Buffers {
         built
             .indices
             .reserve_exact(lengths(|part| part.indices.len()));
-        for (body, ((part, known), number)) in parts.into_iter().zip(numbers).enumerate() {
+        let mut charts = Vec::new();
+        let mut first_charts = Vec::new();
+        for (part, _) in &mut parts {
+            first_charts.push(charts.len());
+            charts.append(&mut part.charts);
+        }
+        if tier.ambient_per_pixel {
+            built.ambient_map = AmbientMap::new(&charts);
+        }
+        let parts = parts.into_iter().zip(first_charts).zip(numbers);
+        for (body, (((mut part, known), first_chart), number)) in parts.enumerate() {
+            part.place_on_map(&built.ambient_map, &charts, first_chart);
             built.take(body, part);
             if let Some(number) = number {
                 light.put_back(number, known);
@@ -244,9 +265,14 @@ impl Buffers {
         let (vertices, indices) = (self.vertices.len() as u32, self.indices.len() as u32);
         let moved = |range: Range<u32>| range.start + indices..range.end + indices;
         let all_moved = |clusters: Vec<Cluster>| {
-            let moved = |cluster: Cluster| Cluster {
-                indices: moved(cluster.indices),
-                ..cluster
+            let moved = |mut cluster: Cluster| {
+                for piece in &mut cluster.pieces {
+                    piece.indices = moved(piece.indices.clone());
+                }
+                Cluster {
+                    indices: moved(cluster.indices),
+                    ..cluster
+                }
             };
             clusters.into_iter().map(moved).collect()
         };
@@ -262,6 +288,7 @@ impl Buffers {
         });
         self.bodies[body].casters.extend(casters);
         self.bodies[body].centre = ball(&part.vertices).0;
+        self.occluders.extend(part.occluders);
         self.vertices.extend(part.vertices);
         let shifted = part.indices.into_iter().map(|index| index + vertices);
         self.indices.extend(shifted);
@@ -314,6 +341,8 @@ struct Share<'a> {
     sun: Vector3<f32>,
     /// Ambient light of wide surfaces is smoothed.
     smooths_light: bool,
+    /// Wide planes have charts, and objects darken them as capsules.
+    ambient_per_pixel: bool,
     /// How far its vertices move in its frame, metres.
     reach: f64,
     /// Items by their finish, with their materials.
@@ -327,10 +356,32 @@ struct Part {
     indices: Vec<u32>,
     batches: Vec<Batch>,
     casters: Vec<Caster>,
+    occluders: Vec<Occluder>,
+    charts: Vec<Chart>,
+    /// Index of the chart of each plane.
+    planes: BTreeMap<Plane, usize>,
+    /// The point on a chart of each vertex, if it is on one; empty without charts.
+    points: Vec<Option<ChartPoint>>,
 }
 
 /// Side of a wide surface, metres.
 const WIDE: f32 = 1.0;
+/// Largest diagonal of an object with a single capsule, metres. Larger objects have one
+/// per item.
+const LARGE_BODY: f64 = 0.6;
+
+/// Whether rays determine the ambient light at every point of an item.
+fn is_lit_by_rays(item: &RenderItem) -> bool {
+    item.binding == Binding::World && item.material.emission < 0.3
+}
+
+/// Position and normal of a vertex in the frame of the body.
+fn placed(item: &RenderItem, mesh: &TriMesh, vertex: usize) -> (Point3<f64>, Vector3<f64>) {
+    (
+        item.body_from_mesh * Point3::from(mesh.positions[vertex].map(f64::from)),
+        item.body_from_mesh.rotation * Vector3::from(mesh.normals[vertex].map(f64::from)),
+    )
+}
 
 impl Share<'_> {
     /// Whether the ambient light of an item is smoothed.
@@ -345,10 +396,66 @@ impl Share<'_> {
 
     fn worked_out(&self, mut ambient_occlusion: AmbientOcclusion<'_>) -> (Part, AmbientCache) {
         let mut part = Part::default();
+        if self.ambient_per_pixel {
+            self.compute_charts(&mut part, &mut ambient_occlusion);
+            part.occluders = self.occluders();
+        }
         for (finish, chosen) in &self.finished {
             self.append_finish(&mut part, *finish, chosen, &mut ambient_occlusion);
         }
         (part, ambient_occlusion.into_known())
+    }
+
+    /// Computes the charts of the wide planes. Glass keeps light per vertex.
+    fn compute_charts(&self, part: &mut Part, ambient_occlusion: &mut AmbientOcclusion<'_>) {
+        let mut planes = Planes::default();
+        let opaque = self
+            .finished
+            .iter()
+            .filter(|(f, _)| f.shine != Shine::Glass);
+        let items = opaque.flat_map(|(_, chosen)| chosen);
+        for (item, _) in items.filter(|(item, _)| is_lit_by_rays(item)) {
+            let coarse =
+                (!std::sync::Arc::ptr_eq(&item.mesh, &item.coarse)).then_some(&item.coarse);
+            for mesh in std::iter::once(&item.mesh).chain(coarse) {
+                for triangle in mesh.indices.as_chunks::<3>().0 {
+                    planes.add(triangle.map(|i| placed(item, mesh, i as usize)));
+                }
+            }
+        }
+        let known = ambient_occlusion.take_charts();
+        let charts = planes.charts(ambient_occlusion.around(), &known);
+        ambient_occlusion.keep_charts(&charts);
+        for (plane, chart) in charts {
+            part.planes.insert(plane, part.charts.len());
+            part.charts.push(chart);
+        }
+    }
+
+    /// The capsule of an object, or of each item of a large one.
+    fn occluders(&self) -> Vec<Occluder> {
+        let items: Vec<&RenderItem> = self
+            .finished
+            .iter()
+            .flat_map(|(_, chosen)| chosen.iter().map(|(item, _)| *item))
+            .filter(|item| matches!(item.binding, Binding::Object(_)))
+            .collect();
+        let box_of = |items: &[&RenderItem]| {
+            bounds(items.iter().flat_map(|item| {
+                let positions = item.coarse.positions.iter();
+                positions.map(move |p| item.body_from_mesh * Point3::from(p.map(f64::from)))
+            }))
+        };
+        let boxes: Vec<_> = match box_of(&items) {
+            (low, high) if (high - low).norm() <= LARGE_BODY => vec![(low, high)],
+            _ => items
+                .iter()
+                .map(|item| box_of(std::slice::from_ref(item)))
+                .collect(),
+        };
+        let occluder =
+            |(low, high): &(Point3<f64>, Point3<f64>)| Occluder::new(self.body, low, high);
+        boxes.iter().filter_map(occluder).collect()
     }
 
     fn append_finish(
@@ -369,7 +476,7 @@ impl Share<'_> {
         for (item, material) in chosen {
             let packed = body as u32 | material << 20;
             let light = (&mut *ambient_occlusion, self.is_wide(item));
-            part.append(item, &item.mesh, light, packed, &belongs);
+            part.append(item, &item.mesh, light, (packed, finish), &belongs);
         }
         let middle = part.indices.len() as u32;
         if middle == start {
@@ -380,7 +487,7 @@ impl Share<'_> {
         for (item, material) in chosen {
             let packed = body as u32 | material << 20;
             let light = (&mut *ambient_occlusion, self.is_wide(item));
-            part.append(item, &item.coarse, light, packed, &belongs);
+            part.append(item, &item.coarse, light, (packed, finish), &belongs);
             if item.casts_shadow {
                 caster_end = part.indices.len() as u32;
             }
@@ -413,12 +520,77 @@ impl Share<'_> {
 }
 
 impl Part {
-    /// Triangles in clusters.
+    /// Sets the coordinates of the vertices in the ambient map. The first chart of the part
+    /// is `charts[first]`. Charts without room in the map keep light per vertex.
+    fn place_on_map(&mut self, map: &AmbientMap, charts: &[Chart], first: usize) {
+        let coordinates = |point: &ChartPoint| {
+            let index = first + point.chart as usize;
+            map.coordinates(index, &charts[index], point.local)
+        };
+        for (vertex, point) in self.vertices.iter_mut().zip(&self.points) {
+            vertex.ambient = point.as_ref().and_then(coordinates).unwrap_or_default();
+        }
+        for batch in &mut self.batches {
+            for cluster in batch.full.iter_mut().chain(&mut batch.coarse) {
+                for piece in &mut cluster.pieces {
+                    piece.chart += first;
+                }
+                let has_room = |piece: &Piece| map.charts.placed[piece.chart].is_some();
+                if !cluster.pieces.iter().all(has_room) {
+                    cluster.mapped = false;
+                    cluster.pieces.retain(has_room);
+                }
+            }
+        }
+    }
+
+    /// Triangles in clusters: those that need the ambient map come last, in their own.
     fn clusters(&mut self, range: Range<u32>, division: Division) -> Vec<Cluster> {
-        let vertices = &self.vertices;
+        let Self {
+            vertices,
+            indices,
+            charts,
+            points,
+            ..
+        } = self;
         let position = |i: u32| Point3::from(vertices[i as usize].position.map(f64::from));
-        let range = range.start as usize..range.end as usize;
-        clusters(&mut self.indices, range, &position, division)
+        let chart = |triangle: &Triangle| {
+            let point = points[triangle[0] as usize];
+            point.map(|point| point.chart as usize)
+        };
+        let needs_map = |triangle: &Triangle| {
+            let [Some(a), Some(b), Some(c)] = triangle.map(|i| points[i as usize]) else {
+                return false;
+            };
+            charts[a.chart as usize].needs_map([a, b, c].map(|point| point.local))
+        };
+        let (start, end) = (range.start as usize, range.end as usize);
+        if charts.is_empty() {
+            return clusters(indices, start..end, &position, division);
+        }
+        let (triangles, _) = indices[start..end].as_chunks_mut::<3>();
+        let (flat, mapped): (Vec<Triangle>, Vec<Triangle>) =
+            triangles.iter().partition(|triangle| !needs_map(triangle));
+        let middle = start + 3 * flat.len();
+        if !mapped.is_empty() {
+            triangles.copy_from_slice(&[flat, mapped].concat());
+        }
+        let mut found = clusters(indices, start..middle, &position, division);
+        let flat_clusters = found.len();
+        found.extend(clusters(indices, middle..end, &position, division));
+        for (i, cluster) in found.iter_mut().enumerate() {
+            cluster.mapped = i >= flat_clusters;
+            let own = cluster.indices.start as usize..cluster.indices.end as usize;
+            let (triangles, _) = indices[own].as_chunks::<3>();
+            let mut first = cluster.indices.start;
+            for part in triangles.chunk_by(|a, b| chart(a) == chart(b)) {
+                if let Some(chart) = chart(&part[0]) {
+                    pieces(part, first, &position, chart, &mut cluster.pieces);
+                }
+                first += 3 * part.len() as u32;
+            }
+        }
+        found
     }
 
     /// Appends the matching triangles, by the normals of their corners.
@@ -427,51 +599,77 @@ impl Part {
         item: &RenderItem,
         mesh: &TriMesh,
         (ambient_occlusion, is_wide): (&mut AmbientOcclusion<'_>, bool),
-        packed: u32,
+        (packed, finish): (u32, Finish),
         belongs: &dyn Fn(&RenderItem, [Vector3<f32>; 3]) -> bool,
     ) {
-        let fixed = item.binding == Binding::World && item.material.emission < 0.3;
+        let fixed = is_lit_by_rays(item);
+        let own = CornerLight::Own { is_wide };
         let corners: Vec<Corner> = (0..mesh.positions.len())
             .map(|i| {
-                let position = item.body_from_mesh * Point3::from(mesh.positions[i].map(f64::from));
-                let normal =
-                    item.body_from_mesh.rotation * Vector3::from(mesh.normals[i].map(f64::from));
+                let (position, normal) = placed(item, mesh, i);
                 Corner {
                     position,
                     normal,
                     uv: mesh.uvs[i],
-                    ambient_occlusion: if fixed {
-                        ambient_occlusion.of_surface(&position, &normal, is_wide)
-                    } else {
-                        1.0
-                    },
+                    ambient_occlusion: 1.0,
                 }
             })
             .collect();
+        let mut lights = vec![None; corners.len()];
         let triangles = mesh.indices.as_chunks::<3>().0;
         let mut known = BTreeMap::new();
         for triangle in triangles {
-            let triangle = triangle.map(|i| corners[i as usize]);
+            let at = triangle.map(|i| i as usize);
+            let mut triangle = at.map(|i| corners[i]);
             if !belongs(item, triangle.map(|corner| corner.normal.cast())) {
                 continue;
             }
-            let pieces = if fixed {
-                ambient_occlusion.cut(triangle, is_wide)
-            } else {
-                vec![triangle]
+            let chart = match finish.shine {
+                Shine::Glass => None,
+                _ => plane(triangle.map(|corner| (corner.position, corner.normal))),
+            };
+            let chart = chart
+                .filter(|_| fixed)
+                .and_then(|plane| self.planes.get(&plane).copied());
+            let pieces = match (fixed, chart) {
+                (false, _) => vec![triangle],
+                (true, Some(_)) => ambient_occlusion.cut(triangle, CornerLight::Chart),
+                (true, None) => {
+                    for (corner, i) in triangle.iter_mut().zip(at) {
+                        let (position, normal) = (&corner.position, &corner.normal);
+                        corner.ambient_occlusion = *lights[i].get_or_insert_with(|| {
+                            ambient_occlusion.of_surface(position, normal, is_wide)
+                        });
+                    }
+                    ambient_occlusion.cut(triangle, own)
+                }
             };
             for corner in pieces.iter().flatten() {
-                let ambient_occlusion =
-                    (corner.ambient_occlusion.clamp(0.0, 1.0) * 255.0).round() as u32;
+                let point = chart.map(|chart| ChartPoint {
+                    chart: chart as u32,
+                    local: self.charts[chart].local(&corner.position),
+                });
+                let light = match &point {
+                    Some(point) => {
+                        let chart = &self.charts[point.chart as usize];
+                        chart.light_at(point.local.map(f64::from))
+                    }
+                    None => corner.ambient_occlusion.clamp(0.0, 1.0) * 255.0,
+                };
+                let ambient_occlusion = light.round() as u32;
                 let vertex = Vertex {
                     position: corner.position.coords.cast::<f32>().into(),
                     normal: octahedral(corner.normal.into()),
                     uv: corner.uv,
                     packed: packed | ambient_occlusion << 12,
+                    ambient: [0; 2],
                 };
-                let key: [u32; 7] = bytemuck::cast(vertex);
-                let index = *known.entry(key).or_insert_with(|| {
+                let key: [u32; 8] = bytemuck::cast(vertex);
+                let index = *known.entry((key, point)).or_insert_with(|| {
                     self.vertices.push(vertex);
+                    if !self.charts.is_empty() {
+                        self.points.push(point);
+                    }
                     self.vertices.len() as u32 - 1
                 });
                 self.indices.push(index);

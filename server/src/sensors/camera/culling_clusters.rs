@@ -15,6 +15,28 @@ pub(super) struct Cluster {
     pub(super) half: Vector3<f64>,
     /// Radius of the bounding sphere.
     pub(super) radius: f64,
+    /// Whether pixels sample the ambient map.
+    pub(super) mapped: bool,
+    /// Those of its triangles that are on charts of the ambient map, in order.
+    pub(super) pieces: Vec<Piece>,
+}
+
+/// Neighbouring triangles on one chart of the ambient map.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub(super) indices: Range<u32>,
+    /// Index of the chart.
+    pub(super) chart: usize,
+    pub(super) outline: Outline,
+}
+
+/// Extent of a piece, in the frame of its body.
+#[derive(Clone, Debug)]
+pub(super) enum Outline {
+    /// A single triangle.
+    Triangle([Point3<f64>; 3]),
+    /// Centre and half extents of the bounding box.
+    Bounds(Point3<f64>, Vector3<f64>),
 }
 
 /// Constraints on the triangles of a batch.
@@ -32,13 +54,16 @@ pub(super) struct Division {
 const SIDE: f64 = 1.5;
 /// Largest number of triangles that are not divided.
 const FEW: usize = 48;
+/// Largest side of the bounding box of a piece of several triangles, metres.
+const PIECE_SIDE: f64 = 0.4;
 /// Adapters compute vertices in single precision: triangles within this distance of the
 /// image border may be visible, metres.
 const SLACK: f64 = 1e-3;
 /// Steps along each axis for ordering triangles.
 const STEPS: f64 = 1023.0;
 
-type Triangle = [u32; 3];
+/// Indices of the corners.
+pub(super) type Triangle = [u32; 3];
 
 /// Sorts the triangles `range` of `indices` along a Morton curve and divides them into
 /// consecutive clusters. `position` returns the position of a vertex.
@@ -97,6 +122,37 @@ fn halve(
         centre,
         half: (sides / 2.0).add_scalar(division.reach + SLACK),
         radius: radius + division.reach,
+        mapped: false,
+        pieces: Vec::new(),
+    });
+}
+
+/// Halves triangles of one chart, in their order, until the boxes are small.
+pub(super) fn pieces(
+    triangles: &[Triangle],
+    first: u32,
+    position: &dyn Fn(u32) -> Point3<f64>,
+    chart: usize,
+    found: &mut Vec<Piece>,
+) {
+    let outline = match triangles {
+        [triangle] => Outline::Triangle(triangle.map(position)),
+        _ => {
+            let (low, high) = bounds(triangles.iter().flatten().map(|i| position(*i)));
+            if (high - low).max() > PIECE_SIDE {
+                let (before, behind) = triangles.split_at(triangles.len() / 2);
+                pieces(before, first, position, chart, found);
+                let first = first + 3 * before.len() as u32;
+                pieces(behind, first, position, chart, found);
+                return;
+            }
+            Outline::Bounds(nalgebra::center(&low, &high), (high - low) / 2.0)
+        }
+    };
+    found.push(Piece {
+        indices: first..first + 3 * triangles.len() as u32,
+        chart,
+        outline,
     });
 }
 
@@ -174,11 +230,60 @@ mod tests {
     }
 
     /// All rendered geometry of a scene.
-    fn buffers(scene: &RenderScene) -> Buffers {
+    fn buffers(scene: &RenderScene, quality: Quality) -> Buffers {
         let surroundings = Surroundings::new(scene);
         let graphics = Graphics::default();
         let mut light = graphics.last_home().take(&surroundings);
-        Buffers::new(scene, &mut light, Tier::for_scene(Quality::Standard, scene))
+        Buffers::new(scene, &mut light, Tier::for_scene(quality, scene))
+    }
+
+    #[test]
+    fn pieces_contain_the_triangles_on_charts() {
+        let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
+        let robot = RobotModel::load(&assets, "wheelarm").unwrap();
+        let home = Scene::load(&assets, "home").unwrap();
+        let scene = RenderScene::new(&robot, &home, &assets).unwrap();
+        let buffers = buffers(&scene, Quality::Standard);
+        let clusters = buffers.batches.iter().flat_map(|b| &b.full);
+        let (mut mapped, mut all) = (0, 0);
+        for cluster in clusters {
+            let mut next = cluster.indices.start;
+            for piece in &cluster.pieces {
+                assert!(piece.indices.start >= next && !piece.indices.is_empty());
+                assert!(!cluster.mapped || piece.indices.start == next);
+                next = piece.indices.end;
+                let chart = buffers.ambient_map.charts.placed[piece.chart].unwrap();
+                for i in piece.indices.clone() {
+                    let vertex = buffers.indices[i as usize] as usize;
+                    let p = Point3::from(buffers.vertices[vertex].position.map(f64::from));
+                    let height = chart.normal.dot(&p.coords) - chart.height;
+                    assert!(height.abs() < 0.02, "{height}");
+                    let outside = match &piece.outline {
+                        Outline::Triangle(corners) => {
+                            let away = corners.map(|corner| (p - corner).norm());
+                            away.into_iter().fold(f64::INFINITY, f64::min)
+                        }
+                        Outline::Bounds(centre, half) => ((p - centre).abs() - half).max(),
+                    };
+                    assert!(outside < 1e-9, "{outside}");
+                }
+                all += piece.indices.len();
+            }
+            assert!(next <= cluster.indices.end);
+            if cluster.mapped {
+                assert_eq!(next, cluster.indices.end);
+                mapped += cluster.indices.len();
+            }
+        }
+        // Few triangles need the map.
+        assert!(mapped > 0 && 3 * mapped < all, "{mapped} of {all}");
+        let buffers = self::buffers(&scene, Quality::Draft);
+        assert!(buffers.ambient_map.charts.placed.is_empty() && buffers.occluders.is_empty());
+        let mut clusters = buffers
+            .batches
+            .iter()
+            .flat_map(|b| b.full.iter().chain(&b.coarse));
+        assert!(clusters.all(|cluster| cluster.pieces.is_empty() && !cluster.mapped));
     }
 
     /// Number of clusters of a batch that are culled although one of their vertices is
@@ -221,7 +326,7 @@ mod tests {
         let mut spec = CameraSpec::room(&home, [640, 360]);
         let mut fixed = RenderScene::new(&robot, &home, &assets).unwrap();
         fixed.items.retain(|item| item.binding == Binding::World);
-        let buffers = buffers(&fixed);
+        let buffers = buffers(&fixed, Quality::Standard);
         let (mut shown, mut all) = (0, 0);
         for i in 0..60 {
             // Viewpoints all over the home, in all directions.

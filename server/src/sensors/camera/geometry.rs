@@ -7,6 +7,9 @@ use wgpu::util::DeviceExt;
 
 use super::ambient_occlusion::Surroundings;
 use super::buffers::{Batch, Body, Buffers, Finish, Shine, Vertex};
+use super::contact::Contacts;
+use super::culling_clusters::Cluster;
+use super::pipelines::Ambient;
 use super::scene::Binding;
 use super::view::View;
 
@@ -43,6 +46,7 @@ pub(super) enum Order {
 /// Triangles in view that are rendered together.
 pub(super) struct VisibleRange {
     pub(super) finish: Finish,
+    pub(super) ambient: Ambient,
     pub(super) indices: Range<u32>,
 }
 
@@ -89,14 +93,16 @@ impl Geometry {
     }
 
     /// The geometry in view, batch by batch in `order`. Large batches (rugs, walls, the
-    /// floor) come last because they are mostly hidden.
+    /// floor) come last because they are mostly hidden. With `contacts` ambient light is
+    /// computed per pixel.
     pub(super) fn visible(
         &self,
         view: &View,
         poses: &[Isometry3<f64>],
         order: Order,
+        mut contacts: Option<&mut Contacts<'_>>,
     ) -> Vec<VisibleRange> {
-        let mut visible: Vec<(f64, Finish, Vec<Range<u32>>)> = self
+        let mut visible: Vec<(f64, Finish, Vec<LitRange>)> = self
             .batches
             .iter()
             .filter_map(|batch| {
@@ -112,18 +118,12 @@ impl Geometry {
                     false => &batch.full,
                 };
                 let placed = view.placed(&poses[batch.body]);
-                let mut ranges: Vec<Range<u32>> = Vec::new();
-                for cluster in clusters
+                let shown = clusters
                     .iter()
-                    .filter(|cluster| view.shows(&placed, cluster))
-                {
-                    match ranges.last_mut() {
-                        Some(last) if last.end == cluster.indices.start => {
-                            last.end = cluster.indices.end
-                        }
-                        _ => ranges.push(cluster.indices.clone()),
-                    }
-                }
+                    .filter(|cluster| view.shows(&placed, cluster));
+                let glass = batch.finish.shine == Shine::Glass;
+                let contacts = contacts.as_deref_mut().filter(|_| !glass);
+                let ranges = self.lit_ranges(batch, shown, &centre, contacts);
                 (!ranges.is_empty()).then_some((rank, batch.finish, ranges))
             })
             .collect();
@@ -137,11 +137,70 @@ impl Geometry {
             .into_iter()
             .partition(|(_, finish, _)| finish.shine == Shine::Glass);
         visible.extend(glass.into_iter().rev());
-        let pieces = |(_, finish, ranges): (f64, Finish, Vec<Range<u32>>)| {
-            let piece = move |indices| VisibleRange { finish, indices };
+        let pieces = |(_, finish, ranges): (f64, Finish, Vec<LitRange>)| {
+            let piece = move |(ambient, indices)| VisibleRange {
+                finish,
+                ambient,
+                indices,
+            };
             ranges.into_iter().map(piece)
         };
         visible.into_iter().flat_map(pieces).collect()
+    }
+
+    /// Triangles of the clusters of a batch, grouped by the source of their ambient
+    /// light. Those with contacts come last.
+    fn lit_ranges<'a>(
+        &self,
+        batch: &Batch,
+        clusters: impl Iterator<Item = &'a Cluster>,
+        centre: &Point3<f64>,
+        contacts: Option<&mut Contacts<'_>>,
+    ) -> Vec<LitRange> {
+        let mut ranges: Vec<LitRange> = Vec::new();
+        let Some(contacts) = contacts else {
+            for cluster in clusters {
+                extend(&mut ranges, Ambient::Vertices, &cluster.indices);
+            }
+            return ranges;
+        };
+        let body = &self.bodies[batch.body];
+        let candidates = contacts.candidates_for_batch(body, centre, batch.radius);
+        let mut near: Vec<LitRange> = Vec::new();
+        for cluster in clusters {
+            let plain = match cluster.mapped {
+                true => Ambient::Map,
+                false => Ambient::Vertices,
+            };
+            let candidates = contacts.candidates_for_cluster(&candidates, cluster);
+            let mut start = cluster.indices.start;
+            for piece in cluster.pieces.iter().filter(|_| !candidates.is_empty()) {
+                if let Some(list) = contacts.list_for_piece(&candidates, piece) {
+                    extend(&mut ranges, plain, &(start..piece.indices.start));
+                    start = piece.indices.end;
+                    let mapped = cluster.mapped;
+                    let ambient = Ambient::Contacts { list, mapped };
+                    extend(&mut near, ambient, &piece.indices);
+                }
+            }
+            extend(&mut ranges, plain, &(start..cluster.indices.end));
+        }
+        ranges.append(&mut near);
+        ranges
+    }
+}
+
+/// Triangles and the source of their ambient light.
+type LitRange = (Ambient, Range<u32>);
+
+/// Appends triangles, and merges them with the last range if they are adjacent.
+fn extend(ranges: &mut Vec<LitRange>, ambient: Ambient, indices: &Range<u32>) {
+    match ranges.last_mut() {
+        _ if indices.is_empty() => (),
+        Some((last, range)) if *last == ambient && range.end == indices.start => {
+            range.end = indices.end;
+        }
+        _ => ranges.push((ambient, indices.clone())),
     }
 }
 

@@ -6,9 +6,11 @@
 //! same snapshot gives the same bytes; adapters differ in single bits.
 
 mod adapter;
+mod ambient_map;
 mod ambient_occlusion;
 mod antialias;
 mod buffers;
+mod contact;
 mod culling_clusters;
 mod decoration;
 mod deflate;
@@ -84,6 +86,8 @@ impl Frame {
     }
 }
 
+#[cfg(test)]
+mod ambient_tests;
 #[cfg(test)]
 mod deflate_tests;
 #[cfg(test)]

@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt;
 
+use super::ambient_map::AmbientMap;
 use crate::appearance::Reflection;
 use crate::geometry::texture::{self, Image};
 
-/// Repeating with mipmaps; comparing for the shadow map; smooth between levels.
-pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 3] {
+/// Repeating with mipmaps; comparing for the shadow map; smooth between levels; for
+/// textures of one level.
+pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 4] {
     let linear = wgpu::FilterMode::Linear;
     [
         device.create_sampler(&wgpu::SamplerDescriptor {
@@ -29,6 +31,11 @@ pub(super) fn samplers(device: &wgpu::Device) -> [wgpu::Sampler; 3] {
             mag_filter: linear,
             min_filter: linear,
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..Default::default()
+        }),
+        device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: linear,
+            min_filter: linear,
             ..Default::default()
         }),
     ]
@@ -60,6 +67,34 @@ pub(super) fn upload_reflection(
         },
         wgpu::util::TextureDataOrder::LayerMajor,
         &levels.concat(),
+    );
+    texture.create_view(&Default::default())
+}
+
+/// Uploads the ambient map, one byte per texel.
+pub(super) fn upload_ambient_map(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    map: &AmbientMap,
+) -> wgpu::TextureView {
+    let texture = device.create_texture_with_data(
+        queue,
+        &wgpu::TextureDescriptor {
+            label: Some("ambient map"),
+            size: wgpu::Extent3d {
+                width: map.size[0] as u32,
+                height: map.size[1] as u32,
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::R8Unorm,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        &map.texels,
     );
     texture.create_view(&Default::default())
 }

@@ -1,8 +1,10 @@
 //! Shader variants and the layouts that they share.
 
+use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
 use super::buffers::{Finish, Shine};
+use super::contact;
 use super::tier::Tier;
 
 /// The shader applies the display's gamma to linear values.
@@ -14,15 +16,48 @@ pub(super) const IDS: wgpu::TextureFormat = wgpu::TextureFormat::R16Uint;
 
 const STRIDE: u64 = std::mem::size_of::<super::buffers::Vertex>() as u64;
 
+/// Source of the ambient occlusion of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ambient {
+    /// Vertices and body.
+    Vertices,
+    /// The ambient map.
+    Map,
+    /// A list of capsules, and vertices or the ambient map.
+    Contacts { list: usize, mapped: bool },
+}
+
+impl Ambient {
+    /// Index of the shader variant; `lists` are the variants of the lists.
+    pub(super) fn variant(self, lists: &[usize]) -> usize {
+        let of_list = |list: usize| lists.get(list).copied().unwrap_or_default();
+        match self {
+            Self::Vertices => 0,
+            Self::Map => 1,
+            Self::Contacts { list, mapped: true } => 2 + of_list(list),
+            Self::Contacts { list, .. } => 2 + contact::VARIANTS.len() + of_list(list),
+        }
+    }
+}
+
+/// Shader variants of one finish: the ambient map alone, and contacts with and without it.
+const MAPPED: usize = 1 + 2 * contact::VARIANTS.len();
+
 /// All pipelines of a renderer.
 pub(super) struct Pipelines {
     /// Group 0: camera, bodies, materials, images, reflection.
     pub(super) scene_layout: wgpu::BindGroupLayout,
     /// Group 1: shadow map.
     pub(super) shadow_layout: wgpu::BindGroupLayout,
+    /// Group 2: the occluders of one draw, at a dynamic offset.
+    pub(super) contact_layout: wgpu::BindGroupLayout,
     /// In the order of [`Finish::ALL`]; glass absorbs light first and adds its own in a
     /// second pass.
     surfaces: Vec<(wgpu::RenderPipeline, Option<wgpu::RenderPipeline>)>,
+    /// By [`Ambient::variant`] without the first. Created at first use, because few of them
+    /// are needed.
+    mapped: Vec<[OnceLock<wgpu::RenderPipeline>; MAPPED]>,
+    factory: PipelineFactory,
     /// Renders shadow casters.
     pub(super) caster: wgpu::RenderPipeline,
     /// Clears a part of the shadow map.
@@ -34,13 +69,22 @@ pub(super) struct Pipelines {
 }
 
 impl Pipelines {
-    /// The pipelines of a finish, in order.
+    /// The pipelines of a finish and a variant of [`Ambient`], in order.
     pub(super) fn surface(
         &self,
         finish: Finish,
+        variant: usize,
     ) -> (&wgpu::RenderPipeline, Option<&wgpu::RenderPipeline>) {
         let at = Finish::ALL.iter().position(|f| *f == finish);
-        let (first, second) = &self.surfaces[at.unwrap_or_default()];
+        let at = at.unwrap_or_default();
+        if finish.shine != Shine::Glass
+            && let Some(variant) = variant.checked_sub(1)
+            && let Some(mapped) = self.mapped.get(at)
+        {
+            let make = || self.factory.mapped(finish, variant);
+            return (mapped[variant].get_or_init(make), None);
+        }
+        let (first, second) = &self.surfaces[at];
         (first, second.as_ref())
     }
 
@@ -51,6 +95,7 @@ impl Pipelines {
         });
         let scene_layout = scene_layout(device);
         let shadow_layout = shadow_layout(device);
+        let contact_layout = contact_layout(device);
         let layout = |groups: &[Option<&wgpu::BindGroupLayout>]| {
             device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: None,
@@ -59,32 +104,21 @@ impl Pipelines {
             })
         };
         let full = layout(&[Some(&scene_layout), Some(&shadow_layout)]);
+        let near = layout(&[
+            Some(&scene_layout),
+            Some(&shadow_layout),
+            Some(&contact_layout),
+        ]);
         let short = layout(&[Some(&scene_layout)]);
-
-        let drawn = |finish: Finish, vertex, fragment, mix| {
-            let constants = [
-                ("TEXTURED", f64::from(u8::from(finish.textured))),
-                ("SUNNY", f64::from(u8::from(finish.sunny))),
-                ("SHADOW_TAPS", f64::from(tier.shadow_taps)),
-                ("ID_IN_ALPHA", f64::from(u8::from(!tier.separate_ids()))),
-                ("LIT", f64::from(u8::from(tier.lit))),
-                (
-                    "MIRRORS",
-                    f64::from(u8::from(finish.shine == Shine::Mirror)),
-                ),
-            ];
-            let stage = Stage {
-                layout: &full,
-                vertex,
-                attributes: &SURFACE,
-                fragment: Some((fragment, COLOR)),
-                constants: &constants,
-                samples: tier.samples,
-                depth: DepthUse::Reversed,
-                mix,
-            };
-            pipeline(device, &module, &stage)
+        let factory = PipelineFactory {
+            device: device.clone(),
+            module,
+            full,
+            near,
+            tier,
         };
+        let drawn =
+            |finish, vertex, fragment, mix| factory.shaded(finish, vertex, fragment, mix, None);
         let surface = |finish: &Finish| {
             let one = |vertex, fragment| (drawn(*finish, vertex, fragment, Mix::Replace), None);
             match (finish.shine, tier.lit) {
@@ -108,10 +142,14 @@ impl Pipelines {
                 depth,
                 mix: Mix::Replace,
             };
-            pipeline(device, &module, &stage)
+            pipeline(device, &factory.module, &stage)
         };
         Self {
             surfaces: finishes(tier).iter().map(surface).collect(),
+            mapped: match tier.ambient_per_pixel {
+                true => finishes(tier).iter().map(|_| Default::default()).collect(),
+                false => Vec::new(),
+            },
             caster: place("caster", &PLACE, None, DepthUse::Shadow),
             erase: place("erase", &[], None, DepthUse::Erase),
             outline: tier.separate_ids().then(|| {
@@ -120,8 +158,79 @@ impl Pipelines {
             }),
             scene_layout,
             shadow_layout,
+            contact_layout,
             drew: AtomicBool::new(false),
+            factory,
         }
+    }
+}
+
+/// Creates the pipelines of surfaces.
+struct PipelineFactory {
+    device: wgpu::Device,
+    module: wgpu::ShaderModule,
+    /// Layout without contacts.
+    full: wgpu::PipelineLayout,
+    /// Layout with contacts.
+    near: wgpu::PipelineLayout,
+    tier: Tier,
+}
+
+impl PipelineFactory {
+    /// The pipeline of a finish other than glass, by the index of its variant.
+    fn mapped(&self, finish: Finish, variant: usize) -> wgpu::RenderPipeline {
+        let (vertex, fragment) = match (finish.shine, self.tier.lit) {
+            (Shine::Matte, _) => ("mapped_matte_surface", "mapped_matte_shade"),
+            (_, true) => ("mapped_surface", "mapped_lit_shade"),
+            (_, false) => ("mapped_surface", "mapped_shade"),
+        };
+        let count = contact::VARIANTS.len();
+        let near = variant.checked_sub(1);
+        let near = near.map_or(0, |i| contact::VARIANTS[i % count]);
+        let ambient = (near, variant <= count);
+        self.shaded(finish, vertex, fragment, Mix::Replace, Some(ambient))
+    }
+
+    /// `ambient`: number of capsules that darken a pixel, and whether it samples the ambient
+    /// map; `None` for light per vertex without capsules.
+    fn shaded(
+        &self,
+        finish: Finish,
+        vertex: &str,
+        fragment: &str,
+        mix: Mix,
+        ambient: Option<(usize, bool)>,
+    ) -> wgpu::RenderPipeline {
+        let tier = self.tier;
+        let mut constants = vec![
+            ("TEXTURED", f64::from(u8::from(finish.textured))),
+            ("SUNNY", f64::from(u8::from(finish.sunny))),
+            ("SHADOW_TAPS", f64::from(tier.shadow_taps)),
+            ("ID_IN_ALPHA", f64::from(u8::from(!tier.separate_ids()))),
+            ("LIT", f64::from(u8::from(tier.lit))),
+            (
+                "MIRRORS",
+                f64::from(u8::from(finish.shine == Shine::Mirror)),
+            ),
+        ];
+        if let Some((near, mapped)) = ambient {
+            constants.push(("NEAR", near as f64));
+            constants.push(("MAPPED", f64::from(u8::from(mapped))));
+        }
+        let stage = Stage {
+            layout: match ambient {
+                None => &self.full,
+                Some(_) => &self.near,
+            },
+            vertex,
+            attributes: &SURFACE,
+            fragment: Some((fragment, COLOR)),
+            constants: &constants,
+            samples: tier.samples,
+            depth: DepthUse::Reversed,
+            mix,
+        };
+        pipeline(&self.device, &self.module, &stage)
     }
 }
 
@@ -145,11 +254,12 @@ const fn attribute(
     }
 }
 
-const SURFACE: [wgpu::VertexAttribute; 4] = [
+const SURFACE: [wgpu::VertexAttribute; 5] = [
     attribute(wgpu::VertexFormat::Float32x3, 0, 0),
     attribute(wgpu::VertexFormat::Snorm16x2, 12, 1),
     attribute(wgpu::VertexFormat::Float32x2, 16, 2),
     attribute(wgpu::VertexFormat::Uint32, 24, 3),
+    attribute(wgpu::VertexFormat::Unorm16x2, 28, 4),
 ];
 
 const PLACE: [wgpu::VertexAttribute; 2] = [
@@ -309,7 +419,22 @@ fn scene_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
             multisampled: false,
         },
         wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+        wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        },
+        wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
     ];
+    group_layout(device, &types)
+}
+
+fn contact_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let types = [wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: true,
+        min_binding_size: std::num::NonZero::new(contact::LIST),
+    }];
     group_layout(device, &types)
 }
 

@@ -11,12 +11,14 @@ use wgpu::util::DeviceExt;
 use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
+use super::ambient_map::PlacedCharts;
 use super::ambient_occlusion::Surroundings;
 use super::buffers::Shine;
+use super::contact::{self, Contacts, Occluder, PlacedOccluder};
 use super::geometry::{BodyRows, Geometry, VisibleRange};
 use super::graphics::{Graphics, OpenDevice};
 use super::person::PersonMesh;
-use super::pipelines::Pipelines;
+use super::pipelines::{Ambient, Pipelines};
 use super::prepare::{PreparedScene, check_cameras, prepare};
 use super::readback::{Buffers as ReadBuffers, Image, ReadBack};
 use super::scene::{Binding, RenderScene, Surrounding};
@@ -53,6 +55,9 @@ pub struct Renderer {
     targets: Vec<Target>,
     scene_groups: Vec<wgpu::BindGroup>,
     shadow_group: wgpu::BindGroup,
+    contact_groups: Vec<wgpu::BindGroup>,
+    occluders: Vec<Occluder>,
+    charts: PlacedCharts,
     /// Links, objects and sliding furniture that a snapshot must have.
     expected: [usize; 3],
     /// One per camera.
@@ -142,9 +147,10 @@ impl Renderer {
             .iter()
             .map(|spec| Target::new(&device, spec.clone(), tier))
             .collect();
-        let [repeating, comparing, smooth] = patterns::samplers(&device);
+        let [repeating, comparing, smooth, one_level] = patterns::samplers(&device);
         let reflection = scene.surrounding.as_ref().map(|s| &s.reflection);
         let reflection = patterns::upload_reflection(&device, &queue, reflection);
+        let ambient_map = patterns::upload_ambient_map(&device, &queue, &buffers.ambient_map);
         let scene_group = |target: &Target| {
             bind(
                 &device,
@@ -157,6 +163,8 @@ impl Renderer {
                     wgpu::BindingResource::Sampler(&repeating),
                     wgpu::BindingResource::TextureView(&reflection),
                     wgpu::BindingResource::Sampler(&smooth),
+                    wgpu::BindingResource::TextureView(&ambient_map),
+                    wgpu::BindingResource::Sampler(&one_level),
                 ],
             )
         };
@@ -169,6 +177,15 @@ impl Renderer {
                 wgpu::BindingResource::Sampler(&comparing),
             ],
         );
+        let contact_group = |target: &Target| {
+            let list = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: &target.contacts,
+                offset: 0,
+                size: std::num::NonZero::new(contact::LIST),
+            });
+            bind(&device, &pipelines.contact_layout, &[list])
+        };
+        let contact_groups = targets.iter().map(contact_group).collect();
         let sky = background(&scene.lighting);
         let read_back = |target: &Target| ReadBack::new(&device, target, packer.as_ref(), sky);
         let read_back = targets.iter().map(read_back).collect();
@@ -193,6 +210,9 @@ impl Renderer {
             targets,
             scene_groups,
             shadow_group,
+            contact_groups,
+            occluders: buffers.occluders,
+            charts: buffers.ambient_map.charts,
             deflated: vec![None; cameras.len()],
             read_back,
             pending: VecDeque::new(),
@@ -317,10 +337,24 @@ impl Renderer {
         self.timing.begins(&mut encoder, "draw");
         // All images are rendered before the first is copied: a copy waits for its
         // source, and a CPU adapter renders nothing meanwhile.
+        let occluders = self.occluders.iter();
+        let occluders: Vec<PlacedOccluder> = occluders.map(|o| o.placed(&poses[o.body])).collect();
         for (&c, view) in cameras.iter().zip(&views) {
             let order = self.read_back[c].order();
-            let visible = self.geometry.visible(view, &poses, order);
-            self.draw_camera(&mut encoder, c, &visible);
+            let per_pixel = self.tier.ambient_per_pixel;
+            let mut contacts = per_pixel.then(|| Contacts::in_view(view, &occluders, &self.charts));
+            let visible = self
+                .geometry
+                .visible(view, &poses, order, contacts.as_mut());
+            let (mut lists, mut bytes) = (Vec::new(), Vec::new());
+            if let Some(contacts) = contacts {
+                (lists, bytes) = (contacts.variants(), contacts.bytes());
+            }
+            if !bytes.is_empty() {
+                let buffer = &self.targets[c].contacts;
+                self.queue.write_buffer(buffer, contact::STRIDE, &bytes);
+            }
+            self.draw_camera(&mut encoder, c, &visible, &lists);
         }
         let mut buffers = Vec::with_capacity(cameras.len());
         for &c in cameras {
@@ -460,6 +494,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         camera: usize,
         visible: &[VisibleRange],
+        lists: &[usize],
     ) {
         let target = &self.targets[camera];
         let (view, resolve, depth) = match &target.samples {
@@ -494,14 +529,24 @@ impl Renderer {
         pass.set_bind_group(0, &self.scene_groups[camera], &[]);
         pass.set_bind_group(1, &self.shadow_group, &[]);
         self.geometry.set(&mut pass);
+        let contacts = &self.contact_groups[camera];
+        if self.tier.ambient_per_pixel {
+            pass.set_bind_group(2, contacts, &[0]);
+        }
         let mut current = None;
         for s in visible {
-            if current != Some(s.finish) {
-                current = Some(s.finish);
-                pass.set_pipeline(self.pipelines.surface(s.finish).0);
+            let variant = (s.finish, s.ambient.variant(lists));
+            let pipelines = self.pipelines.surface(variant.0, variant.1);
+            if current != Some(variant) {
+                current = Some(variant);
+                pass.set_pipeline(pipelines.0);
+            }
+            if let Ambient::Contacts { list, .. } = s.ambient {
+                let offset = (list as u64 + 1) * contact::STRIDE;
+                pass.set_bind_group(2, contacts, &[offset as u32]);
             }
             pass.draw_indexed(s.indices.clone(), 0, 0..1);
-            if let Some(second) = self.pipelines.surface(s.finish).1 {
+            if let Some(second) = pipelines.1 {
                 pass.set_pipeline(second);
                 pass.draw_indexed(s.indices.clone(), 0, 0..1);
                 current = None;

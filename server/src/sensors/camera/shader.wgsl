@@ -13,6 +13,10 @@ override ID_IN_ALPHA: bool = true;
 override LIT: bool = false;
 // Mirrors the room.
 override MIRRORS: bool = false;
+// Number of capsules that occlude ambient light: 0, 1, 2, 4 or 8.
+override NEAR: u32 = 0u;
+// Ambient occlusion is sampled from the ambient map; else interpolated between vertices.
+override MAPPED: bool = true;
 
 struct Lamp { at: vec4<f32>, color: vec4<f32> }
 
@@ -44,8 +48,27 @@ struct Material { color: vec4<f32>, more: vec4<f32> }
 // Environment map, octahedral; square roots of shares of 6.
 @group(0) @binding(5) var reflection: texture_2d<f32>;
 @group(0) @binding(6) var smooth_levels: sampler;
+// Ambient light of wide static planes.
+@group(0) @binding(7) var ambient_map: texture_2d<f32>;
+@group(0) @binding(8) var one_level: sampler;
 @group(1) @binding(0) var shadow_map: texture_depth_2d;
 @group(1) @binding(1) var shadow_sampler: sampler_comparison;
+
+// A capsule that approximates a movable object, in coordinates of a plane, metres.
+struct Occluder {
+    // Centre and axis, projected on the plane.
+    place: vec4<f32>,
+    // Height of the centre above the plane, rise of the axis, their product, half the
+    // distance between the centres of the caps.
+    heights: vec4<f32>,
+    // 1 / reach² and strength.
+    fading: vec4<f32>,
+}
+
+// Capsules near the rendered triangles; width and height of the ambient map, metres.
+struct Contacts { extent: vec4<f32>, occluders: array<Occluder, 8> }
+
+@group(2) @binding(0) var<uniform> contacts: Contacts;
 
 struct Vertex {
     @location(0) position: vec3<f32>,
@@ -54,6 +77,7 @@ struct Vertex {
     @location(2) uv: vec2<f32>,
     // Body: 12 bits, ambient occlusion: 8 bits, material: 12 bits.
     @location(3) packed: u32,
+    @location(4) ambient: vec2<f32>,
 }
 
 struct Varying {
@@ -200,6 +224,78 @@ struct MatteVarying {
     return out;
 }
 
+// Share of the ambient light of a vertex that pixels multiply further.
+fn vertex_share(lit: Lit, body: u32) -> f32 {
+    if MAPPED {
+        return bodies[body].more.y;
+    }
+    return lit.ambient_occlusion;
+}
+
+// As MatteVarying, with ambient occlusion per pixel.
+struct MappedMatte {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) light: vec4<f32>,
+    // Coordinates in the texture and in the ambient map.
+    @location(1) uv: vec4<f32>,
+    @location(2) shadow: vec3<f32>,
+    @location(3) @interpolate(flat) color: vec4<f32>,
+    // Texture layer and emission.
+    @location(4) @interpolate(flat) more: vec2<f32>,
+}
+
+@vertex fn mapped_matte_surface(v: Vertex) -> MappedMatte {
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
+    let lit = place(v, body);
+    var around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * lit.normal.z);
+    if LIT {
+        around = surrounding(lit);
+    }
+    var out: MappedMatte;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.light = vec4(
+        around * vertex_share(lit, body),
+        max(dot(lit.normal, camera.sun_direction.xyz), 0.0),
+    );
+    out.uv = vec4(v.uv, v.ambient);
+    out.shadow = lit.shadow;
+    out.color = vec4(m.color.rgb + 0.03, bodies[body].more.x);
+    out.more = vec2(m.more.z, m.more.y);
+    return out;
+}
+
+// As LitVarying; the fourth component of `view` is `vertex_share`.
+struct MappedVarying {
+    @builtin(position) @invariant clip: vec4<f32>,
+    @location(0) normal: vec3<f32>,
+    @location(1) view: vec4<f32>,
+    @location(2) uv: vec4<f32>,
+    @location(3) shadow: vec3<f32>,
+    @location(4) @interpolate(flat) color: vec4<f32>,
+    @location(5) @interpolate(flat) more: vec4<f32>,
+    @location(6) around: vec3<f32>,
+}
+
+@vertex fn mapped_surface(v: Vertex) -> MappedVarying {
+    let body = v.packed & 0xfffu;
+    let m = materials[v.packed >> 20u];
+    let lit = place(v, body);
+    var out: MappedVarying;
+    out.clip = camera.clip_from_world * vec4(lit.world, 1.0);
+    out.normal = lit.normal;
+    out.view = vec4(camera.eye.xyz - lit.world, vertex_share(lit, body));
+    out.uv = vec4(v.uv, v.ambient);
+    out.shadow = lit.shadow;
+    out.color = m.color;
+    out.more = vec4(m.more.xyz, bodies[body].more.x);
+    out.around = vec3(0.0);
+    if LIT {
+        out.around = surrounding(lit);
+    }
+    return out;
+}
+
 // Far from the sun, in the part of the shadow map that is rendered again.
 @vertex fn erase(@builtin(vertex_index) i: u32) -> @builtin(position) vec4<f32> {
     return vec4(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 1.0, 1.0);
@@ -285,6 +381,60 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     return root * root;
 }
 
+// Share of the ambient light at a point of a plane that a capsule does not occlude. The
+// nearest sphere of the capsule counts. A fourth power fades about as the exact share of a
+// sphere, without a division.
+fn unoccluded_share(o: Occluder, p: vec2<f32>) -> f32 {
+    let offset = p - o.place.xy;
+    let along = clamp(dot(offset, o.place.zw) - o.heights.z, -o.heights.w, o.heights.w);
+    let to = o.place.zw * along - offset;
+    let height = max(o.heights.x + o.heights.y * along, 0.0);
+    let fade = max(1.0 - (dot(to, to) + height * height) * o.fading.x, 0.0);
+    let square = fade * fade;
+    return 1.0 - height * o.fading.y * (square * square);
+}
+
+// Share of the ambient light that reaches a pixel, by its coordinates in the ambient map;
+// what its vertices know is not included. Unrolled: a CPU adapter executes both sides of a
+// branch, and gathers reads whose index is not constant.
+fn ambient_share(at: vec2<f32>) -> f32 {
+    var share = 1.0;
+    if MAPPED {
+        share = textureSampleLevel(ambient_map, one_level, at, 0.0).r;
+    }
+    let p = at * contacts.extent.xy;
+    if NEAR > 0u {
+        share *= unoccluded_share(contacts.occluders[0], p);
+    }
+    if NEAR > 1u {
+        share *= unoccluded_share(contacts.occluders[1], p);
+    }
+    if NEAR > 2u {
+        share *= unoccluded_share(contacts.occluders[2], p)
+            * unoccluded_share(contacts.occluders[3], p);
+    }
+    if NEAR > 4u {
+        share *= unoccluded_share(contacts.occluders[4], p)
+            * unoccluded_share(contacts.occluders[5], p);
+        share *= unoccluded_share(contacts.occluders[6], p)
+            * unoccluded_share(contacts.occluders[7], p);
+    }
+    return share;
+}
+
+@fragment fn mapped_matte_shade(v: MappedMatte) -> @location(0) vec4<f32> {
+    var base = v.color.rgb;
+    if TEXTURED {
+        base *= image(v.uv.xy, v.more.x);
+    }
+    var light = v.light.rgb * ambient_share(v.uv.zw) + v.more.y;
+    if SUNNY {
+        light += camera.sun.rgb * (v.light.a * sunlit(v.shadow));
+    }
+    let c = base * light;
+    return vec4(display(c), alpha(v.color.a));
+}
+
 @fragment fn matte_shade(v: MatteVarying) -> @location(0) vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
@@ -299,6 +449,17 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
 }
 
 @fragment fn shade(v: Varying) -> @location(0) vec4<f32> {
+    return glossy(v, v.view.w);
+}
+
+@fragment fn mapped_shade(v: MappedVarying) -> @location(0) vec4<f32> {
+    let open = ambient_share(v.uv.zw);
+    let own = Varying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more);
+    return glossy(own, v.view.w * open);
+}
+
+// `open`: share of the ambient light that reaches the pixel.
+fn glossy(v: Varying, open: f32) -> vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
         base *= image(v.uv, v.more.z);
@@ -333,7 +494,7 @@ fn image(uv: vec2<f32>, layer: f32) -> vec3<f32> {
     let mirror = f0 + (1.0 - roughness) * (facing * facing * facing * facing * 0.5);
     let around = mix(camera.ground.rgb, camera.sky.rgb, 0.5 + 0.5 * n.z);
     let mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
-    let ambient = (matte * around + mirror * mirrored) * v.view.w;
+    let ambient = (matte * around + mirror * mirrored) * open;
 
     let c = direct + ambient + base * v.more.y;
     return vec4(display(c), alpha(v.more.w));
@@ -352,6 +513,17 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
 }
 
 @fragment fn lit_shade(v: LitVarying) -> @location(0) vec4<f32> {
+    return lit_glossy(v, v.view.w);
+}
+
+@fragment fn mapped_lit_shade(v: MappedVarying) -> @location(0) vec4<f32> {
+    let open = ambient_share(v.uv.zw);
+    let own = LitVarying(v.clip, v.normal, v.view, v.uv.xy, v.shadow, v.color, v.more, v.around);
+    return lit_glossy(own, v.view.w * open);
+}
+
+// As `glossy`, with ambient light of the room.
+fn lit_glossy(v: LitVarying, open: f32) -> vec4<f32> {
     var base = v.color.rgb;
     if TEXTURED {
         base *= image(v.uv, v.more.z);
@@ -379,7 +551,7 @@ fn mirrored_room(towards: vec3<f32>, roughness: f32) -> vec3<f32> {
         let up = 2.0 * nv * n.z - view.z;
         mirrored = mix(camera.ground.rgb, camera.sky.rgb, clamp(0.5 + up * (1.1 - 0.6 * roughness), 0.0, 1.2));
     }
-    let ambient = (matte * v.around + mirror * mirrored) * v.view.w;
+    let ambient = (matte * v.around + mirror * mirrored) * open;
     let c = direct + ambient + base * v.more.y;
     return vec4(display(c), alpha(v.more.w));
 }

@@ -1,5 +1,6 @@
 //! Render targets of one camera.
 
+use super::contact;
 use super::pipelines::{COLOR, DEPTH, IDS};
 use super::spec::CameraSpec;
 use super::tier::Tier;
@@ -17,6 +18,8 @@ pub(super) struct Target {
     /// Whether edges are smoothed when the image is packed.
     pub(super) smooth_edges: bool,
     pub(super) uniform: wgpu::Buffer,
+    /// Lists of capsules that darken nearby surfaces; the first list is empty.
+    pub(super) contacts: wgpu::Buffer,
 }
 
 /// A texture and its full view.
@@ -45,6 +48,15 @@ impl Target {
             uniform: device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(&spec.name),
                 size: size_of::<CameraUniform>() as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+            contacts: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("contacts"),
+                size: match tier.ambient_per_pixel {
+                    true => contact::MOST_LISTS as u64 * contact::STRIDE,
+                    false => contact::STRIDE,
+                },
                 usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             }),

@@ -13,6 +13,8 @@ pub(super) struct Tier {
     pub(super) samples: u32,
     /// Whether edges are smoothed in the finished image.
     pub(super) smooth_edges: bool,
+    /// Ambient light is sampled per pixel, and objects darken nearby surfaces.
+    pub(super) ambient_per_pixel: bool,
     /// Highlights on rough surfaces too.
     pub(super) all_glossy: bool,
     /// With an appearance: ambient light, glass, metal that mirrors.
@@ -37,6 +39,7 @@ impl Tier {
             },
             samples,
             smooth_edges: quality == Quality::Standard,
+            ambient_per_pixel: matches!(quality, Quality::Standard | Quality::High),
             all_glossy: samples > 1,
             lit,
             wide_ids: scene.items.iter().any(|item| item.instance > BYTE_IDS),
