@@ -41,7 +41,7 @@
 #                    and a half on two cores
 # make soak    300 short episodes one right after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
-# make demo-policy   the policy that ships takes the mustard, or does POLICY_TASK=pick_blue_mug,
+# make demo-policy   the policy that ships takes the soup, or does POLICY_TASK=pick_blue_mug,
 #                    seen through its own small pictures (builds client/learn first, about
 #                    nine minutes of one core)
 # make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
@@ -57,7 +57,7 @@ STATIC ?= target/static
 RUN ?= data/mustard
 EXPERT_SEED ?= 950000
 POLICY_SEED ?= 557
-POLICY_TASK ?= pick_mustard
+POLICY_TASK ?= pick_tomato_soup
 PLAN ?= assets/campaigns/small.toml
 # burn compiles for minutes: only `make test-learn` builds what learns.
 WITHOUT_LEARN := --exclude wheelarm-learn

@@ -1,6 +1,7 @@
 //! A policy process that this program starts or finds, and restarts after a failure.
 
 use std::path::PathBuf;
+use std::process::ExitStatus;
 use std::time::Duration;
 
 use crate::launcher::process::{Input, Launch, Process, Program};
@@ -218,7 +219,7 @@ impl Start {
                         true => ONE_COMMAND,
                         false => "",
                     };
-                    Err(PolicyError::Start(last_message(&process) + cure))
+                    Err(PolicyError::Start(last_message(&process, status) + cure))
                 }
                 Err(e) => Err(failed(e)),
             },
@@ -229,12 +230,14 @@ impl Start {
     }
 }
 
-/// The last message of a process.
-fn last_message(process: &Process) -> String {
+/// The last message of a process that ended.
+fn last_message(process: &Process, status: ExitStatus) -> String {
     let words = process.last_words();
     match (words.is_empty(), process.tail()) {
         (false, _) => words,
-        (true, tail) if tail.is_empty() => "it printed nothing".to_owned(),
+        (true, tail) if tail.is_empty() => format!(
+            "it ended before it served ({status}) and printed nothing; a policy must serve until it is stopped"
+        ),
         (true, tail) => format!("its last output:\n{tail}"),
     }
 }
