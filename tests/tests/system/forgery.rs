@@ -17,32 +17,32 @@ use zenoh::session::EntityGlobalId;
 /// No real gyroscope of the chair says so, rad/s.
 const FORGED: f64 = 1234.5;
 
-fn status(link: &Client) -> v1::Status {
-    link.request(&v1::StatusRequest {}).expect("a status")
+fn status(client: &Client) -> v1::Status {
+    client.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn start(link: &Client, label: &str) -> v1::EpisodeStarted {
+fn start(client: &Client, label: &str) -> v1::EpisodeStarted {
     wait_until("the recorder is there", || {
-        !status(link).recorders.is_empty()
+        !status(client).recorders.is_empty()
     });
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link.request(&request).expect("an episode");
-    wait_until("the episode runs", || status(link).waiting_for.is_empty());
+    let started = client.request(&request).expect("an episode");
+    wait_until("the episode runs", || status(client).waiting_for.is_empty());
     started
 }
 
-fn stop(link: &Client) -> v1::EpisodeStopped {
+fn stop(client: &Client) -> v1::EpisodeStopped {
     let request = v1::EpisodeStopRequest::default();
-    link.request(&request).expect("its end")
+    client.request(&request).expect("its end")
 }
 
 /// Simulated time goes on for `seconds`.
-fn pass(link: &Client, seconds: f64) {
-    let tick = || status(link).header.unwrap_or_default().tick;
+fn pass(client: &Client, seconds: f64) {
+    let tick = || status(client).header.unwrap_or_default().tick;
     let until = tick() + (seconds * 240.0) as u64;
     wait_until("simulated time passes", || tick() >= until);
 }
@@ -50,7 +50,7 @@ fn pass(link: &Client, seconds: f64) {
 /// A server behind a router, a client and a stranger who is connected there.
 struct Scene {
     server: Server,
-    link: Client,
+    client: Client,
     stranger: Stranger,
     router: Router,
     folder: tempfile::TempDir,
@@ -61,10 +61,10 @@ impl Scene {
         let router = Router::start();
         let args = ["--no-cameras", "--connect", &router.endpoint];
         let server = Server::start(sim, &args).expect("a server");
-        let link = || Client::open(&server.connect_through(&router.endpoint)).expect("a link");
+        let open = || Client::open(&server.connect_through(&router.endpoint)).expect("a client");
         Self {
-            link: link(),
-            stranger: Stranger { link: link() },
+            client: open(),
+            stranger: Stranger { client: open() },
             folder: tempfile::tempdir().expect("a folder"),
             router,
             server,
@@ -79,13 +79,13 @@ impl Scene {
 
 /// Somebody who reached the server's port.
 struct Stranger {
-    link: Client,
+    client: Client,
 }
 
 impl Stranger {
     /// A sample of a stream with the id of who published it and its number.
     fn listen<M: Message + Default>(&self, key: &str) -> (M, EntityGlobalId, u32) {
-        let subscriber = self.link.session().declare_subscriber(key).wait();
+        let subscriber = self.client.session().declare_subscriber(key).wait();
         let subscriber = subscriber.expect("a subscription");
         loop {
             let sample = subscriber.recv_timeout(PATIENCE).expect("a session");
@@ -99,14 +99,14 @@ impl Stranger {
 
     /// Publishes under the server's key, with a copied id and number if any.
     fn put(&self, key: &str, message: &impl Message, source: Option<SourceInfo>) {
-        let put = self.link.session().put(key, message.encode_to_vec());
+        let put = self.client.session().put(key, message.encode_to_vec());
         put.source_info(source).wait().expect("a put");
     }
 
     /// Publishes `count` measurements of the future; with `copied` they carry
     /// the id of the true ones.
     fn measure(&self, count: u64, copied: bool) {
-        let key = self.link.keys().topic(TopicId::Imu);
+        let key = self.client.keys().topic(TopicId::Imu);
         let (real, id, number): (v1::Imu, _, _) = self.listen(&key);
         let header = real.header.clone().unwrap_or_default();
         for i in 0..count {
@@ -149,10 +149,10 @@ fn forged_rows(file: &Path) -> usize {
 #[test]
 fn what_a_stranger_publishes_never_enters_a_recording() {
     let scene = Scene::new("strange");
-    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (client, stranger, folder) = (&scene.client, &scene.stranger, &scene.folder);
     let recorder = scene.recorder("1");
-    let started = start(link, "true");
-    pass(link, 0.3);
+    let started = start(client, "true");
+    pass(client, 0.3);
     stranger.measure(100, false);
     let event = v1::Event {
         header: Some(v1::Header {
@@ -163,9 +163,9 @@ fn what_a_stranger_publishes_never_enters_a_recording() {
         text: "forged".into(),
         ..v1::Event::default()
     };
-    stranger.put(&link.keys().topic(TopicId::Event), &event, None);
-    pass(link, 1.0);
-    stop(link);
+    stranger.put(&client.keys().topic(TopicId::Event), &event, None);
+    pass(client, 1.0);
+    stop(client);
     let text = recorder.finish();
     let file = folder.path().join("true.h5");
     println!("{text}\n{} forged rows", forged_rows(&file));
@@ -176,13 +176,13 @@ fn what_a_stranger_publishes_never_enters_a_recording() {
 #[test]
 fn a_copied_id_is_found_and_the_stream_is_named() {
     let scene = Scene::new("copied");
-    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (client, stranger, folder) = (&scene.client, &scene.stranger, &scene.folder);
     let mut recorder = scene.recorder("1");
-    start(link, "copied");
-    pass(link, 0.3);
+    start(client, "copied");
+    pass(client, 0.3);
     stranger.measure(100, true);
-    pass(link, 1.5);
-    stop(link);
+    pass(client, 1.5);
+    stop(client);
     let (status, text) = recorder.end();
     let rows = forged_rows(&folder.path().join("copied.h5"));
     println!("{text}\n{rows} forged rows");
@@ -198,19 +198,19 @@ fn a_copied_id_is_found_and_the_stream_is_named() {
 #[test]
 fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
     let scene = Scene::new("protocol");
-    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (client, stranger, folder) = (&scene.client, &scene.stranger, &scene.folder);
     let (starts, stops) = (
-        link.keys().topic(TopicId::EpisodeStart),
-        link.keys().topic(TopicId::EpisodeStop),
+        client.keys().topic(TopicId::EpisodeStart),
+        client.keys().topic(TopicId::EpisodeStop),
     );
     let recorder = scene.recorder("2");
     // What everybody hears is the server's id.
-    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&link.keys().topic(TopicId::Clock));
+    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&client.keys().topic(TopicId::Clock));
     // A stranger answers the recorder's questions as well, and claims to be
     // the one to ask.
     let lies = v1::EpisodeStopped::default().encode_to_vec();
     let _queries = stranger
-        .link
+        .client
         .session()
         .declare_queryable(format!("wheelarm/{}/query/*", scene.server.sim))
         .complete(true)
@@ -222,8 +222,8 @@ fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
 
     let mut number = 0;
     for (label, copied) in [("first", false), ("second", true)] {
-        let started = start(link, label);
-        pass(link, 0.3);
+        let started = start(client, label);
+        pass(client, 0.3);
         let mut source = || {
             number += 1;
             // Numbers that the transport has not seen of this id.
@@ -250,8 +250,8 @@ fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
         stranger.put(&starts, &far, source());
         stranger.put(&stops, &end(false, true), source());
         stranger.put(&stops, &end(true, false), source());
-        pass(link, 0.7);
-        let stopped = stop(link);
+        pass(client, 0.7);
+        let stopped = stop(client);
         let samples: u64 = stopped.manifest.iter().map(|c| c.count).sum();
         let file = folder.path().join(format!("{label}.h5"));
         wait_until("the file is there", || file.exists());
@@ -270,10 +270,10 @@ fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
 #[test]
 fn the_server_lets_nobody_publish_or_answer_under_its_own_keys() {
     let server = Server::start("closed", &["--no-cameras"]).expect("a server");
-    let (link, stranger) = (server.link(), server.link());
-    let keys = link.keys();
+    let (client, stranger) = (server.client(), server.client());
+    let keys = client.keys();
     // Everything that an honest listener hears, whoever sent it.
-    let heard = link
+    let heard = client
         .session()
         .declare_subscriber(format!("wheelarm/{}/**", server.sim))
         .with(zenoh::handlers::FifoChannel::new(1 << 16))
@@ -285,9 +285,9 @@ fn the_server_lets_nobody_publish_or_answer_under_its_own_keys() {
         .declare_token(keys.alive("666"))
         .wait()
         .expect("a token");
-    let late = server.link();
+    let late = server.client();
     wait_until("both tokens are seen", || late.server().tokens().len() == 2);
-    assert_eq!(status(&late).version, status(&link).version);
+    assert_eq!(status(&late).version, status(&client).version);
     let lies = stranger
         .session()
         .declare_queryable(keys.query(Query::Status))
@@ -313,7 +313,7 @@ fn the_server_lets_nobody_publish_or_answer_under_its_own_keys() {
         }
     }
     assert_eq!(forged, [last]);
-    let answers = link.session().get(keys.query(Query::Status));
+    let answers = client.session().get(keys.query(Query::Status));
     let answers = answers.target(zenoh::query::QueryTarget::All);
     let answers = answers.consolidation(zenoh::query::ConsolidationMode::None);
     let answers: Vec<_> = answers.wait().expect("a query").into_iter().collect();

@@ -346,7 +346,7 @@ fn a_second_server_of_the_same_name_is_told_so() {
     let error = Server::start("twin", &["--no-cameras", "--connect", &server.endpoint])
         .expect_err("a refusal");
     assert!(error.to_string().contains("already"), "{error}");
-    let status = server.client(&["status"]).expect("a client");
+    let status = server.run_client(&["status"]).expect("a client");
     assert!(status.status.success(), "{}", printed(&status));
 }
 

@@ -39,11 +39,11 @@ fn row(start: &[f64], k: u64) -> v1::Command {
 fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
     let args = ["--no-cameras", "--pacing", "lock-step"];
     let server = Server::start("over", &args).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "r", folder.path(), &["--episodes", "1"]);
-    let mut policy = link.commander("policy", false).expect("control");
-    let streams = link
+    let mut policy = client.commander("policy", false).expect("control");
+    let streams = client
         .streams(&[
             TopicId::Clock,
             TopicId::Applied,
@@ -56,7 +56,7 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link.request(&request).expect("an episode");
+    let started = client.request(&request).expect("an episode");
     let episode = started.header.expect("a header").episode;
     let (mut sent, mut next, mut start) = (0, 0, None);
     let (mut applied, mut joints): (Vec<v1::Applied>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -85,7 +85,7 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
             _ => {}
         }
     }
-    let _: v1::EpisodeStopped = link
+    let _: v1::EpisodeStopped = client
         .request(&v1::EpisodeStopRequest::default())
         .expect("its end");
     println!("{}", recorder.finish());
@@ -142,9 +142,9 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
 #[test]
 fn in_real_time_and_in_the_hands_own_frame_it_is_refused() {
     let server = Server::start("over-real", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let mut hand = link.commander("hand", false).expect("control");
-    let streams = link
+    let client = server.client();
+    let mut hand = client.commander("hand", false).expect("control");
+    let streams = client
         .streams(&[TopicId::Clock, TopicId::Refusal])
         .expect("streams");
     let mut refused = 0;

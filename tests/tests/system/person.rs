@@ -97,10 +97,10 @@ fn episode_in(folder: &Path) -> PathBuf {
 fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
     let args = ["--camera", "wheelchair=64x48@10", "--quality", "fast"];
     let server = Server::start("seats", &args).expect("a server");
-    let link = server.link();
-    let camera = link.camera("wheelchair", 2).expect("the camera");
+    let client = server.client();
+    let camera = client.camera("wheelchair", 2).expect("the camera");
     let parts = || -> Vec<u32> {
-        let scene: v1::SceneReply = link.request(&v1::SceneRequest {}).expect("the scene");
+        let scene: v1::SceneReply = client.request(&v1::SceneRequest {}).expect("the scene");
         let instances = scene.instances.iter();
         let parts = instances.filter(|i| i.kind() == v1::InstanceKind::Person);
         parts.map(|i| i.id).collect()
@@ -128,7 +128,7 @@ fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
             scenario: Some(scenario),
             ..v1::ResetRequest::default()
         };
-        let reply: v1::ResetReply = link.request(&request).expect("a reset");
+        let reply: v1::ResetReply = client.request(&request).expect("a reset");
         reply.scenario.expect("the scenario")
     };
     // The same task, seed and objects, and somebody in the chair.

@@ -73,8 +73,8 @@ fn seen(name: &str, sensors: &[&str]) {
     let server = Server::start(name, &[&arguments, sensors].concat()).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
-    let link = server.link();
-    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
+    let client = server.client();
+    let status = || client.request(&v1::StatusRequest {}).expect("an answer");
     wait_until("the recorder is there", || !status().recorders.is_empty());
     let camera = |name: &str| v1::PolicyCamera {
         name: name.to_owned(),
@@ -100,7 +100,7 @@ fn seen(name: &str, sensors: &[&str]) {
         require_recorders: 1,
         ..Default::default()
     };
-    let finished = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
+    let finished = policy::run(&client, &policy, &options, &mut |_| {}).expect("an episode");
     assert_eq!(
         finished.policy_error,
         Some(PolicyError::Rejected("enough".to_owned()))

@@ -19,16 +19,17 @@ use zenoh::session::EntityGlobalId;
 /// Sends a query and returns at once; `told` hears what became of it: the
 /// answer, the refusal's words, or nothing when there was none.
 fn send(
-    link: &Client,
+    client: &Client,
     query: Query,
     payload: Vec<u8>,
     told: impl Fn(Result<Vec<u8>, String>) + Send + Sync + 'static,
 ) {
-    link.session()
-        .get(link.keys().query(query).replace('*', "asker"))
+    client
+        .session()
+        .get(client.keys().query(query).replace('*', "asker"))
         .payload(payload)
         .encoding(wheelarm_proto::schema::encoding(query.messages()[0]))
-        .source_info(SourceInfo::new(link.session().id(), 0))
+        .source_info(SourceInfo::new(client.session().id(), 0))
         .timeout(PATIENCE)
         .callback(move |reply| {
             told(match reply.result() {
@@ -43,20 +44,20 @@ fn send(
 }
 
 /// What a query was answered, in words where it was refused.
-fn query_reply(link: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
+fn query_reply(client: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
     let (told, answer) = mpsc::channel();
-    send(link, query, payload, move |reply| {
+    send(client, query, payload, move |reply| {
         let _ = told.send(reply);
     });
     answer.recv_timeout(PATIENCE).expect("an answer")
 }
 
-fn start(link: &Client, label: &str) -> v1::EpisodeStarted {
+fn start(client: &Client, label: &str) -> v1::EpisodeStarted {
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         ..Default::default()
     };
-    link.request(&request).expect("an episode")
+    client.request(&request).expect("an episode")
 }
 
 #[test]
@@ -90,11 +91,11 @@ fn unread(name: &str, request: impl Fn(&Client, u32)) {
     let server = Server::start(name, &["--no-cameras"]).expect("a server");
     let beside =
         Server::start(&format!("{name}-beside"), &["--no-cameras"]).expect("another server");
-    let (link, other) = (server.link(), beside.link());
-    start(&link, "unread");
+    let (client, other) = (server.client(), beside.client());
+    start(&client, "unread");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 8e9).expect("a proxy");
-    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
-    let mut time = [Ticks::new(&link), Ticks::new(&other)];
+    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a client");
+    let mut time = [Ticks::new(&client), Ticks::new(&other)];
     for time in &mut time {
         wait_until("time passes", || time.newest() > 0);
     }
@@ -114,10 +115,10 @@ fn unread(name: &str, request: impl Fn(&Client, u32)) {
 #[test]
 fn who_does_not_read_its_answers_delays_nobody_else() {
     let server = Server::start("deaf", &["--no-cameras"]).expect("a server");
-    let (link, watcher) = (server.link(), server.link());
-    start(&link, "deaf");
+    let (client, watcher) = (server.client(), server.client());
+    start(&client, "deaf");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 8e9).expect("a proxy");
-    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
+    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a client");
     let life = deaf.session().liveliness();
     let _token = life.declare_token("test/deaf").wait().expect("a token");
     let (told, ends) = mpsc::channel();
@@ -133,7 +134,7 @@ fn who_does_not_read_its_answers_delays_nobody_else() {
         .expect("a subscriber");
     let next = || ends.recv_timeout(PATIENCE).expect("word of the token");
     assert_eq!(next(), SampleKind::Put);
-    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
+    let status = || client.request(&v1::StatusRequest {}).expect("an answer");
     let tick = |status: v1::Status| status.header.expect("a header").tick;
     proxy.set(Line::Deaf);
     for _ in 0..200 {
@@ -161,9 +162,9 @@ struct Ticks {
 }
 
 impl Ticks {
-    fn new(link: &Client) -> Self {
+    fn new(client: &Client) -> Self {
         Self {
-            clocks: link.streams(&[TopicId::Clock]).expect("the clock"),
+            clocks: client.streams(&[TopicId::Clock]).expect("the clock"),
             newest: 0,
         }
     }
@@ -181,7 +182,7 @@ impl Ticks {
 #[test]
 fn every_query_of_a_flood_is_answered_or_refused_while_time_goes_on() {
     let server = Server::start("curious", &["--no-cameras"]).expect("a server");
-    let (link, crowd) = (server.link(), server.link());
+    let (client, crowd) = (server.client(), server.client());
     const FLOOD: usize = 3000;
     let (told, answers) = mpsc::channel();
     for _ in 0..FLOOD {
@@ -193,7 +194,7 @@ fn every_query_of_a_flood_is_answered_or_refused_while_time_goes_on() {
     drop(told);
     // Somebody else comes in between, told to ask again at most.
     wait_until("somebody else is answered", || {
-        link.request(&v1::StatusRequest {}).is_ok()
+        client.request(&v1::StatusRequest {}).is_ok()
     });
     let (mut answered, mut refused) = (0, 0);
     // The channel ends with the last of the queries, answered or not.
@@ -228,8 +229,8 @@ fn the_list_of_tasks_is_read_once() {
     let listen = "tcp/127.0.0.1:0";
     let server = Server::start_with(assets.path(), listen, "listed", &["--no-cameras"]);
     let server = server.expect("a server");
-    let link = server.link();
-    let list = || link.request(&v1::TasksRequest {}).expect("the tasks");
+    let client = server.client();
+    let list = || client.request(&v1::TasksRequest {}).expect("the tasks");
     let first = list().tasks;
     assert!(first.len() >= 13, "{} tasks", first.len());
     std::fs::remove_dir_all(assets.path().join("scenes")).expect("the scenes go");
@@ -239,14 +240,14 @@ fn the_list_of_tasks_is_read_once() {
 #[test]
 fn requests_that_are_too_large_are_refused_by_their_length() {
     let mut server = Server::start("large", &["--no-cameras"]).expect("a server");
-    let link = server.link();
+    let client = server.client();
     for (query, bytes) in [
         (Query::Reset, 8 << 20),
         (Query::EpisodeStart, 1 << 20),
         (Query::Reach, 1 << 20),
         (Query::Lease, 1 << 20),
     ] {
-        let told = query_reply(&link, query, vec![0x0a; bytes]).expect_err("a refusal");
+        let told = query_reply(&client, query, vec![0x0a; bytes]).expect_err("a refusal");
         assert!(told.contains(&format!("{bytes} bytes, at most")), "{told}");
     }
     assert!(server.alive());
@@ -255,32 +256,32 @@ fn requests_that_are_too_large_are_refused_by_their_length() {
 #[test]
 fn whoever_ends_its_own_episode_never_ends_another() {
     let server = Server::start("own", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let first = start(&link, "first");
-    link.stop_episode_of(&first, false).expect("its end");
+    let client = server.client();
+    let first = start(&client, "first");
+    client.stop_episode_of(&first, false).expect("its end");
     let over = |told: Result<v1::EpisodeStopped, wheelarm_sdk::ClientError>| {
         let told = told.expect_err("it is over").to_string();
         assert!(told.contains("is over"), "{told}");
         told
     };
-    let told = over(link.stop_episode_of(&first, false));
+    let told = over(client.stop_episode_of(&first, false));
     assert!(told.contains("no episode is running"), "{told}");
-    let second = start(&link, "second");
-    let told = over(link.stop_episode_of(&first, true));
+    let second = start(&client, "second");
+    let told = over(client.stop_episode_of(&first, true));
     assert!(told.contains("is running"), "{told}");
-    link.stop_episode_of(&second, false).expect("its own end");
+    client.stop_episode_of(&second, false).expect("its own end");
 }
 
 /// State of the simulation, byte by byte, while time is paused.
-fn state(link: &Client) -> Vec<u8> {
-    start(link, "look");
-    let reply: v1::SnapshotReply = link.request(&v1::SnapshotRequest {}).expect("a snapshot");
+fn state(client: &Client) -> Vec<u8> {
+    start(client, "look");
+    let reply: v1::SnapshotReply = client.request(&v1::SnapshotRequest {}).expect("a snapshot");
     let request = v1::EpisodeStopRequest {
         discard: true,
-        secret: link.secret(),
+        secret: client.secret(),
         ..Default::default()
     };
-    let _: v1::EpisodeStopped = link.request(&request).expect("its end");
+    let _: v1::EpisodeStopped = client.request(&request).expect("its end");
     reply.snapshot.to_vec()
 }
 
@@ -294,10 +295,10 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
         "place_teddy_bear",
     ];
     let mut server = Server::start("refusing", &args).expect("a server");
-    let link = server.link();
-    let _still = link.commander("still", false).expect("control");
-    let before = state(&link);
-    let status = || link.request(&v1::StatusRequest {}).expect("a status");
+    let client = server.client();
+    let _still = client.commander("still", false).expect("control");
+    let before = state(&client);
+    let status = || client.request(&v1::StatusRequest {}).expect("a status");
     let scenario = status().scenario.expect("a scenario");
     let at = |x: f64, z: f64| v1::Pose {
         position: Some(v1::Vector3 { x, y: 0.0, z }),
@@ -359,26 +360,29 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
     for (scenario, word) in absurd {
         let request = v1::ResetRequest {
             scenario: Some(scenario),
-            secret: link.secret(),
+            secret: client.secret(),
             ..Default::default()
         };
         let told =
-            query_reply(&link, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
+            query_reply(&client, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
         assert!(told.contains(word), "{told:?} lacks {word:?}");
         assert!(told.len() < 600, "{} bytes of words", told.len());
     }
     assert!(server.alive());
-    assert!(state(&link) == before, "a refused reset changed the state");
+    assert!(
+        state(&client) == before,
+        "a refused reset changed the state"
+    );
     assert_eq!(status().scenario, Some(scenario));
 }
 
 /// Which of two queries is answered first, the second sent right behind the
 /// first on the same connection.
-fn first_answer(link: &Client, first: (Query, Vec<u8>), second: Query) -> Vec<Query> {
+fn first_answer(client: &Client, first: (Query, Vec<u8>), second: Query) -> Vec<Query> {
     let (told, order) = mpsc::channel();
     for (query, payload) in [first, (second, Vec::new())] {
         let told = told.clone();
-        send(link, query, payload, move |reply| {
+        send(client, query, payload, move |reply| {
             reply.expect("an answer");
             let _ = told.send(query);
         });
@@ -393,16 +397,16 @@ fn a_status_does_not_wait_for_a_reset_or_for_the_cameras() {
     // Far more pictures than can be drawn: some always wait.
     let args = ["--camera", "gen3=1024x1024@240", "--quality", "fast"];
     let server = Server::start("patient", &args).expect("a server");
-    let link = server.link();
-    start(&link, "drawn");
+    let client = server.client();
+    start(&client, "drawn");
     let tick = || {
-        let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
         status.header.expect("a header").tick
     };
     let begun = tick();
     wait_until("pictures wait to be drawn", || tick() >= begun + 12);
     let stop = v1::EpisodeStopRequest::default().encode_to_vec();
-    let order = first_answer(&link, (Query::EpisodeStop, stop), Query::Status);
+    let order = first_answer(&client, (Query::EpisodeStop, stop), Query::Status);
     assert_eq!(order, [Query::Status, Query::EpisodeStop]);
     let reset = v1::ResetRequest {
         scenario: Some(v1::Scenario {
@@ -411,7 +415,11 @@ fn a_status_does_not_wait_for_a_reset_or_for_the_cameras() {
         }),
         ..Default::default()
     };
-    let order = first_answer(&link, (Query::Reset, reset.encode_to_vec()), Query::Status);
+    let order = first_answer(
+        &client,
+        (Query::Reset, reset.encode_to_vec()),
+        Query::Status,
+    );
     assert_eq!(order, [Query::Status, Query::Reset]);
 }
 
@@ -448,8 +456,8 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
         identity: None,
     };
     // It answers: all that is left is to say so.
-    let link = Client::open(&connect).expect("a link");
-    let _: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
+    let client = Client::open(&connect).expect("a client");
+    let _: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
     let mask = heard(server.id());
     let (interrupt, terminate) = (1 << (2 - 1), 1 << (15 - 1));
     let hears = mask & interrupt != 0 && mask & terminate != 0;
@@ -470,18 +478,18 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
 #[test]
 fn reach_tells_a_code_beside_its_words() {
     let server = Server::start("reach-code", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let scene = link.request(&v1::SceneRequest {}).expect("a scene");
+    let client = server.client();
+    let scene = client.request(&v1::SceneRequest {}).expect("a scene");
     let roles = Roles::find(&scene.robot.expect("a robot")).expect("roles");
-    let poses = link.samples::<v1::PoseSet>().expect("poses");
-    let told = poses.next(PATIENCE).expect("a link").expect("a sample");
+    let poses = client.samples::<v1::PoseSet>().expect("poses");
+    let told = poses.next(PATIENCE).expect("a client").expect("a sample");
     let pose = told.frames[roles.end_effector].pose;
     let request = |pose| {
         let request = v1::ReachRequest {
             pose,
             ..Default::default()
         };
-        link.request(&request).expect("an answer")
+        client.request(&request).expect("an answer")
     };
     let here = request(pose);
     assert!(here.reachable && here.reason.is_empty(), "{here:?}");
@@ -502,7 +510,7 @@ fn reach_tells_a_code_beside_its_words() {
         at.z += 0.02;
     }
     let follow = |next_poses: Vec<v1::Pose>, max_joint_change| {
-        link.request(&v1::ReachRequest {
+        client.request(&v1::ReachRequest {
             pose,
             next_poses,
             max_joint_change,

@@ -12,7 +12,7 @@ const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
 
 /// Runs a client command until it succeeds: a recorder needs a moment to connect.
 fn command(server: &Server, args: &[&str]) -> String {
-    let output = server.client(args).expect("a client");
+    let output = server.run_client(args).expect("a client");
     assert!(output.status.success(), "{args:?}: {}", printed(&output));
     printed(&output)
 }
@@ -45,7 +45,7 @@ fn info(server: &Server, file: &Path) -> String {
     let file = file.to_string_lossy();
     printed(
         &server
-            .client(&["dataset", "info", &file])
+            .run_client(&["dataset", "info", &file])
             .expect("a client"),
     )
 }
@@ -91,7 +91,7 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
     std::thread::sleep(Duration::from_secs(2));
     doomed.kill();
     // The server goes on without it, and says that it has not confirmed the end.
-    let stopped = server.client(&["episode", "stop"]).expect("a client");
+    let stopped = server.run_client(&["episode", "stop"]).expect("a client");
     let text = printed(&stopped);
     assert_eq!(stopped.status.code(), Some(3), "{text}");
     assert!(text.contains("NOT CONFIRMED by recorder doomed"), "{text}");
@@ -103,7 +103,7 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
     std::fs::create_dir(&out).expect("a folder");
     let (log, out_text) = (log.to_string_lossy(), out.to_string_lossy());
     let recovered = server
-        .client(&["dataset", "recover", &log, "--out", &out_text])
+        .run_client(&["dataset", "recover", &log, "--out", &out_text])
         .expect("a client");
     let text = printed(&recovered);
     assert_eq!(recovered.status.code(), Some(3), "{text}");
@@ -147,7 +147,7 @@ fn an_existing_recording_is_never_overwritten() {
     wait_for_status(&server, "careful");
     let start = ["episode", "start", "--label", "precious"];
     let told = server
-        .client(&[&start[..], &["--require-recorders", "1"]].concat())
+        .run_client(&[&start[..], &["--require-recorders", "1"]].concat())
         .expect("a client");
     let text = printed(&told);
     assert_eq!(told.status.code(), Some(1), "{text}");
@@ -206,16 +206,16 @@ fn pictures_are_compressed_once_and_are_what_every_recorder_writes() {
     for name in ["small", "exact"] {
         wait_for_status(&server, name);
     }
-    let link = server.link();
+    let client = server.client();
     let heard = |key: String| {
         let (sender, receiver) = std::sync::mpsc::channel();
-        let subscriber = link.subscribe(&key, move |sample| {
+        let subscriber = client.subscribe(&key, move |sample| {
             let _ = sender.send(sample.payload().to_bytes().into_owned());
         });
         (subscriber.expect("a subscriber"), receiver)
     };
-    let (_cameras, cameras) = heard(link.keys().camera("gen3"));
-    let (_compressed, compressed) = heard(link.keys().compressed("gen3"));
+    let (_cameras, cameras) = heard(client.keys().camera("gen3"));
+    let (_compressed, compressed) = heard(client.keys().compressed("gen3"));
     start(&server, "one", "2");
     std::thread::sleep(Duration::from_secs(1));
     command(&server, &["episode", "stop"]);
@@ -224,7 +224,7 @@ fn pictures_are_compressed_once_and_are_what_every_recorder_writes() {
         assert!(text.contains("one.h5: complete"), "{name}: {text}");
         let file = out(name).join("one.h5");
         let file = file.to_string_lossy();
-        let valid = server.client(&["dataset", "validate", &file]);
+        let valid = server.run_client(&["dataset", "validate", &file]);
         let valid = valid.expect("a client");
         let text = printed(&valid);
         assert!(valid.status.success(), "{name}: {text}");

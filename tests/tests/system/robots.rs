@@ -13,17 +13,17 @@ use wheelarm_tests::{printed, program, root};
 fn assets(folder: &Path) -> PathBuf {
     let (assets, robots) = (folder.join("assets"), folder.join("assets/robots"));
     fs::create_dir_all(robots.join("other")).expect("a folder");
-    let link = |from: PathBuf, to: PathBuf| {
+    let symlink = |from: PathBuf, to: PathBuf| {
         std::os::unix::fs::symlink(from, to).expect("a link");
     };
     for entry in fs::read_dir(root().join("assets")).expect("the assets") {
         let entry = entry.expect("an entry");
         if entry.file_name() != "robots" {
-            link(entry.path(), assets.join(entry.file_name()));
+            symlink(entry.path(), assets.join(entry.file_name()));
         }
     }
     let ours = root().join("assets/robots/wheelarm");
-    link(ours, robots.join("wheelarm"));
+    symlink(ours, robots.join("wheelarm"));
     for file in ["robot.toml", "other.urdf"] {
         let from = root().join("tests/data/robots/other").join(file);
         fs::copy(from, robots.join("other").join(file)).expect("a copy");

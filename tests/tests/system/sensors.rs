@@ -35,8 +35,8 @@ fn wheelarm(folder: &Path, args: &[&str]) -> String {
     printed(&output)
 }
 
-fn ticks(link: &Client) -> u64 {
-    let status = link.request(&v1::StatusRequest {}).expect("a status");
+fn ticks(client: &Client) -> u64 {
+    let status = client.request(&v1::StatusRequest {}).expect("a status");
     status.header.map_or(0, |header| header.tick)
 }
 
@@ -45,17 +45,17 @@ fn recorded(folder: &Path, label: &str, sensors: &[&str]) -> PathBuf {
     let args = [&SMALL[..], sensors].concat();
     let server = Server::start(label, &args).expect("a server");
     let recorder = Recorder::start(&server, "r", folder, &["--episodes", "1"]);
-    let link = server.link();
-    let commander = IdleCommander::start(&link);
+    let client = server.client();
+    let commander = IdleCommander::start(&client);
     let request = v1::EpisodeStartRequest {
         label: label.to_owned(),
         require_recorders: 1,
         commander: IdleCommander::NAME.to_owned(),
         ..v1::EpisodeStartRequest::default()
     };
-    link.request(&request).expect("an episode");
-    wait_until("two seconds have passed", || ticks(&link) >= 480);
-    link.stop_episode(false).expect("its end");
+    client.request(&request).expect("an episode");
+    wait_until("two seconds have passed", || ticks(&client) >= 480);
+    client.stop_episode(false).expect("its end");
     drop(commander);
     recorder.finish();
     folder.join(format!("{label}.h5"))

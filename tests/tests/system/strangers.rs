@@ -10,22 +10,22 @@ use wheelarm_sdk::{Client, ClientError};
 use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
 use zenoh::Wait;
 
-fn status(link: &Client) -> v1::Status {
-    link.request(&v1::StatusRequest {}).expect("a status")
+fn status(client: &Client) -> v1::Status {
+    client.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn tick(link: &Client) -> u64 {
-    status(link).header.expect("a header").tick
+fn tick(client: &Client) -> u64 {
+    status(client).header.expect("a header").tick
 }
 
 #[test]
 fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
     let server = Server::start("named", &["--no-cameras"]).expect("a server");
-    let (link, hostile) = (server.link(), server.link());
-    let streams = link
+    let (client, hostile) = (server.client(), server.client());
+    let streams = client
         .streams(&[TopicId::Clock, TopicId::Refusal, TopicId::Odometry])
         .expect("streams");
-    let mut anna = link.commander("anna", false).expect("control");
+    let mut anna = client.commander("anna", false).expect("control");
     let forged = |sequence, linear| {
         let command = v1::Command {
             header: Some(v1::Header {
@@ -115,13 +115,13 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         }
     }
     drop(anna);
-    assert_eq!(status(&link).holder, "");
+    assert_eq!(status(&client).holder, "");
 }
 
 #[test]
 fn no_number_of_tokens_keeps_a_commander_out() {
     let server = Server::start("crowded", &["--no-cameras"]).expect("a server");
-    let (link, hostile) = (server.link(), server.link());
+    let (client, hostile) = (server.client(), server.client());
     let tokens: Vec<_> = (0..400)
         .map(|number| {
             let key = hostile
@@ -133,8 +133,8 @@ fn no_number_of_tokens_keeps_a_commander_out() {
         .collect();
     // The server has heard of the last: another one of its session is answered.
     let _ = status(&hostile);
-    let anna = link.commander("anna", false).expect("control");
-    assert_eq!(status(&link).holder, "anna");
+    let anna = client.commander("anna", false).expect("control");
+    assert_eq!(status(&client).holder, "anna");
     drop(anna);
     // A token alone gives no control, nor does a name without one.
     let request = v1::LeaseRequest {
@@ -153,25 +153,25 @@ fn no_number_of_tokens_keeps_a_commander_out() {
 #[test]
 fn the_rule_for_silent_commanders_cannot_be_switched_off_in_real_time() {
     let server = Server::start("ruled", &["--no-cameras"]).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let request = v1::EpisodeStartRequest {
         label: "x".into(),
         replay: true,
         ..Default::default()
     };
-    let told = link.request(&request);
+    let told = client.request(&request);
     let told = told.expect_err("a refusal").to_string();
     assert!(told.contains("--pacing lock-step"), "{told}");
-    assert!(status(&link).episode.is_none());
+    assert!(status(&client).episode.is_none());
 }
 
 #[test]
 fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
     let server = Server::start("guarded", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let anna = link.commander("anna", false).expect("control");
+    let client = server.client();
+    let anna = client.commander("anna", false).expect("control");
     let run = |args: &[&str]| {
-        let output = server.client(args).expect("a client");
+        let output = server.run_client(args).expect("a client");
         (output.status.success(), printed(&output))
     };
     let refused = |args: &[&str]| {
@@ -192,20 +192,20 @@ fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
     done(&["episode", "stop"]);
     done(&["episode", "start", "--label", "lost"]);
     refused(&["episode", "stop", "--discard"]);
-    assert!(status(&link).episode.is_some());
+    assert!(status(&client).episode.is_some());
     done(&["episode", "stop", "--discard", "--force"]);
     // Who is in control needs no force; nor does anybody when nobody is.
-    let seed = |link: &Client| status(link).scenario.map(|s| s.seed);
+    let seed = |client: &Client| status(client).scenario.map(|s| s.seed);
     let scenario = v1::Scenario {
         seed: Some(8),
         ..v1::Scenario::default()
     };
-    link.reset(scenario, false).expect("a reset");
-    assert_eq!(seed(&link), Some(Some(8)));
+    client.reset(scenario, false).expect("a reset");
+    assert_eq!(seed(&client), Some(Some(8)));
     done(&["reset", "--seed", "9", "--force"]);
     drop(anna);
     done(&["reset", "--seed", "10"]);
-    assert_eq!(seed(&link), Some(Some(10)));
+    assert_eq!(seed(&client), Some(Some(10)));
     done(&["shutdown"]);
 }
 
@@ -230,9 +230,9 @@ impl Drop for Hand {
 fn an_episode_in_lock_step_is_driven_by_hand() {
     let args = ["--no-cameras", "--pacing", "lock-step"];
     let server = Server::start("by-hand", &args).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let run = |args: &[&str]| {
-        let output = server.client(args).expect("a client");
+        let output = server.run_client(args).expect("a client");
         (output.status.success(), printed(&output))
     };
     let start = ["episode", "start", "--label", "by-hand"];
@@ -249,11 +249,11 @@ fn an_episode_in_lock_step_is_driven_by_hand() {
     let mut lines = BufReader::new(hand.0.stdout.take().expect("its output")).lines();
     let first = lines.next().expect("a line").expect("a line");
     assert!(first.contains("anna is in control"), "{first}");
-    assert_eq!(tick(&link), 0, "time is paused between episodes");
-    let odometry = link.streams(&[TopicId::Odometry]).expect("odometry");
+    assert_eq!(tick(&client), 0, "time is paused between episodes");
+    let odometry = client.streams(&[TopicId::Odometry]).expect("odometry");
     let (started, text) = run(&start);
     assert!(started, "{text}");
-    wait_until("a second has passed", || tick(&link) >= 240);
+    wait_until("a second has passed", || tick(&client) >= 240);
     hand.say("drive 0.3 0.0");
     let mut speed = 0.0;
     while speed < 0.25 {
@@ -269,10 +269,10 @@ fn an_episode_in_lock_step_is_driven_by_hand() {
     }
     let (stopped, text) = run(&["episode", "stop"]);
     assert!(stopped, "{text}");
-    let still = tick(&link);
+    let still = tick(&client);
     std::thread::sleep(Duration::from_millis(200));
-    assert_eq!(tick(&link), still, "time is paused again");
+    assert_eq!(tick(&client), still, "time is paused again");
     hand.say("quit");
     assert!(hand.0.wait().expect("its end").success());
-    assert_eq!(status(&link).holder, "");
+    assert_eq!(status(&client).holder, "");
 }

@@ -9,7 +9,7 @@ fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
     // A host that is too busy for real time loses samples on the way to one who
     // only looks: then they are counted and the exit status says so.
     let output = server
-        .client(&["watch", "--once", "--json"])
+        .run_client(&["watch", "--once", "--json"])
         .expect("a client");
     let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let all = report["streams"].as_object().expect("streams").values();
@@ -44,7 +44,7 @@ fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_string_lossy().into_owned();
     let output = server
-        .client(&["doctor", "--json", "--server", "--out", &out])
+        .run_client(&["doctor", "--json", "--server", "--out", &out])
         .expect("a client");
     let findings: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let all = findings.as_array().expect("findings");

@@ -55,7 +55,7 @@ impl Drop for Recorder {
 }
 
 fn client(server: &Server, args: &[&str]) -> String {
-    printed(&server.client(args).expect("a client"))
+    printed(&server.run_client(args).expect("a client"))
 }
 
 #[test]
@@ -113,8 +113,8 @@ fn a_person_picks_up_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
 #[test]
 fn a_terminal_that_dies_stops_the_chair_and_gives_control_back() {
     let server = Server::start("dying", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let refusals = link.streams(&[TopicId::Refusal]);
+    let client = server.client();
+    let refusals = client.streams(&[TopicId::Refusal]);
     let refusals = refusals.expect("the refusals");
     let mut person = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
     person.waits_for("control is yours");
