@@ -1,4 +1,4 @@
-//! Who is in control, beside strangers who know every name on the network.
+//! Control of the robot beside hostile clients that know every name on the network.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
@@ -19,7 +19,7 @@ fn tick(client: &Client) -> u64 {
 }
 
 #[test]
-fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
+fn other_clients_cannot_drive_release_or_block_in_the_name_of_the_holder() {
     let server = Server::start("named", &["--no-cameras"]).expect("a server");
     let (client, hostile) = (server.client(), server.client());
     let streams = client
@@ -49,7 +49,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
             .wait()
             .expect("a put");
     };
-    // Her name and her run id are public, the secret of her lease is not.
+    // Her name and her run ID are public; the secret of her lease is not.
     forged(0, 0.5);
     forged(u64::MAX, 0.5);
     let reasons: Vec<_> = std::iter::from_fn(|| streams.next(PATIENCE).expect("no error"))
@@ -60,7 +60,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         })
         .take(2)
         .collect();
-    assert_eq!(reasons.len(), 2, "forged commands were taken");
+    assert_eq!(reasons.len(), 2, "forged commands were accepted");
     for reason in &reasons {
         assert!(reason.contains("no seal"), "{reason}");
     }
@@ -73,24 +73,24 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         release: true,
         ..Default::default()
     };
-    let told = hostile.request(&request);
-    let told = told.expect_err("a refusal");
+    let error = hostile.request(&request);
+    let error = error.expect_err("a refusal");
     let secret = matches!(
-        told,
+        error,
         ClientError::Refused {
             code: v1::FailureCode::Secret,
             ..
         }
     );
-    assert!(secret && told.to_string().contains("secret"), "{told}");
-    let asks = v1::LeaseRequest {
+    assert!(secret && error.to_string().contains("secret"), "{error}");
+    let take = v1::LeaseRequest {
         release: false,
         take: true,
         ..request
     };
-    let reply: v1::LeaseReply = hostile.request(&asks).expect("an answer");
+    let reply: v1::LeaseReply = hostile.request(&take).expect("an answer");
     assert_eq!((reply.holder.as_str(), reply.secret.as_str()), ("anna", ""));
-    // She drives on, and gives control back herself.
+    // She continues to drive, and releases control herself.
     let mut speed = 0.0_f64;
     while speed < 0.2 {
         match streams.next(PATIENCE).expect("no error") {
@@ -111,7 +111,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
             // A command may be late on a busy machine.
             Some(Sample::Refusal(refusal)) if refusal.code() == v1::RefusalCode::TooOld => {}
             Some(Sample::Refusal(refusal)) => panic!("refused: {}", refusal.reason),
-            _ => panic!("nothing came"),
+            _ => panic!("no sample arrived"),
         }
     }
     drop(anna);
@@ -119,7 +119,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
 }
 
 #[test]
-fn no_number_of_tokens_keeps_a_commander_out() {
+fn many_tokens_do_not_keep_a_commander_out() {
     let server = Server::start("crowded", &["--no-cameras"]).expect("a server");
     let (client, hostile) = (server.client(), server.client());
     let tokens: Vec<_> = (0..400)
@@ -131,7 +131,7 @@ fn no_number_of_tokens_keeps_a_commander_out() {
             token.wait().expect("a token")
         })
         .collect();
-    // The server has heard of the last: another one of its session is answered.
+    // The server has received the last token: it replies to a later query of that session.
     let _ = status(&hostile);
     let anna = client.commander("anna", false).expect("control");
     assert_eq!(status(&client).holder, "anna");
@@ -142,7 +142,7 @@ fn no_number_of_tokens_keeps_a_commander_out() {
             run_id: "0".into(),
             ..Default::default()
         }),
-        commander: "nobody".into(),
+        commander: "unknown".into(),
         ..Default::default()
     };
     let reply: v1::LeaseReply = hostile.request(&request).expect("an answer");
@@ -151,7 +151,7 @@ fn no_number_of_tokens_keeps_a_commander_out() {
 }
 
 #[test]
-fn the_rule_for_silent_commanders_cannot_be_switched_off_in_real_time() {
+fn silence_rule_cannot_be_disabled_in_real_time() {
     let server = Server::start("ruled", &["--no-cameras"]).expect("a server");
     let client = server.client();
     let request = v1::EpisodeStartRequest {
@@ -159,14 +159,14 @@ fn the_rule_for_silent_commanders_cannot_be_switched_off_in_real_time() {
         replay: true,
         ..Default::default()
     };
-    let told = client.request(&request);
-    let told = told.expect_err("a refusal").to_string();
-    assert!(told.contains("--pacing lock-step"), "{told}");
+    let error = client.request(&request);
+    let error = error.expect_err("a refusal").to_string();
+    assert!(error.contains("--pacing lock-step"), "{error}");
     assert!(status(&client).episode.is_none());
 }
 
 #[test]
-fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
+fn irreversible_requests_are_refused_while_another_client_is_in_control() {
     let server = Server::start("guarded", &["--no-cameras"]).expect("a server");
     let client = server.client();
     let anna = client.commander("anna", false).expect("control");
@@ -187,14 +187,14 @@ fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
     };
     refused(&["reset", "--seed", "7"]);
     refused(&["shutdown"]);
-    // An episode by hand, beside who drives: it is kept, so anybody may end it.
+    // An episode that is kept may be ended by any client.
     done(&["episode", "start", "--label", "kept"]);
     done(&["episode", "stop"]);
     done(&["episode", "start", "--label", "lost"]);
     refused(&["episode", "stop", "--discard"]);
     assert!(status(&client).episode.is_some());
     done(&["episode", "stop", "--discard", "--force"]);
-    // Who is in control needs no force; nor does anybody when nobody is.
+    // The holder needs no `--force`, and no client does while control is free.
     let seed = |client: &Client| status(client).scenario.map(|s| s.seed);
     let scenario = v1::Scenario {
         seed: Some(8),
@@ -227,7 +227,7 @@ impl Drop for Hand {
 }
 
 #[test]
-fn an_episode_in_lock_step_is_driven_by_hand() {
+fn lease_hold_drives_an_episode_in_lock_step() {
     let args = ["--no-cameras", "--pacing", "lock-step"];
     let server = Server::start("by-hand", &args).expect("a server");
     let client = server.client();
