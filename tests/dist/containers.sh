@@ -111,7 +111,7 @@ check_apptainer() {
     cp "$plan" "$root/scratch/plan.toml"
     cp "$work/$name/share/wheelarm/cluster/slurm.sbatch" "$root/scratch/"
     chroot "$root" useradd --uid 1000 --user-group --create-home u
-    # Slurm runs in `make test-cluster`; here a stand-in logs its arguments.
+    # Slurm runs in `make test-cluster`; here a substitute logs its arguments.
     printf '#!/bin/sh\necho "$@" >>/scratch/requeued\n' >"$root/usr/local/bin/scontrol"
     chmod 755 "$root/usr/local/bin/scontrol"
     chown -R 1000:1000 "$root/scratch"

@@ -179,7 +179,7 @@ fn no_package_depends_on_the_worker() {
 }
 
 /// Packages below `client/`, and the packages of this workspace that each may name. Each names
-/// only lower ones, so there are no circles.
+/// only lower ones, which prevents circles.
 const CLIENTS: [(&str, &[&str]); 13] = [
     ("client/sdk", &["proto"]),
     ("client/policy", &["proto"]),
