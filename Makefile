@@ -1,54 +1,54 @@
-# make demo    records one episode of the mustard task and shows pictures of it
+# make demo    records one episode of the mustard task and shows images of it
 # make static  the same programs with HDF5 inside, in target/static (needs CMake 3.26)
-# make dist    what is shipped, in dist/: archive, wheels, Debian package, image (JOBS=N)
-# make test-dist   installs and runs what is in dist/ in clean Debian systems (as root)
+# make dist    packages in dist/: archive, wheels, Debian package, image (JOBS=N)
+# make test-dist   installs and runs the packages of dist/ in clean Debian systems (as root)
 # make test    format, lints, documentation and all tests, as CI runs them
 # make contract    writes proto/contract.txt after a change of the .proto files
 # make test-people   the chair camera's view of every body in every posture, and the
-#                    assets (assets/people/README.md): takes some minutes
+#                    assets (assets/people/README.md): some minutes
 # make people WHEEL=FILE   makes assets/people again (assets/people/README.md)
-# make test-cluster   a campaign on a one-node Slurm cluster in this machine
+# make test-cluster   a campaign on a one-node Slurm cluster on this machine
 # make test-readers   loads exports in lerobot 0.4.4 and 0.6.1 (needs Python 3.12 too) and
 #                     robomimic 0.3 (downloads gigabytes): features, videos, depth, language;
-#                     holds joint signals against Pinocchio
-# make test-rosbag2   bags are decoded by rclpy of ROS 2 Jazzy and Kilted, rosbags and
+#                     compares joint signals with Pinocchio
+# make test-rosbag2   decodes bags with rclpy of ROS 2 Jazzy and Kilted, rosbags and
 #                     mcap-ros2-support, message by message (installs 0.8 GB)
-# make contract-python   writes what the Python package has of the contract, after such a change
+# make contract-python   writes the Python package's part of the contract, after such a change
 # make test-python   the Python package with Python 3.10 to 3.13 and protobuf 3.20 to 7: every
 #                    task and mode, types, the guide, the notebook; downloads some packages
 # make test-drive   the page that drives: every device, accessibility, a headset, in Chromium
 #                   (installs it and four npm packages)
-# make bench-drive   what a driver sees and feels through the gateway on a good line and a
-#                 bad one (root: network namespaces)
+# make bench-drive   image rate, latency and control through the gateway on good and bad links
+#                 (root: network namespaces)
 # make test-lerobot   lerobot-eval and lerobot-record of 0.4.4 and 0.6.1 with our plugins, and
 #                     rows of exports played open loop (downloads gigabytes)
 # make test-ros     the ROS 2 node against the real rclpy of Kilted and Jazzy (from PyPI,
 #                   built once in some minutes)
-# make test-data    what a scene draws does not tell the task: 1,000 seeds of every task
-#                   against three classifiers, and the old draws, which did; sentences are
-#                   counted, and 500 answers of labelled episodes computed again
+# make test-data    sampled values of a scene do not reveal the task: 1,000 seeds of every task
+#                   with three classifiers, and an old table that reveals it; counts sentences,
+#                   and computes 500 answers of labelled episodes again
 # make test-learn   lints, documents and tests client/learn, which trains and serves networks
 #                   (burn, about nine minutes of one core the first time)
-# make test-adversarial   200 operators who mean harm, a minute each, sixty of them at the bear
+# make test-adversarial   200 adversarial operators, a minute each, sixty of them at the bear
 #                         and 1,000 episodes that press the seated person under the guard
 # make test-expert   the scripted expert, 20 seeds of each task from EXPERT_SEED: near and
 #                    anywhere, without and with a person; about an hour on two cores;
 #                    results in data/expert-COMMIT, where an interrupted run is resumed
-# make test-variety   how much demonstrations differ, 40 seeds of each task from EXPERT_SEED, and
+# make test-variety   variety of demonstrations, 40 seeds of each task from EXPERT_SEED, and
 #                    the rhythm of the style human, 6 seeds; about an hour on two cores;
 #                    results in data/variety-COMMIT
-# make test-hashes   state hashes of 44 episodes beside tests/data/redesign-hashes.csv, a minute
-#                    and a half on two cores
-# make soak    300 short episodes one right after the other, every file checked
+# make test-hashes   compares state hashes of 44 episodes with tests/data/redesign-hashes.csv, a
+#                    minute and a half on two cores
+# make soak    300 short episodes directly one after the other, every file checked
 # make test-original SCRIPTS=DIR   WheelArm-Sim's processing scripts on an episode of ours
-# make demo-policy   the policy that ships takes the soup, or does POLICY_TASK=pick_blue_mug,
-#                    seen through its own small pictures (builds client/learn first, about
-#                    nine minutes of one core)
+# make demo-policy   the distributed policy lifts the soup, or does POLICY_TASK=pick_blue_mug,
+#                    from its own small images (builds client/learn first, about nine minutes
+#                    of one core)
 # make train-mustard   episodes, policy, corrections, policy, evaluation, on a big GPU (RUN=data/mustard)
-# make train-tasks     one policy for all tasks, told in words, likewise (RUN=data/tasks)
-# make train-multiplied   the same training on ten episodes, on what they are multiplied
-#                    into and on as many of the operator, likewise (RUN=data/multiplied)
-# make bench   step, kinematics, cameras and recording beside their references
+# make train-tasks     one language-conditioned policy for all tasks, likewise (RUN=data/tasks)
+# make train-multiplied   the same training on ten episodes, on the episodes multiplied from them,
+#                    and on as many of the expert, likewise (RUN=data/multiplied)
+# make bench   step, kinematics, cameras and recording with their references
 
 CARGO ?= cargo
 OUT ?= data/demo
@@ -59,14 +59,14 @@ EXPERT_SEED ?= 950000
 POLICY_SEED ?= 557
 POLICY_TASK ?= pick_tomato_soup
 PLAN ?= assets/campaigns/small.toml
-# burn compiles for minutes: only `make test-learn` builds what learns.
+# burn compiles for minutes: only `make test-learn` builds client/learn.
 WITHOUT_LEARN := --exclude wheelarm-learn
 # Empty in the copy that this test makes.
 BUILD_TEST ?= tests/build.sh
 BUILT := $(or $(CARGO_TARGET_DIR),target)/release
 export WHEELARM_COMMIT ?= $(shell git rev-parse --short=12 HEAD 2>/dev/null)
 export WHEELARM_PYTHON ?= $(CURDIR)/.venv/bin/python
-# What this shell was told of a server elsewhere is not for servers that are started here.
+# Settings of another server in this shell must not affect servers that are started here.
 unexport WHEELARM_CONNECT WHEELARM_KEYS WHEELARM_SIM WHEELARM_USER
 
 .PHONY: all build static demo test test-learn contract test-cluster test-readers test-data test-original test-adversarial test-hashes test-expert test-variety soak train-mustard train-tasks train-multiplied demo-policy bench test-rosbag2 dist test-dist contract-python test-python test-lerobot test-drive bench-drive test-ros people test-people clean

@@ -35,7 +35,7 @@ const FILES: [&str; 16] = [
 
 const PACKAGE: &str = "wheelarm.v1";
 
-/// Fields of pictures and of saved states are shared, not copied.
+/// Messages whose bytes (images and saved states) are shared instead of copied.
 const SHARED_BYTES: [&str; 7] = [
     ".wheelarm.v1.CameraFrame",
     ".wheelarm.v1.CompressedCameraFrame",
@@ -169,10 +169,10 @@ fn pascal(name: &str) -> String {
 fn rpcs(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
     let service = pool
         .get_service_by_name("wheelarm.v1.Simulation")
-        .ok_or("there is no service wheelarm.v1.Simulation")?;
+        .ok_or("the service wheelarm.v1.Simulation is missing")?;
     let key_field = pool
         .get_extension_by_name("wheelarm.options.key_field")
-        .ok_or("there is no option wheelarm.options.key_field")?;
+        .ok_or("the option wheelarm.options.key_field is missing")?;
     let (mut variants, mut names, mut queries, mut impls, mut identities, mut messages) = (
         String::new(),
         String::new(),
@@ -185,7 +185,11 @@ fn rpcs(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
     for method in service.methods() {
         let (name, input, output) = (method.name().to_owned(), method.input(), method.output());
         if !requests.insert(input.full_name().to_owned()) {
-            return Err(format!("{name}: {} asks for two things", input.full_name()).into());
+            return Err(format!(
+                "{name}: {} is the request of two queries",
+                input.full_name()
+            )
+            .into());
         }
         let query = snake(&name);
         writeln!(
@@ -289,7 +293,7 @@ struct Topic {
 fn topics(pool: &DescriptorPool) -> Result<Vec<Topic>, Box<dyn Error>> {
     let option = pool
         .get_extension_by_name("wheelarm.options.topic")
-        .ok_or("there is no option wheelarm.options.topic")?;
+        .ok_or("the option wheelarm.options.topic is missing")?;
     let mut topics = Vec::new();
     for file in FILES {
         let file = pool.get_file_by_name(file).ok_or("a file is missing")?;
@@ -313,30 +317,30 @@ fn topic(
         return Ok(None);
     }
     let value = options.get_extension(option);
-    let told = value.as_message().ok_or("the option is no message")?;
-    let key = text(told, "key");
+    let option = value.as_message().ok_or("the option is not a message")?;
+    let key = text(option, "key");
     let key_words = key.strip_prefix("stream/").unwrap_or(&key);
     let name: Vec<_> = key_words
         .split('/')
         .filter(|chunk| !chunk.starts_with('{'))
         .collect();
-    let name = match text(told, "name") {
-        told if told.is_empty() => name.join("_"),
-        told => told,
+    let name = match text(option, "name") {
+        stated if stated.is_empty() => name.join("_"),
+        stated => stated,
     };
     let topic = Topic {
         message: message.name().to_owned(),
         name,
-        rate: choice(told, "rate")?,
-        unit: text(told, "unit"),
-        frame: text(told, "frame"),
-        from: choice(told, "from")?,
-        record: choice(told, "record")?,
+        rate: choice(option, "rate")?,
+        unit: text(option, "unit"),
+        frame: text(option, "frame"),
+        from: choice(option, "from")?,
+        record: choice(option, "record")?,
         key,
     };
     for (what, value) in [("rate", &topic.rate), ("from", &topic.from)] {
         if value == "Unspecified" {
-            return Err(format!("{}: its topic tells no {what}", topic.message).into());
+            return Err(format!("{}: its topic lacks the {what}", topic.message).into());
         }
     }
     Ok(Some(topic))
@@ -355,7 +359,7 @@ fn choice(message: &DynamicMessage, field: &str) -> Result<String, Box<dyn Error
         .get_field_by_name(field)
         .ok_or("a field is missing")?;
     let kind = descriptor.kind();
-    let kind = kind.as_enum().ok_or("a field is no enum")?.clone();
+    let kind = kind.as_enum().ok_or("a field is not an enum")?.clone();
     let number = message.get_field(&descriptor).as_enum_number();
     let value = kind.get_value(number.unwrap_or_default());
     let value = value.ok_or("a value has no name")?;
@@ -464,7 +468,7 @@ impl Sample {{
     /// Reads a message of `topic`.
     ///
     /// # Errors
-    /// When the bytes are no such message.
+    /// When the bytes cannot be decoded.
     pub fn decode(topic: TopicId, payload: &[u8]) -> Result<Self, prost::DecodeError> {{
         Ok(match topic {{
 {reads}        }})

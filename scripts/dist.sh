@@ -69,7 +69,7 @@ stage() {
     install -m 755 "$built"/{wheelarm,wheelarm-server,wheelarm-worker,wheelarm-dataset} "$stage/bin/"
     "$venv/bin/python" scripts/dist/neutral.py "$built"/build/hdf5-metno-src-*/out "$PWD" "$HOME" -- "$stage"/bin/*
     scripts/dist/symbols.sh "$stage"/bin/*
-    # What git keeps of the assets, and nothing that lies about beside them.
+    # The assets that git tracks, without other files beside them.
     git ls-files -z assets | tar -c --null -T - | tar -x -C "$stage/share/wheelarm"
     (cd proto && git ls-files -z -- '*.proto' | tar -c --null -T -) | tar -x -C "$stage/share/wheelarm/proto"
     install -m 755 client/cluster/slurm.sbatch "$stage/share/wheelarm/cluster/"
@@ -97,14 +97,14 @@ archive() {
 # The wheel with the programs and, of the same sources, the one without for
 # macOS, Windows and other processors: pip takes the first where it fits.
 wheels() {
-    local package=client/python plugin told
+    local package=client/python plugin stated
     if [ ! -f $package/pyproject.toml ]; then
-        echo "skipped: wheels; there is no $package/pyproject.toml"
+        echo "skipped: wheels; $package/pyproject.toml is missing"
         return
     fi
     say "wheels"
-    told=$(cd $package && hatchling metadata version)
-    [ "$told" = "$version" ] || die "$package is version $told, Cargo.toml $version; they must be the same"
+    stated=$(cd $package && hatchling metadata version)
+    [ "$stated" = "$version" ] || die "$package is version $stated, Cargo.toml $version; they must be the same"
     rm -f "$out"/wheelarm-*.whl
     (cd $package && hatchling build -t wheel -d "$out")
     (cd $package && WHEELARM_WHEEL_PREFIX=$stage WHEELARM_WHEEL_PLATFORM=manylinux_${glibc/./_}_x86_64 \
@@ -123,7 +123,7 @@ all=(programs archive deb wheels image)
 parts=("$@")
 [ ${#parts[@]} -gt 0 ] || parts=("${all[@]}")
 for part in "${parts[@]}"; do
-    [[ " ${all[*]} " == *" $part "* ]] || die "there is no part $part; parts are: ${all[*]}"
+    [[ " ${all[*]} " == *" $part "* ]] || die "no part named $part; available: ${all[*]}"
 done
 mkdir -p "$out"
 tools

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Measures step, inverse kinematics, cameras and recording, each beside its
-# reference, and prints one table; then the exports of a recording, and the error
-# of aligned poses. `make bench` builds and installs first.
+# Measures step, inverse kinematics, cameras and recording, each with its reference in the same
+# run, and prints one table; then the exports of a recording, and the error of aligned poses.
+# `make bench` builds and installs first.
 #   tests/bench.sh [--rounds N] [--no-demo]
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Runs a campaign as a Slurm job array on a one-node cluster in this machine,
-# kills and requeues one shard, merges, validates. `make test-cluster` builds
-# first. Where the machine refuses a step, it says "skipped" and why.
+# Runs a campaign as a Slurm job array on a one-node cluster on this machine, kills and requeues
+# one shard, merges, validates. `make test-cluster` builds first. Prints "skipped" and the
+# reason for a step that the machine does not allow.
 #   tests/cluster.sh [PLAN]        default: assets/campaigns/small.toml
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -108,7 +108,7 @@ NodeName=$node NodeAddr=127.0.0.1 CPUs=$((cores < shards ? shards : cores)) Stat
 PartitionName=main Nodes=$node Default=YES MaxTime=INFINITE State=UP
 SlurmdParameters=config_overrides
 CONF
-# No plugin above uses cgroups; this one asks nothing of the machine.
+# No plugin above uses cgroups; this one needs no privileges.
 printf "CgroupPlugin=cgroup/v1\nCgroupMountpoint=%s/cgroup\n" "$work" >"$work/cgroup.conf"
 export SLURM_CONF=$work/slurm.conf
 
@@ -140,7 +140,7 @@ limit=$((SECONDS + ${WHEELARM_PATIENCE:-3000}))
 patient() { [ $SECONDS -lt $limit ] || { echo "too slow: $*"; squeue; exit 1; }; }
 lines() { cat "$out"/journal/*.jsonl 2>/dev/null | grep -c '"kind":"done"' || true; }
 
-# Kill one shard without warning while it works on its second episode or later.
+# Kill one shard with SIGKILL during its second episode or later.
 victim=$((shards - 1))
 journal=$out/journal/shard-$victim-of-$shards.jsonl
 until grep -q '"kind":"done"' "$journal" 2>/dev/null && compgen -G "$out/staging/*/operator.log" >/dev/null; do
@@ -164,7 +164,7 @@ done
 echo "the array has ended with $(lines) episodes"
 sha256sum --quiet --check <<<"$before"
 
-# Merged, every file checked; then each by the dataset's own reader.
+# Merge with a check of every file; then read each with the dataset's reader.
 "$WHEELARM" collect --merge "$out"
 twice=$(cat "$out"/journal/*.jsonl | grep '"kind":"done"' | grep -o '"episode":"[^"]*"' | sort | uniq -d)
 [ -z "$twice" ] || { echo "done twice: $twice"; exit 1; }

@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
-# Holds what `make dist` made to its promises, in clean Debian systems. Needs root
-# and mmdebstrap; where something cannot be had, it says "skipped" and why.
+# Checks the output of `make dist` in clean Debian systems. Needs root and mmdebstrap; prints
+# "skipped" and the reason for a check that cannot run.
 #   tests/dist.sh                every check
 #   tests/dist.sh CHECK...       of: symbols bits wheel network deb image apptainer
-# WHEELARM_CHROOTS keeps the clean systems for the next time (2 GB); RECORDINGS
-# names episode files for `bits` instead of those that are recorded here; MIRROR
-# another Debian mirror.
+# WHEELARM_CHROOTS: folder that keeps the clean systems for the next run (2 GB); RECORDINGS:
+# episode files for `bits` instead of new recordings; MIRROR: another Debian mirror.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 dist=$PWD/dist
@@ -36,7 +35,7 @@ die() {
     exit 1
 }
 
-# Nothing above glibc 2.28, no HDF5 to be installed, no path of this machine.
+# No symbol newer than glibc 2.28, no dependency on HDF5, no path of this machine.
 check_symbols() {
     say "symbols: what the programs of the archive ask for"
     scripts/dist/symbols.sh "$work/$name"/bin/*
@@ -52,14 +51,14 @@ check_symbols() {
     fi
 }
 
-# The same bits with every glibc, and with one that may not use FMA.
+# Equal bits with every glibc, and with one without FMA.
 check_bits() {
     say "bits: episodes replayed by the programs of the archive"
     local files=() native=${CARGO_TARGET_DIR:-target}/release/wheelarm
     if [ -n "${RECORDINGS:-}" ]; then
         read -ra files <<<"$RECORDINGS"
     else
-        # Recorded by a build of another compiler and linker, where there is one.
+        # Recorded by a build with another compiler and linker, if one exists.
         [ -x "$native" ] || native=$work/$name/bin/wheelarm
         for task in pick_mustard open_drawer place_teddy_bear; do
             WHEELARM_ASSETS=$PWD/assets "$native" evaluate --task $task --seeds 0..1 --record \
@@ -94,8 +93,8 @@ check_bits() {
     done
 }
 
-# Whether there is a wheel with programs, and a bookworm for it: with Python and a
-# Vulkan driver, without Rust and HDF5.
+# Whether a wheel with programs exists, and a bookworm system for it, with Python and a Vulkan
+# driver, without Rust and HDF5.
 can_install_wheel() {
     compgen -G "$dist/wheelarm-*manylinux*.whl" >/dev/null || {
         skip "there is no wheel with programs in $dist"
@@ -104,7 +103,7 @@ can_install_wheel() {
     system bookworm wheel python3-venv,libvulkan1,mesa-vulkan-drivers
 }
 
-# Installs the wheel, from files alone, in a copy of that system.
+# Installs the wheel, from files only, in a copy of that system.
 with_wheel() {
     local root=$1 wheel
     wheel=$(ls "$dist"/wheelarm-*manylinux*.whl)
@@ -124,7 +123,7 @@ with_wheel() {
     offline "$root" /v/bin/pip install --quiet --no-index --find-links /wheels "/wheels/$(basename "$wheel")"
 }
 
-# Two commands from a wheel to an episode with pictures.
+# Two commands from a wheel to an episode with images.
 check_wheel() {
     say "wheel: pip install, then the demo, without Rust, HDF5 and network"
     can_install_wheel || return 0
@@ -138,7 +137,7 @@ check_wheel() {
     rm -rf "$work/wheel"
 }
 
-# The demo speaks to nobody beside this machine.
+# The demo connects to no other machine.
 check_network() {
     say "network: where the demo of the wheel connects to"
     command -v strace >/dev/null || {

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Tests the page that drives (client/teleop/web/page).
-#   tests/drive.sh        its logic by node, then every device, accessibility and a headset
-#                         in Chromium, and one switch that lifts the mustard; installs Chromium and four npm packages if they are missing
-#   tests/drive.sh fast   only its logic: seconds, node alone
+#   tests/drive.sh        its logic with node; every device, accessibility and a headset in
+#                         Chromium; and one switch that lifts the mustard. Installs Chromium and
+#                         four npm packages if they are missing.
+#   tests/drive.sh fast   only its logic: seconds, with node alone
 set -euo pipefail
 cd "$(dirname "$0")/drive"
 
@@ -29,10 +30,10 @@ done
 [ -n "$CHROMIUM" ] || { echo "no Chromium: apt-get install chromium" >&2; exit 1; }
 export CHROMIUM
 [ -d node_modules/ws ] || npm install --no-audit --no-fund --no-package-lock --silent
-# One file after the other: each starts a browser, and a page that waits for a
-# processor is frozen by its own rules.
+# One file after the other: each starts a browser, and the page counts as frozen while it waits
+# for a CPU.
 node --test --test-concurrency=1 browser/
-# Against the real server: the whole task with one switch.
+# With the real server: the whole task with one switch.
 if [ -x ../../target/release/wheelarm ]; then
     node lift.js
 else

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Counts the sentences of the grammar; records ten episodes of five tasks that are said
-# by it, labels them, and computes 500 of their answers again from the files alone.
+# Counts the sentences of the grammar; records ten episodes of five tasks with its sentences,
+# labels them, and computes 500 of their answers again from the files alone.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 built=${CARGO_TARGET_DIR:-target}/release

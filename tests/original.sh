@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Records an episode at WheelArm-Sim's picture size and runs WheelArm-Sim's own
-# processing scripts on it, in a virtual environment of its own.
-#   original.sh FOLDER     with its Data_Processing/*.py, of which nothing is kept
-#   WHEELARM_ORIGINAL      the environment, .venv-original without it
+# Records an episode at WheelArm-Sim's image size and runs WheelArm-Sim's processing scripts on
+# it, in a separate virtual environment.
+#   original.sh FOLDER     folder with Data_Processing/*.py, of which no copy is kept
+#   WHEELARM_ORIGINAL      the environment, default .venv-original
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# The Python package over the versions that it promises: Python 3.10 to 3.13 with protobuf
-# 3.20.3, 5.29.6, 6.31.1 and the newest 7; on one of them also every task and mode, types,
-# lints, the guide's Python, the notebook, and what pictures and steps cost (printed).
-#   WHEELARM_PYTHONS   folder of the virtual environments, .venv-python without it
-# Pythons are looked for on PATH and in ~/.pyenv; one that is missing is said loudly.
+# Tests the Python package with all supported versions: Python 3.10 to 3.13 with protobuf
+# 3.20.3, 5.29.6, 6.31.1 and the newest 7. One of them also tests every task and mode, types,
+# lints, the guide's Python and the notebook, and prints the cost of images and steps.
+#   WHEELARM_PYTHONS   folder of the virtual environments, default .venv-python
+# Searches interpreters on PATH and in ~/.pyenv; reports a missing one at the end.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD package=$PWD/client/python

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Records two episodes, exports them, and runs the guide's Python with the real
-# readers: lerobot 0.4.4 and robomimic 0.3.0, in a virtual environment of its
-# own; and holds the joint signals against Pinocchio. The first run downloads several gigabytes (torch).
-# Videos, and what lerobot gives to a policy, are asked of 0.4.4 and, in another
-# environment of Python 3.12 or newer, of 0.6.1, which reads depth and language too.
-#   WHEELARM_READERS   the environment, .venv-readers without it; the other one
-#                      lies beside it with `-new` behind its name
+# Records two episodes, exports them, and runs the guide's Python with the real readers: lerobot
+# 0.4.4 and robomimic 0.3.0, in a separate virtual environment. Compares the joint signals with
+# Pinocchio. The first run downloads several gigabytes (torch).
+# lerobot 0.4.4 also checks videos and the features of a policy, and so does 0.6.1, which reads
+# depth and language too, in a second environment with Python 3.12 or newer.
+#   WHEELARM_READERS   the environment, default .venv-readers; the second one has this name with
+#                      `-new` appended
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -19,7 +19,7 @@ done
 [ -n "$newer" ] || { echo "lerobot 0.6.1 needs Python 3.12 or 3.13, and neither python3.12 nor python3.13 is found; install one (Debian 13, pyenv install 3.12) and put it on PATH" >&2; exit 1; }
 command -v ffmpeg >/dev/null || { echo "ffmpeg is missing: apt-get install -y ffmpeg" >&2; exit 1; }
 [ -x "$python" ] || python3 -m venv "$venv"
-# What is installed needs no cache beside it.
+# Installed packages need no pip cache.
 export PIP_NO_CACHE_DIR=1
 has() { "$python" -c "from importlib.metadata import version; import sys; sys.exit(version('$1') != '$2')" 2>/dev/null; }
 pip() { "$python" -m pip install --quiet --disable-pip-version-check "$@"; }
@@ -78,7 +78,7 @@ for protocol in openpi roboarena; do
     [ "$protocol" = openpi ] || map=$PWD/roboarena.toml
     "$python" "$root/tests/python/openpi_server.py" port 6 "$protocol" & server=$!
     while [ ! -s port ]; do kill -0 "$server"; sleep 0.1; done
-    # It ends the only episode by an error, which is counted.
+    # The error ends the only episode, which is counted.
     wheelarm evaluate --task pick_bowl --seeds 0..1 --policy "openpi:ws://127.0.0.1:$(cat port)" --policy-map "$map" \
         --no-grid --out "$protocol" >told || [ $? = 3 ]
     grep -q 'RuntimeError: that is enough' told || { cat told; exit 1; }

@@ -1,12 +1,11 @@
 #!/usr/bin/env bash
-# Records short episodes, exports them as bags, and has others read every
-# message of them: rclpy of ROS 2 Jazzy and of Kilted, rosbags, mcap-ros2-support.
-# What they decode is held against the recordings.
-#   WHEELARM_ROS   folder of the virtual environments, .venv-ros without it
-#   WHEELARM_BAGS  folder for recordings and bags, which are kept; a temporary one
-#                  without it
-# The wheels of rclpy are one person's work (ros-python-wheels): when an index no
-# longer has them, this says so loudly and goes on with the other readers.
+# Records short episodes, exports them as bags, decodes every message with third-party readers
+# (rclpy of ROS 2 Jazzy and of Kilted, rosbags, mcap-ros2-support), and compares the messages
+# with the recordings.
+#   WHEELARM_ROS   folder of the virtual environments, default .venv-ros
+#   WHEELARM_BAGS  folder for recordings and bags, which are kept; default a temporary one
+# The wheels of rclpy are one person's work (ros-python-wheels). When the index no longer has
+# them, this prints a warning and continues with the other readers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -26,8 +25,8 @@ pip() { # environment, packages
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"
 }
 
-# What tf2_msgs is built with; Jazzy's wheels have a name of their own where they
-# differ from those of the other distributions.
+# Packages that tf2_msgs is built with; Jazzy's wheels have another name where they differ from
+# those of the other distributions.
 shared=(catkin_pkg 'setuptools<80' 'cmake<4' ninja mcap h5py ros-rmw-implementation-cmake)
 for name in definitions dependencies include-directories interfaces libraries link-flags targets; do
     shared+=("ros-ament-cmake-export-$name")
@@ -73,7 +72,7 @@ export PATH=$built:$PATH WHEELARM_ASSETS=$root/assets
 mkdir -p "$folder"
 cd "$folder"
 if [ ! -e recordings ]; then
-    # Sensors, a soft thing and disturbances, so that every kind of message is met.
+    # Sensors, a deformable object and disturbances, so that every kind of message occurs.
     wheelarm demo --seed 0 --width 160 --height 90 --no-sheet --out recordings \
         --sensor kinova_vision@gen3 --sensor chair_stereo@wheelchair --sensor encoders \
         --sensor odometry --sensor imu >/dev/null
@@ -85,7 +84,7 @@ rm -rf bags
 wheelarm-dataset export --format rosbag2 recordings --out bags
 check=$root/tests/python/check_rosbag2.py
 for distribution in "${distributions[@]}"; do
-    # Its environment starts itself again with variables that no other may see.
+    # Its environment restarts itself with variables that no other reader may get.
     "$venvs/$distribution/bin/python" "$check" rclpy bags recordings/*.h5
 done
 for reader in rosbags mcap-ros2; do

@@ -15,7 +15,7 @@ pub const STRONGEST: u32 = 3;
 /// Strength of the axes of the usual look.
 const USUAL: u32 = 2;
 
-/// Seed in an appearance's text that stands for the episode's own.
+/// Seed in an appearance's text that means the episode's own seed.
 pub const OWN_SEED: &str = "*";
 
 /// An axis of an appearance.

@@ -295,7 +295,7 @@ impl v1::CameraSetting {
     }
 
     /// Parses `NAME=WIDTHxHEIGHT@HZ`, for example `gen3=1280x720@10`; the name `*`
-    /// stands for every robot camera that is not named.
+    /// means every robot camera that is not named.
     ///
     /// # Errors
     /// The text and the allowed form.

@@ -59,12 +59,12 @@ pub fn on_signals(tell: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Resu
     on_all(tell)
 }
 
-fn on_all(mut tell: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {
+fn on_all(mut notify: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {
     let runtime = Builder::new_current_thread().enable_all().build()?;
     let mut signals = Signals::open(&runtime)?;
     std::thread::spawn(move || {
         loop {
-            tell(runtime.block_on(signals.next()));
+            notify(runtime.block_on(signals.next()));
         }
     });
     Ok(())
@@ -77,9 +77,9 @@ pub fn end_as_first_process() {
     if std::process::id() != 1 {
         return;
     }
-    let listening = on_all(|heard| {
+    let listening = on_all(|received| {
         if !CLAIMED.load(Ordering::Acquire) {
-            exit(128 + heard.kind().as_raw_value());
+            exit(128 + received.kind().as_raw_value());
         }
     });
     if let Err(problem) = listening {
@@ -110,21 +110,21 @@ impl Signals {
     /// When the operating system rejects the handler.
     pub fn listen_here() -> io::Result<Self> {
         CLAIMED.store(true, Ordering::Release);
-        Self::hear_all()
+        Self::handle_all()
     }
 
     fn open(runtime: &Runtime) -> io::Result<Self> {
         let _inside = runtime.enter();
-        Self::hear_all()
+        Self::handle_all()
     }
 
-    fn hear_all() -> io::Result<Self> {
+    fn handle_all() -> io::Result<Self> {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mut signals = Self { all: Vec::new() };
-        signals.hear(ReceivedSignal::Interrupt)?;
-        signals.hear(ReceivedSignal::Terminate)?;
+        signals.handle(ReceivedSignal::Interrupt)?;
+        signals.handle(ReceivedSignal::Terminate)?;
         if !ignores(&status, SignalKind::hangup()) {
-            signals.hear(ReceivedSignal::Hangup)?;
+            signals.handle(ReceivedSignal::Hangup)?;
         }
         Ok(signals)
     }
@@ -134,29 +134,29 @@ impl Signals {
     /// # Errors
     /// When the operating system rejects the handler.
     pub fn and_quit(mut self) -> io::Result<Self> {
-        self.hear(ReceivedSignal::Quit)?;
+        self.handle(ReceivedSignal::Quit)?;
         Ok(self)
     }
 
-    fn hear(&mut self, what: ReceivedSignal) -> io::Result<()> {
+    fn handle(&mut self, what: ReceivedSignal) -> io::Result<()> {
         self.all.push((signal(what.kind())?, what));
         Ok(())
     }
 
     /// Resolves at the next signal.
     pub async fn next(&mut self) -> ReceivedSignal {
-        let heard = std::future::poll_fn(|context| {
-            let heard = self.all.iter_mut().find_map(|(signal, what)| {
+        let received = std::future::poll_fn(|context| {
+            let received = self.all.iter_mut().find_map(|(signal, what)| {
                 let arrived = matches!(signal.poll_recv(context), Poll::Ready(Some(())));
                 arrived.then_some(*what)
             });
-            heard.map_or(Poll::Pending, Poll::Ready)
+            received.map_or(Poll::Pending, Poll::Ready)
         })
         .await;
-        if heard == ReceivedSignal::Hangup {
+        if received == ReceivedSignal::Hangup {
             leave_the_terminal();
         }
-        heard
+        received
     }
 }
 
@@ -202,12 +202,12 @@ mod tests {
     fn all_three_terminating_signals_are_received() {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();
         let signals = Signals::open(&runtime).unwrap();
-        let heard: Vec<ReceivedSignal> = signals.all.iter().map(|(_, what)| *what).collect();
+        let received: Vec<ReceivedSignal> = signals.all.iter().map(|(_, what)| *what).collect();
         let status = std::fs::read_to_string("/proc/self/status").unwrap();
         let mut wanted = vec![ReceivedSignal::Interrupt, ReceivedSignal::Terminate];
         if !ignores(&status, SignalKind::hangup()) {
             wanted.push(ReceivedSignal::Hangup);
         }
-        assert_eq!(heard, wanted);
+        assert_eq!(received, wanted);
     }
 }

@@ -10,7 +10,7 @@ use prost_types::{DescriptorProto, EnumDescriptorProto, FieldDescriptorProto, Fi
 use wheelarm_proto::topic::TOPICS;
 use wheelarm_proto::{CONTRACT_VERSION, MESSAGES_DESCRIPTOR, Message};
 
-/// Messages that lie in recordings; what they hold lies there too.
+/// Messages in recordings; those in their fields are in recordings too.
 const RECORDED: [&str; 6] = [
     "Scenario",
     "Applied",
@@ -216,7 +216,7 @@ impl Contract {
         }
     }
 
-    /// Messages that lie in recordings, with all that they hold.
+    /// Messages in recordings, with those in their fields.
     fn recorded(&self) -> BTreeSet<String> {
         let mut found: BTreeSet<String> = RECORDED.map(str::to_owned).into();
         loop {
@@ -361,7 +361,7 @@ fn a_breaking_change_is_found() {
         1,
         "forgotten"
     );
-    // Another version may break everything but what lies in files.
+    // Another version may break everything except files.
     let mut other = with("A 1 name string", "A 1 name bytes");
     other.version = 2;
     assert_eq!(old.broken_by(&other), [""; 0]);

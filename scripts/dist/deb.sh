@@ -28,7 +28,7 @@ Files: *
 Copyright: $(date -u -d "@$SOURCE_DATE_EPOCH" +%Y) The WheelArm authors
 License: Apache-2.0
 Comment: The programs contain crates and C libraries of others; which, and under
- which licences, stands in THIRD_PARTY.txt.gz beside this file.
+ which licences, is in THIRD_PARTY.txt.gz beside this file.
 
 License: Apache-2.0
  On Debian systems the full text of the Apache License, version 2.0, is in
@@ -46,7 +46,7 @@ mkdir -p "$root/usr/share/lintian/overrides"
 cat >"$root/usr/share/lintian/overrides/wheelarm" <<'OVERRIDES'
 # HDF5, libdeflate and zlib are inside on purpose: one set of programs for every system.
 wheelarm: embedded-library *
-# An unofficial package: nobody filed that it is wanted.
+# An unofficial package: no bug requested it.
 wheelarm: initial-upload-closes-no-bugs *
 OVERRIDES
 

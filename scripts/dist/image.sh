@@ -15,7 +15,7 @@ umask 022
 sed "s/@VERSION@/$version/g" apptainer.def.in >"$out/wheelarm-$version.def"
 
 [ -f "$deb" ] || {
-    echo "error: there is no $deb; run: scripts/dist.sh deb image" >&2
+    echo "error: $deb is missing; run: scripts/dist.sh deb image" >&2
     exit 1
 }
 missing=

@@ -32,9 +32,9 @@ for program in "$@"; do
         ;;
     esac
     # All of them are read: a pipe that ends early is a failure to pipefail.
-    told=$(strings -a "$program" | grep -F -e "$HOME/" -e "$PWD/" || true)
-    if [ -n "$told" ]; then
-        echo "error: $program tells paths of this machine, the first: ${told%%$'\n'*}; see scripts/dist/neutral.py" >&2
+    found=$(strings -a "$program" | grep -F -e "$HOME/" -e "$PWD/" || true)
+    if [ -n "$found" ]; then
+        echo "error: $program contains paths of this machine, the first: ${found%%$'\n'*}; see scripts/dist/neutral.py" >&2
         exit 1
     fi
 done

@@ -51,7 +51,7 @@ struct Args {
         conflicts_with = "insecure"
     )]
     keys: Option<PathBuf>,
-    /// Lets other hosts connect without keys: everyone who can reach the port may drive
+    /// Lets other hosts connect without keys: every host that can reach the port may drive
     /// and end this server.
     #[arg(long)]
     insecure: bool,
@@ -505,7 +505,7 @@ async fn serve(args: Args) -> anyhow::Result<()> {
     })?;
     if access == v1::Access::Insecure {
         tracing::warn!(
-            "{listen}: INSECURE, everyone who can reach this port may drive and end this server"
+            "{listen}: INSECURE, every host that can reach this port may drive and end this server"
         );
     }
     let endpoint = reach.listen.first().cloned().unwrap_or_default();

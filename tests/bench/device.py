@@ -1,4 +1,4 @@
-"""Measures `wheelarm collect` on a host with one or several graphics cards.
+"""Measures `wheelarm collect` on a host with one or several GPUs.
 
 device.py [--programs DIR] [--assets DIR] [--memory /dev/shm] [--disk DIR]
           [--out DIR] [--seconds 460] [--simulated 100] [--worker process]
@@ -51,16 +51,16 @@ KINDS = {
     "720p": dict(size=(1280, 720), depth="f32", per_core=0.75),
     "720p-u16": dict(size=(1280, 720), depth="u16", per_core=0.75),
 }
-# Multiples of real time, summed: one large card with 16 cores; and per core of a host
+# Multiples of real time, summed: one large GPU with 16 cores; and per core of a host
 # that renders on the CPU.
 GOALS = {("small", 1, "memory"): 60.0, ("720p", 1, "memory"): 27.0, ("720p-u16", 1, "memory"): 34.0}
 CORE_GOALS = {("small", 1, "memory"): 3.0}
-# Two cards with twice the cores relative to one card.
+# Two GPUs with twice the cores relative to one GPU.
 SCALING = 1.9
 
 
 def cards(programs):
-    """Indices and names of the graphics cards, or of the first other adapter."""
+    """Indices and names of the GPUs, or of the first other adapter."""
     command = [str(programs / "wheelarm-server"), "--list-adapters"]
     result = subprocess.run(command, capture_output=True, text=True)
     if result.returncode != 0:

@@ -1,10 +1,10 @@
-# The image in buildah and in Apptainer, for tests/dist.sh, which sources this:
-# one small campaign on this machine and the same in a container, as an ordinary
-# user, with one shard killed on the way. The data must be equal.
+# The image in buildah and in Apptainer, for tests/dist.sh, which sources this file: one small
+# campaign on this machine and the same in a container, as an ordinary user, with one shard
+# killed. The data must be equal.
 
 plan=$PWD/tests/dist/plan.toml
 
-# The campaign by the programs of the archive, once.
+# The campaign with the programs of the archive, once.
 native_campaign() {
     [ ! -d "$work/native" ] || return 0
     "$work/$name/bin/wheelarm" collect "$plan" --out "$work/native" --workers 1 --patience 600 >"$work/native.log" 2>&1 ||
@@ -19,8 +19,8 @@ first_episode() { # FOLDER PID LOG
     done
 }
 
-# Waits until what was killed is gone: the kernel takes a moment for all of a
-# namespace, and the shard is locked until then.
+# Waits until the killed processes are gone: the kernel needs a moment for all of a namespace,
+# and the shard is locked until then.
 gone() { # WORDS OF ITS COMMAND LINE
     while pgrep -f "$1" >/dev/null; do sleep 0.1; done
 }
@@ -46,7 +46,7 @@ check_image() {
     mkdir "$data"
     chown 1000:1000 "$data"
     cp "$plan" "$data/plan.toml"
-    # Processes of their own, so that a kill ends all of them at once.
+    # A separate PID namespace, so that a kill ends all of its processes at once.
     in_image() {
         unshare --pid --fork --kill-child --mount-proc \
             buildah "${store[@]}" run --volume "$data:/data" "$container" -- "$@"
@@ -71,8 +71,8 @@ check_image() {
     buildah "${store[@]}" rm --all >/dev/null
 }
 
-# Runs a command in a system with `/` of its own, as its user u. Apptainer wants
-# more than a chroot: it makes namespaces and mounts itself.
+# Runs a command in a system with its own `/`, as its user u. A chroot is not sufficient for
+# Apptainer, which makes namespaces and mounts.
 as_user() { # ROOT COMMAND
     unshare --mount --pid --fork --kill-child sh -euc '
         mount --bind "$1" "$1"
@@ -111,7 +111,7 @@ check_apptainer() {
     cp "$plan" "$root/scratch/plan.toml"
     cp "$work/$name/share/wheelarm/cluster/slurm.sbatch" "$root/scratch/"
     chroot "$root" useradd --uid 1000 --user-group --create-home u
-    # Slurm itself runs in `make test-cluster`; here its one word is written down.
+    # Slurm runs in `make test-cluster`; here a substitute logs its arguments.
     printf '#!/bin/sh\necho "$@" >>/scratch/requeued\n' >"$root/usr/local/bin/scontrol"
     chmod 755 "$root/usr/local/bin/scontrol"
     chown -R 1000:1000 "$root/scratch"
@@ -124,8 +124,8 @@ check_apptainer() {
         wheelarm-server --list-adapters"'
     local job='SLURM_JOB_ID=1 SLURM_ARRAY_TASK_COUNT=2 SLURM_CPUS_PER_TASK=1 WHEELARM_IMAGE=$HOME/wheelarm.sif'
     data=$root/scratch/campaign
-    # Shard 0 is killed without warning, for shard 1 the time is over while it
-    # makes its first episode; then both have the time they need.
+    # Shard 0 is killed with SIGKILL, shard 1 runs out of time during its first episode; then both
+    # have enough time.
     as_user "$root" "$job SLURM_ARRAY_TASK_ID=0 bash /scratch/slurm.sbatch /scratch/plan.toml /scratch/campaign" >"$log" 2>&1 &
     killed=$!
     first_episode "$data" $killed "$log"

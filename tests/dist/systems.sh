@@ -1,8 +1,7 @@
 # Clean Debian systems in folders, for tests/dist.sh, which sources this.
 #
-# A system is made once by mmdebstrap below $chroots and never run; checks run in
-# copies. What runs there has processes, mounts and, with `offline`, a network of
-# its own that holds nothing but loopback.
+# mmdebstrap makes a system once below $chroots; checks run in copies. Commands there have their
+# own processes and mounts and, with `offline`, a network with loopback only.
 
 can_make_systems() {
     if [ "$(id -u)" != 0 ]; then
@@ -15,13 +14,13 @@ can_make_systems() {
     fi
 }
 
-# system SUITE KIND [PACKAGES]: makes $chroots/SUITE-KIND unless it is there.
+# system SUITE KIND [PACKAGES]: makes $chroots/SUITE-KIND unless it exists.
 system() {
     local folder=$chroots/$1-$2
     [ ! -d "$folder" ] || return 0
     echo "making $folder"
     rm -rf "$folder.part"
-    # The suites that Debian archived carry dates that have passed.
+    # The release files of archived suites have expired.
     if ! mmdebstrap --quiet --variant=minbase --aptopt='Acquire::Check-Valid-Until "false"' \
         ${3:+--include="$3"} "$1" "$folder.part" ${MIRROR:+"$MIRROR"} >"$work/mmdebstrap.log" 2>&1; then
         rm -rf "$folder.part"

@@ -53,7 +53,7 @@ def quantile(values, share):
 
 
 class Observer:
-    """What the server hears and does, with the moment at which it was known here."""
+    """Messages that the server received and published, with the time of arrival here."""
 
     def __init__(self, endpoint):
         self.client = wheelarm.connect(endpoint, timeout=20)
@@ -202,7 +202,7 @@ def processor_seconds(pid):
 
 
 def far(work):
-    """Does the work in a thread beyond the line."""
+    """Calls `work` in a thread of the remote namespace; returns its result."""
     out = {}
 
     def inside():
@@ -222,7 +222,7 @@ def far(work):
 
 @contextlib.contextmanager
 def allowed(congestion):
-    """What this host allows to connections, for so long: it is the whole host's."""
+    """Allows a congestion control to unprivileged processes of the whole host; restores it at the end."""
     path = Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control")
     before = path.read_text()
     path.write_text(f"reno {congestion}")
@@ -241,7 +241,7 @@ def measure(name, congestion, options):
     others = []
     try:
         if line.stdout.readline().strip() != "ready":
-            raise SystemExit("there is no line: see the message above")
+            raise SystemExit("bad_line.py did not start: see the message above")
         inside = ["ip", "netns", "exec", NEAR]
         subprocess.run([*inside, "sysctl", "-qw", f"net.ipv4.tcp_congestion_control={congestion}"], check=True)
         keys = place / "keys"
@@ -257,7 +257,7 @@ def measure(name, congestion, options):
             [*inside, str(programs / "wheelarm-server"), "--listen", "tcp/127.0.0.1:7447", "--task", "pick_mustard",
              "--camera", f"gen3={size}@{rate}", "--camera", f"wheelchair={size}@{rate}"], **quiet, stderr=subprocess.DEVNULL)  # fmt: skip
         others.append(server)
-        # The gateway takes BBR where it may.
+        # The gateway uses BBR where it may.
         rights = ["setpriv", "--reuid=nobody", "--clear-groups"]
         subprocess.run(["chown", "-R", "nobody", str(place)], check=True)
         place.chmod(0o711)

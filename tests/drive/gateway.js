@@ -362,7 +362,7 @@ export class Gateway {
     const chair = CHAIR[2];
     return {
       t: "situation", n: this.count, tick: this.tick, sim_s: this.tick / 240, link: "open", link_for_s: 10,
-      you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, asked: this.requestedBy && this.requestedBy !== this.holder ? [this.requestedBy] : [], for_s: 10 },
+      you: { user, role: USERS[user].role }, lease: { holder: this.holder, mine, requests: this.requestedBy && this.requestedBy !== this.holder ? [this.requestedBy] : [], for_s: 10 },
       people, scenario: { task: "pick_mustard", seed: 3, instruction: "Bring the mustard to the person." }, episode: this.episode,
       alarms: this.alarms,
       recorders: this.recorders.map((name) => ({ name, state: this.recorderState || (this.episode ? "ready" : "idle"), missed: 0, frames: this.episode ? Math.round(this.episode.seconds * 20) : 0, complete: false, message: "" })),

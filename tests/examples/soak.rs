@@ -17,7 +17,7 @@ const LENGTH: Duration = Duration::from_millis(500);
 fn main() -> anyhow::Result<()> {
     let episodes: u64 = std::env::args().nth(1).map_or(Ok(300), |n| n.parse())?;
     let server = Server::start("soak", &CAMERA)?;
-    let client = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir()?;
     // The recorder ends with the last one that is kept: that is the last of all.
     let is_discarded = |i: u64| i % 3 == 2 && i + 1 < episodes;

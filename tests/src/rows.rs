@@ -161,7 +161,7 @@ impl Rows {
                 "lock-step",
             ],
         )?;
-        self.play_at(&server.link())
+        self.play_at(&server.client())
     }
 
     fn play_at(&self, client: &Client) -> anyhow::Result<Played> {

@@ -141,12 +141,12 @@ impl Server {
         }
     }
 
-    /// Opens a connection to it.
+    /// Opens a client connection to it.
     ///
     /// # Panics
     /// When it does not reply.
     #[must_use]
-    pub fn link(&self) -> Client {
+    pub fn client(&self) -> Client {
         Client::open(&self.connect()).expect("a connection to the server")
     }
 
@@ -159,7 +159,7 @@ impl Server {
     ///
     /// # Errors
     /// When the program cannot be started.
-    pub fn client(&self, args: &[&str]) -> anyhow::Result<Output> {
+    pub fn run_client(&self, args: &[&str]) -> anyhow::Result<Output> {
         Ok(Command::new(program("wheelarm")?)
             .args(["--connect", &self.endpoint, "--sim", &self.sim])
             .args(args)

@@ -1,4 +1,4 @@
-//! Chair, wheels, camera pole and arm bracket. The chair stands in
+//! Chair, wheels, camera pole and arm bracket. The meshes are in
 //! `wheelchair_root`: x forward, y left, floor at z = 0.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};

@@ -1,4 +1,4 @@
-//! Parts of the gripper in their link frames. Pins lie along y; those of the
+//! Parts of the gripper in their link frames. Pins are along y; those of the
 //! right finger are the left ones mirrored.
 
 use nalgebra::{Isometry3, Point3, Vector3};

@@ -238,7 +238,7 @@ pub(super) fn mustard(u: f32, v: f32) -> [f32; 3] {
     blend(c, red, band(v, 0.075, 0.10).max(band(v, 0.115, 0.122)))
 }
 
-/// Red above, cream below, a gold disc between; once per picture.
+/// Red above, cream below, a gold disc between; once per image.
 pub(super) fn soup(u: f32, v: f32) -> [f32; 3] {
     let red = [0.76, 0.08, 0.07];
     let cream = [0.97, 0.95, 0.90];

@@ -17,7 +17,7 @@ use wheelarm_server::geometry::texture::SIZE;
 /// Colour at `(u, v)` in 0..1, `v` upwards; sRGB-like values 0 to 1.
 type Pattern = fn(f32, f32) -> [f32; 3];
 
-/// Every picture by the name of its file.
+/// Every image by the name of its file.
 const PATTERNS: [(&str, Pattern); 19] = [
     ("planks", surfaces::planks),
     ("tiles", surfaces::tiles),
@@ -63,7 +63,7 @@ fn paint(color: Pattern) -> Vec<[u8; 3]> {
         .collect()
 }
 
-/// Writes a PNG, grey where there is no colour, that says where it comes from.
+/// Writes a PNG, grey if it has no color, with its origin as metadata.
 fn write(path: &Path, pixels: &[[u8; 3]]) -> anyhow::Result<()> {
     let grey = pixels.iter().all(|[r, g, b]| r == g && g == b);
     let file = BufWriter::new(std::fs::File::create(path)?);

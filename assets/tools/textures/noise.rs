@@ -1,4 +1,4 @@
-//! Hashes and noise that repeat with the picture.
+//! Hashes and noise that repeat with the image.
 
 /// A number 0 to 1 for a lattice point.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {

@@ -49,7 +49,7 @@ class File:
     #: Request: the task and, if its object is one of several equal ones, its position counted
     #: from the left (`tell_equal_objects_apart`).
     request: str = ""
-    #: Names of the objects in the tensor `things`; equal ones have their position in the name.
+    #: Names of the objects in the tensor of all objects; equal ones have their position in the name.
     names: tuple = ()
     #: Object of the task, one of `names`.
     target: str | None = None

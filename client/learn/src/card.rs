@@ -1,5 +1,5 @@
-//! The model card: everything about a policy but its weights. It stands as JSON in
-//! the metadata of the weights' file, and again beside it for people.
+//! The model card: everything about a policy except its weights. It is stored as JSON in the
+//! metadata of the weights' file, and in a second file beside it for readers.
 
 use serde::{Deserialize, Serialize};
 use wheelarm_policy::ActionKind;
@@ -10,7 +10,7 @@ use crate::network::{Shape, ShapeError};
 pub const FORMAT: &str = "wheelarm-policy/1";
 /// The key of the card in the file's metadata.
 pub const KEY: &str = "wheelarm";
-/// Most pixels of a side of a picture.
+/// Largest side of an image, pixels.
 const MOST_PIXELS: usize = 4096;
 
 /// A model card.
@@ -26,27 +26,28 @@ pub struct Card {
     pub robot: String,
     /// Rows per second.
     pub rate_hz: f64,
-    /// Rows of an answer.
+    /// Rows of a chunk of actions.
     pub chunk: usize,
-    /// Rows of an answer that are carried out before it is asked again.
+    /// Rows of a chunk that are executed before the next request.
     pub execute: usize,
-    /// Moments that it sees; only 1 is known.
+    /// Steps of an observation; only 1 is supported.
     pub history: usize,
-    /// It draws random numbers.
+    /// Whether it samples random numbers.
     pub stochastic: bool,
-    /// Pictures that it sees, in order.
+    /// Cameras of an observation, in order.
     pub cameras: Vec<CameraCard>,
-    /// How pictures become numbers.
-    pub picture: PictureCard,
+    /// Normalization of images.
+    #[serde(rename = "picture")]
+    pub image: ImageCard,
     /// The state.
     pub state: StateCard,
     /// The action.
     pub action: ActionCard,
-    /// Words that it knows, the unknown one first; empty: it reads no sentence.
+    /// The vocabulary, with the unknown word first; empty: it reads no sentence.
     pub vocabulary: Vec<String>,
-    /// Seeds whose episodes it was trained on.
+    /// Seeds of the training episodes.
     pub training_seeds: Vec<u64>,
-    /// Seeds that chose among its checkpoints.
+    /// Seeds of the episodes that selected the checkpoint.
     pub validation_seeds: Vec<u64>,
     /// Tasks of its episodes.
     pub tasks: Vec<String>,
@@ -58,29 +59,29 @@ pub struct Card {
     pub bits: u32,
 }
 
-/// Pictures of a camera.
+/// Images of a camera.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CameraCard {
     /// Name of the robot's camera.
     pub name: String,
-    /// Pixels.
+    /// Width, pixels.
     pub width: usize,
-    /// Pixels.
+    /// Height, pixels.
     pub height: usize,
-    /// Depth beside colours; only `false` is known.
+    /// Depth beside color; only `false` is supported.
     pub depth: bool,
 }
 
-/// How pictures become numbers.
+/// Normalization of images.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PictureCard {
-    /// Of red, green, blue, 0 to 1.
+pub struct ImageCard {
+    /// Mean of red, green, blue, 0 to 1.
     pub mean: [f32; 3],
-    /// Of red, green, blue.
+    /// Deviation of red, green, blue.
     pub std: [f32; 3],
     /// Sides are padded to multiples of this, pixels.
     pub multiple: usize,
-    /// With what; only `edge` is known.
+    /// Kind of padding; only `edge` is supported.
     pub padding: String,
 }
 
@@ -93,7 +94,7 @@ pub struct StateCard {
     pub mean: Vec<f32>,
     /// Deviation of each.
     pub std: Vec<f32>,
-    /// Names of those that the network does not see.
+    /// Names of the numbers that the network does not receive.
     pub hidden: Vec<String>,
 }
 
@@ -112,61 +113,63 @@ pub struct ActionCard {
     pub std: Vec<f32>,
 }
 
-/// What is wrong with a card.
+/// Reason why a card is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum CardError {
-    /// It is no card.
+    /// The text is not a card.
     #[error("the model card cannot be read: {0}")]
     Json(#[from] serde_json::Error),
-    /// Of another layout.
-    #[error("the model card has the format {0:?}, expected {FORMAT:?}: train or export it anew")]
+    /// Another layout.
+    #[error(
+        "the model card has the format {0:?}, expected {FORMAT:?}: train or export the policy again"
+    )]
     Format(String),
-    /// Sizes that no network has.
+    /// Invalid sizes.
     #[error(transparent)]
     Shape(#[from] ShapeError),
-    /// Lists that do not fit each other, or what this program does not know.
-    #[error("the model card says {0}")]
-    Says(String),
+    /// Lists that do not fit each other, or a value that this program does not support.
+    #[error("the model card is invalid: {0}")]
+    Invalid(String),
 }
 
 impl Card {
-    /// Reads and checks one.
+    /// Parses and checks a card.
     ///
     /// # Errors
     /// [`CardError`].
     pub fn parse(text: &str) -> Result<Self, CardError> {
-        let told: serde_json::Value = serde_json::from_str(text)?;
-        let format = told.get("format").and_then(|f| f.as_str());
+        let value: serde_json::Value = serde_json::from_str(text)?;
+        let format = value.get("format").and_then(|f| f.as_str());
         let format = format.unwrap_or_default();
         if format != FORMAT {
             return Err(CardError::Format(format.to_owned()));
         }
-        let card: Self = serde_json::from_value(told)?;
-        card.checked()?;
+        let card: Self = serde_json::from_value(value)?;
+        card.check()?;
         Ok(card)
     }
 
-    /// What its actions are.
+    /// Kind of its actions.
     ///
     /// # Errors
-    /// [`CardError::Says`] when nobody knows.
+    /// [`CardError::Invalid`] when the kind is unknown.
     pub fn action_kind(&self) -> Result<ActionKind, CardError> {
         let kind = self.action.kind.parse();
-        kind.map_err(|problem: wheelarm_policy::NoKind| CardError::Says(problem.to_string()))
+        kind.map_err(|problem: wheelarm_policy::NoKind| CardError::Invalid(problem.to_string()))
     }
 
-    /// Height and width of pictures with their padding, pixels.
+    /// Height and width of images with their padding, pixels.
     #[must_use]
     pub fn padded(&self) -> [usize; 2] {
         let first = self.cameras.first();
         let sides = first.map_or([0, 0], |camera| [camera.height, camera.width]);
-        sides.map(|side| side.next_multiple_of(self.picture.multiple))
+        sides.map(|side| side.next_multiple_of(self.image.multiple))
     }
 
-    fn checked(&self) -> Result<(), CardError> {
-        self.network.checked()?;
+    fn check(&self) -> Result<(), CardError> {
+        self.network.check()?;
         let shape = &self.network;
-        let says = |words: String| Err(CardError::Says(words));
+        let invalid = |reason: String| Err(CardError::Invalid(reason));
         let lengths = [
             ("state.names", self.state.names.len(), shape.state),
             ("state.mean", self.state.mean.len(), shape.state),
@@ -179,7 +182,9 @@ impl Card {
         ];
         for (what, found, expected) in lengths {
             if found != expected {
-                return says(format!("{found} {what}, and its network has {expected}"));
+                return invalid(format!(
+                    "{found} {what}, expected {expected} as in its network"
+                ));
             }
         }
         let numbers = [
@@ -189,61 +194,61 @@ impl Card {
             &self.action.std,
         ];
         let numbers = numbers.into_iter().flatten();
-        let numbers = numbers.chain(&self.picture.mean).chain(&self.picture.std);
+        let numbers = numbers.chain(&self.image.mean).chain(&self.image.std);
         let deviations = self.state.std.iter().chain(&self.action.std);
-        let deviations = deviations.chain(&self.picture.std);
+        let deviations = deviations.chain(&self.image.std);
         if !numbers.copied().all(f32::is_finite) || !deviations.copied().all(|std| std > 0.0) {
-            return says("a mean or deviation that is not finite, or a deviation of 0".to_owned());
+            return invalid(
+                "a mean or deviation that is not finite, or a deviation of 0".to_owned(),
+            );
         }
         if self.chunk != shape.chunk || !(1..=self.chunk).contains(&self.execute) {
-            return says(format!(
-                "that {} of {} rows are carried out, and its network answers {}",
+            return invalid(format!(
+                "{} of {} rows are executed, and its network returns {}",
                 self.execute, self.chunk, shape.chunk
             ));
         }
         let kind = self.action_kind()?;
         if kind == ActionKind::Applied || kind.size() != shape.action {
-            return says(format!(
-                "actions {} of {} numbers; a policy answers next-pose (12) or next-joints (9)",
+            return invalid(format!(
+                "actions {} of {} numbers, expected next-pose (12) or next-joints (9)",
                 self.action.kind, shape.action
             ));
         }
         for name in &self.state.hidden {
             if !self.state.names.contains(name) {
-                return says(format!(
-                    "that {name:?} is hidden, and the state has no such"
+                return invalid(format!(
+                    "{name:?} is hidden, but the state does not contain it"
                 ));
             }
         }
         if self.history != 1 {
             let history = self.history;
-            return says(format!(
-                "a history of {history} moments; this program knows 1"
-            ));
+            return invalid(format!("a history of {history} steps, expected 1"));
         }
-        if self.picture.padding != "edge" || !(1..=1024).contains(&self.picture.multiple) {
-            return says(format!(
-                "padding {:?} to multiples of {}; this program knows \"edge\" to 1 to 1024",
-                self.picture.padding, self.picture.multiple
+        if self.image.padding != "edge" || !(1..=1024).contains(&self.image.multiple) {
+            return invalid(format!(
+                "padding {:?} to multiples of {}, expected \"edge\" to 1 to 1024",
+                self.image.padding, self.image.multiple
             ));
         }
         let Some(first) = self.cameras.first() else {
-            return says("no camera".to_owned());
+            return invalid("no camera".to_owned());
         };
         for camera in &self.cameras {
             let sides = [camera.width, camera.height];
             if camera.depth || sides.iter().any(|s| !(8..=MOST_PIXELS).contains(s)) {
-                return says(format!(
-                    "pictures of {}x{} (depth: {}) of {:?}; this program knows colours of 8 to {MOST_PIXELS} pixels a side",
+                return invalid(format!(
+                    "images of {}x{} (depth: {}) of {:?}, expected color of 8 to {MOST_PIXELS} pixels a side",
                     camera.width, camera.height, camera.depth, camera.name
                 ));
             }
             if sides != [first.width, first.height] {
-                return says("cameras of several sizes; all must have one".to_owned());
+                return invalid("cameras of several sizes, expected one size".to_owned());
             }
         }
         if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
-            return says(format!("a rate of {} Hz", self.rate_hz));
+            return invalid(format!("a rate of {} Hz", self.rate_hz));
         }
         Ok(())
     }

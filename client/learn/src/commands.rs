@@ -8,7 +8,7 @@ use wheelarm_learn::baseline::{self, RunOptions};
 use wheelarm_learn::episodes::{self, Episode};
 use wheelarm_learn::network::Shape;
 use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE, Policy, serve};
-use wheelarm_learn::train::act::{ActLesson, ActOptions};
+use wheelarm_learn::train::act::{ActOptions, ActTask};
 use wheelarm_learn::train::{self, Schedule};
 use wheelarm_learn::trained::Trained;
 use wheelarm_proto::v1;
@@ -27,14 +27,14 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Serves a policy: answers whoever asks for it over Zenoh, until it is ended.
+    /// Serves a policy over Zenoh until the process ends.
     Serve {
-        /// The policy, a safetensors file with its card.
+        /// The policy: a safetensors file with its card.
         file: PathBuf,
-        /// Endpoint of whoever asks.
+        /// Endpoint of the client.
         #[arg(long, env = ENDPOINT_VARIABLE)]
         connect: String,
-        /// Its name in the keys.
+        /// Name of the policy in the keys.
         #[arg(long, env = NAME_VARIABLE, default_value = "policy")]
         name: String,
     },
@@ -43,48 +43,48 @@ enum Command {
         /// The policy.
         file: PathBuf,
     },
-    /// Asks a policy at every row of recorded episodes: error by row of its answer,
-    /// and time. Nothing moves: it says little about success.
+    /// Runs a policy on rows of recorded episodes and prints the error by row of its chunk, and
+    /// the time. Without a simulation, so it says little about success.
     Try {
         /// The policy.
         file: PathBuf,
         /// Folders or files of `wheelarm dataset export --format tensors`.
         #[arg(required = true)]
         data: Vec<PathBuf>,
-        /// Asks at so many rows at most, evenly spaced.
+        /// Most rows, evenly spaced.
         #[arg(long, default_value_t = 500)]
         rows: usize,
     },
-    /// The baseline of WheelArm-Sim's paper: trained as the paper prints it and
-    /// corrected, with a table of errors beside two rules that know nothing, and a
-    /// figure of predictions over truth. The same command goes on where it was cut.
+    /// Trains the baseline of WheelArm-Sim's paper, as printed and corrected. Writes a table of
+    /// errors beside two naive predictors, and a figure of predictions over truth. The same
+    /// command continues an interrupted run.
     Baseline(BaselineArgs),
-    /// Trains ACT on the CPU: tiny ones. Large ones are for python/train.py and a GPU.
+    /// Trains a small ACT on the CPU. Train large ones with python/train.py on a GPU.
     TrainAct(TrainAct),
 }
 
 #[derive(Args)]
 struct BaselineArgs {
-    /// Folders or files of `wheelarm dataset export --format tensors`, of 24 seeds or
-    /// more: split 16 to 4 to 4 by seed.
+    /// Folders or files of `wheelarm dataset export --format tensors`, with 24 seeds or more: split
+    /// 16 : 4 : 4 by seed.
     #[arg(required = true)]
     data: Vec<PathBuf>,
     /// Folder for features, checkpoints, table.md, table.csv, table.json and figures.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Rows that are seen: 20 in the paper's table, 15 in its text.
+    /// Rows of a window: 20 in the paper's table, 15 in its text.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
     length: u16,
-    /// Epochs at most; three without progress end it.
+    /// Most epochs; three without progress end the training.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     epochs: u64,
-    /// Weights of torchvision's resnet18, .pth or .safetensors; drawn without it.
+    /// Weights of torchvision's resnet18, .pth or .safetensors; random without it.
     #[arg(long, value_name = "FILE")]
     backbone: Option<PathBuf>,
-    /// Vectors of words to begin with, a text file of word2vec of 300 numbers.
+    /// Initial word vectors: a text file of word2vec with 300 numbers a word.
     #[arg(long, value_name = "FILE")]
     word_vectors: Option<PathBuf>,
-    /// Seed of all that is drawn.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -94,19 +94,19 @@ struct TrainAct {
     /// Folders or files of `wheelarm dataset export --format tensors`.
     #[arg(required = true)]
     data: Vec<PathBuf>,
-    /// Folder for checkpoint, log, curves and policy. A run that lies there goes on.
+    /// Folder for checkpoint, log, curves and policy. A run in this folder continues.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Name of the policy; that of the folder without it.
+    /// Name of the policy; default: that of the folder.
     #[arg(long)]
     name: Option<String>,
-    /// Steps in all.
+    /// Total number of steps.
     #[arg(long, default_value_t = 2000)]
     steps: u64,
-    /// Ends this call after so many seconds.
+    /// Ends this call after this time, seconds.
     #[arg(long)]
     seconds: Option<f64>,
-    /// Rows of a step.
+    /// Batch size, rows.
     #[arg(long, default_value_t = 16)]
     batch: usize,
     /// Learning rate.
@@ -118,22 +118,22 @@ struct TrainAct {
     /// Weight of the latent's divergence.
     #[arg(long, default_value_t = 5.0)]
     kl: f64,
-    /// Rows that are answered.
+    /// Rows of a chunk.
     #[arg(long, default_value_t = 20)]
     chunk: usize,
-    /// Rows of these that are carried out.
+    /// Rows of a chunk that are executed.
     #[arg(long, default_value_t = 10)]
     execute: usize,
     /// Channels of the ResNet's first stage.
     #[arg(long, default_value_t = 16)]
     width: usize,
-    /// Channels of a group of its norms.
+    /// Channels of a group of its group norms.
     #[arg(long, default_value_t = 8)]
     group_channels: usize,
-    /// Numbers of a token.
+    /// Width of a token.
     #[arg(long, default_value_t = 128)]
     dim: usize,
-    /// Inner numbers of a feed-forward part.
+    /// Inner width of a feed-forward part.
     #[arg(long, default_value_t = 256)]
     feedforward: usize,
     /// Heads of an attention.
@@ -142,25 +142,25 @@ struct TrainAct {
     /// Layers of the encoder.
     #[arg(long, default_value_t = 2)]
     encoder_layers: usize,
-    /// Layers of the latent's encoder; 0: no latent is learned.
+    /// Layers of the latent's encoder; 0: without a latent.
     #[arg(long, default_value_t = 1)]
     vae_layers: usize,
-    /// Pixels that pictures are shifted at most.
+    /// Largest random shift of an image, pixels.
     #[arg(long, default_value_t = 2)]
     shift: i32,
-    /// The sentence is not read.
+    /// Ignores the sentence.
     #[arg(long)]
     no_language: bool,
-    /// Share of the seeds that is held out.
+    /// Share of held-out seeds.
     #[arg(long, default_value_t = 0.1)]
     validation: f64,
     /// Steps between lines of the log.
     #[arg(long, default_value_t = 100)]
     interval: u64,
-    /// Intervals without progress after which it ends; never without it.
+    /// Ends after this number of intervals without progress; default: never.
     #[arg(long)]
     patience: Option<usize>,
-    /// Seed of all that is drawn.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -185,7 +185,7 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             println!("{}", serde_json::to_string_pretty(policy.card())?);
             Ok(0)
         }
-        Command::Try { file, data, rows } => tried(&file, &data, rows),
+        Command::Try { file, data, rows } => evaluate_rows(&file, &data, rows),
         Command::TrainAct(options) => train_act(options),
         Command::Baseline(args) => {
             let options = RunOptions {
@@ -224,7 +224,7 @@ fn train_act(options: TrainAct) -> anyhow::Result<u8> {
         ..Shape::default()
     };
     let all: usize = learned.iter().map(Episode::rows).sum();
-    let lesson = ActLesson::new(
+    let task = ActTask::new(
         ActOptions {
             name,
             shape,
@@ -241,7 +241,7 @@ fn train_act(options: TrainAct) -> anyhow::Result<u8> {
         learned.clone(),
         held,
     )?;
-    let network = lesson.network();
+    let network = task.network();
     println!(
         "{:.2} M parameters, {all} rows",
         burn::module::Module::num_params(&network) as f64 / 1e6
@@ -257,14 +257,14 @@ fn train_act(options: TrainAct) -> anyhow::Result<u8> {
         weight_decay: 1e-4,
         clip: 10.0,
     };
-    let (network, told) = train::run(&lesson, network, &schedule)?;
+    let (network, progress) = train::run(&task, network, &schedule)?;
     let network = burn::module::Module::valid(&network);
-    let [error, held] = lesson.errors(&network, &learned, 256);
-    println!("on what it learned from: L1 {error:.4}, holding the row's action {held:.4}");
-    Ok(if told.is_over { 0 } else { UNFINISHED })
+    let [error, held] = task.errors(&network, &learned, 256);
+    println!("on training episodes: L1 {error:.4}, holding the row's action {held:.4}");
+    Ok(if progress.is_over { 0 } else { UNFINISHED })
 }
 
-fn tried(file: &Path, data: &[PathBuf], most: usize) -> anyhow::Result<u8> {
+fn evaluate_rows(file: &Path, data: &[PathBuf], most: usize) -> anyhow::Result<u8> {
     let mut policy = Trained::read(file)?;
     let episodes = episodes::read(data)?;
     let card = policy.card().clone();
@@ -310,29 +310,26 @@ fn tried(file: &Path, data: &[PathBuf], most: usize) -> anyhow::Result<u8> {
     let all = |i: usize| sums.iter().map(|s| s[i]).sum::<f64>() / counts.iter().sum::<f64>();
     println!("all  {:.4}  {:.4}", all(0), all(1));
     let middle = millis.get(millis.len() / 2).copied().unwrap_or(f64::NAN);
-    println!(
-        "{} questions, {middle:.1} ms each in the middle",
-        millis.len()
-    );
+    println!("{} requests, median {middle:.1} ms each", millis.len());
     Ok(0)
 }
 
-/// A recorded row as a pilot would ask about it.
+/// A recorded row as an observation of a rollout.
 fn observation(
     episode: &Episode,
     row: usize,
     cameras: &[wheelarm_learn::card::CameraCard],
 ) -> v1::PolicyObservation {
-    let pictures = cameras
+    let images = cameras
         .iter()
         .filter(|camera| episode.cameras.contains_key(&camera.name));
-    let pictures = pictures.map(|camera| {
+    let images = images.map(|camera| {
         let size = &episode.cameras[&camera.name];
         v1::PolicyImage {
             camera: camera.name.clone(),
             width: size.width as u32,
             height: size.height as u32,
-            color: episode.picture(&camera.name, row).to_vec().into(),
+            color: episode.image(&camera.name, row).to_vec().into(),
             ..Default::default()
         }
     });
@@ -345,7 +342,7 @@ fn observation(
         instruction: episode.about.instruction.clone(),
         steps: vec![v1::PolicyStep {
             state_values: state.collect(),
-            images: pictures.collect(),
+            images: images.collect(),
         }],
     }
 }

@@ -1,4 +1,4 @@
-//! Episodes as `wheelarm dataset export --format tensors` writes them.
+//! Reads episodes of `wheelarm dataset export --format tensors`.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -12,25 +12,25 @@ use sha2::{Digest, Sha256};
 
 use crate::card::KEY;
 
-/// Version of the layout that is read.
+/// Supported version of the layout.
 const LAYOUT: &str = "wheelarm-tensors/1";
-/// The least deviation of a number, in its own unit: what hardly changes is not
-/// blown up.
+/// Least deviation of a number, in its own unit, so that nearly constant numbers are not
+/// amplified.
 pub const LEAST_DEVIATION: f32 = 0.01;
 
-/// What a file says of its episode.
+/// Metadata of an episode.
 #[derive(Clone, Debug, Deserialize)]
 pub struct About {
     layout: String,
     /// Label of the episode.
     pub label: String,
-    /// What was said.
+    /// The instruction.
     pub instruction: String,
     /// Task.
     pub task: String,
     /// Seed of the scenario.
     pub seed: u64,
-    /// The task succeeded.
+    /// Whether the task succeeded.
     pub success: bool,
     /// Rows per second.
     pub rate_hz: f64,
@@ -44,16 +44,16 @@ pub struct About {
     pub action_names: Vec<String>,
     /// Units of the numbers of an action.
     pub action_units: Vec<String>,
-    /// Names of WheelArm-Sim's columns; none without an IMU in the recording.
+    /// Names of WheelArm-Sim's columns; `None` without an IMU in the recording.
     pub table_names: Option<Vec<String>>,
 }
 
-/// Rows of numbers.
+/// A table of numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     /// Numbers of a row.
     pub width: usize,
-    /// Row by row.
+    /// Values, row by row.
     pub values: Vec<f32>,
 }
 
@@ -64,19 +64,19 @@ impl Table {
         &self.values[row * self.width..(row + 1) * self.width]
     }
 
-    /// Count of rows.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.values.len() / self.width.max(1)
     }
 }
 
-/// Pictures of one camera, as bytes in the file.
+/// Position and size of one camera's images in the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Pictures {
-    /// Pixels.
+pub struct CameraImages {
+    /// Height, pixels.
     pub height: usize,
-    /// Pixels.
+    /// Width, pixels.
     pub width: usize,
     bytes: Range<usize>,
 }
@@ -84,19 +84,18 @@ pub struct Pictures {
 /// One episode.
 #[derive(Clone, Debug)]
 pub struct Episode {
-    /// What its file says.
+    /// Its metadata.
     pub about: About,
     /// Rows of state.
     pub states: Table,
     /// Rows of action.
     pub actions: Table,
-    /// WheelArm-Sim's columns, where the recording had an IMU; not a number in rows
-    /// without a sample of it.
+    /// WheelArm-Sim's columns, where the recording has an IMU; NaN in rows without a sample.
     pub table: Option<Table>,
-    /// Cameras by name.
-    pub cameras: BTreeMap<String, Pictures>,
+    /// Color images by camera.
+    pub cameras: BTreeMap<String, CameraImages>,
     /// Depth by camera, where it was exported (`--depth`).
-    pub depths: BTreeMap<String, Pictures>,
+    pub depths: BTreeMap<String, CameraImages>,
     file: Vec<u8>,
 }
 
@@ -104,7 +103,7 @@ impl Episode {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it is no episode, or damaged.
+    /// When the file is not an episode, or damaged.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let name = || path.display().to_string();
         let file = std::fs::read(path).with_context(name)?;
@@ -112,14 +111,14 @@ impl Episode {
         let about = metadata.metadata().as_ref().and_then(|m| m.get(KEY));
         let about = about.with_context(|| {
             format!(
-                "{} is no episode: they are written by `wheelarm dataset export --format tensors`",
+                "{} is not an episode: write one with `wheelarm dataset export --format tensors`",
                 path.display()
             )
         })?;
         let about: About = serde_json::from_str(about).with_context(name)?;
         ensure!(
             about.layout == LAYOUT,
-            "{} has the layout {:?}, expected {LAYOUT:?}: export it anew",
+            "{} has the layout {:?}, expected {LAYOUT:?}: export it again",
             path.display(),
             about.layout
         );
@@ -127,11 +126,11 @@ impl Episode {
         let table = |what: &str| -> anyhow::Result<Table> {
             let view = tensors.tensor(what).with_context(name)?;
             let &[_, width] = view.shape() else {
-                bail!("{}: {what} is no table", path.display())
+                bail!("{}: {what} is not a table", path.display())
             };
             ensure!(
                 view.dtype() == Dtype::F32 && width > 0,
-                "{}: {what} holds no numbers of single precision",
+                "{}: {what} is not of single precision",
                 path.display()
             );
             let numbers = view.data().chunks_exact(4);
@@ -152,7 +151,7 @@ impl Episode {
             if let Some(camera) = name.strip_prefix("depth.") {
                 let info = metadata.info(name).context("a tensor")?;
                 let &[count, height, width] = info.shape.as_slice() else {
-                    bail!("{}: {name} is no depth", path.display())
+                    bail!("{}: {name} is not depth", path.display())
                 };
                 ensure!(
                     info.dtype == Dtype::U16 && count == states.rows() && height * width > 0,
@@ -161,12 +160,12 @@ impl Episode {
                     states.rows()
                 );
                 let (from, to) = info.data_offsets;
-                let pictures = Pictures {
+                let images = CameraImages {
                     height,
                     width,
                     bytes: header + 8 + from..header + 8 + to,
                 };
-                depths.insert(camera.to_owned(), pictures);
+                depths.insert(camera.to_owned(), images);
                 continue;
             }
             let Some(camera) = name.strip_prefix("pictures.") else {
@@ -174,33 +173,33 @@ impl Episode {
             };
             let info = metadata.info(name).context("a tensor")?;
             let &[count, height, width, 3] = info.shape.as_slice() else {
-                bail!("{}: {name} are no pictures", path.display())
+                bail!("{}: {name} is not color images", path.display())
             };
             ensure!(
                 info.dtype == Dtype::U8 && count == states.rows(),
-                "{}: {count} pictures of {camera} and {} rows",
+                "{}: {count} images of {camera} and {} rows",
                 path.display(),
                 states.rows()
             );
             let (from, to) = info.data_offsets;
-            // Behind the length of the header and the header.
+            // After the length of the header and the header.
             let bytes = header + 8 + from..header + 8 + to;
-            let pictures = Pictures {
+            let images = CameraImages {
                 height,
                 width,
                 bytes,
             };
-            cameras.insert(camera.to_owned(), pictures);
+            cameras.insert(camera.to_owned(), images);
         }
         let rows = [Some(actions.rows()), table.as_ref().map(Table::rows)];
         ensure!(
             rows.into_iter().flatten().all(|r| r == states.rows()) && states.rows() > 0,
-            "{}: its tables have different or no rows",
+            "{}: its tables are empty or differ in their number of rows",
             path.display()
         );
         ensure!(
             states.width == about.state_names.len() && actions.width == about.action_names.len(),
-            "{}: its tables have other widths than names",
+            "{}: the width of a table differs from its number of names",
             path.display()
         );
         Ok(Self {
@@ -214,41 +213,41 @@ impl Episode {
         })
     }
 
-    /// Count of rows.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.states.rows()
     }
 
-    /// A picture: bytes of red, green, blue from the top left.
+    /// A color image: bytes of red, green, blue from the top left.
     ///
     /// # Panics
     /// Without that camera or row.
     #[must_use]
-    pub fn picture(&self, camera: &str, row: usize) -> &[u8] {
-        let pictures = &self.cameras[camera];
-        let size = pictures.height * pictures.width * 3;
-        let from = pictures.bytes.start + row * size;
+    pub fn image(&self, camera: &str, row: usize) -> &[u8] {
+        let images = &self.cameras[camera];
+        let size = images.height * images.width * 3;
+        let from = images.bytes.start + row * size;
         &self.file[from..from + size]
     }
 
-    /// Depth of a row from the top left, millimetres; 0 where nothing is.
+    /// Depth of a row from the top left, millimetres; 0 without a surface.
     ///
     /// # Panics
     /// Without depth of that camera or that row.
     pub fn depth(&self, camera: &str, row: usize) -> impl Iterator<Item = u16> {
-        let pictures = &self.depths[camera];
-        let size = pictures.height * pictures.width * 2;
-        let from = pictures.bytes.start + row * size;
+        let images = &self.depths[camera];
+        let size = images.height * images.width * 2;
+        let from = images.bytes.start + row * size;
         let pairs = self.file[from..from + size].chunks_exact(2);
         pairs.map(|b| u16::from_le_bytes([b[0], b[1]]))
     }
 }
 
-/// Files of the folders, in the order of their names.
+/// Episode files below the folders, sorted.
 ///
 /// # Errors
-/// When there is none.
+/// When a folder cannot be read, or no file exists.
 pub fn files(folders: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut open: Vec<PathBuf> = folders.to_vec();
@@ -266,15 +265,15 @@ pub fn files(folders: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     found.sort();
     ensure!(
         !found.is_empty(),
-        "there is no *.safetensors in {folders:?}: write them by `wheelarm dataset export --format tensors RECORDINGS --out FOLDER`"
+        "no *.safetensors in {folders:?}: write them with `wheelarm dataset export --format tensors RECORDINGS --out FOLDER`"
     );
     Ok(found)
 }
 
-/// Reads all; episodes that failed are left out.
+/// Reads all successful episodes.
 ///
 /// # Errors
-/// When a file is no episode, or they have different rows or pictures.
+/// When a file is not an episode, or episodes differ in columns, rate or images.
 pub fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<Episode>> {
     let mut all: Vec<Episode> = Vec::new();
     for path in files(folders)? {
@@ -297,7 +296,7 @@ pub fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<Episode>> {
                     && a.table_names == b.table_names
                     && a.rate_hz == b.rate_hz
                     && sizes(first) == sizes(&episode),
-                "{} has other rows, another rate or other pictures than {}: export all alike",
+                "{} differs from {} in its columns, rate or images: export all with equal options",
                 path.display(),
                 a.label
             );
@@ -308,8 +307,8 @@ pub fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<Episode>> {
     Ok(all)
 }
 
-/// Puts whole seeds aside, `share` of them, and at least one of several; the same
-/// ones whatever else is there.
+/// Splits episodes by seed into training and held out: `share` of the seeds is held out, at least
+/// one of several. The order of the seeds follows from their hashes.
 #[must_use]
 pub fn split(episodes: Vec<Episode>, share: f64) -> (Vec<Episode>, Vec<Episode>) {
     let mut seeds: Vec<u64> = episodes.iter().map(|e| e.about.seed).collect();
@@ -321,10 +320,10 @@ pub fn split(episodes: Vec<Episode>, share: f64) -> (Vec<Episode>, Vec<Episode>)
         several => ((share * several as f64).round() as usize).clamp(1, several - 1),
     };
     seeds.sort_by_key(|seed| Sha256::digest(seed.to_string()));
-    let held = &seeds[..count];
-    let is_held = |episode: &Episode| held.contains(&episode.about.seed);
-    let (held, learned) = episodes.into_iter().partition(is_held);
-    (learned, held)
+    let held_out = &seeds[..count];
+    let is_held = |episode: &Episode| held_out.contains(&episode.about.seed);
+    let (held_out, training) = episodes.into_iter().partition(is_held);
+    (training, held_out)
 }
 
 /// Mean and deviation of the columns of tables, the deviation [`LEAST_DEVIATION`]

@@ -1,4 +1,4 @@
-//! Pictures of curves: drawn into memory, written as PNG.
+//! Diagrams: drawn into memory, written as PNG.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -9,19 +9,19 @@ use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::style::{FontStyle, WHITE, register_font};
 
-/// What is drawn on.
+/// The drawing area of a diagram.
 pub type Paper<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
-/// Draws a picture of (width, height) pixels.
+/// Draws a diagram of (width, height) pixels into a PNG file.
 ///
 /// # Errors
-/// What `draw` says, or when the file cannot be written.
+/// Errors of `draw`, or when the file cannot be written.
 pub fn save(
     path: &Path,
     size: (u32, u32),
     draw: impl FnOnce(&Paper<'_>) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    fonts();
+    register_fonts();
     let mut pixels = vec![0; size.0 as usize * size.1 as usize * 3];
     {
         let paper = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
@@ -37,11 +37,11 @@ pub fn save(
     Ok(())
 }
 
-/// Makes the font known once.
-fn fonts() {
+/// Registers the font once.
+fn register_fonts() {
     static DONE: OnceLock<()> = OnceLock::new();
     DONE.get_or_init(|| {
-        // A font that is not taken shows in the first picture that is drawn: an error.
+        // A rejected font leads to an error of the first diagram.
         let _ = register_font(
             "sans-serif",
             FontStyle::Normal,

@@ -1,15 +1,15 @@
-//! Words of a sentence as numbers: the share of each word of a vocabulary.
+//! Sentences as numbers: the share of each word of a vocabulary, or the words in order.
 
 use std::collections::{BTreeSet, HashMap};
 
-/// Stands for all words that were never seen; the first of every vocabulary.
+/// Replaces every unknown word; the first word of every vocabulary.
 pub const UNKNOWN: &str = "<unknown>";
 
-/// Words of a sentence that are read in their order, as in `network.py`: the work grows
-/// with their square, and an instruction may be of any length.
-const READ: usize = 128;
+/// Most words of a sentence that a text encoder reads, as in `network.py`: its work grows with
+/// their square, and an instruction may have any length.
+const MOST_WORDS: usize = 128;
 
-/// Words with their places.
+/// Words with their indices.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Vocabulary {
     places: HashMap<String, usize>,
@@ -17,7 +17,7 @@ pub struct Vocabulary {
 }
 
 impl Vocabulary {
-    /// Of a card's words, the unknown one first; none: no sentence is read.
+    /// From a card's words, with the unknown word first; empty: no sentence is read.
     #[must_use]
     pub fn new(words: &[String]) -> Self {
         let places = words.iter().cloned().enumerate();
@@ -27,7 +27,7 @@ impl Vocabulary {
         }
     }
 
-    /// Share of each word in a sentence.
+    /// Share of each word of the vocabulary in a sentence.
     #[must_use]
     pub fn shares(&self, sentence: &str) -> Vec<f32> {
         let mut shares = vec![0.0; self.size];
@@ -42,18 +42,17 @@ impl Vocabulary {
         shares
     }
 
-    /// Places of its words in their order, 0 for one that was never seen; of a long
-    /// sentence those of the first 128.
+    /// Indices of its words in order, 0 for an unknown word; of a long sentence the first 128.
     #[must_use]
     pub fn in_order(&self, sentence: &str) -> Vec<i32> {
         let words = words_of(sentence);
         let place = |word: &String| self.places.get(word).copied().unwrap_or(0);
-        let read = words.iter().take(READ);
+        let read = words.iter().take(MOST_WORDS);
         read.map(|word| place(word) as i32).collect()
     }
 }
 
-/// All words of sentences in order, the unknown one first.
+/// All words of sentences, sorted, with the unknown word first.
 #[must_use]
 pub fn vocabulary<'a>(sentences: impl Iterator<Item = &'a str>) -> Vec<String> {
     let words: BTreeSet<String> = sentences.flat_map(words_of).collect();
@@ -75,14 +74,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_are_those_of_the_trainer() {
-        let told = words_of("Please, get me the mug that's LEFT of box-2!");
+    fn words_are_split_as_in_the_python_trainer() {
+        let words = words_of("Please, get me the mug that's LEFT of box-2!");
         let wanted = "please get me the mug that's left of box 2";
-        assert_eq!(told.join(" "), wanted);
+        assert_eq!(words.join(" "), wanted);
     }
 
     #[test]
-    fn a_sentence_is_shares_of_known_words() {
+    fn sentence_becomes_shares_or_indices_of_known_words() {
         let all = vocabulary(["the mug", "The can"].into_iter());
         assert_eq!(all, [UNKNOWN, "can", "mug", "the"]);
         let all = Vocabulary::new(&all);
@@ -90,8 +89,8 @@ mod tests {
         assert_eq!(all.in_order("The red mug, the mug"), [3, 0, 2, 3, 2]);
         assert_eq!(all.shares(""), [0.0; 4]);
         let long = format!("mug {}", "the can ".repeat(30_000));
-        let told = all.in_order(&long);
-        assert_eq!((told.len(), &told[..3]), (READ, &[2, 3, 1][..]));
+        let words = all.in_order(&long);
+        assert_eq!((words.len(), &words[..3]), (MOST_WORDS, &[2, 3, 1][..]));
         assert!(Vocabulary::new(&[]).shares("the mug").is_empty());
     }
 }

@@ -1,6 +1,6 @@
 //! Networks that learn from recordings: trained, served and measured on the CPU.
 //!
-//! The only package that names burn. Rows of state and action are made elsewhere
+//! The only package that names burn. Other packages make rows of state and action
 //! (`wheelarm-policy`, `wheelarm dataset export --format tensors`). The PyTorch programs in
 //! `python/` train large networks; this crate reads their files.
 //!
@@ -15,9 +15,9 @@ pub mod baseline;
 pub mod card;
 pub mod episodes;
 mod figure;
+pub mod image;
 pub mod language;
 pub mod network;
-pub mod picture;
 pub mod serve;
 pub mod train;
 pub mod trained;

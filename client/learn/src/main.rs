@@ -1,7 +1,6 @@
 //! The program `wheelarm-learn`; `wheelarm learn …` runs it.
 //!
-//! Exit codes: 0 ok, 1 failed, 2 wrong usage, 4 steps are left: the same command
-//! goes on.
+//! Exit codes: 0 ok, 1 failed, 2 wrong usage, 4 steps are left: the same command continues.
 
 mod commands;
 

@@ -1,4 +1,4 @@
-//! A trained policy at work: observations in, rows of action out.
+//! A trained policy: observations in, rows of actions out.
 
 use std::path::Path;
 
@@ -11,16 +11,16 @@ use wheelarm_policy::ActionKind;
 use wheelarm_proto::v1;
 
 use crate::card::Card;
+use crate::image;
 use crate::language::Vocabulary;
 use crate::network::{Inputs, Kind, Network, Words};
-use crate::picture;
 use crate::serve::Policy;
 use crate::weights::WeightsFile;
 
-/// Observations that one request may hold.
+/// Most observations of one forward pass.
 const MAX_BATCH: u32 = 16;
 
-/// A network with its card.
+/// A network with its card, which replies to observations.
 #[derive(Debug)]
 pub struct Trained {
     network: Network,
@@ -35,17 +35,17 @@ impl Trained {
     /// Reads a policy.
     ///
     /// # Errors
-    /// When the file is none, or its weights do not fit its card.
+    /// When the file is not a policy, or its weights do not fit its card.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let file = WeightsFile::read(path)?;
         let text = file.card.with_context(|| {
             format!(
-                "{} has no model card: policies are written by python/train.py, python/export.py and wheelarm-learn",
+                "{} has no model card: use a policy of python/train.py, python/export.py or wheelarm-learn",
                 path.display()
             )
         })?;
         let mut card = Card::parse(&text).with_context(|| path.display().to_string())?;
-        // What is stored for PyTorch to go on with is not needed here.
+        // The latent's encoder is stored only for further training.
         card.network.vae_layers = 0;
         let device = Device::flex();
         let network = Network::new(&card.network, &device);
@@ -54,10 +54,10 @@ impl Trained {
         Self::new(network, card, file.sha256)
     }
 
-    /// Of a network on the device of its weights, and its card.
+    /// From a network, on the device of its weights, and its card.
     ///
     /// # Errors
-    /// When the card says what cannot be served.
+    /// When a policy cannot have the card's actions.
     pub fn new(network: Network, card: Card, sha256: String) -> anyhow::Result<Self> {
         let hidden = card.state.names.iter();
         Ok(Self {
@@ -76,39 +76,39 @@ impl Trained {
         &self.card
     }
 
-    /// What is wrong with an observation, or its newest moment.
-    fn moment<'a>(&self, seen: &'a v1::PolicyObservation) -> anyhow::Result<&'a v1::PolicyStep> {
-        let moment = seen.steps.last().context("there is no moment in it")?;
+    /// Checks an observation; its newest step.
+    fn check<'a>(
+        &self,
+        observation: &'a v1::PolicyObservation,
+    ) -> anyhow::Result<&'a v1::PolicyStep> {
+        let step = observation.steps.last().context("it has no steps")?;
         let expected = self.card.state.names.len();
         ensure!(
-            moment.state_values.len() == expected,
+            step.state_values.len() == expected,
             "its state has {} numbers, expected {expected}",
-            moment.state_values.len()
+            step.state_values.len()
         );
         let names = self.card.state.names.iter();
-        if let Some((name, value)) = names
-            .zip(&moment.state_values)
-            .find(|(_, v)| !v.is_finite())
-        {
+        if let Some((name, value)) = names.zip(&step.state_values).find(|(_, v)| !v.is_finite()) {
             anyhow::bail!("{name} is {value}");
         }
         ensure!(
-            moment.images.len() == self.card.cameras.len(),
-            "it has {} pictures, expected {}",
-            moment.images.len(),
+            step.images.len() == self.card.cameras.len(),
+            "it has {} images, expected {}",
+            step.images.len(),
             self.card.cameras.len()
         );
-        for (picture, camera) in moment.images.iter().zip(&self.card.cameras) {
+        for (image, camera) in step.images.iter().zip(&self.card.cameras) {
             ensure!(
-                picture.camera == camera.name,
-                "a picture of {:?} where one of {:?} belongs",
-                picture.camera,
+                image.camera == camera.name,
+                "an image of {:?}, expected one of {:?}",
+                image.camera,
                 camera.name
             );
-            let size = [picture.width as usize, picture.height as usize];
+            let size = [image.width as usize, image.height as usize];
             ensure!(
                 size == [camera.width, camera.height],
-                "the picture of {} is {}x{}, expected {}x{}",
+                "the image of {} is {}x{}, expected {}x{}",
                 camera.name,
                 size[0],
                 size[1],
@@ -117,21 +117,25 @@ impl Trained {
             );
             let bytes = camera.width * camera.height * 3;
             ensure!(
-                picture.color.len() == bytes,
-                "the picture of {} has {} bytes, expected {bytes}",
+                image.color.len() == bytes,
+                "the image of {} has {} bytes, expected {bytes}",
                 camera.name,
-                picture.color.len()
+                image.color.len()
             );
         }
-        Ok(moment)
+        Ok(step)
     }
 
-    /// The rows of one observation, a flow's from a noise of the caller's.
+    /// Rows of one observation, chunk × action in their units; a flow starts from `noise`.
     ///
     /// # Errors
     /// When the observation does not fit.
-    pub fn answer(&self, seen: &v1::PolicyObservation, noise: &[f32]) -> anyhow::Result<Vec<f32>> {
-        let moment = self.moment(seen)?;
+    pub fn answer(
+        &self,
+        observation: &v1::PolicyObservation,
+        noise: &[f32],
+    ) -> anyhow::Result<Vec<f32>> {
+        let step = self.check(observation)?;
         let shape = &self.card.network;
         let count = shape.chunk * shape.action;
         ensure!(
@@ -139,43 +143,43 @@ impl Trained {
             "{} numbers of noise, expected {count}",
             noise.len()
         );
-        let rows = self.rows(&[(seen, moment)], &|_, _| noise.to_vec());
-        rows.into_iter().next().context("no answer")
+        let rows = self.rows(&[(observation, step)], &|_, _| noise.to_vec());
+        rows.into_iter().next().context("no rows")
     }
 
-    /// Rows of every observation, in their units; all have been checked. A flow
-    /// starts from the noise of seed and tick.
+    /// Rows of every observation, in their units; all have been checked. A flow starts from the
+    /// noise of seed and tick.
     fn rows(
         &self,
-        seen: &[(&v1::PolicyObservation, &v1::PolicyStep)],
+        observations: &[(&v1::PolicyObservation, &v1::PolicyStep)],
         noise: &dyn Fn(u64, u64) -> Vec<f32>,
     ) -> Vec<Vec<f32>> {
-        let (shape, batch) = (&self.card.network, seen.len());
-        let pictures = seen.iter().flat_map(|(_, moment)| &moment.images);
-        let pictures: Vec<&[u8]> = pictures.map(|p| p.color.as_ref()).collect();
-        let states = seen.iter().flat_map(|(_, moment)| self.state(moment));
+        let (shape, batch) = (&self.card.network, observations.len());
+        let images = observations.iter().flat_map(|(_, step)| &step.images);
+        let images: Vec<&[u8]> = images.map(|p| p.color.as_ref()).collect();
+        let states = observations.iter().flat_map(|(_, step)| self.state(step));
         let states = TensorData::new(states.collect::<Vec<_>>(), [batch, shape.state]);
-        let sentences = seen.iter().map(|(s, _)| s.instruction.as_str());
+        let sentences = observations.iter().map(|(s, _)| s.instruction.as_str());
         let words = (shape.words > 0).then(|| match shape.text_layers {
             0 => {
-                let shares = sentences.flat_map(|told| self.vocabulary.shares(told));
+                let shares = sentences.flat_map(|sentence| self.vocabulary.shares(sentence));
                 let shares = TensorData::new(shares.collect::<Vec<_>>(), [batch, shape.words]);
                 Words::Shares(Tensor::from_data(shares, &self.device))
             }
             _ => Words::InOrder(
                 sentences
-                    .map(|told| self.vocabulary.in_order(told))
+                    .map(|sentence| self.vocabulary.in_order(sentence))
                     .collect(),
             ),
         });
         let noise = (shape.kind == Kind::Flow).then(|| {
-            let noise = seen.iter().flat_map(|(s, _)| noise(s.seed, s.tick));
+            let noise = observations.iter().flat_map(|(s, _)| noise(s.seed, s.tick));
             let noise: Vec<f32> = noise.collect();
             let noise = TensorData::new(noise, [batch, shape.chunk, shape.action]);
             Tensor::from_data(noise, &self.device)
         });
         let inputs = Inputs {
-            pictures: picture::numbers(&self.card, &pictures, None, &self.device),
+            images: image::to_tensor(&self.card, &images, None, &self.device),
             state: Tensor::from_data(states, &self.device),
             words,
         };
@@ -191,10 +195,10 @@ impl Trained {
             .collect()
     }
 
-    /// The state as the network was trained with.
-    fn state(&self, moment: &v1::PolicyStep) -> Vec<f32> {
+    /// The state as the network's input: standardized, 0 for hidden numbers.
+    fn state(&self, step: &v1::PolicyStep) -> Vec<f32> {
         let state = &self.card.state;
-        let numbers = moment.state_values.iter().zip(&state.mean);
+        let numbers = step.state_values.iter().zip(&state.mean);
         let numbers = numbers.zip(&state.std).zip(&self.hidden);
         numbers
             .map(|(((&v, mean), std), &hidden)| match hidden {
@@ -205,23 +209,25 @@ impl Trained {
     }
 }
 
-/// Standard normal numbers that seed and tick alone decide (Box and Muller).
+/// Standard normal numbers that follow from seed and tick alone (Box and Muller).
 pub(crate) fn noise(seed: u64, tick: u64, count: usize) -> Vec<f32> {
     use rand::RngExt;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(tick);
-    let mut draw = || {
+    let mut sample = || {
         let (u, v): (f64, f64) = (random.random(), random.random());
         (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
     };
-    (0..count).map(|_| draw() as f32).collect()
+    (0..count).map(|_| sample() as f32).collect()
 }
 
 fn spec(card: &Card, sha256: String) -> anyhow::Result<v1::PolicySpec> {
     let action = match card.action_kind()? {
         ActionKind::NextPose => v1::PolicyAction::NextPose,
         ActionKind::NextJoints => v1::PolicyAction::NextJoints,
-        ActionKind::Applied => anyhow::bail!("nobody plays what was applied"),
+        ActionKind::Applied => anyhow::bail!(
+            "a policy cannot have actions of the kind `applied`; train it on next-pose or next-joints"
+        ),
     };
     let cameras = card.cameras.iter().map(|camera| v1::PolicyCamera {
         name: camera.name.clone(),
@@ -242,12 +248,12 @@ fn spec(card: &Card, sha256: String) -> anyhow::Result<v1::PolicySpec> {
         action_names: card.action.names.clone(),
         max_batch: MAX_BATCH,
         stochastic: card.stochastic,
-        // What chose among checkpoints was seen too.
+        // The validation seeds selected the checkpoint, so they are not test seeds either.
         training_seeds: ranges(card.training_seeds.iter().chain(&card.validation_seeds)),
     })
 }
 
-/// Runs of seeds.
+/// Ranges of consecutive seeds.
 fn ranges<'a>(seeds: impl Iterator<Item = &'a u64>) -> Vec<v1::SeedRange> {
     let mut seeds: Vec<u64> = seeds.copied().collect();
     seeds.sort_unstable();
@@ -273,9 +279,9 @@ impl Policy for Trained {
     fn reset(&mut self, _: &v1::PolicyResetRequest) {}
 
     fn infer(&mut self, request: &v1::InferRequest) -> v1::InferReply {
-        let seen: Vec<_> = request.observations.iter().collect();
-        let checked: Vec<_> = seen.iter().map(|s| self.moment(s)).collect();
-        let fit = seen.iter().zip(&checked);
+        let observations: Vec<_> = request.observations.iter().collect();
+        let checked: Vec<_> = observations.iter().map(|s| self.check(s)).collect();
+        let fit = observations.iter().zip(&checked);
         let fit = fit.filter_map(|(s, m)| m.as_ref().ok().map(|m| (*s, *m)));
         let fit: Vec<_> = fit.collect();
         let count = self.card.network.chunk * self.card.network.action;
@@ -284,21 +290,26 @@ impl Policy for Trained {
             rows.append(&mut self.rows(part, &|seed, tick| noise(seed, tick, count)));
         }
         let mut rows = rows.into_iter();
-        let chunks = seen.iter().zip(&checked).map(|(seen, checked)| {
-            let mut chunk = v1::PolicyChunk {
-                episode_key: seen.episode_key.clone(),
-                tick: seen.tick,
-                ..v1::PolicyChunk::default()
-            };
-            match checked {
-                Err(problem) => chunk.problem = format!("the observation does not fit: {problem}"),
-                Ok(_) => {
-                    chunk.rows = self.card.chunk as u32;
-                    chunk.values = rows.next().unwrap_or_default();
+        let chunks = observations
+            .iter()
+            .zip(&checked)
+            .map(|(observation, checked)| {
+                let mut chunk = v1::PolicyChunk {
+                    episode_key: observation.episode_key.clone(),
+                    tick: observation.tick,
+                    ..v1::PolicyChunk::default()
+                };
+                match checked {
+                    Err(problem) => {
+                        chunk.problem = format!("the observation does not fit: {problem}")
+                    }
+                    Ok(_) => {
+                        chunk.rows = self.card.chunk as u32;
+                        chunk.values = rows.next().unwrap_or_default();
+                    }
                 }
-            }
-            chunk
-        });
+                chunk
+            });
         v1::InferReply {
             chunks: chunks.collect(),
         }
@@ -310,10 +321,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn seeds_are_told_in_runs() {
-        let told = ranges([7, 3, 4, 5, 9, 4].iter());
-        let told: Vec<_> = told.iter().map(|r| (r.first, r.end)).collect();
-        assert_eq!(told, [(3, 6), (7, 8), (9, 10)]);
+    fn seeds_become_ranges() {
+        let found = ranges([7, 3, 4, 5, 9, 4].iter());
+        let found: Vec<_> = found.iter().map(|r| (r.first, r.end)).collect();
+        assert_eq!(found, [(3, 6), (7, 8), (9, 10)]);
     }
 
     #[test]

@@ -1,6 +1,5 @@
-//! Weights by name: from a safetensors file into a network and back. Half and
-//! single precision, and integers with a scale for each output, which
-//! `python/export.py --bits 8` writes.
+//! Weights by name: from a safetensors file into a network and back. Half and single precision,
+//! and integers with a scale for each output, as `python/export.py --bits 8` writes them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,11 +14,11 @@ use sha2::{Digest, Sha256};
 
 use crate::card::KEY;
 
-/// Behind the name of a tensor of integers: its scales.
+/// Suffix of the name of the scales of an integer tensor.
 const SCALE: &str = ".scale";
-/// What only training needs and a stored policy may leave out.
+/// Prefix of tensors that only training needs; a stored policy may lack them.
 const ONLY_IN_TRAINING: &str = "model.vae_encoder";
-/// A count that batch norms of PyTorch store and nobody needs.
+/// An unused count that batch norms of PyTorch store.
 const COUNTER: &str = "num_batches_tracked";
 /// A constant that PyTorch stores and this program computes.
 const COMPUTED: &str = "model.vae_encoder_pos_enc";
@@ -41,7 +40,7 @@ pub struct WeightsFile {
     pub sha256: String,
 }
 
-/// What is wrong with weights.
+/// Reason why weights are rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
     /// The file cannot be read or written.
@@ -52,17 +51,17 @@ pub enum WeightsError {
         /// Why.
         source: std::io::Error,
     },
-    /// It is no safetensors file.
-    #[error("{} is no safetensors file: {source}", path.display())]
+    /// Another format.
+    #[error("{} is not a safetensors file: {source}", path.display())]
     Format {
         /// Which.
         path: PathBuf,
         /// Why.
         source: safetensors::SafeTensorError,
     },
-    /// A type of numbers that is not read.
+    /// An unsupported type of numbers.
     #[error(
-        "{name} has numbers of the type {dtype}; F32, F16, BF16 and I8 with {name}{SCALE} are read"
+        "{name} has numbers of the type {dtype}, expected F32, F16, BF16, or I8 with {name}{SCALE}"
     )]
     Type {
         /// Name of the tensor.
@@ -78,15 +77,15 @@ pub enum WeightsError {
         /// Its first dimension.
         outputs: usize,
     },
-    /// It is no checkpoint of PyTorch that can be read.
-    #[error("{}: {why}; save it by torch.save(model.state_dict(), FILE), or as safetensors", path.display())]
+    /// An unreadable checkpoint of PyTorch.
+    #[error("cannot read {}: {why}; save it with torch.save(model.state_dict(), FILE), or as safetensors", path.display())]
     Checkpoint {
         /// Which.
         path: PathBuf,
         /// Why.
         why: String,
     },
-    /// The network needs another shape, or there is no such tensor.
+    /// A missing tensor, or one of another shape.
     #[error("the network needs {name} of shape {expected:?}, and the file has {found}")]
     Unfit {
         /// Name of the tensor.
@@ -96,10 +95,10 @@ pub enum WeightsError {
         /// Shape of the file's, or `none`.
         found: String,
     },
-    /// The file holds what the network does not have.
+    /// A tensor that the network does not have.
     #[error("the network has no {0}: the weights are those of another network")]
     Unknown(String),
-    /// Not finite.
+    /// Numbers that are not finite.
     #[error("{0} has numbers that are not finite")]
     NotFinite(String),
 }
@@ -166,7 +165,7 @@ impl Weights {
         Ok(Self { tensors })
     }
 
-    /// Those of a network.
+    /// The weights of a network.
     #[must_use]
     pub fn of_network(network: &impl Module) -> Self {
         let mut reader = Reader::default();
@@ -183,7 +182,7 @@ impl Weights {
         Some((shape, values))
     }
 
-    /// Those of torchvision's ResNet18, `.pth` or `.safetensors`, without its last layer.
+    /// The weights of torchvision's ResNet18, `.pth` or `.safetensors`, without its last layer.
     ///
     /// # Errors
     /// [`WeightsError::File`], [`WeightsError::Format`], [`WeightsError::Checkpoint`].
@@ -215,12 +214,12 @@ impl Weights {
         Ok(Self { tensors })
     }
 
-    /// Names of all.
+    /// Names of all tensors.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.tensors.keys().map(String::as_str)
     }
 
-    /// Puts them into a network of the same shape.
+    /// Loads them into a network of the same shape.
     ///
     /// # Errors
     /// [`WeightsError::Unfit`] and [`WeightsError::Unknown`].
@@ -274,7 +273,7 @@ impl Weights {
     }
 }
 
-/// The numbers of a tensor, integers as they are.
+/// The numbers of a tensor; integers without their scale.
 fn numbers(name: &str, view: &TensorView<'_>) -> Result<Vec<f32>, WeightsError> {
     let bytes = view.data();
     let pairs = || {
@@ -313,11 +312,12 @@ fn half(bits: u16) -> f32 {
     }
 }
 
-/// The name of a parameter as PyTorch has it.
+/// The name of a parameter in PyTorch.
 fn name_of(path: &[String]) -> String {
     let name = path.join(".");
     name.replace(".downsample.conv.", ".downsample.0.")
         .replace(".downsample.norm.", ".downsample.1.")
+        .replace("flow.modulation.", "flow.told.")
 }
 
 #[derive(Default)]

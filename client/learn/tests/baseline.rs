@@ -1,5 +1,5 @@
-//! The paper's baseline on made-up episodes: a chair that goes as a column of the state
-//! says, which neither repeating nor going on can know.
+//! The paper's baseline on synthetic episodes: a column of the state determines the motion of the
+//! chair, which neither naive predictor uses.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use burn::module::Module;
 use safetensors::tensor::{Dtype, TensorView};
 use wheelarm_learn::baseline::columns::{Trial, split, trial};
 use wheelarm_learn::baseline::errors::{errors, extrapolated, repeated, truth};
-use wheelarm_learn::baseline::{self, Kind, Lesson, LessonOptions, RunOptions};
+use wheelarm_learn::baseline::{self, BaselineTask, Kind, RunOptions, TaskOptions};
 use wheelarm_learn::episodes::{self, Episode};
 use wheelarm_learn::train::{self, Schedule};
 use wheelarm_learn::weights::WeightsFile;
@@ -33,10 +33,11 @@ const OUTPUTS: [&str; 16] = [
     "robotiq_85_right_knuckle_joint_pos",
 ];
 
-/// The chair jumps to and fro: the last column says which way it goes next.
+/// Writes an episode in which the chair jumps forward and back; the last column is the next
+/// direction.
 fn write(folder: &Path, seed: u64, first: usize) {
     let mut names: Vec<String> = OUTPUTS.map(str::to_owned).to_vec();
-    names.push("way".to_owned());
+    names.push("direction".to_owned());
     let width = names.len();
     let mut table = Vec::new();
     let mut x = 0.0_f32;
@@ -44,10 +45,10 @@ fn write(folder: &Path, seed: u64, first: usize) {
         let mut values = vec![0.0; width];
         (values[6], values[13]) = (1.0, if row % 2 == 0 { 1.0 } else { -1.0 });
         let mixed = (seed * 7919 + row as u64 * 104_729) % 1009;
-        let way = if mixed.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let direction = if mixed.is_multiple_of(2) { 1.0 } else { -1.0 };
         values[7] = x;
-        values[16] = way;
-        x += 0.1 * way;
+        values[16] = direction;
+        x += 0.1 * direction;
         if row < first {
             values[16] = f32::NAN;
         }
@@ -55,7 +56,7 @@ fn write(folder: &Path, seed: u64, first: usize) {
     }
     let bytes = |count: usize| vec![0_u8; count];
     let (states, actions) = (bytes(ROWS * 4 * 2), bytes(ROWS * 4 * 9));
-    let pictures = vec![90_u8; ROWS * SIDE * SIDE * 3];
+    let images = vec![90_u8; ROWS * SIDE * SIDE * 3];
     let depth: Vec<u8> = (0..ROWS * SIDE * SIDE)
         .flat_map(|i| (1000 + (i % 777) as u16).to_le_bytes())
         .collect();
@@ -73,7 +74,7 @@ fn write(folder: &Path, seed: u64, first: usize) {
         ("table", view(Dtype::F32, &[ROWS, width], &table)),
         (
             "pictures.eye",
-            view(Dtype::U8, &[ROWS, SIDE, SIDE, 3], &pictures),
+            view(Dtype::U8, &[ROWS, SIDE, SIDE, 3], &images),
         ),
         ("depth.eye", view(Dtype::U16, &[ROWS, SIDE, SIDE], &depth)),
     ];
@@ -89,7 +90,7 @@ fn made(folder: &Path, seeds: u64) -> Vec<Episode> {
 }
 
 #[test]
-fn corrected_learns_what_columns_tell_and_beats_who_knows_nothing() {
+fn corrected_baseline_learns_from_columns_and_beats_naive_predictors() {
     let folder = tempfile::tempdir().expect("a folder");
     let episodes = made(folder.path(), 12);
     let trials = episodes
@@ -98,17 +99,18 @@ fn corrected_learns_what_columns_tell_and_beats_who_knows_nothing() {
         .map(|(n, e)| trial(n, e).expect("columns"));
     let trials: Vec<Trial> = trials.collect();
     assert!(trials.iter().all(|t| t.outputs.len() == ROWS - t.first));
-    // The chair's quaternion changes its sign in the file and never here.
+    // The chair's quaternion changes its sign in the file only.
     assert!(trials.iter().all(|t| t.outputs.iter().all(|o| o[13] > 0.0)));
     let [learned, held, tests] = split(trials);
-    let options = LessonOptions {
+    let options = TaskOptions {
         length: 5,
         ahead: vec![1],
         rate: 2e-3,
         fall: 1000,
-        ..LessonOptions::of(Kind::CorrectedBlind)
+        ..TaskOptions::of(Kind::CorrectedBlind)
     };
-    let lesson = Lesson::new(options, &episodes, None, (&learned, &held), None).expect("a lesson");
+    let task = BaselineTask::new(options, &episodes, None, (&learned, &held), None)
+        .expect("a training task");
     let out = folder.path().join("run");
     let schedule = Schedule {
         out: out.clone(),
@@ -119,21 +121,21 @@ fn corrected_learns_what_columns_tell_and_beats_who_knows_nothing() {
         weight_decay: 1e-4,
         clip: 1.0,
     };
-    train::run(&lesson, lesson.network(), &schedule).expect("trained");
-    let found = lesson.predict(&lesson.best(&out).expect("weights"), &tests);
+    train::run(&task, task.network(), &schedule).expect("trained");
+    let found = task.predict(&task.best(&out).expect("weights"), &tests);
     let truth = truth(&tests, 5, 1, 1);
-    let told = errors(&found[0], &truth).mae[7];
+    let corrected = errors(&found[0], &truth).mae[7];
     let repeated = errors(&repeated(&tests, 5, 1), &truth).mae[7];
     let on = errors(&extrapolated(&tests, 5, 1, 1), &truth).mae[7];
     assert!((repeated - 0.1).abs() < 1e-4, "{repeated}");
     assert!(
-        told < 0.5 * repeated.min(on),
-        "{told} against {repeated} and {on}"
+        corrected < 0.5 * repeated.min(on),
+        "{corrected} against {repeated} and {on}"
     );
 }
 
 #[test]
-fn the_whole_table_is_made_and_goes_on_where_it_was_cut() {
+fn run_writes_every_table_and_a_second_run_repeats_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let episodes = made(folder.path(), 6);
     let options = RunOptions {
@@ -157,24 +159,24 @@ fn the_whole_table_is_made_and_goes_on_where_it_was_cut() {
     ] {
         assert!(options.out.join(file).is_file(), "{file}");
     }
-    // Who sees looks at depth too, and who is blind does not.
-    for (kind, sees) in [("as-printed", true), ("corrected--without-pictures", false)] {
+    // Networks with images use depth too, the one without does not.
+    for (kind, has_depth) in [("as-printed", true), ("corrected--without-images", false)] {
         let path = options.out.join(kind).join("baseline.safetensors");
         let file = WeightsFile::read(&path).expect("weights");
         let layer = file.weights.get("depth.conv1.weight");
         assert_eq!(
             layer.map(|(shape, _)| shape),
-            sees.then_some(&[16, 1, 5, 5][..])
+            has_depth.then_some(&[16, 1, 5, 5][..])
         );
     }
-    // Nothing is left to be done: the same numbers again.
+    // A second run trains nothing and returns the same numbers.
     let again = baseline::run(&episodes, &options).expect("a report");
     let of = |report| baseline::of(report, 10, "corrected").map(|e| e.mae);
     assert_eq!(of(&report), of(&again));
 }
 
 #[test]
-fn weights_of_torchvision_are_taken_and_others_refused() {
+fn backbone_accepts_weights_of_torchvision_and_rejects_others() {
     let folder = tempfile::tempdir().expect("a folder");
     let episodes = made(folder.path(), 1);
     let path = folder.path().join("resnet18.safetensors");
@@ -188,9 +190,9 @@ fn weights_of_torchvision_are_taken_and_others_refused() {
         .write(&path, None)
         .expect("written");
     let cache = folder.path().join("cache.safetensors");
-    let seen = baseline::features(&episodes, Some(&path), true, &cache).expect("features");
-    assert_eq!(seen.row(0, 3).len(), 512);
-    assert!(seen.rows[0].iter().all(|v| v.is_finite()));
+    let features = baseline::features(&episodes, Some(&path), true, &cache).expect("features");
+    assert_eq!(features.row(0, 3).len(), 512);
+    assert!(features.rows[0].iter().all(|v| v.is_finite()));
     let narrow = wheelarm_learn::network::Shape { width: 16, ..shape };
     let network = wheelarm_learn::network::ResNet18::new(&narrow, &burn::prelude::Device::flex());
     wheelarm_learn::weights::Weights::of_network(&network)
@@ -201,6 +203,7 @@ fn weights_of_torchvision_are_taken_and_others_refused() {
     assert!(problem.to_string().contains("conv1.weight"), "{problem}");
     let nothing = folder.path().join("nothing.pth");
     std::fs::write(&nothing, b"no checkpoint").expect("written");
-    let problem = baseline::features(&episodes, Some(&nothing), true, &cache).expect_err("no file");
+    let problem =
+        baseline::features(&episodes, Some(&nothing), true, &cache).expect_err("not a checkpoint");
     assert!(problem.to_string().contains("torch.save"), "{problem}");
 }

@@ -1,5 +1,5 @@
-//! Gradients in double precision equal central differences, in every tensor of both
-//! networks and of all norms.
+//! Gradients in double precision equal central differences, in every tensor of both networks and
+//! with all norms.
 
 use std::sync::OnceLock;
 
@@ -10,10 +10,10 @@ use wheelarm_learn::network::{Inputs, Kind, Network, NormKind, Shape, Words};
 
 /// Step of the differences.
 const STEP: f64 = 1e-6;
-/// Numbers that are tried in each tensor.
+/// Tested numbers of each tensor.
 const TRIED: usize = 2;
 
-/// A device says once in a process what its numbers are.
+/// The type of numbers of a device is set once per process.
 fn device() -> Device {
     static DEVICE: OnceLock<Device> = OnceLock::new();
     let device = DEVICE.get_or_init(|| {
@@ -46,7 +46,7 @@ fn tiny() -> Shape {
     }
 }
 
-/// Moves every number a little, so that nothing is 0 by design.
+/// Moves every number slightly, so that none is 0 by design.
 struct Stir;
 
 impl ModuleMapper for Stir {
@@ -84,7 +84,7 @@ impl ModuleMapper for Bump {
     }
 }
 
-/// Gradients by tensor, in the order of the parameters; none where none is needed.
+/// Gradients by tensor, in the order of the parameters; `None` for constants.
 struct Read<'a> {
     gradients: &'a Gradients,
     path: Vec<String>,
@@ -112,12 +112,12 @@ fn check(shape: &Shape) {
     device.seed(3);
     let mut network = Network::new(shape, &device).map(&mut Stir);
     let random = |size: [usize; 2]| Tensor::<2>::random(size, Distribution::Default, &device);
-    let (pictures, state, words) = (random([2, 3 * 32 * 64]), random([2, 5]), random([2, 3]));
+    let (images, state, words) = (random([2, 3 * 32 * 64]), random([2, 5]), random([2, 3]));
     let (actions, noise) = (random([2, 12]), random([2, 2]));
     let padding = Tensor::<2>::from_data([[0.0, 0.0, 0.0], [0.0, 1.0, 1.0]], &device);
     let loss = |network: &Network| -> Tensor<1> {
         let inputs = Inputs {
-            pictures: pictures.clone().reshape([2, 3, 32, 64]),
+            images: images.clone().reshape([2, 3, 32, 64]),
             state: state.clone(),
             words: Some(Words::Shares(words.clone())),
         };
@@ -127,7 +127,8 @@ fn check(shape: &Shape) {
             return (found - wanted).square().sum();
         }
         let padding = padding.clone().greater_elem(0.5);
-        let (found, latent) = network.trained(inputs, wanted.clone(), padding, noise.clone());
+        let (found, latent) =
+            network.forward_training(inputs, wanted.clone(), padding, noise.clone());
         (found - wanted).square().sum() + latent.divergence()
     };
     let gradients = loss(&network).backward();

@@ -1,5 +1,5 @@
-//! Equal to PyTorch, whose answers `python/reference.py` stored, and refused when
-//! it is not the same network.
+//! The networks equal PyTorch's, whose outputs `python/reference.py` stored; weights of other
+//! networks are rejected.
 
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,14 @@ fn data(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// What PyTorch was asked and answered.
-struct Answers {
-    seen: v1::PolicyObservation,
+/// Input and output of PyTorch.
+struct Reference {
+    observation: v1::PolicyObservation,
     noise: Vec<f32>,
     rows: Vec<f32>,
 }
 
-fn answers(name: &str) -> Answers {
+fn reference(name: &str) -> Reference {
     let bytes = std::fs::read(data(&format!("{name}.answers.safetensors"))).expect("a file");
     let (_, header) = SafeTensors::read_metadata(&bytes).expect("a header");
     let sentence = header.metadata().as_ref().expect("metadata")["wheelarm"].clone();
@@ -36,12 +36,12 @@ fn answers(name: &str) -> Answers {
             .map(|b| f32::from_le_bytes(b.try_into().expect("four bytes")))
             .collect()
     };
-    let pictures = file.tensor("pictures").expect("pictures");
-    let [_, height, width, _] = pictures.shape() else {
-        panic!("{:?}", pictures.shape())
+    let images = file.tensor("pictures").expect("images");
+    let [_, height, width, _] = images.shape() else {
+        panic!("{:?}", images.shape())
     };
-    let each = pictures.data().chunks(height * width * 3);
-    let pictures = ["left", "right"]
+    let each = images.data().chunks(height * width * 3);
+    let images = ["left", "right"]
         .iter()
         .zip(each)
         .map(|(camera, rgb)| v1::PolicyImage {
@@ -51,17 +51,17 @@ fn answers(name: &str) -> Answers {
             color: rgb.to_vec().into(),
             ..Default::default()
         });
-    let moment = v1::PolicyStep {
+    let step = v1::PolicyStep {
         state_values: numbers("state").into_iter().map(f64::from).collect(),
-        images: pictures.collect(),
+        images: images.collect(),
     };
-    Answers {
-        seen: v1::PolicyObservation {
+    Reference {
+        observation: v1::PolicyObservation {
             episode_key: "one".to_owned(),
             seed: 3,
             tick: 240,
             instruction: sentence,
-            steps: vec![moment],
+            steps: vec![step],
             ..Default::default()
         },
         noise: numbers("noise"),
@@ -77,7 +77,7 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
         .fold(0.0, f32::max)
 }
 
-/// Makes a moment one that does not fit.
+/// Damages a step, so that it does not fit.
 type Spoil = fn(&mut v1::PolicyStep);
 
 const CASES: [&str; 7] = [
@@ -91,54 +91,66 @@ const CASES: [&str; 7] = [
 ];
 
 #[test]
-fn answers_are_those_of_pytorch() {
+fn rows_equal_those_of_pytorch() {
     for name in CASES {
         let policy = Trained::read(&data(&format!("{name}.safetensors"))).expect("a policy");
-        let told = answers(name);
-        let rows = policy.answer(&told.seen, &told.noise).expect("rows");
-        let error = apart(&rows, &told.rows);
+        let expected = reference(name);
+        let rows = policy
+            .answer(&expected.observation, &expected.noise)
+            .expect("rows");
+        let error = apart(&rows, &expected.rows);
         println!("{name}: {error:e}");
         assert!(error < 1e-4, "{name}: {error}");
-        // A sentence and a picture are looked at, so that equality says something.
-        let mut other = told.seen.clone();
+        // Sentence and image affect the rows, so equality is significant.
+        let mut other = expected.observation.clone();
         other.steps[0].images[1].color = vec![90; 41 * 50 * 3].into();
-        assert!(apart(&policy.answer(&other, &told.noise).expect("rows"), &rows) > 1e-3);
+        assert!(
+            apart(
+                &policy.answer(&other, &expected.noise).expect("rows"),
+                &rows
+            ) > 1e-3
+        );
         if !policy.card().vocabulary.is_empty() {
-            let mut other = told.seen.clone();
+            let mut other = expected.observation.clone();
             other.instruction = "mug".to_owned();
-            assert!(apart(&policy.answer(&other, &told.noise).expect("rows"), &rows) > 1e-3);
+            assert!(
+                apart(
+                    &policy.answer(&other, &expected.noise).expect("rows"),
+                    &rows
+                ) > 1e-3
+            );
         }
     }
 }
 
 #[test]
-fn a_batch_is_answered_in_order_and_what_does_not_fit_in_words() {
+fn batch_returns_chunks_in_order_and_a_problem_for_invalid_observations() {
     for name in ["act", "flow"] {
         let mut policy = Trained::read(&data(&format!("{name}.safetensors"))).expect("a policy");
-        let told = answers(name);
-        let key = |seen: &v1::PolicyObservation, key: &str| v1::PolicyObservation {
+        let expected = reference(name);
+        let key = |observation: &v1::PolicyObservation, key: &str| v1::PolicyObservation {
             episode_key: key.to_owned(),
-            ..seen.clone()
+            ..observation.clone()
         };
-        let mut all = vec![key(&told.seen, "good")];
+        let mut all = vec![key(&expected.observation, "good")];
         let spoilt: [(&str, Spoil); 5] = [
             ("state has 4", |m| m.state_values.truncate(4)),
             ("beta is NaN", |m| m.state_values[1] = f64::NAN),
-            ("1 pictures", |m| m.images.truncate(1)),
+            ("1 images", |m| m.images.truncate(1)),
             ("41x50", |m| {
                 (m.images[0].width, m.images[0].height) = (41, 50)
             }),
             ("5 bytes", |m| m.images[1].color = vec![0; 5].into()),
         ];
         for (words, spoil) in spoilt {
-            let mut seen = key(&told.seen, words);
-            spoil(&mut seen.steps[0]);
-            all.push(seen);
+            let mut observation = key(&expected.observation, words);
+            spoil(&mut observation.steps[0]);
+            all.push(observation);
         }
-        let mut late = key(&told.seen, "late");
+        let mut late = key(&expected.observation, "late");
         late.steps[0].state_values[0] += 1.0;
         all.push(late);
-        let mut empty = key(&told.seen, "no moment");
+        let mut empty = key(&expected.observation, "no steps");
         empty.steps.clear();
         all.push(empty);
         let reply = policy.infer(&v1::InferRequest { observations: all });
@@ -147,11 +159,11 @@ fn a_batch_is_answered_in_order_and_what_does_not_fit_in_words() {
             let fits = ["good", "late"].contains(&chunk.episode_key.as_str());
             assert_eq!(chunk.values.len(), if fits { 36 } else { 0 });
             assert_eq!(chunk.tick, 240);
-            let told = fits || chunk.problem.contains(&chunk.episode_key);
-            assert!(told, "{}: {}", chunk.episode_key, chunk.problem);
+            let is_named = fits || chunk.problem.contains(&chunk.episode_key);
+            assert!(is_named, "{}: {}", chunk.episode_key, chunk.problem);
         }
         let alone = policy.infer(&v1::InferRequest {
-            observations: vec![key(&told.seen, "good")],
+            observations: vec![key(&expected.observation, "good")],
         });
         assert!(apart(&alone.chunks[0].values, &reply.chunks[0].values) < 1e-5);
         assert!(apart(&reply.chunks[0].values, &reply.chunks[6].values) > 1e-3);
@@ -159,7 +171,7 @@ fn a_batch_is_answered_in_order_and_what_does_not_fit_in_words() {
 }
 
 #[test]
-fn a_spec_says_what_the_card_says() {
+fn spec_equals_the_card() {
     let policy = Trained::read(&data("act.safetensors")).expect("a policy");
     let spec = policy.spec();
     assert_eq!((spec.chunk, spec.execute, spec.rate_hz), (4, 2, 10.0));
@@ -174,7 +186,7 @@ fn a_spec_says_what_the_card_says() {
 }
 
 #[test]
-fn weights_come_back_as_they_were_written() {
+fn written_weights_are_read_unchanged() {
     let folder = tempfile::tempdir().expect("a folder");
     for name in ["act", "act-frozen", "flow"] {
         let file = WeightsFile::read(&data(&format!("{name}.safetensors"))).expect("a file");
@@ -200,7 +212,7 @@ fn weights_come_back_as_they_were_written() {
 }
 
 #[test]
-fn weights_of_another_network_are_refused_by_the_tensor() {
+fn weights_of_another_network_are_rejected_with_the_tensor() {
     let file = WeightsFile::read(&data("act.safetensors")).expect("a file");
     let shape = Trained::read(&data("act.safetensors"))
         .expect("a policy")
@@ -219,27 +231,30 @@ fn weights_of_another_network_are_refused_by_the_tensor() {
         dim: 32,
         ..shape.clone()
     };
-    let told = refused(&wider);
-    assert!(told.contains("32]") && told.contains("[48, 16]"), "{told}");
+    let error = refused(&wider);
+    assert!(
+        error.contains("32]") && error.contains("[48, 16]"),
+        "{error}"
+    );
     let fewer = Shape {
         encoder_layers: 1,
         ..shape.clone()
     };
-    let told = refused(&fewer);
-    assert!(told.contains("model.encoder.layers.1"), "{told}");
+    let error = refused(&fewer);
+    assert!(error.contains("model.encoder.layers.1"), "{error}");
     let more = Shape {
         decoder_layers: 2,
         ..shape
     };
-    let told = refused(&more);
+    let error = refused(&more);
     assert!(
-        told.contains("model.decoder.layers.1") && told.contains("none"),
-        "{told}"
+        error.contains("model.decoder.layers.1") && error.contains("none"),
+        "{error}"
     );
 }
 
 #[test]
-fn a_file_that_is_no_policy_is_refused_in_words() {
+fn file_that_is_not_a_policy_is_rejected_with_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("bad.safetensors");
     let good = std::fs::read(data("act.safetensors")).expect("a file");
@@ -247,18 +262,18 @@ fn a_file_that_is_no_policy_is_refused_in_words() {
         std::fs::write(&path, bytes).expect("written");
         format!("{:#}", Trained::read(&path).unwrap_err())
     };
-    let told = refused(b"");
-    assert!(told.contains("no safetensors file"), "{told}");
-    let told = refused(&good[..good.len() / 2]);
-    assert!(told.contains("no safetensors file"), "{told}");
-    let told = refused(&std::fs::read(data("act.answers.safetensors")).expect("a file"));
-    assert!(told.contains("U8"), "{told}");
+    let error = refused(b"");
+    assert!(error.contains("not a safetensors file"), "{error}");
+    let error = refused(&good[..good.len() / 2]);
+    assert!(error.contains("not a safetensors file"), "{error}");
+    let error = refused(&std::fs::read(data("act.answers.safetensors")).expect("a file"));
+    assert!(error.contains("U8"), "{error}");
     let weights = WeightsFile::read(&data("act.safetensors"))
         .expect("a file")
         .weights;
     weights.write(&path, None).expect("written");
-    let told = format!("{:#}", Trained::read(&path).unwrap_err());
-    assert!(told.contains("no model card"), "{told}");
+    let error = format!("{:#}", Trained::read(&path).unwrap_err());
+    assert!(error.contains("no model card"), "{error}");
     let text = String::from_utf8_lossy(&good).into_owned();
     for (from, to, words) in [
         (
@@ -271,14 +286,14 @@ fn a_file_that_is_no_policy_is_refused_in_words() {
         (r#"\"history\": 1"#, r#"\"history\": 2"#, "history"),
     ] {
         assert!(text.contains(from), "{from}");
-        // The length stays, so that the header does.
+        // The length is the same, so that the header stays valid.
         let at = good
             .windows(from.len())
             .position(|w| w == from.as_bytes())
             .expect("there");
         let mut bad = good.clone();
         bad[at..at + to.len()].copy_from_slice(to.as_bytes());
-        let told = refused(&bad);
-        assert!(told.contains(words), "{told}");
+        let error = refused(&bad);
+        assert!(error.contains(words), "{error}");
     }
 }

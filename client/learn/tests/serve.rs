@@ -1,4 +1,4 @@
-//! The program `wheelarm-learn serve`, asked over Zenoh as a pilot asks it.
+//! The program `wheelarm-learn serve`, with requests over Zenoh as of a rollout.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -29,7 +29,7 @@ fn listening(endpoint: &str) -> Session {
     zenoh::open(config).wait().expect("a session")
 }
 
-/// A served policy, ended with this.
+/// A process that serves a policy; killed when dropped.
 struct Served(Child);
 
 impl Drop for Served {
@@ -63,7 +63,7 @@ fn query_reply<R: Message + Default>(
 }
 
 fn observation(key: &str) -> v1::PolicyObservation {
-    let picture = |camera: &str| v1::PolicyImage {
+    let image = |camera: &str| v1::PolicyImage {
         camera: camera.to_owned(),
         width: 50,
         height: 41,
@@ -78,13 +78,13 @@ fn observation(key: &str) -> v1::PolicyObservation {
         instruction: "get me the mug".to_owned(),
         steps: vec![v1::PolicyStep {
             state_values: vec![0.1, -0.2, 0.3, 0.4, 0.5],
-            images: vec![picture("left"), picture("right")],
+            images: vec![image("left"), image("right")],
         }],
     }
 }
 
-/// The flow of the tests, served; the folder is that of its socket.
-fn served(name: &str) -> (tempfile::TempDir, Session, Served, PolicyKeys) {
+/// Serves the flow of the tests; the folder contains its socket.
+fn start_policy(name: &str) -> (tempfile::TempDir, Session, Served, PolicyKeys) {
     let folder = tempfile::tempdir().expect("a folder");
     let endpoint = format!("unixsock-stream/{}/policy", folder.path().display());
     let session = listening(&endpoint);
@@ -98,20 +98,20 @@ fn served(name: &str) -> (tempfile::TempDir, Session, Served, PolicyKeys) {
     let served = Served(child.expect("a process"));
     let keys = PolicyKeys::new(name).expect("a name");
     let deadline = Instant::now() + Duration::from_secs(60);
-    let is_there = || {
+    let is_found = || {
         let replies = session.liveliness().get(keys.alive()).wait();
         replies.expect("a query").into_iter().next().is_some()
     };
-    while !is_there() {
-        assert!(Instant::now() < deadline, "it does not come");
+    while !is_found() {
+        assert!(Instant::now() < deadline, "the policy is not ready");
         std::thread::sleep(Duration::from_millis(20));
     }
     (folder, session, served, keys)
 }
 
 #[test]
-fn three_thousand_answers_take_no_more_memory_than_a_thousand() {
-    let (_folder, session, served, keys) = served("flat");
+fn memory_does_not_grow_with_requests() {
+    let (_folder, session, served, keys) = start_policy("flat");
     let resident = || {
         let path = format!("/proc/{}/statm", served.0.id());
         let pages = std::fs::read_to_string(path).expect("a process");
@@ -142,8 +142,8 @@ fn three_thousand_answers_take_no_more_memory_than_a_thousand() {
 }
 
 #[test]
-fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
-    let (_folder, session, _served, keys) = served("tested");
+fn served_policy_describes_itself_and_replies_to_single_and_batched_observations() {
+    let (_folder, session, _served, keys) = start_policy("tested");
     let spec: v1::PolicySpec = query_reply(
         &session,
         keys.describe(),
@@ -180,7 +180,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
     );
     assert_eq!(all.chunks[1].rows, 4);
 
-    // What cannot be read is a failure in words, and the policy goes on.
+    // An unreadable request gets a failure with a reason, and the policy continues.
     let failure = query_reply::<v1::InferReply>(
         &session,
         keys.infer(),
@@ -193,7 +193,7 @@ fn a_policy_is_found_describes_itself_and_answers_each_and_all() {
 }
 
 #[test]
-fn a_file_that_is_no_policy_ends_the_program_with_words() {
+fn file_that_is_not_a_policy_ends_the_program_with_a_reason() {
     let output = Command::new(env!("CARGO_BIN_EXE_wheelarm-learn"))
         .args(["serve", "--connect", "tcp/127.0.0.1:1"])
         .arg(data("flow.answers.safetensors"))
@@ -201,5 +201,6 @@ fn a_file_that_is_no_policy_ends_the_program_with_words() {
         .expect("a process");
     assert_eq!(output.status.code(), Some(1));
     let words = String::from_utf8_lossy(&output.stderr);
+    // The name of its tensor of bytes.
     assert!(words.contains("pictures"), "{words}");
 }

@@ -1,5 +1,5 @@
-//! The loop: it learns what there is to learn, goes on from a checkpoint as if it
-//! had not ended, and its policy answers what it was taught.
+//! The training loop: it reduces the error, continues from a checkpoint with the same bits, and its
+//! policy returns the learned actions.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -10,27 +10,27 @@ use safetensors::tensor::{Dtype, TensorView};
 use wheelarm_learn::episodes::{self, Episode};
 use wheelarm_learn::network::Shape;
 use wheelarm_learn::serve::Policy;
-use wheelarm_learn::train::act::{ActLesson, ActOptions};
+use wheelarm_learn::train::act::{ActOptions, ActTask};
 use wheelarm_learn::train::{self, Schedule};
 use wheelarm_learn::trained::Trained;
 use wheelarm_learn::weights::Weights;
 use wheelarm_proto::v1;
 
-/// The generator of random numbers is one for the process: these tests run one by one.
+/// The process has one generator of random numbers: these tests run one at a time.
 static GENERATOR: Mutex<()> = Mutex::new(());
 
-fn alone() -> MutexGuard<'static, ()> {
+fn lock_generator() -> MutexGuard<'static, ()> {
     GENERATOR.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 const ROWS: usize = 24;
 const SIDES: [usize; 2] = [18, 40];
 
-/// An episode whose action is told by the picture alone: a bar that moves.
+/// Writes an episode whose actions follow from the image alone: a moving bar.
 fn write(folder: &Path, seed: u64) {
     let [height, width] = SIDES;
     let place = |row: usize| (row + seed as usize) % ROWS;
-    let picture = |row: usize| -> Vec<u8> {
+    let image = |row: usize| -> Vec<u8> {
         let bar = place(row) * (width - 4) / ROWS;
         let pixels = (0..height * width).map(|at| at % width);
         pixels
@@ -40,7 +40,7 @@ fn write(folder: &Path, seed: u64) {
             })
             .collect()
     };
-    let pictures: Vec<u8> = (0..ROWS).flat_map(picture).collect();
+    let images: Vec<u8> = (0..ROWS).flat_map(image).collect();
     let numbers = |value: &dyn Fn(usize) -> Vec<f32>| -> Vec<u8> {
         let values = (0..ROWS).flat_map(value);
         values.flat_map(f32::to_le_bytes).collect()
@@ -63,7 +63,7 @@ fn write(folder: &Path, seed: u64) {
         ("actions", view(Dtype::F32, &[ROWS, 9], &actions)),
         (
             "pictures.eye",
-            view(Dtype::U8, &[ROWS, height, width, 3], &pictures),
+            view(Dtype::U8, &[ROWS, height, width, 3], &images),
         ),
     ];
     let tensors = tensors.map(|(name, view)| (name, view.expect("a tensor")));
@@ -72,7 +72,7 @@ fn write(folder: &Path, seed: u64) {
     std::fs::write(folder.join(format!("bar-{seed}.safetensors")), bytes).expect("written");
 }
 
-fn lesson(episodes: Vec<Episode>, steps: u64, vae_layers: usize) -> ActLesson {
+fn task(episodes: Vec<Episode>, steps: u64, vae_layers: usize) -> ActTask {
     let shape = Shape {
         chunk: 4,
         width: 4,
@@ -100,7 +100,7 @@ fn lesson(episodes: Vec<Episode>, steps: u64, vae_layers: usize) -> ActLesson {
         seed: 1,
     };
     let (learned, held) = episodes::split(episodes, 0.3);
-    ActLesson::new(options, learned, held).expect("a lesson")
+    ActTask::new(options, learned, held).expect("a training task")
 }
 
 fn schedule(out: &Path, steps: u64) -> Schedule {
@@ -116,8 +116,8 @@ fn schedule(out: &Path, steps: u64) -> Schedule {
 }
 
 #[test]
-fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
-    let _alone = alone();
+fn act_learns_actions_from_images_and_its_policy_returns_them() {
+    let _alone = lock_generator();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let data = folder.join("data");
@@ -128,13 +128,13 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
     let episodes = episodes::read(&[data]).expect("episodes");
     assert_eq!(episodes.len(), 3, "one failed");
     let all = episodes.clone();
-    let lesson = lesson(episodes, 300, 1);
+    let task = task(episodes, 300, 1);
     let out = folder.join("run");
-    let (network, told) =
-        train::run(&lesson, lesson.network(), &schedule(&out, 300)).expect("a run");
-    assert!(told.is_over && told.step == 300);
-    let [error, held] = lesson.errors(&network.valid(), &all, 1000);
-    println!("L1 {error:.4}, holding {held:.4}, best {:?}", told.best);
+    let (network, progress) =
+        train::run(&task, task.network(), &schedule(&out, 300)).expect("a run");
+    assert!(progress.is_over && progress.step == 300);
+    let [error, held] = task.errors(&network.valid(), &all, 1000);
+    println!("L1 {error:.4}, holding {held:.4}, best {:?}", progress.best);
     assert!(error < 0.1 && held > 3.0 * error, "{error}, {held}");
     assert!(
         std::fs::metadata(out.join("curves.png"))
@@ -143,12 +143,12 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
             > 1000
     );
 
-    // The best network on the seeds that were held out.
+    // The best network on the held-out seeds.
     let mut policy = Trained::read(&out.join("policy.safetensors")).expect("a policy");
     assert_eq!(policy.card().validation_seeds.len(), 1);
     let (mut sum, mut count) = (0.0, 0.0_f32);
     for row in 0..ROWS - 4 {
-        let seen = v1::PolicyObservation {
+        let observation = v1::PolicyObservation {
             instruction: "follow the bar".to_owned(),
             steps: vec![v1::PolicyStep {
                 state_values: vec![0.3; 3],
@@ -156,14 +156,14 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
                     camera: "eye".to_owned(),
                     width: SIDES[1] as u32,
                     height: SIDES[0] as u32,
-                    color: all[0].picture("eye", row).to_vec().into(),
+                    color: all[0].image("eye", row).to_vec().into(),
                     ..Default::default()
                 }],
             }],
             ..Default::default()
         };
         let reply = policy.infer(&v1::InferRequest {
-            observations: vec![seen],
+            observations: vec![observation],
         });
         let wanted = (row..row + 4).flat_map(|row| all[0].actions.row(row).to_vec());
         for (found, wanted) in reply.chunks[0].values.iter().zip(wanted) {
@@ -176,34 +176,34 @@ fn act_learns_what_a_picture_tells_and_its_file_answers_it() {
 }
 
 #[test]
-fn a_run_that_was_cut_goes_on_as_if_it_had_not_been() {
-    let _alone = alone();
+fn interrupted_run_ends_with_the_same_bits() {
+    let _alone = lock_generator();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     write(folder, 0);
     let episodes = episodes::read(&[folder.to_owned()]).expect("episodes");
     let weights = |out: &Path, cuts: bool| {
-        let lesson = lesson(episodes.clone(), 40, 0);
+        let task = task(episodes.clone(), 40, 0);
         if cuts {
             let cut = Schedule {
                 limit: Some(Duration::ZERO),
                 ..schedule(out, 40)
             };
             for made in 1..=2 {
-                let (_, told) = train::run(&lesson, lesson.network(), &cut).expect("a run");
-                assert_eq!((told.step, told.is_over), (made, false));
+                let (_, progress) = train::run(&task, task.network(), &cut).expect("a run");
+                assert_eq!((progress.step, progress.is_over), (made, false));
             }
         }
-        let done = train::run(&lesson, lesson.network(), &schedule(out, 40));
-        let (network, told) = done.expect("a run");
-        assert_eq!((told.step, told.log.len()), (40, 2));
+        let done = train::run(&task, task.network(), &schedule(out, 40));
+        let (network, progress) = done.expect("a run");
+        assert_eq!((progress.step, progress.log.len()), (40, 2));
         Weights::of_network(&network.valid())
     };
     let whole = weights(&folder.join("whole"), false);
     let pieces = weights(&folder.join("pieces"), true);
     assert!(whole == pieces, "the same bits");
-    // Another network does not go on from it.
-    let other = lesson(episodes.clone(), 40, 1);
+    // Another network cannot continue from this checkpoint.
+    let other = task(episodes.clone(), 40, 1);
     let refused = train::run(
         &other,
         other.network(),
@@ -214,23 +214,23 @@ fn a_run_that_was_cut_goes_on_as_if_it_had_not_been() {
 }
 
 #[test]
-fn a_run_without_progress_ends() {
-    let _alone = alone();
+fn run_without_progress_ends() {
+    let _alone = lock_generator();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     for seed in [0, 7, 13] {
         write(folder, seed);
     }
     let episodes = episodes::read(&[folder.to_owned()]).expect("episodes");
-    let lesson = lesson(episodes, 400, 0);
+    let task = task(episodes, 400, 0);
     let stuck = Schedule {
         interval: 1,
         patience: Some(2),
-        // Nothing is learned.
+        // A gradient of zero: no progress.
         clip: 0.0,
         weight_decay: 0.0,
         ..schedule(&folder.join("run"), 400)
     };
-    let (_, told) = train::run(&lesson, lesson.network(), &stuck).expect("a run");
-    assert!(told.is_over && told.step < 10, "{}", told.step);
+    let (_, progress) = train::run(&task, task.network(), &stuck).expect("a run");
+    assert!(progress.is_over && progress.step < 10, "{}", progress.step);
 }

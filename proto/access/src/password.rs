@@ -73,7 +73,7 @@ pub fn verify(password: &str, stored: Option<&str>) -> bool {
         None => {
             let mut out = [0; Params::DEFAULT_OUTPUT_LEN];
             let hashed = hash_into(&argon(), password, &[0; 16], &mut out);
-            // The result is unused: there is no such password.
+            // The work of a comparison, so that the time does not reveal whether a password is set.
             let _ = std::hint::black_box((hashed, out));
             false
         }

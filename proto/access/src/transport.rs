@@ -90,9 +90,9 @@ impl Subjects {
         }
         let roles = Role::ALL.into_iter().map(|role| (role, false));
         let all = roles.chain([(Role::Operator, true)]);
-        let users = all.map(|(role, pictures)| {
+        let users = all.map(|(role, images)| {
             let mut user = user.clone();
-            (user.role, user.pictures) = (role, pictures);
+            (user.role, user.images) = (role, images);
             (user.subject(), user)
         });
         users.collect()
@@ -236,7 +236,7 @@ mod tests {
         assert!(named.contains(r#"["annaoperator"]"#), "{named}");
         let config = read(Subjects::Roles);
         let subjects = config.get_json("access_control/subjects").unwrap();
-        for subject in ["annaviewer viewer", "annaviewer operator pictures"] {
+        for subject in ["annaviewer viewer", "annaviewer operator images"] {
             assert!(subjects.contains(&format!("[\"{subject}\"]")), "{subjects}");
         }
         // Every limit is present under its own key.

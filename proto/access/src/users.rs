@@ -23,14 +23,17 @@ pub struct User {
     /// What it may do.
     pub role: Role,
     /// Whether an operator also receives full images, as a policy does.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub pictures: bool,
+    #[serde(
+        default,
+        rename = "pictures",
+        skip_serializing_if = "std::ops::Not::not"
+    )]
+    pub images: bool,
     /// When it was added, s since 1970: certificates of an earlier user of this name
     /// are invalid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     since: Option<i64>,
     /// Argon2id hash of its password, for the web page; `None` for certificates only.
-    /// certificates only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     password: Option<String>,
 }
@@ -40,7 +43,7 @@ impl std::fmt::Debug for User {
         f.debug_struct("User")
             .field("name", &self.name)
             .field("role", &self.role)
-            .field("pictures", &self.pictures)
+            .field("images", &self.images)
             .field("has_password", &self.has_password())
             .finish()
     }
@@ -55,7 +58,7 @@ impl User {
         let user = Self {
             name: name.to_owned(),
             role,
-            pictures: false,
+            images: false,
             since: None,
             password: None,
         };
@@ -68,18 +71,18 @@ impl User {
         Self {
             name: "local".to_owned(),
             role: Role::Admin,
-            pictures: false,
+            images: false,
             since: None,
             password: None,
         }
     }
 
-    /// Its name in the rules of a process that follows the users file: name, role and
-    /// `pictures`. A connection with another role is another subject.
+    /// Its name in the rules of a process that follows the users file: name, role and `images`. A
+    /// connection with another role is another subject.
     #[must_use]
     pub(crate) fn subject(&self) -> String {
-        let pictures = if self.pictures { " pictures" } else { "" };
-        format!("{} {}{pictures}", self.name, self.role)
+        let images = if self.images { " images" } else { "" };
+        format!("{} {}{images}", self.name, self.role)
     }
 
     /// Whether a certificate issued at this time, s since 1970, belongs to this user
@@ -156,9 +159,9 @@ impl Users {
             if read.users[..i].iter().any(|other| other.name == user.name) {
                 return Err(format!("the user {:?} is listed twice", user.name));
             }
-            if user.pictures && user.role != Role::Operator {
+            if user.images && user.role != Role::Operator {
                 return Err(format!(
-                    "{:?} is not an operator: only operators have `pictures`, a {} has the images of its role",
+                    "{:?} is not an operator: remove its key `pictures`, because a {} has the images of its role",
                     user.name, user.role
                 ));
             }
@@ -205,7 +208,7 @@ impl Users {
         self.users.iter()
     }
 
-    /// Whether there are no users.
+    /// Whether the list of users is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.users.is_empty()
@@ -225,16 +228,16 @@ impl Users {
         Ok(())
     }
 
-    /// Changes a user's role; `pictures` applies to operators.
+    /// Changes a user's role; `images` applies to operators.
     ///
     /// # Errors
     /// [`AccessError::Unknown`].
-    pub fn set_role(&mut self, name: &str, role: Role, pictures: bool) -> Result<(), AccessError> {
+    pub fn set_role(&mut self, name: &str, role: Role, images: bool) -> Result<(), AccessError> {
         let unknown = self.unknown(name);
         let user = self.users.iter_mut().find(|user| user.name == name);
         let user = user.ok_or(unknown)?;
         user.role = role;
-        user.pictures = pictures && role == Role::Operator;
+        user.images = images && role == Role::Operator;
         Ok(())
     }
 
@@ -296,7 +299,7 @@ mod tests {
             ("anna", ""),
             ("veit", "correct horse"),
             ("veit", ""),
-            ("nobody", "correct horse"),
+            ("unknown", "correct horse"),
             ("anna", &"x".repeat(100_000)),
         ] {
             assert_eq!(users.verify(name, password), None, "{name}");

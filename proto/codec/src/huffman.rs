@@ -149,7 +149,7 @@ fn huffman(counts: &[u32], least: u64) -> Vec<u8> {
         }
         nodes.push((sum, 0));
     }
-    // The last node is the root; every parent comes after its children.
+    // The last node is the root; every parent follows its children.
     let mut depths = vec![0_u8; nodes.len()];
     for i in (0..nodes.len().saturating_sub(1)).rev() {
         depths[i] = depths[nodes[i].1].saturating_add(1);

@@ -132,7 +132,7 @@ fn broken_rule(worded: &GeneratedRequest<'_>) -> Option<&'static str> {
     }
     let postures: &[&str] = match worded.kind {
         "knife" | "banana" | "remote_control" => &LYING,
-        // A bowl is flat: it does not stand.
+        // A bowl is flat: it has no upright posture.
         "teddy_bear" | "bowl" => &SITTING,
         "feeding_spoon" | "drawer" => &[],
         _ => &STANDING,

@@ -48,7 +48,7 @@ pub(crate) struct NounEntry {
     #[serde(default)]
     pub tail: bool,
     pub split: Option<Spanned<String>>,
-    pub said: Option<bool>,
+    pub generated: Option<bool>,
     pub texts: Spanned<Texts>,
 }
 
@@ -81,7 +81,7 @@ pub(crate) struct PlaceEntry {
     pub understood: Option<Spanned<Vec<String>>>,
     pub drive: Option<bool>,
     pub split: Option<Spanned<String>>,
-    pub said: Option<bool>,
+    pub generated: Option<bool>,
     pub texts: Texts,
 }
 
@@ -98,7 +98,7 @@ pub(crate) struct PhrasesFile {
 pub(crate) struct PhraseEntry {
     pub means: Spanned<String>,
     pub split: Option<Spanned<String>>,
-    pub said: Option<bool>,
+    pub generated: Option<bool>,
     pub texts: Texts,
 }
 
@@ -163,6 +163,6 @@ pub(crate) struct TemplateEntry {
     #[serde(default)]
     pub removes: bool,
     pub split: Option<Spanned<String>>,
-    pub said: Option<bool>,
+    pub generated: Option<bool>,
     pub texts: Texts,
 }

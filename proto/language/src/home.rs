@@ -97,7 +97,7 @@ impl Home {
     /// `scenes/NAME.toml` and `objects/*.toml`.
     ///
     /// # Errors
-    /// When a text cannot be parsed or there is no scene.
+    /// When a text cannot be parsed, or the scene is missing.
     pub fn read<'a>(texts: impl Iterator<Item = (&'a str, &'a str)>) -> Result<Self, HomeError> {
         let mut home = Self::default();
         let mut has_scene = false;
@@ -124,7 +124,7 @@ impl Home {
             true => Ok(home),
             false => Err(HomeError {
                 file: "scenes".to_owned(),
-                problem: "there is no scene among the texts".to_owned(),
+                problem: "the texts contain no scene".to_owned(),
             }),
         }
     }

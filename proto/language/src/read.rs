@@ -269,7 +269,7 @@ impl Grammar {
             }
         }
         for entry in &read.noun {
-            let of = file.use_of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.generated)?;
             let names = match (&entry.of, &entry.category, &entry.goal) {
                 (Some(of), None, None) if !of.is_empty() => {
                     kinds.extend(of.iter().cloned());
@@ -351,7 +351,7 @@ impl Grammar {
             return Err(file.wrong(&(0..0), "goal", found, "each goal of nouns.toml once"));
         }
         for entry in &read.place {
-            let of = file.use_of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.generated)?;
             let lists = [
                 ("where", Some(&entry.on)),
                 ("from", Some(&entry.from)),
@@ -394,7 +394,7 @@ impl Grammar {
         let read: PhrasesFile = file.parse()?;
         file.provenance([("origin", &read.origin), ("license", &read.license)])?;
         for entry in &read.phrase {
-            let of = file.use_of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.generated)?;
             let word = entry.means.get_ref().as_str();
             let Some((_, means)) = MEANS.iter().find(|(name, _)| *name == word) else {
                 let known = MEANS.map(|(name, _)| name).join(", ");
@@ -547,7 +547,7 @@ impl Grammar {
         self.verb_words
             .extend(read.words.into_iter().map(|word| (word, verb)));
         for entry in &read.template {
-            let of = file.use_of(entry.split.as_ref(), entry.said)?;
+            let of = file.use_of(entry.split.as_ref(), entry.generated)?;
             let form = match entry.form.as_ref().map(|f| f.get_ref().as_str()) {
                 None | Some("request") => Form::Request,
                 Some("wish") => Form::Wish,

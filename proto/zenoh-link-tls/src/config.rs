@@ -1,5 +1,5 @@
-//! Settings of TLS: out of a session's configuration into an endpoint, and out of that
-//! into what rustls takes.
+//! Settings of TLS: from a session's configuration to an endpoint, and from an endpoint to the
+//! configuration of rustls.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,13 +30,13 @@ use zenoh_result::{ZResult, bail, zerror};
 
 use super::admission::Admissions;
 
-/// Takes the settings under `transport/link/tls` of a session into its endpoints.
+/// Copies the settings under `transport/link/tls` of a session into its endpoints.
 #[derive(Default, Clone, Copy, Debug)]
 pub struct TlsConfigurator;
 
 impl ConfigurationInspector<SessionConfig> for TlsConfigurator {
     /// # Errors
-    /// A setting that this crate does not offer, by its name.
+    /// An unsupported setting, with its name.
     fn inspect_config(&self, config: &SessionConfig) -> ZResult<String> {
         let tls = config.transport().link().tls();
         let in_text = [
@@ -47,11 +47,9 @@ impl ConfigurationInspector<SessionConfig> for TlsConfigurator {
             ("connect_certificate", tls.connect_certificate_base64()),
         ];
         if let Some((name, _)) = in_text.iter().find(|(_, text)| text.is_some()) {
-            bail!(
-                "transport/link/tls/{name}_base64: keys come out of files here, name one with {name}"
-            );
+            bail!("transport/link/tls/{name}_base64 is not supported: name a file with {name}");
         }
-        let yes_or_no = |said: Option<bool>, otherwise| said.unwrap_or(otherwise).to_string();
+        let yes_or_no = |set: Option<bool>, default| set.unwrap_or(default).to_string();
         let settings = [
             (
                 TLS_ROOT_CA_CERTIFICATE_FILE,
@@ -91,14 +89,14 @@ impl ConfigurationInspector<SessionConfig> for TlsConfigurator {
                 tls.so_sndbuf().map(|bytes| bytes.to_string()),
             ),
         ];
-        let said = settings
+        let present = settings
             .iter()
             .filter_map(|(name, value)| Some((*name, value.as_deref()?)));
-        Ok(parameters::from_iter(said))
+        Ok(parameters::from_iter(present))
     }
 }
 
-/// Keys and certificates that are no files, which are not offered.
+/// Unsupported settings of keys and certificates that are not files.
 const IN_TEXT: [&str; 10] = [
     TLS_ROOT_CA_CERTIFICATE_RAW,
     TLS_ROOT_CA_CERTIFICATE_BASE64,
@@ -112,23 +110,23 @@ const IN_TEXT: [&str; 10] = [
     TLS_CONNECT_CERTIFICATE_BASE64,
 ];
 
-/// What both ends of a link have of an endpoint, besides certificates.
+/// Settings of an endpoint for both ends of a link, besides certificates.
 pub(crate) struct Settings {
-    /// Longest wait for the other side's part of a handshake.
+    /// Longest wait for the peer's part of a handshake.
     pub handshake: Duration,
-    /// Whether a link ends when the other side's certificate is over.
+    /// Whether a link ends when the peer's certificate expires.
     pub ends_with_certificate: bool,
 }
 
 impl Settings {
     /// # Errors
-    /// A value that cannot be read, and the absence of certificates on both sides.
+    /// An unreadable value, and a link without certificates on both sides.
     fn of(endpoint: &Config<'_>) -> ZResult<Self> {
         if !flag(endpoint, TLS_ENABLE_MTLS, false)? {
-            bail!("both sides show certificates here: set transport/link/tls/enable_mtls");
+            bail!("both sides need certificates: set transport/link/tls/enable_mtls");
         }
         if let Some(name) = IN_TEXT.iter().find(|name| endpoint.get(name).is_some()) {
-            bail!("{name}: keys come out of files here");
+            bail!("{name} is not supported: name a file");
         }
         let handshake = number(endpoint, TLS_HANDSHAKE_TIMEOUT_MS)?;
         Ok(Self {
@@ -138,14 +136,14 @@ impl Settings {
     }
 }
 
-/// What a server takes of the endpoint at which it listens.
+/// The configuration of a server from the endpoint at which it listens.
 pub(crate) fn server(endpoint: &Config<'_>) -> ZResult<(Arc<ServerConfig>, Settings, Admissions)> {
     let settings = Settings::of(endpoint)?;
     let provider = provider();
     let verifier =
         WebPkiClientVerifier::builder_with_provider(authority(endpoint)?.into(), provider.clone())
             .build()?;
-    let (certificates, key) = shown(
+    let (certificates, key) = certificates_and_key(
         endpoint,
         TLS_LISTEN_CERTIFICATE_FILE,
         TLS_LISTEN_PRIVATE_KEY_FILE,
@@ -154,20 +152,20 @@ pub(crate) fn server(endpoint: &Config<'_>) -> ZResult<(Arc<ServerConfig>, Setti
         .with_protocol_versions(&[&TLS13])?
         .with_client_cert_verifier(verifier)
         .with_single_cert(certificates, key)?;
-    // A session that is resumed has its certificates looked at no more.
+    // A resumed session would not check its certificates again.
     config.send_tls13_tickets = 0;
     config.session_storage = Arc::new(NoServerSessionStorage {});
     let admissions = Admissions::of_listener(file(endpoint, TLS_LISTEN_CERTIFICATE_FILE)?);
     Ok((Arc::new(config), settings, admissions))
 }
 
-/// What a client takes of the endpoint to which it connects.
+/// The configuration of a client from the endpoint to which it connects.
 pub(crate) fn client(endpoint: &Config<'_>) -> ZResult<(Arc<ClientConfig>, Settings)> {
     let settings = Settings::of(endpoint)?;
     if !flag(endpoint, TLS_VERIFY_NAME_ON_CONNECT, true)? {
-        bail!("a server's certificate must name its host: leave out verify_name_on_connect");
+        bail!("a server's certificate must name its host: remove verify_name_on_connect");
     }
-    let (certificates, key) = shown(
+    let (certificates, key) = certificates_and_key(
         endpoint,
         TLS_CONNECT_CERTIFICATE_FILE,
         TLS_CONNECT_PRIVATE_KEY_FILE,
@@ -179,15 +177,15 @@ pub(crate) fn client(endpoint: &Config<'_>) -> ZResult<(Arc<ClientConfig>, Setti
     Ok((Arc::new(config), settings))
 }
 
-/// How the socket below is set up.
+/// The settings of the TCP socket.
 ///
 /// # Errors
-/// Values that cannot be read, and an interface and an address to bind to at once.
+/// Unreadable values, and both an interface and an address to bind to.
 pub(crate) async fn socket<'a>(endpoint: &'a Config<'_>) -> ZResult<TcpSocketConfig<'a>> {
     let interface = endpoint.get(BIND_INTERFACE);
     let bind = match endpoint.get(BIND_SOCKET) {
         Some(_) if interface.is_some() => {
-            bail!("{BIND_SOCKET} and {BIND_INTERFACE} exclude each other: leave out one")
+            bail!("{BIND_SOCKET} and {BIND_INTERFACE} exclude each other: remove one")
         }
         Some(address) => Some(resolve(address).await?),
         None => None,
@@ -212,7 +210,7 @@ fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
-/// The one authority whose certificates count. Those that browsers trust do not.
+/// The only trusted authority. The authorities of browsers are not trusted.
 fn authority(endpoint: &Config<'_>) -> ZResult<RootCertStore> {
     let mut roots = RootCertStore::empty();
     for certificate in certificates(file(endpoint, TLS_ROOT_CA_CERTIFICATE_FILE)?)? {
@@ -221,8 +219,8 @@ fn authority(endpoint: &Config<'_>) -> ZResult<RootCertStore> {
     Ok(roots)
 }
 
-/// The certificates that this side shows, its own first, and their key.
-fn shown(
+/// The certificates of this side, its own first, and their key.
+fn certificates_and_key(
     endpoint: &Config<'_>,
     chain: &str,
     key: &str,
@@ -232,36 +230,36 @@ fn shown(
     Ok((certificates(file(endpoint, chain)?)?, private))
 }
 
-/// Certificates of a file in PEM, one at least.
+/// Certificates of a PEM file, one at least.
 fn certificates(path: &str) -> ZResult<Vec<CertificateDer<'static>>> {
     let read = CertificateDer::pem_file_iter(path).and_then(Iterator::collect::<Result<Vec<_>, _>>);
     let read = read.map_err(|e| zerror!("{path}: {e}"))?;
     if read.is_empty() {
-        bail!("{path}: no certificate in it");
+        bail!("{path} contains no certificate");
     }
     Ok(read)
 }
 
 fn file<'a>(endpoint: &'a Config<'_>, name: &str) -> ZResult<&'a str> {
     let path = endpoint.get(name);
-    Ok(path.ok_or_else(|| zerror!("TLS takes a file: {name}"))?)
+    Ok(path.ok_or_else(|| zerror!("TLS needs the file {name}"))?)
 }
 
-fn flag(endpoint: &Config<'_>, name: &str, otherwise: bool) -> ZResult<bool> {
+fn flag(endpoint: &Config<'_>, name: &str, default: bool) -> ZResult<bool> {
     match endpoint.get(name) {
-        Some(said) => Ok(said
+        Some(text) => Ok(text
             .parse()
-            .map_err(|_| zerror!("{name} is true or false, not {said}"))?),
-        None => Ok(otherwise),
+            .map_err(|_| zerror!("{name} is {text:?}, expected true or false"))?),
+        None => Ok(default),
     }
 }
 
 fn number<T: std::str::FromStr>(endpoint: &Config<'_>, name: &str) -> ZResult<Option<T>> {
-    let said = endpoint.get(name);
-    Ok(said
-        .map(|said| {
-            said.parse()
-                .map_err(|_| zerror!("{name} is a number, not {said}"))
+    let text = endpoint.get(name);
+    Ok(text
+        .map(|text| {
+            text.parse()
+                .map_err(|_| zerror!("{name} is {text:?}, expected a number"))
         })
         .transpose()?)
 }

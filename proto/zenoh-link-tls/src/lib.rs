@@ -49,7 +49,7 @@ impl LocatorInspector for TlsLocatorInspector {
 
     fn is_reliable(&self, locator: &Locator) -> ZResult<bool> {
         match locator.metadata().get(Metadata::RELIABILITY) {
-            Some(said) => Ok(Reliability::from_str(said)? == Reliability::Reliable),
+            Some(text) => Ok(Reliability::from_str(text)? == Reliability::Reliable),
             None => Ok(true),
         }
     }

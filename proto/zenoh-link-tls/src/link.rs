@@ -26,7 +26,7 @@ use super::admission::Admitted;
 use super::peer::Peer;
 
 /// Longest wait for a peer to take the last words of a connection.
-const LAST_WORDS: Duration = Duration::from_secs(1);
+const ANNOUNCE_END: Duration = Duration::from_secs(1);
 /// Longest wait for it to hang up as well. Zenoh closes one connection after another.
 const HANGING_UP: Duration = Duration::from_millis(200);
 /// How often the day of a certificate is looked at: a host's clock may be set.
@@ -104,24 +104,27 @@ impl LinkUnicastTls {
         written.map_err(|e| zerror!("writing {self}: {e}").into())
     }
 
-    /// What was written may lie in the connection's own buffer: nothing but this takes
-    /// it to the socket before the next message.
+    /// Writes the connection's buffer to the socket; otherwise it would wait for the next message.
     async fn flush(&self) -> ZResult<()> {
         poll_fn(|cx| Pin::new(&mut *self.stream.lock()).poll_flush(cx))
             .await
             .map_err(|e| zerror!("writing {self}: {e}").into())
     }
 
-    /// Writes all of a message, or as much as goes at once.
+    /// Writes all of a message, or as much as possible at once; the number of written bytes.
     async fn send(&self, message: &[u8], all: bool) -> ZResult<usize> {
         let mut so_far = self.writing.lock().await;
         if so_far.is_cut {
-            return Err(zerror!("writing {self}: a message before was cut off").into());
+            return Err(zerror!("writing {self}: an earlier message is incomplete").into());
         }
         let mut written = 0;
         while written < message.len() {
             match poll_fn(|cx| self.poll_write(cx, &message[written..])).await? {
-                0 => return Err(zerror!("writing {self}: it takes nothing any more").into()),
+                0 => {
+                    return Err(
+                        zerror!("writing {self}: the connection accepts no more bytes").into(),
+                    );
+                }
                 more => written += more,
             }
             so_far.any = true;
@@ -134,7 +137,7 @@ impl LinkUnicastTls {
         Ok(written)
     }
 
-    /// Reads until the peer's certificate is over, or its user is removed or changed.
+    /// Reads until the peer's certificate expires, or its user is removed or changed.
     async fn while_known<T>(
         &self,
         admitted: &mut Option<Admitted>,
@@ -156,19 +159,19 @@ impl LinkUnicastTls {
         };
         tokio::select! {
             biased;
-            () = over => Err(zerror!("reading {self}: the peer's certificate is over").into()),
+            () = over => Err(zerror!("reading {self}: the peer's certificate has expired").into()),
             () = changed => Err(zerror!("reading {self}: the peer's user was changed or removed").into()),
             read = read => read,
         }
     }
 
-    /// Tells the peer that this was all. Waits a moment until it has hung up as well,
-    /// where something was written and nobody reads here: what it still sends would have
-    /// the system throw away what it has not had yet.
-    async fn last_words(&self) {
+    /// Announces the end to the peer. If bytes were written and no task reads here, waits a moment
+    /// until the peer closes too: bytes that it still sends would make the system discard bytes that
+    /// it has not received yet.
+    async fn announce_end(&self) {
         let so_far = self.writing.lock().await;
-        let told = poll_fn(|cx| Pin::new(&mut *self.stream.lock()).poll_shutdown(cx)).await;
-        let (true, Ok(()), Ok(_turn)) = (so_far.any, told, self.reading.try_lock()) else {
+        let announced = poll_fn(|cx| Pin::new(&mut *self.stream.lock()).poll_shutdown(cx)).await;
+        let (true, Ok(()), Ok(_turn)) = (so_far.any, announced, self.reading.try_lock()) else {
             return;
         };
         let mut rest = [0; 4096];
@@ -180,10 +183,10 @@ impl LinkUnicastTls {
 
 #[async_trait]
 impl LinkUnicastTrait for LinkUnicastTls {
-    /// Ends both directions: who waits to read or to write here hears it.
+    /// Ends both directions: waiting reads and writes fail.
     async fn close(&self) -> ZResult<()> {
-        let told = tokio::time::timeout(LAST_WORDS, self.last_words()).await;
-        tracing::trace!("{self} is closed: {told:?}");
+        let announced = tokio::time::timeout(ANNOUNCE_END, self.announce_end()).await;
+        tracing::trace!("{self} is closed: {announced:?}");
         let _ = SockRef::from(self.stream.lock().get_ref().0).shutdown(Shutdown::Both);
         Ok(())
     }

@@ -25,11 +25,10 @@ use super::config::{self, Settings};
 use super::link::LinkUnicastTls;
 use super::peer::Peer;
 
-/// Handshakes that may be under way at a listener. When more come, the oldest is let go,
-/// so that who says nothing does not keep others out.
+/// Most concurrent handshakes of a listener. A further one ends the oldest, so that silent peers
+/// do not keep others out.
 const HANDSHAKES: usize = 256;
-/// Pause after a connection could not be taken: mostly the files of this process are
-/// used up.
+/// Pause after a failed accept, mostly because the process has too many open files.
 const PAUSE: Duration = Duration::from_millis(100);
 
 /// Opens links over TLS, to others and for others.
@@ -144,8 +143,8 @@ async fn greet(
     )?)
 }
 
-/// Takes connections until `ended`. Their handshakes go on beside one another, so that
-/// a peer that does not answer keeps nobody waiting.
+/// Accepts connections until `ended`. Their handshakes run concurrently, so that a peer that does
+/// not answer delays no other.
 async fn accept(
     listener: TcpListener,
     tls: Arc<ServerConfig>,

@@ -1,25 +1,25 @@
-//! Who is at the other end, by the certificates it showed.
+//! The peer of a connection, identified by its certificates.
 
 use time::OffsetDateTime;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 use x509_parser::prelude::{FromDer, X509Certificate};
 use zenoh_result::{ZResult, zerror};
 
-/// The other side of a connection.
+/// The peer of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Peer {
-    /// Common name of its own certificate, by which access is granted. Absent where it
-    /// has none or the name is no text: nothing is granted to it.
+    /// Common name of its own certificate, which decides about access. `None` without a name or
+    /// when it is not text: the peer gets no rights.
     pub name: Option<String>,
-    /// When its own certificate began to be valid.
+    /// Start of validity of its own certificate.
     pub since: OffsetDateTime,
-    /// When the first of its certificates is over.
+    /// Earliest end of validity of its certificates.
     pub until: OffsetDateTime,
 }
 
 impl Peer {
     /// # Errors
-    /// No certificate, and one that cannot be read.
+    /// Without a certificate, or with an unreadable one.
     pub fn of(chain: Option<&[CertificateDer<'_>]>) -> ZResult<Self> {
         let chain = chain.unwrap_or_default();
         let read = chain.iter().map(|der| {
@@ -34,9 +34,9 @@ impl Peer {
         });
         let read: Vec<Self> = read.collect::<ZResult<_>>()?;
         let until = read.iter().map(|of| of.until).min();
-        let until = until.ok_or_else(|| zerror!("it showed no certificate"))?;
+        let until = until.ok_or_else(|| zerror!("the peer sent no certificate"))?;
         let own = read.into_iter().next();
-        let own = own.ok_or_else(|| zerror!("it showed no certificate"))?;
+        let own = own.ok_or_else(|| zerror!("the peer sent no certificate"))?;
         Ok(Self { until, ..own })
     }
 }

@@ -61,7 +61,7 @@ impl Authority {
         std::fs::write(self.path(&format!("{name}.key")), key.serialize_pem()).unwrap();
     }
 
-    /// The settings of who shows `name`'s certificate and trusts `authority`.
+    /// Settings with the certificate of `name` that trust `authority`.
     fn settings(&self, name: &str, authority: &Path) -> SessionConfig {
         let mut config = SessionConfig::default();
         let mut set = |key: &str, value: String| {
@@ -81,12 +81,12 @@ impl Authority {
 
     fn endpoint(&self, name: &str, authority: &Authority, address: &str) -> EndPoint {
         let settings = self.settings(name, &authority.path("ca.pem"));
-        let said = TlsConfigurator.inspect_config(&settings).unwrap();
-        EndPoint::new("tls", address, "", said).unwrap()
+        let settings = TlsConfigurator.inspect_config(&settings).unwrap();
+        EndPoint::new("tls", address, "", settings).unwrap()
     }
 }
 
-/// A listener at a free port, and the links that come there.
+/// A listener at a free port, and its accepted links.
 struct Listener {
     manager: LinkManagerUnicastTls,
     port: u16,
@@ -120,8 +120,8 @@ impl Listener {
 }
 
 fn connector() -> LinkManagerUnicastTls {
-    let (nobody, _): (NewLinkChannelSender, _) = flume::unbounded();
-    LinkManagerUnicastTls::new(nobody)
+    let (unused, _): (NewLinkChannelSender, _) = flume::unbounded();
+    LinkManagerUnicastTls::new(unused)
 }
 
 /// Both ends of a connection of `anna` to `listener`.
@@ -131,7 +131,7 @@ async fn pair(authority: &Authority, listener: &Listener) -> (LinkUnicast, LinkU
     (client, listener.next().await)
 }
 
-/// What both ends send: message `n` has its own length and its own bytes.
+/// Message `n` of both ends, with its own length and bytes.
 fn message(n: usize) -> Vec<u8> {
     let length = 1 + (n * 7919) % 60_000;
     (0..length).map(|at| (n * 31 + at * 7) as u8).collect()
@@ -148,7 +148,7 @@ async fn receive(link: LinkUnicast, count: usize) {
         let wanted = message(n);
         let mut got = vec![0; wanted.len()];
         link.read_exact(&mut got, None).await.unwrap();
-        assert!(got == wanted, "message {n} came otherwise");
+        assert!(got == wanted, "message {n} differs");
     }
 }
 
@@ -175,7 +175,7 @@ async fn both_ends_send_and_receive_at_once() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_end_of_a_message_needs_no_next_one() {
+async fn long_message_arrives_without_a_following_one() {
     let authority = Authority::new();
     authority.issue("anna", &[], 3600);
     let listener = Listener::start(&authority).await;
@@ -194,7 +194,7 @@ async fn the_end_of_a_message_needs_no_next_one() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_peer_that_says_nothing_keeps_nobody_waiting() {
+async fn silent_peers_delay_no_other() {
     let authority = Authority::new();
     authority.issue("anna", &[], 3600);
     let listener = Listener::start(&authority).await;
@@ -209,7 +209,7 @@ async fn a_peer_that_says_nothing_keeps_nobody_waiting() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_link_that_is_closed_ends_who_waits_at_either_side() {
+async fn close_ends_waiting_reads_and_writes_on_both_sides() {
     let authority = Authority::new();
     authority.issue("anna", &[], 3600);
     let listener = Listener::start(&authority).await;
@@ -218,7 +218,7 @@ async fn a_link_that_is_closed_ends_who_waits_at_either_side() {
         let server = server.clone();
         tokio::spawn(async move { server.read_exact(&mut [0], None).await })
     };
-    // Nobody reads what this sends.
+    // No task reads these bytes.
     let writing = {
         let server = server.clone();
         tokio::spawn(async move { server.write_all(&vec![0; 40 << 20], None).await })
@@ -240,7 +240,7 @@ async fn a_link_that_is_closed_ends_who_waits_at_either_side() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_link_ends_when_its_peer_becomes_another_subject_and_no_other_does() {
+async fn link_ends_when_the_role_of_its_peer_changes() {
     let authority = Authority::new();
     let listener = Listener::start(&authority).await;
     let certificate = authority.path("server.pem");
@@ -259,16 +259,16 @@ async fn a_link_ends_when_its_peer_becomes_another_subject_and_no_other_does() {
         "{}",
         subject(&server)
     );
-    // The same answer again: nothing happens, and a message passes.
+    // The same role again: the link stays open.
     set("operator");
     in_time(async { tokio::join!(send(client.clone(), 3), receive(server.clone(), 3)) }).await;
     set("viewer");
     let mut buffer = [0; 16];
     let read = in_time(server.read(&mut buffer, None)).await;
-    let error = read.expect_err("the link is over").to_string();
+    let error = read.expect_err("the link has ended").to_string();
     assert!(error.contains("changed or removed"), "{error}");
     let read = in_time(server.read(&mut buffer, None)).await;
-    assert!(read.is_err(), "it stays over");
+    assert!(read.is_err(), "the link stays closed");
     let (_client, server) = pair(&authority, &listener).await;
     assert!(
         subject(&server).contains("anna viewer"),
@@ -278,7 +278,7 @@ async fn a_link_ends_when_its_peer_becomes_another_subject_and_no_other_does() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_link_ends_with_the_certificate_of_its_peer() {
+async fn link_ends_with_the_certificate_of_its_peer() {
     let authority = Authority::new();
     authority.issue("anna", &[], 10);
     let listener = Listener::start(&authority).await;
@@ -287,7 +287,7 @@ async fn a_link_ends_with_the_certificate_of_its_peer() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_link_is_between_certificates_of_one_authority_and_tells_the_name() {
+async fn link_needs_certificates_of_one_authority_and_provides_the_name() {
     let (authority, stranger) = (Authority::new(), Authority::new());
     for of in [&authority, &stranger] {
         of.issue("anna", &[], 3600);
@@ -298,7 +298,7 @@ async fn a_link_is_between_certificates_of_one_authority_and_tells_the_name() {
     let (_client, server) = pair(&authority, &listener).await;
     assert_eq!(server.get_auth_id().get_cert_common_name(), Some("anna"));
 
-    // A client hears of its refusal when it reads: with TLS 1.3 its part is done before.
+    // A rejected client gets the error when it reads: with TLS 1.3 its handshake ends before.
     let refused = [
         stranger.endpoint("anna", &authority, &there),
         authority.endpoint("late", &authority, &there),
@@ -323,7 +323,7 @@ async fn a_link_is_between_certificates_of_one_authority_and_tells_the_name() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_listener_that_is_taken_away_takes_nobody_any_more() {
+async fn removed_listener_accepts_no_connection() {
     let authority = Authority::new();
     let listener = Listener::start(&authority).await;
     let mut half = TcpStream::connect(listener.address()).await.unwrap();
@@ -334,18 +334,18 @@ async fn a_listener_that_is_taken_away_takes_nobody_any_more() {
     // Its handshakes end with it.
     assert!(matches!(in_time(half.read(&mut [0])).await, Ok(0) | Err(_)));
     authority.issue("anna", &[], 3600);
-    // Somebody else may listen there by now, of another authority.
+    // Another process may listen there by now, with another authority.
     let endpoint = authority.endpoint("anna", &authority, &listener.address().to_string());
     assert!(in_time(connector().new_link(endpoint)).await.is_err());
 }
 
 #[test]
-fn settings_that_are_not_offered_are_refused() {
+fn unsupported_settings_are_rejected() {
     let authority = Authority::new();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let listen = |settings: &SessionConfig| {
-        let said = TlsConfigurator.inspect_config(settings)?;
-        let endpoint = EndPoint::new("tls", "127.0.0.1:0", "", said)?;
+        let settings = TlsConfigurator.inspect_config(settings)?;
+        let endpoint = EndPoint::new("tls", "127.0.0.1:0", "", settings)?;
         runtime.block_on(connector().new_listener(endpoint))
     };
     authority.issue("server", &["127.0.0.1"], 3600);
@@ -358,27 +358,26 @@ fn settings_that_are_not_offered_are_refused() {
         (
             "listen_certificate_base64",
             "\"AA==\"".to_owned(),
-            "out of files",
+            "name a file",
         ),
         (
             "listen_certificate",
             format!("{empty:?}"),
-            "no certificate in it",
+            "contains no certificate",
         ),
         ("listen_private_key", format!("{none:?}"), "none.pem"),
     ];
-    for (key, value, told) in cases {
+    for (key, value, words) in cases {
         let mut settings = good.clone();
         let key = format!("transport/link/tls/{key}");
         settings.insert_json5(&key, &value).unwrap();
-        let error = listen(&settings).expect_err(told).to_string();
-        assert!(error.contains(told), "{error}");
+        let error = listen(&settings).expect_err(words).to_string();
+        assert!(error.contains(words), "{error}");
     }
 }
 
-/// Whatever a link is asked at once, its future is for any thread.
 #[test]
-fn links_go_between_threads() {
+fn links_can_move_between_threads() {
     fn sent<T: Send + Sync>() {}
     sent::<Arc<super::LinkUnicastTls>>();
 }

@@ -1,9 +1,9 @@
 //! Sensor models: functions from true values (an image, joint positions, wheel angles,
 //! the motion of the chair) to the measurements of a real sensor. Their parameters are
-//! in `assets/sensors`, their noise comes from a seed.
+//! in `assets/sensors`, their noise follows from a seed.
 //!
 //! Pure: no clock, no file, no network, no renderer, independent of the server. The
-//! same input, parameters and seed give the same bits on any machine: noise comes from
+//! same input, parameters and seed give the same bits on any machine: noise follows from
 //! integers and tables, and per-pixel computations only add, multiply and divide.
 
 mod block;

@@ -102,7 +102,8 @@ pub(super) struct Spot {
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// On a wall.
-    Picture,
+    #[serde(rename = "picture")]
+    WallImage,
     /// On the floor.
     Rug,
     /// On a high surface.

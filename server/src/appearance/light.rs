@@ -30,7 +30,7 @@ impl Light {
 
 /// Largest rotation of the sun at the largest strength, degrees.
 const SUN_TURN_DEG: f64 = 65.0;
-/// Share of the ambient light that comes from the windows.
+/// Share of the ambient light from the windows.
 const FROM_WINDOWS: f32 = 0.35;
 /// Brightness of a sky relative to its colour.
 const PANE: f32 = 1.6;

@@ -11,7 +11,7 @@ use wheelarm_proto::random::fnv1a_32;
 pub struct Decoration {
     /// Kind.
     pub kind: Kind,
-    /// Middle of its back (wall pictures) or of its foot, in `house`, metres.
+    /// Middle of its back (wall images) or of its foot, in `house`, metres.
     pub at: [f64; 3],
     /// Direction that it faces, radians from east.
     pub along: f64,
@@ -94,7 +94,7 @@ pub(super) fn decoration(appearance: &Appearance, file: &AppearanceFile) -> Vec<
 
 fn materials(spot: &Spot, file: &AppearanceFile, random: &mut Random) -> [Material; 2] {
     let families = match spot.kind {
-        Kind::Picture => [Family::Wood, Family::Art],
+        Kind::WallImage => [Family::Wood, Family::Art],
         Kind::Rug => [Family::Fabric, Family::Fabric],
         Kind::Plant => [Family::Ceramic, Family::Plant],
         Kind::Lamp => [Family::Fabric, Family::Metal],

@@ -214,7 +214,7 @@ impl SkinnedMesh {
         self.points.len()
     }
 
-    /// Whether there are no vertices.
+    /// Whether the mesh is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()

@@ -63,7 +63,7 @@ impl Skeleton {
         self.rest.len()
     }
 
-    /// Whether there are no joints.
+    /// Whether the skeleton is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rest.is_empty()

@@ -122,7 +122,7 @@ const _: () = assert!(
 );
 
 /// Whether a state stream is sent at once, together with waiting ones. The others of a
-/// tick are sent with the clock, which comes last.
+/// tick are sent with the clock, which is last.
 fn is_express(topic: &TopicInfo) -> bool {
     [TopicId::Applied, TopicId::Clock, TopicId::Event]
         .iter()

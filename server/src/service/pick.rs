@@ -67,7 +67,7 @@ impl Picked {
     /// `graspable` names the bodies that have grasps.
     ///
     /// # Errors
-    /// [`Denied`] when the camera is unknown or the image is no longer stored.
+    /// [`Denied`] when the camera is unknown or the image is not stored any more.
     pub fn body_at(
         &self,
         request: &v1::PickRequest,
@@ -84,7 +84,7 @@ impl Picked {
         else {
             let names: Vec<&str> = self.cameras.iter().map(|(name, _)| name.as_str()).collect();
             let words = format!(
-                "there is no camera {:?}; there are {}",
+                "no camera named {:?}; available: {}",
                 check::beginning(&request.camera),
                 names.join(", ")
             );

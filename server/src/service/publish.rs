@@ -104,7 +104,7 @@ pub fn sensed_imu(
     }
 }
 
-/// Publishes the state streams of the present tick. `clock` comes last, so that a
+/// Publishes the state streams of the present tick. `clock` is last, so that a
 /// client that receives it has received everything.
 pub fn state(
     outbox: &Outbox,

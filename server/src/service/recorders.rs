@@ -16,7 +16,7 @@ pub struct Recorders {
     /// token may arrive after the first status, but are not used.
     alive: BTreeSet<String>,
     /// When each recorder last sent a status.
-    heard: BTreeMap<String, Instant>,
+    last_status: BTreeMap<String, Instant>,
     /// Recorders whose connection ended, and when; they may return.
     away: BTreeMap<String, Instant>,
     /// Recorders lost in the running episode; they are not waited for again.
@@ -111,7 +111,7 @@ impl Recorders {
                 self.forget(&name);
             }
         }
-        self.heard.insert(status.recorder.clone(), now);
+        self.last_status.insert(status.recorder.clone(), now);
         let episodes = self.known.entry(status.recorder.clone()).or_default();
         match episodes.iter_mut().find(|s| id(s) == id(&status)) {
             Some(old) => *old = status,
@@ -168,15 +168,16 @@ impl Recorders {
 
     fn forget(&mut self, name: &str) {
         self.known.remove(name);
-        self.heard.remove(name);
+        self.last_status.remove(name);
     }
 
     /// How long a connected recorder has sent no status; zero for an unknown one.
     fn silence(&self, name: &str, now: Instant) -> Duration {
-        let heard = self.heard.get(name).filter(|_| self.alive.contains(name));
-        heard.map_or(Duration::ZERO, |heard| {
-            now.saturating_duration_since(*heard)
-        })
+        let last = self
+            .last_status
+            .get(name)
+            .filter(|_| self.alive.contains(name));
+        last.map_or(Duration::ZERO, |last| now.saturating_duration_since(*last))
     }
 
     /// Whether a connected recorder is silent.

@@ -188,7 +188,7 @@ impl RenderThread {
     /// Starts rendering for a simulation; returns when the renderer is ready.
     ///
     /// # Errors
-    /// [`ServiceError`] with the fix, for example when there is no Vulkan driver.
+    /// [`ServiceError`] with the fix, for example without a Vulkan driver.
     pub fn start(
         sim: &Simulation,
         graphics: &Graphics,

@@ -50,7 +50,7 @@ impl Reach {
             None => Ok(Access::Local),
             Some(_) if self.insecure => Ok(Access::Insecure),
             Some(far) => Err(ServiceError::Endpoint(format!(
-                "{far} is open to other hosts, where everybody could drive and end this server: listen on tcp/127.0.0.1:PORT and use an SSH tunnel, or give users keys (`wheelarm keys init --keys DIR`, then --keys DIR --listen tls/0.0.0.0:PORT), or say --insecure where the network itself keeps strangers out"
+                "{far} is open to other hosts, whose users could drive and end this server: listen on tcp/127.0.0.1:PORT and use an SSH tunnel, or give users keys (`wheelarm keys init --keys DIR`, then --keys DIR --listen tls/0.0.0.0:PORT), or use --insecure in a network without other users"
             ))),
         }
     }
@@ -89,7 +89,7 @@ pub fn open(keys: &Keys, reach: &Reach, pacing: Pacing) -> Result<Session, Servi
     for (key, value) in wheelarm_access::guards(keys.sim()) {
         set(key, value.to_string())?;
     }
-    // Without connections there is no discovery to wait for.
+    // Without connections, do not wait for discovery.
     let alone = !multicast && connect.is_empty();
     let delay = if alone { "0" } else { "500" };
     set("scouting/delay", delay.to_owned())?;
@@ -168,7 +168,7 @@ fn own_keys_only(keys: &Keys) -> String {
     );
     format!(
         r#"{{ enabled: true, default_permission: "allow", rules: [{rule}],
-            subjects: [{{ id: "everybody" }}],
-            policies: [{{ rules: ["own"], subjects: ["everybody"] }}] }}"#
+            subjects: [{{ id: "all" }}],
+            policies: [{{ rules: ["own"], subjects: ["all"] }}] }}"#
     )
 }

@@ -91,8 +91,8 @@ pub enum SimError {
     },
     /// No reachable start exists.
     #[error(
-        "with the seed {seed} there is no start anywhere from which a way leads to the area {area:?}; \
-         take another seed, or `starts = \"near\"`"
+        "no start anywhere with a path to the area {area:?} exists for the seed {seed}; \
+         use another seed, or `starts = \"near\"`"
     )]
     NoStart {
         /// The area.
@@ -183,7 +183,7 @@ pub enum StateError {
     /// A broken state cannot be stored.
     #[error("the state is broken and is not stored: {0}; request `reset`")]
     Broken(String),
-    /// Recorded states are played back, so there is no simulated state.
+    /// Recorded states are played back, so a simulated state does not exist.
     #[error("recorded states are played back; none of them can be continued")]
     Shown,
     /// It belongs to another scenario.

@@ -62,7 +62,7 @@ struct PlaceEntry {
     friction: Option<[f64; 2]>,
     /// Probability that it exists, 0 to 1.
     chance: Option<f64>,
-    /// Probability that it lies on its side, 0 to 1.
+    /// Probability that it is on its side, 0 to 1.
     #[serde(default)]
     lies: f64,
     /// Probability that it is on top of other clutter.
@@ -295,7 +295,7 @@ fn read_variant(
     })
 }
 
-/// Probabilities of poses other than upright. A possible target lies only where a grasp
+/// Probabilities of poses other than upright. A possible target is on its side only where a grasp
 /// reaches it from above, and never stacks, leans or hides.
 fn read_rest(place: &Place, body: &Body, entry: &PlaceEntry) -> Result<RestShares, SceneError> {
     let share = |key, value| {

@@ -6,7 +6,7 @@ use crate::people::{Lap, Mouth};
 use crate::scene::{Body, Surface};
 use crate::snapshot::{BodyRef, BodyState, Contact, Snapshot};
 
-/// Object name that stands for the sampled target.
+/// Object name that means the sampled target.
 pub(super) const TARGET: &str = "target";
 
 /// Static data of a task's world.

@@ -104,7 +104,7 @@ impl Support {
         })
     }
 
-    /// Whether another object can stand on it.
+    /// Whether another object can be placed on it.
     pub(super) fn carries(body: &Body, pose: &Isometry3<f64>) -> bool {
         let size = body.collision_bounds(pose).map(|bounds| bounds.size());
         size.is_some_and(|size| size.x.min(size.y) >= 2.0 * LEAST_HALF)

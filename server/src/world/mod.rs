@@ -655,7 +655,7 @@ impl World {
 ///   wheels under a heavy person sustain each other's load and friction in a cycle, and
 ///   the chair creeps.
 /// - No contact recycling, and friction in every pass; otherwise grasps creep.
-/// - Contacts are stiff enough for a finger of 80 g. Those with fixed bodies are no
+/// - Contacts are stiff enough for a finger of 80 g. Those with fixed bodies are not
 ///   stiffer, or a chair that wedges itself in presses with 30 kN.
 /// - Overlapping bodies separate with at most 0.5 m/s.
 /// - One friction constraint per manifold: with one per point a sliding box has 9 %

@@ -24,7 +24,7 @@ const LONGEST: Duration = Duration::from_secs(5);
 pub fn measure() -> anyhow::Result<()> {
     println!("two cameras of 160x90 at 30 Hz stream meanwhile");
     let server = Server::start("latency", &CAMERAS)?;
-    let client = server.link();
+    let client = server.client();
     let images = client
         .session()
         .declare_subscriber(client.keys().camera("*"));
@@ -37,7 +37,10 @@ pub fn measure() -> anyhow::Result<()> {
 
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("answers", &args)?;
-    report("lock-step, command to applied", lock_step(&server.link())?);
+    report(
+        "lock-step, command to applied",
+        lock_step(&server.client())?,
+    );
     Ok(())
 }
 

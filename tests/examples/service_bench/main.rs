@@ -72,7 +72,7 @@ fn start() -> anyhow::Result<()> {
     let begun = Instant::now();
     let server = Server::start("start", &[])?;
     let ready = begun.elapsed().as_secs_f64();
-    let client = server.link();
+    let client = server.client();
     let images = client
         .session()
         .declare_subscriber(client.keys().camera("gen3"));
@@ -132,7 +132,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
     const SECONDS: u64 = 8;
     let args = [&CAMERAS[..], &["--pacing", "lock-step"]].concat();
     let server = Server::start("cost", &args)?;
-    let client = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir()?;
     let recorders: Vec<_> = (0..count)
         .map(|i| {
@@ -145,7 +145,7 @@ fn cost_with(count: usize) -> anyhow::Result<[f64; 2]> {
         let status = client.request(&v1::StatusRequest {});
         status.is_ok_and(|s| s.recorders.len() == count)
     });
-    let idle = IdleCommander::start(&server.link());
+    let idle = IdleCommander::start(&server.client());
     let request = v1::EpisodeStartRequest {
         label: "cost".into(),
         require_recorders: u32::try_from(count)?,
@@ -211,10 +211,10 @@ fn sensors() -> anyhow::Result<()> {
 fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
     const SECONDS: u64 = 8;
     let server = Server::start("sensors", args)?;
-    let client = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir()?;
     let recorder = Recorder::start(&server, "r", folder.path(), &["--episodes", "1"]);
-    let idle = IdleCommander::start(&server.link());
+    let idle = IdleCommander::start(&server.client());
     let request = v1::EpisodeStartRequest {
         label: "sensors".into(),
         require_recorders: 1,
@@ -242,7 +242,7 @@ fn recorded_rate(args: &[&str]) -> anyhow::Result<f64> {
 fn flood() -> anyhow::Result<()> {
     const SECONDS: f64 = 4.0;
     let server = Server::start("flood", &["--no-cameras"])?;
-    let (client, hostile) = (server.link(), server.link());
+    let (client, hostile) = (server.client(), server.client());
     let rate = |seconds: f64| -> anyhow::Result<f64> {
         let clock = client.streams(&[TopicId::Clock])?;
         let begun = Instant::now();

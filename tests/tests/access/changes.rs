@@ -1,4 +1,4 @@
-//! Users that are removed or get another role while server and router run.
+//! Users who are removed or get another role while server and router run.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use wheelarm_proto::{Query, v1};
 use wheelarm_sdk::{Client, ClientError, Connect};
 use wheelarm_tests::{PATIENCE, Router, Server, printed, wait_until};
 
-use super::lab::{Keys, SIM, gets_through, status, until_moving};
+use super::lab::{Keys, SIM, drive_until_moving, gets_through, status};
 
-/// Longest wait for what is refused, s.
-const AT_ONCE: f64 = 0.5;
+/// Timeout of a connection that must be refused, s.
+const REFUSAL_TIMEOUT: f64 = 0.5;
 
-/// The chair stands, as `link` sees it.
-fn rests(link: &Client) {
-    let poses = link.samples::<v1::Odometry>().expect("odometry");
+/// Waits until the chair is at rest in the odometry of `client`.
+fn wait_until_at_rest(client: &Client) {
+    let poses = client.samples::<v1::Odometry>().expect("odometry");
     wait_until("the chair rests", || {
         let odometry = poses.next(PATIENCE).expect("odometry").expect("in time");
         let twist = odometry.twist.unwrap_or_default();
@@ -23,7 +23,7 @@ fn rests(link: &Client) {
 }
 
 #[test]
-fn a_removed_or_lowered_user_loses_connection_and_control_while_servers_run() {
+fn removed_or_demoted_user_loses_connection_and_control_while_servers_run() {
     let keys = Keys::new();
     let router = Router::start_with_keys(keys.path());
     let args = [
@@ -47,34 +47,34 @@ fn a_removed_or_lowered_user_loses_connection_and_control_while_servers_run() {
     let veit = open(&server.endpoint, "veit");
     let holder = || status(&veit).holder;
 
-    // Another role, at the server itself.
+    // Another role, with a direct connection to the server.
     let bert = open(&server.endpoint, "bert");
     let mut commander = bert.commander("bert", false).expect("control");
-    until_moving(&mut commander, &bert, &veit);
+    drive_until_moving(&mut commander, &bert, &veit);
     keys.set_role("bert", Role::Viewer);
     wait_until("bert has no control", || holder().is_empty());
-    rests(&veit);
-    // The connection comes back by itself, with the rights of a viewer.
+    wait_until_at_rest(&veit);
+    // The client reconnects by itself, with the rights of a viewer.
     assert!(gets_through(&bert, &bert.keys().query(Query::Status), true));
     let lease = bert.keys().query(Query::Lease).replace('*', "bert");
     assert!(!gets_through(&bert, &lease, false));
     drop(commander);
 
-    // Removed, behind the router.
+    // Removal, with a connection through the router.
     let anna = open(&router.endpoint, "anna");
     let mut commander = anna.commander("anna", false).expect("control");
-    until_moving(&mut commander, &anna, &veit);
-    let bundle = connect(&router.endpoint, "anna", AT_ONCE);
+    drive_until_moving(&mut commander, &anna, &veit);
+    let bundle = connect(&router.endpoint, "anna", REFUSAL_TIMEOUT);
     let kept = keys.place.join("kept");
     copy_keys(&bundle, &kept);
-    let told = std::process::Command::new(wheelarm_tests::program("wheelarm").expect("a client"))
+    let output = std::process::Command::new(wheelarm_tests::program("wheelarm").expect("a client"))
         .args(["--keys", keys.path(), "users", "remove", "anna"])
         .output()
         .expect("a client");
-    assert!(told.status.success(), "{}", printed(&told));
+    assert!(output.status.success(), "{}", printed(&output));
     wait_until("anna has no control", || holder().is_empty());
-    rests(&veit);
-    // Keys that she kept open nothing.
+    wait_until_at_rest(&veit);
+    // A copy of her keys opens no connection.
     let identity = wheelarm_proto::bundle::Identity::find(&kept, None).expect("files");
     let error = Client::open(&Connect {
         identity: Some(identity),
@@ -82,7 +82,7 @@ fn a_removed_or_lowered_user_loses_connection_and_control_while_servers_run() {
     });
     let error = error.err().expect("an error");
     assert!(matches!(error, ClientError::NoRights { .. }), "{error}");
-    // Nobody else noticed.
+    // Other clients are not disturbed.
     let clock = veit.samples::<v1::Clock>().expect("the clock");
     assert!(
         clock
@@ -93,6 +93,7 @@ fn a_removed_or_lowered_user_loses_connection_and_control_while_servers_run() {
     drop(commander);
 }
 
+/// Copies the key files of a connection into a folder.
 fn copy_keys(connect: &Connect, folder: &std::path::Path) {
     let identity = connect.identity.as_ref().expect("keys");
     std::fs::create_dir_all(folder).expect("a folder");

@@ -1,4 +1,4 @@
-//! A server with keys and users, and what a session of each hears.
+//! A server with keys and users, and listeners that store what a session receives.
 
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
@@ -17,10 +17,10 @@ use zenoh::{Session, Wait};
 
 /// Name of every server here.
 pub const SIM: &str = "guarded";
-/// Longest wait for what is refused.
-pub const REFUSED: f64 = 2.0;
+/// Timeout of a request or connection that must be refused, s.
+pub const REFUSAL_TIMEOUT: f64 = 2.0;
 
-/// Users of the laboratory. `ghost` has keys of the same authority and is no user.
+/// Users of the server. `ghost` has keys of the same authority but is not a user.
 pub const USERS: [(&str, Role); 5] = [
     ("veit", Role::Viewer),
     ("anna", Role::Operator),
@@ -29,7 +29,7 @@ pub const USERS: [(&str, Role); 5] = [
     ("ada", Role::Admin),
 ];
 
-/// Keys, users and a folder that lives as long.
+/// Keys and users in a temporary folder, which is removed on drop.
 pub struct Keys {
     pub folder: Folder,
     pub place: PathBuf,
@@ -61,6 +61,7 @@ impl Keys {
         }
     }
 
+    /// The keys of a user.
     pub fn of(&self, user: &str) -> Identity {
         Identity::find(self.folder.path(), Some(user)).expect("keys of a user")
     }
@@ -104,11 +105,13 @@ impl Lab {
         }
     }
 
-    pub fn link(&self, user: &str) -> Client {
+    /// Opens a connection with the keys of a user.
+    pub fn open(&self, user: &str) -> Client {
         Client::open(&self.connect(user)).unwrap_or_else(|e| panic!("{user}: {e}"))
     }
 
-    pub fn client(&self, args: &[&str]) -> Output {
+    /// Runs `wheelarm` with this server's endpoint and name.
+    pub fn wheelarm(&self, args: &[&str]) -> Output {
         Command::new(program("wheelarm").expect("the clients"))
             .args(["--connect", &self.server.endpoint, "--sim", SIM])
             .args(args)
@@ -118,7 +121,7 @@ impl Lab {
     }
 }
 
-/// The server that most tests share, while one of them runs; nothing here breaks it.
+/// The server that most tests share while one of them runs; no test changes its users for good.
 static SHARED: Mutex<Weak<Mutex<Lab>>> = Mutex::new(Weak::new());
 
 pub fn shared() -> Arc<Mutex<Lab>> {
@@ -130,37 +133,38 @@ pub fn shared() -> Arc<Mutex<Lab>> {
     })
 }
 
-pub fn status(link: &Client) -> v1::Status {
-    let mut told = None;
+/// The server's status; retries until it arrives.
+pub fn status(client: &Client) -> v1::Status {
+    let mut status = None;
     wait_until("a status", || {
-        told = link.request(&v1::StatusRequest {}).ok();
-        told.is_some()
+        status = client.request(&v1::StatusRequest {}).ok();
+        status.is_some()
     });
-    told.expect("a status")
+    status.expect("a status")
 }
 
-/// Whether a request that no server understands is refused by one, which says that
-/// it got there.
-/// One answer may be late on a busy machine; see [`gets_through`].
-pub fn reaches(link: &Client, key: &str) -> bool {
-    let replies = link
+/// Whether a request reaches a server. The message type is unknown, so that a server that
+/// receives it replies with an error.
+/// One reply may be late on a busy machine; see [`gets_through`].
+pub fn reaches(client: &Client, key: &str) -> bool {
+    let replies = client
         .session()
         .get(key)
         .encoding("application/protobuf;wheelarm.v1.Nothing@0")
-        .timeout(Duration::from_secs_f64(REFUSED))
+        .timeout(Duration::from_secs_f64(REFUSAL_TIMEOUT))
         .wait()
-        .expect("a question");
-    replies.iter().any(|reply| link.server().answered(&reply))
+        .expect("a request");
+    replies.iter().any(|reply| client.server().answered(&reply))
 }
 
-/// Whether a request under `key` gets to a server, which `wanted` expects. What is to get
-/// there is asked again until it does: a question may be lost or late while connections
-/// are young or the machine is busy. What is to be held back must be held back at once
-/// and is asked a single time.
-pub fn gets_through(link: &Client, key: &str, wanted: bool) -> bool {
+/// Whether a request under `key` reaches a server; `wanted` is the expected result.
+///
+/// An allowed request is repeated until it arrives: a request may be lost or late while
+/// connections are young or the machine is busy. A forbidden request is sent once.
+pub fn gets_through(client: &Client, key: &str, wanted: bool) -> bool {
     let since = Instant::now();
     loop {
-        if reaches(link, key) {
+        if reaches(client, key) {
             return true;
         }
         if !wanted || since.elapsed() > PATIENCE {
@@ -169,13 +173,13 @@ pub fn gets_through(link: &Client, key: &str, wanted: bool) -> bool {
     }
 }
 
-/// Sends a message of this version.
+/// Publishes a message with the schema of this version.
 pub fn put(session: &Session, key: &str, message: &str, bytes: Vec<u8>) {
     let put = session.put(key, bytes).encoding(schema::encoding(message));
     put.wait().expect("a put");
 }
 
-/// A command that the gate refuses, for `name` holds no control.
+/// A command that the gate refuses because `name` does not hold control.
 pub fn refused_command(name: &str, sequence: u64) -> Vec<u8> {
     v1::Command {
         header: Some(v1::Header {
@@ -189,48 +193,51 @@ pub fn refused_command(name: &str, sequence: u64) -> Vec<u8> {
 }
 
 /// Key and payload of a sample.
-type Heard = (String, Vec<u8>);
+type KeyAndPayload = (String, Vec<u8>);
 
-/// Everything that reaches a session under some keys, whoever sent it.
-pub struct Ear {
-    pub heard: Arc<Mutex<Vec<Heard>>>,
+/// Stores every sample that a session receives under some keys, from any sender.
+pub struct Listener {
+    pub received: Arc<Mutex<Vec<KeyAndPayload>>>,
     _subscribers: Vec<Subscriber<()>>,
 }
 
-impl Ear {
-    pub fn new(link: &Client, keys: &[String]) -> Self {
-        let heard: Arc<Mutex<Vec<Heard>>> = Arc::default();
+impl Listener {
+    pub fn new(client: &Client, keys: &[String]) -> Self {
+        let received: Arc<Mutex<Vec<KeyAndPayload>>> = Arc::default();
         let subscribe = |key: &String| {
-            let heard = Arc::clone(&heard);
-            let listens = link.session().declare_subscriber(key.clone());
+            let received = Arc::clone(&received);
+            let listens = client.session().declare_subscriber(key.clone());
             let listens = listens.callback(move |sample| {
                 let bytes = sample.payload().to_bytes().into_owned();
-                heard.lock().push((sample.key_expr().to_string(), bytes));
+                received.lock().push((sample.key_expr().to_string(), bytes));
             });
             listens.wait().expect("a subscriber")
         };
         let subscribers = keys.iter().map(subscribe).collect();
         Self {
-            heard,
+            received,
             _subscribers: subscribers,
         }
     }
 
     pub fn has(&self, key: &str) -> bool {
-        self.heard
+        self.received
             .lock()
             .iter()
-            .any(|(heard, _)| heard.contains(key))
+            .any(|(sample_key, _)| sample_key.contains(key))
     }
 
     pub fn has_bytes(&self, bytes: &[u8]) -> bool {
-        self.heard.lock().iter().any(|(_, heard)| heard == bytes)
+        self.received
+            .lock()
+            .iter()
+            .any(|(_, payload)| payload == bytes)
     }
 
-    /// What was refused of `name`.
+    /// Refusals of commands of `name`.
     pub fn refusals_of(&self, name: &str) -> Vec<v1::Refusal> {
-        let heard = self.heard.lock();
-        let refusals = heard.iter().filter(|(key, _)| key.ends_with("/refusal"));
+        let received = self.received.lock();
+        let refusals = received.iter().filter(|(key, _)| key.ends_with("/refusal"));
         let refusals = refusals.filter_map(|(_, bytes)| v1::Refusal::decode(&**bytes).ok());
         refusals
             .filter(|refusal| refusal.commander == name)
@@ -244,22 +251,22 @@ impl Ear {
     }
 }
 
-/// Drives until somebody who watches sees the chair move.
-pub fn until_moving(commander: &mut Commander, link: &Client, watcher: &Client) {
-    let clock = link.samples::<v1::Clock>().expect("the clock");
+/// Drives until the chair moves in the odometry that `watcher` receives.
+pub fn drive_until_moving(commander: &mut Commander, client: &Client, watcher: &Client) {
+    let clock = client.samples::<v1::Clock>().expect("the clock");
     let poses = watcher.samples::<v1::Odometry>().expect("odometry");
     let mut driven = false;
-    // To and fro: other tests may have left it in front of something.
-    let mut ways = [0.3; 120].into_iter().chain([-0.3; 120]).cycle();
+    // Forward and back: another test may have left the chair in front of an obstacle.
+    let mut speeds = [0.3; 120].into_iter().chain([-0.3; 120]).cycle();
     wait_until("the chair moves", || {
-        // Of the clocks that wait, the newest: an answer to one of a second ago is refused.
+        // The newest waiting clock: the gate refuses an answer to one of a second ago.
         let mut tick = clock.next(PATIENCE).expect("a clock").expect("in time");
         while let Some(newer) = clock.next(Duration::ZERO).expect("a clock") {
             tick = newer;
         }
         let forward = v1::Command {
             base: Some(v1::BaseCommand {
-                linear: ways.next().unwrap_or_default(),
+                linear: speeds.next().unwrap_or_default(),
                 ..v1::BaseCommand::default()
             }),
             ..v1::Command::default()
@@ -274,21 +281,21 @@ pub fn until_moving(commander: &mut Commander, link: &Client, watcher: &Client) 
     });
 }
 
-/// A commander here has sent fewer commands when it is done.
+/// First sequence number of a mark; no commander of these tests sends as many commands.
 pub const FIRST_MARK: u64 = 1_000_000;
 
-/// Numbers of the commands that mark an instant.
+/// Next sequence number of a mark: a command that is sent to be refused.
 static MARKS: AtomicU64 = AtomicU64::new(FIRST_MARK);
 
 /// Sends commands under the own key of `name` until the gate tells that it refused
 /// one of them: what was sent on this session before has been through by then.
-pub fn until_heard(link: &Client, name: &str, ear: &Ear) {
-    let key = link.keys().command(name);
+pub fn flush_session(client: &Client, name: &str, listener: &Listener) {
+    let key = client.keys().command(name);
     let first = MARKS.load(Ordering::Relaxed);
     wait_until("the gate refuses a command", || {
         let mark = MARKS.fetch_add(1, Ordering::Relaxed);
         let command = refused_command(name, mark);
-        put(link.session(), &key, "wheelarm.v1.Command", command);
-        ear.refused_of(name).iter().any(|mark| *mark >= first)
+        put(client.session(), &key, "wheelarm.v1.Command", command);
+        listener.refused_of(name).iter().any(|mark| *mark >= first)
     });
 }

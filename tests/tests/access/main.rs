@@ -1,10 +1,9 @@
-//! Who may do what, with a real server over TLS: every role does what the table in
-//! `proto/access` says, and nothing else gets through. The table itself is tried
-//! key by key in that package; here stands what only a running server shows.
+//! Access rights with a real server over TLS: every role may do what the table in
+//! `proto/access` allows and nothing else. That package tests the table key by key; these
+//! tests cover what needs a running server.
 //!
-//! What is refused ends without a word or never arrives. So each refusal is
-//! followed, on the same session, by something that is let through and seen: what
-//! was sent before it must not have been.
+//! A forbidden sample is dropped without a reply. Each test therefore sends an allowed
+//! sample on the same session afterwards: when it arrives, the forbidden one must not have.
 
 mod changes;
 mod lab;

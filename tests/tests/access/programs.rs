@@ -1,4 +1,4 @@
-//! Keys, users and refusals of the programs themselves.
+//! Keys, users and refusals of the programs.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -11,12 +11,12 @@ use wheelarm_tests::{PATIENCE, Router, Server, printed, program, wait_until};
 use zenoh::Session;
 
 use super::lab::{
-    Ear, Keys, REFUSED, SIM, gets_through, put, reaches, refused_command, shared, status,
-    until_heard,
+    Keys, Listener, REFUSAL_TIMEOUT, SIM, flush_session, gets_through, put, reaches,
+    refused_command, shared, status,
 };
 
 #[test]
-fn who_has_no_keys_or_wrong_ones_gets_nowhere() {
+fn client_without_valid_keys_cannot_connect() {
     let lab = shared();
     let lab = lab.lock();
     let other = Keys::new();
@@ -25,91 +25,87 @@ fn who_has_no_keys_or_wrong_ones_gets_nowhere() {
     let copy = |from: &Path, name: &str| {
         std::fs::copy(from, bundle.join(name)).expect("a copy");
     };
-    // A stranger's certificate, believing our authority, so that only the server
-    // can tell.
+    // A certificate of another authority with our `ca.pem`, so that only the server can
+    // reject it.
     let foreign = other.of("ada");
     copy(&lab.keys.folder.authority(), "ca.pem");
     copy(&foreign.certificate, "user.pem");
     copy(&foreign.key, "user.key");
     let foreign = Identity::find(&bundle, None).expect("files");
-    let over = lab
-        .keys
-        .folder
-        .issue_for("bert", -2)
-        .expect("keys that are over");
-    let over = Identity::find(&over, None).expect("files");
+    let expired = lab.keys.folder.issue_for("bert", -2).expect("expired keys");
+    let expired = Identity::find(&expired, None).expect("files");
     for (who, identity) in [
-        ("a stranger", foreign),
-        ("keys that are over", over),
-        // This one does not believe the server.
+        ("foreign certificate", foreign),
+        ("expired keys", expired),
+        // Here the client rejects the server.
         ("another authority", other.of("ada")),
     ] {
-        let told = Client::open(&lab.connect_with(Some(identity), REFUSED)).err();
-        let told = told.unwrap_or_else(|| panic!("{who} got in"));
+        let error = Client::open(&lab.connect_with(Some(identity), REFUSAL_TIMEOUT)).err();
+        let error = error.unwrap_or_else(|| panic!("{who} connected"));
         assert!(
-            matches!(told, ClientError::NoServer { .. }),
-            "{who}: {told}"
+            matches!(error, ClientError::NoServer { .. }),
+            "{who}: {error}"
         );
     }
     lab.keys.folder.issue("bert", 30).expect("keys");
-    let told = Client::open(&lab.connect_with(None, REFUSED))
+    let error = Client::open(&lab.connect_with(None, REFUSAL_TIMEOUT))
         .err()
         .expect("an error");
-    assert!(matches!(told, ClientError::NoKeys(_)), "{told}");
-    // A certificate of ours, of somebody who is no user any more.
-    let ghost = lab.connect_with(Some(lab.keys.of("ghost")), REFUSED);
-    let told = Client::open(&ghost).err().expect("an error").to_string();
+    assert!(matches!(error, ClientError::NoKeys(_)), "{error}");
+    // A certificate of our authority for a removed user.
+    let ghost = lab.connect_with(Some(lab.keys.of("ghost")), REFUSAL_TIMEOUT);
+    let error = Client::open(&ghost).err().expect("an error").to_string();
     assert!(
-        told.contains("cannot see a server") && told.contains("users list"),
-        "{told}"
+        error.contains("cannot see a server") && error.contains("users list"),
+        "{error}"
     );
-    // Bare TCP on the same port.
+    // TCP without TLS on the same port.
     let bare = Connect {
         endpoint: lab.server.endpoint.replace("tls/", "tcp/"),
-        ..lab.connect_with(None, REFUSED)
+        ..lab.connect_with(None, REFUSAL_TIMEOUT)
     };
-    let told = Client::open(&bare).err().expect("an error");
-    assert!(matches!(told, ClientError::NoServer { .. }), "{told}");
-    // Nobody of them did any harm.
-    assert_eq!(status(&lab.link("veit")).access(), v1::Access::Keys);
+    let error = Client::open(&bare).err().expect("an error");
+    assert!(matches!(error, ClientError::NoServer { .. }), "{error}");
+    // The server still replies.
+    assert_eq!(status(&lab.open("veit")).access(), v1::Access::Keys);
 }
 
 #[test]
-fn the_programs_take_keys_and_the_doctor_tries_every_right() {
+fn programs_accept_keys_and_doctor_checks_every_right() {
     let lab = shared();
     let lab = lab.lock();
     let keys = lab.keys.path().to_owned();
-    let told = lab.client(&["--keys", &keys, "--user", "veit", "status"]);
-    let text = printed(&told);
+    let output = lab.wheelarm(&["--keys", &keys, "--user", "veit", "status"]);
+    let text = printed(&output);
     assert!(
-        told.status.success() && text.contains("with keys"),
+        output.status.success() && text.contains("with keys"),
         "{text}"
     );
-    let told = lab.client(&["status"]);
+    let output = lab.wheelarm(&["status"]);
     assert!(
-        !told.status.success() && printed(&told).contains("--keys DIR"),
+        !output.status.success() && printed(&output).contains("--keys DIR"),
         "{}",
-        printed(&told)
+        printed(&output)
     );
     let anna = lab.keys.folder.bundle("anna");
     let anna = anna.to_str().expect("UTF-8");
-    let told = lab.client(&["--keys", anna, "pause"]);
-    assert!(told.status.success(), "{}", printed(&told));
-    let told = lab.client(&["--keys", anna, "resume"]);
-    assert!(told.status.success(), "{}", printed(&told));
-    let told = lab.client(&["--keys", anna, "shutdown"]);
+    let output = lab.wheelarm(&["--keys", anna, "pause"]);
+    assert!(output.status.success(), "{}", printed(&output));
+    let output = lab.wheelarm(&["--keys", anna, "resume"]);
+    assert!(output.status.success(), "{}", printed(&output));
+    let output = lab.wheelarm(&["--keys", anna, "shutdown"]);
     assert!(
-        !told.status.success() && printed(&told).contains("may lack the right"),
+        !output.status.success() && printed(&output).contains("may lack the right"),
         "{}",
-        printed(&told)
+        printed(&output)
     );
 
     for user in ["veit", "anna", "rex", "ada"] {
-        let told = lab.client(&[
+        let output = lab.wheelarm(&[
             "--keys", &keys, "--user", user, "doctor", "--server", "--json",
         ]);
-        let found: serde_json::Value = serde_json::from_slice(&told.stdout)
-            .unwrap_or_else(|e| panic!("{e}: {}", printed(&told)));
+        let found: serde_json::Value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|e| panic!("{e}: {}", printed(&output)));
         let found = found.as_array().expect("a list").clone();
         let of = |what: &str| -> Vec<String> {
             let those = found.iter().filter(|one| one["what"] == what);
@@ -145,14 +141,14 @@ fn the_programs_take_keys_and_the_doctor_tries_every_right() {
 }
 
 #[test]
-fn the_doctor_names_a_right_that_the_server_does_not_give() {
+fn doctor_names_a_right_that_the_server_does_not_grant() {
     let lab = shared();
     let lab = lab.lock();
-    // Keys say the role of their day. Here the user was an operator for that moment.
+    // A certificate states the role at its issue: here the user is an operator then.
     lab.keys.set_role("veit", Role::Operator);
     lab.keys.folder.issue("veit", 30).expect("keys");
     lab.keys.set_role("veit", Role::Viewer);
-    let told = lab.client(&[
+    let output = lab.wheelarm(&[
         "--keys",
         lab.keys.path(),
         "--user",
@@ -161,8 +157,8 @@ fn the_doctor_names_a_right_that_the_server_does_not_give() {
         "--json",
     ]);
     lab.keys.folder.issue("veit", 30).expect("keys");
-    let text = printed(&told);
-    assert!(!told.status.success(), "{text}");
+    let text = printed(&output);
+    assert!(!output.status.success(), "{text}");
     for missing in [
         "query/reset is not let through",
         "command/veit is not let through",
@@ -174,7 +170,7 @@ fn the_doctor_names_a_right_that_the_server_does_not_give() {
 }
 
 #[test]
-fn a_local_socket_is_its_owners_and_the_admins() {
+fn local_socket_grants_every_right_and_only_its_owner_may_open_it() {
     use std::os::unix::fs::PermissionsExt;
     let keys = Keys::new();
     let socket = keys.place.join("socket");
@@ -186,17 +182,17 @@ fn a_local_socket_is_its_owners_and_the_admins() {
         .permissions()
         .mode();
     assert_eq!(mode & 0o777, 0o600);
-    let link = server.link();
+    let client = server.client();
     for query in Query::ALL {
-        let key = link.keys().query(query).replace('*', "anybody");
-        assert!(gets_through(&link, &key, true), "{key}");
+        let key = client.keys().query(query).replace('*', "any");
+        assert!(gets_through(&client, &key, true), "{key}");
     }
-    link.shutdown(false).expect("an end");
+    client.shutdown(false).expect("an end");
     wait_until("the server ended", || !server.alive());
 }
 
 #[test]
-fn a_router_with_the_same_users_goes_by_the_same_rules() {
+fn router_with_the_same_users_enforces_the_same_rights() {
     let keys = Keys::new();
     let router = Router::start_with_keys(keys.path());
     let endpoint = router.endpoint.clone();
@@ -221,11 +217,11 @@ fn a_router_with_the_same_users_goes_by_the_same_rules() {
     let (veit, anna) = (through("veit"), through("anna"));
     let clock = veit.samples::<v1::Clock>().expect("the clock");
     assert!(clock.next(PATIENCE).expect("a sample").is_some());
-    let ear = Ear::new(
+    let listener = Listener::new(
         &veit,
         &["stream/clock", "refusal"].map(|r| format!("wheelarm/{SIM}/{r}")),
     );
-    until_heard(&anna, "anna", &ear);
+    flush_session(&anna, "anna", &listener);
     let forged = b"forged".to_vec();
     let key = anna.keys().topic(TopicId::Clock);
     put(anna.session(), &key, "wheelarm.v1.Clock", forged.clone());
@@ -236,9 +232,9 @@ fn a_router_with_the_same_users_goes_by_the_same_rules() {
         "wheelarm.v1.Command",
         as_bert,
     );
-    until_heard(&anna, "anna", &ear);
-    assert!(!ear.has_bytes(&forged));
-    assert!(ear.refused_of("bert").is_empty());
+    flush_session(&anna, "anna", &listener);
+    assert!(!listener.has_bytes(&forged));
+    assert!(listener.refused_of("bert").is_empty());
     for query in [Query::Reset, Query::Shutdown] {
         let key = veit.keys().query(query);
         assert!(!reaches(&veit, &key), "{key}");
@@ -251,8 +247,8 @@ fn a_router_with_the_same_users_goes_by_the_same_rules() {
     drop(commander);
 }
 
-/// How a server ends that was started with these options, or `None` when it serves.
-fn ends(args: &[&str]) -> Option<String> {
+/// Error of a server that does not start with these options; `None` when it serves.
+fn start_error(args: &[&str]) -> Option<String> {
     match Server::start_with(
         &wheelarm_tests::root().join("assets"),
         args[0],
@@ -265,7 +261,7 @@ fn ends(args: &[&str]) -> Option<String> {
 }
 
 #[test]
-fn a_server_is_not_open_to_other_hosts_by_mistake() {
+fn server_opens_to_other_hosts_only_on_request() {
     let keys = Keys::new();
     let path = keys.path();
     for (args, words) in [
@@ -280,26 +276,30 @@ fn a_server_is_not_open_to_other_hosts_by_mistake() {
             "wheelarm keys init",
         ),
     ] {
-        let told = ends(args).unwrap_or_else(|| panic!("{args:?} serves"));
-        assert!(told.contains(words), "{args:?}: {told}");
+        let error = start_error(args).unwrap_or_else(|| panic!("{args:?} serves"));
+        assert!(error.contains(words), "{args:?}: {error}");
     }
     let args = ["--no-cameras", "--insecure"];
     let server = Server::start_at("tcp/0.0.0.0:0", SIM, &args).expect("a server");
     let near = server.endpoint.replace("0.0.0.0", "127.0.0.1");
-    let link = Client::open(&server.connect_through(&near)).expect("a link");
-    assert_eq!(status(&link).access(), v1::Access::Insecure);
-    let told = Command::new(program("wheelarm").expect("the clients"))
+    let client = Client::open(&server.connect_through(&near)).expect("a client");
+    assert_eq!(status(&client).access(), v1::Access::Insecure);
+    let output = Command::new(program("wheelarm").expect("the clients"))
         .args(["--connect", &near, "--sim", SIM, "status"])
         .output()
         .expect("a client");
-    assert!(printed(&told).contains("INSECURE"), "{}", printed(&told));
-    // Without a word about it a server is its host's alone.
+    assert!(
+        printed(&output).contains("INSECURE"),
+        "{}",
+        printed(&output)
+    );
+    // Without an option, a server accepts clients of its host only.
     let server = Server::start(SIM, &["--no-cameras"]).expect("a server");
-    assert_eq!(status(&server.link()).access(), v1::Access::Local);
+    assert_eq!(status(&server.client()).access(), v1::Access::Local);
 }
 
 #[test]
-fn users_are_added_listed_and_removed_by_the_program() {
+fn program_adds_lists_and_removes_users() {
     let temporary = tempfile::tempdir().expect("a folder");
     let keys = temporary.path().join("keys");
     let run = |input: &str, args: &[&str]| {
@@ -314,7 +314,7 @@ fn users_are_added_listed_and_removed_by_the_program() {
             .spawn()
             .expect("a client");
         let mut stdin = child.stdin.take().expect("a pipe");
-        // Who asks for nothing may have ended before.
+        // A program that reads no input may have ended already.
         let written = stdin.write_all(input.as_bytes());
         if let Err(error) = written {
             assert_eq!(error.kind(), std::io::ErrorKind::BrokenPipe, "{error}");
@@ -322,11 +322,11 @@ fn users_are_added_listed_and_removed_by_the_program() {
         drop(stdin);
         child.wait_with_output().expect("an end")
     };
-    let told = run("", &["users", "list"]);
+    let output = run("", &["users", "list"]);
     assert!(
-        !told.status.success() && printed(&told).contains("keys init"),
+        !output.status.success() && printed(&output).contains("keys init"),
         "{}",
-        printed(&told)
+        printed(&output)
     );
     for args in [
         &["keys", "init", "--host", "sim-host"][..],
@@ -342,31 +342,35 @@ fn users_are_added_listed_and_removed_by_the_program() {
         &["users", "add", "veit", "--role", "viewer"],
         &["keys", "user", "anna", "--days", "30"],
     ] {
-        let told = run("correct horse\n", args);
-        assert!(told.status.success(), "{args:?}: {}", printed(&told));
+        let output = run("correct horse\n", args);
+        assert!(output.status.success(), "{args:?}: {}", printed(&output));
     }
     for args in [
         &["keys", "init"][..],
         &["users", "add", "anna", "--role", "viewer"],
         &["users", "add", "x", "--role", "king"],
         &["users", "add", "x", "--role", "viewer", "--pictures"],
-        &["users", "remove", "nobody"],
-        &["users", "password", "nobody"],
-        &["keys", "user", "nobody"],
+        &["users", "remove", "unknown"],
+        &["users", "password", "unknown"],
+        &["keys", "user", "unknown"],
         &["keys", "user", "anna", "--days", "400"],
     ] {
-        let told = run("correct horse\n", args);
-        assert!(!told.status.success(), "{args:?}: {}", printed(&told));
+        let output = run("correct horse\n", args);
+        assert!(!output.status.success(), "{args:?}: {}", printed(&output));
     }
-    let told = run("short\n", &["users", "password", "veit"]);
-    assert!(printed(&told).contains("8 to 256"), "{}", printed(&told));
+    let output = run("short\n", &["users", "password", "veit"]);
+    assert!(
+        printed(&output).contains("8 to 256"),
+        "{}",
+        printed(&output)
+    );
     let folder = Folder::open(&keys).expect("keys");
     let users = folder.users().expect("users");
     let verified = users.verify("anna", "correct horse");
     assert_eq!(verified.map(|user| user.role), Some(Role::Operator));
     assert_eq!(users.verify("veit", "short"), None);
-    let told = run("", &["users", "role", "veit", "--role", "recorder"]);
-    assert!(told.status.success(), "{}", printed(&told));
+    let output = run("", &["users", "role", "veit", "--role", "recorder"]);
+    assert!(output.status.success(), "{}", printed(&output));
     let users = folder.users().expect("users");
     let veit = users.get("veit").map(|user| user.role);
     assert_eq!(veit, Some(Role::Recorder));
@@ -375,16 +379,16 @@ fn users_are_added_listed_and_removed_by_the_program() {
         let args: Vec<_> = args.chain(role.split(' ')).collect();
         assert!(!run("", &args).status.success(), "{role}");
     }
-    let told = run("", &["users", "list", "--json"]);
-    let listed: serde_json::Value = serde_json::from_slice(&told.stdout).expect("JSON");
+    let output = run("", &["users", "list", "--json"]);
+    let listed: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(listed[0]["name"], "anna");
     assert!(
         listed[0]["until"].is_string() && listed[1]["until"].is_null(),
         "{listed}"
     );
     assert!(!listed.to_string().contains("argon2"));
-    let told = run("", &["users", "remove", "anna"]);
-    assert!(told.status.success(), "{}", printed(&told));
+    let output = run("", &["users", "remove", "anna"]);
+    assert!(output.status.success(), "{}", printed(&output));
     assert!(!folder.bundle("anna").exists());
     assert_eq!(
         folder
@@ -395,24 +399,23 @@ fn users_are_added_listed_and_removed_by_the_program() {
     );
 }
 
-/// A second process that looks with the same keys sees what the first does.
 #[test]
-fn the_same_keys_serve_several_programs_at_once() {
+fn several_programs_use_the_same_keys_at_once() {
     let lab = shared();
     let lab = lab.lock();
     let connect = lab.connect("ada");
     let sessions: Vec<Session> = (0..4)
         .map(|_| open_session(&connect, Silence::Gone).expect("a session"))
         .collect();
-    let links = sessions
+    let clients = sessions
         .into_iter()
         .map(|s| Client::over(s, &connect.endpoint, SIM));
-    for link in links {
-        let link = link.expect("a link");
-        wait_until("the server is seen", || {
-            let _ = link.look_for_server();
-            link.server().is_there()
+    for client in clients {
+        let client = client.expect("a client");
+        wait_until("the server is found", || {
+            let _ = client.look_for_server();
+            client.server().is_there()
         });
-        assert_eq!(status(&link).access(), v1::Access::Keys);
+        assert_eq!(status(&client).access(), v1::Access::Keys);
     }
 }

@@ -1,4 +1,4 @@
-//! What every role may do and hear, and what nobody may.
+//! Rights of every role to send and receive, and what no role may send.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,19 +12,19 @@ use zenoh::Wait;
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig};
 
 use super::lab::{
-    Ear, FIRST_MARK, REFUSED, SIM, USERS, gets_through, put, refused_command, shared, status,
-    until_heard, until_moving,
+    FIRST_MARK, Listener, REFUSAL_TIMEOUT, SIM, USERS, drive_until_moving, flush_session,
+    gets_through, put, refused_command, shared, status,
 };
 
 #[test]
-fn everybody_watches_and_asks_what_the_role_allows() {
+fn every_user_watches_and_sends_only_the_queries_of_the_role() {
     let lab = shared();
     let lab = lab.lock();
     let all = "veit anna bert rex ada";
     for (user, role) in USERS {
-        let link = lab.link(user);
-        assert_eq!(status(&link).access(), v1::Access::Keys);
-        let clock = link.samples::<v1::Clock>().expect("the clock");
+        let client = lab.open(user);
+        assert_eq!(status(&client).access(), v1::Access::Keys);
+        let clock = client.samples::<v1::Clock>().expect("the clock");
         assert!(clock.next(PATIENCE).expect("a sample").is_some(), "{user}");
         for query in Query::ALL {
             let who = match query {
@@ -33,18 +33,18 @@ fn everybody_watches_and_asks_what_the_role_allows() {
                 Query::Sensors | Query::Playback | Query::Shutdown => "ada",
                 _ => "anna bert ada",
             };
-            let key = link.keys().query(query).replace('*', user);
+            let key = client.keys().query(query).replace('*', user);
             let wanted = who.split(' ').any(|name| name == user);
             assert_eq!(
-                gets_through(&link, &key, wanted),
+                gets_through(&client, &key, wanted),
                 wanted,
                 "{user}, {role}: {key}"
             );
         }
-        let lease_of_another = link.keys().query(Query::Lease).replace('*', "carl");
+        let lease_of_another = client.keys().query(Query::Lease).replace('*', "carl");
         let wanted = role == Role::Admin;
         assert_eq!(
-            gets_through(&link, &lease_of_another, wanted),
+            gets_through(&client, &lease_of_another, wanted),
             wanted,
             "{user}"
         );
@@ -52,61 +52,64 @@ fn everybody_watches_and_asks_what_the_role_allows() {
 }
 
 #[test]
-fn full_pictures_are_for_recorders_and_previews_for_everybody() {
+fn only_recorders_receive_full_images_and_every_user_receives_previews() {
     let lab = shared();
     let lab = lab.lock();
     for (user, role) in USERS {
-        let link = lab.link(user);
+        let client = lab.open(user);
         let keys = ["preview/room/low", "camera/room"];
         let keys = keys.map(|rest| format!("wheelarm/{SIM}/{rest}"));
-        let ear = Ear::new(&link, &keys);
-        // Whoever may hears both; each comes ten times a second.
+        let listener = Listener::new(&client, &keys);
+        // Both streams have a rate of 10 Hz.
         let full = matches!(role, Role::Recorder | Role::Admin);
-        wait_until("pictures come", || {
-            ear.has("/preview/") && (!full || ear.has("/camera/"))
+        wait_until("images arrive", || {
+            listener.has("/preview/") && (!full || listener.has("/camera/"))
         });
         let previews = || {
-            let heard = ear.heard.lock();
-            heard
+            let received = listener.received.lock();
+            received
                 .iter()
                 .filter(|(key, _)| key.contains("/preview/"))
                 .count()
         };
         let some = previews();
-        wait_until("more pictures come", || previews() > some + 3);
-        assert_eq!(ear.has("/camera/"), full, "{user}");
+        wait_until("more images arrive", || previews() > some + 3);
+        assert_eq!(listener.has("/camera/"), full, "{user}");
     }
 }
 
 #[test]
-fn an_operator_drives_under_its_own_name_and_no_other() {
+fn operator_drives_only_under_the_own_name() {
     let lab = shared();
     let lab = lab.lock();
-    let (anna, bert, veit) = (lab.link("anna"), lab.link("bert"), lab.link("veit"));
-    let ear = Ear::new(&veit, &[veit.keys().topic(TopicId::Refusal)]);
-    until_heard(&anna, "anna", &ear);
+    let (anna, bert, veit) = (lab.open("anna"), lab.open("bert"), lab.open("veit"));
+    let listener = Listener::new(&veit, &[veit.keys().topic(TopicId::Refusal)]);
+    flush_session(&anna, "anna", &listener);
     let mut commander = anna.commander("anna", false).expect("control");
     assert_eq!(status(&veit).holder, "anna");
-    until_moving(&mut commander, &anna, &veit);
+    drive_until_moving(&mut commander, &anna, &veit);
 
-    // Bert cannot speak as Anna: neither under her key nor with her name under his.
-    let speaks = refused_command("anna", 7);
+    // Bert cannot send commands as Anna: neither under her key nor with her name under his.
+    let forged = refused_command("anna", 7);
     put(
         bert.session(),
         &bert.keys().command("anna"),
         "wheelarm.v1.Command",
-        speaks.clone(),
+        forged.clone(),
     );
     put(
         bert.session(),
         &bert.keys().command("*"),
         "wheelarm.v1.Command",
-        speaks.clone(),
+        forged.clone(),
     );
-    until_heard(&bert, "bert", &ear);
-    assert!(!ear.refused_of("anna").contains(&7), "it reached the gate");
-    // Of hers nothing was refused, but what was late on a busy machine.
-    for refusal in ear.refusals_of("anna") {
+    flush_session(&bert, "bert", &listener);
+    assert!(
+        !listener.refused_of("anna").contains(&7),
+        "it reached the gate"
+    );
+    // Her own commands were accepted, except late ones on a busy machine.
+    for refusal in listener.refusals_of("anna") {
         let late = refusal.code() == v1::RefusalCode::TooOld;
         assert!(refusal.sequence >= FIRST_MARK || late, "{refusal:?}");
     }
@@ -115,31 +118,31 @@ fn an_operator_drives_under_its_own_name_and_no_other() {
         bert.session(),
         &bert.keys().command("bert"),
         "wheelarm.v1.Command",
-        speaks,
+        forged,
     );
     wait_until("it is counted", || status(&veit).strange > strange);
     assert_eq!(status(&veit).holder, "anna");
 
-    // Nor take control in her name, or end the server.
-    let asked = v1::LeaseRequest {
+    // Bert can neither release control in her name nor end the server.
+    let lease = v1::LeaseRequest {
         commander: "anna".to_owned(),
         release: true,
         ..v1::LeaseRequest::default()
     };
-    let told = bert.request_within(&asked, Duration::from_secs_f64(REFUSED));
-    assert!(told.is_err(), "{told:?}");
-    let told = bert.request_within(
+    let reply = bert.request_within(&lease, Duration::from_secs_f64(REFUSAL_TIMEOUT));
+    assert!(reply.is_err(), "{reply:?}");
+    let reply = bert.request_within(
         &v1::ShutdownRequest::default(),
-        Duration::from_secs_f64(REFUSED),
+        Duration::from_secs_f64(REFUSAL_TIMEOUT),
     );
     assert!(
-        matches!(told, Err(ClientError::Unanswered { .. })),
-        "{told:?}"
+        matches!(reply, Err(ClientError::Unanswered { .. })),
+        "{reply:?}"
     );
-    // A viewer takes no control, under any name.
+    // A viewer cannot take control under any name.
     for name in ["veit", "anna", "zoe"] {
-        let told = veit.commander(name, true);
-        assert!(told.is_err(), "{name}");
+        let commander = veit.commander(name, true);
+        assert!(commander.is_err(), "{name}");
     }
     assert_eq!(status(&veit).holder, "anna");
     drop(commander);
@@ -147,17 +150,17 @@ fn an_operator_drives_under_its_own_name_and_no_other() {
 }
 
 #[test]
-fn nobody_speaks_as_the_server() {
+fn no_user_can_impersonate_the_server() {
     let lab = shared();
     let lab = lab.lock();
-    let veit = lab.link("veit");
+    let veit = lab.open("veit");
     let keys = ["stream/*", "episode/*", "refusal", "preview/*/low"];
     let keys = keys.map(|rest| format!("wheelarm/{SIM}/{rest}"));
-    let ear = Ear::new(&veit, &keys);
+    let listener = Listener::new(&veit, &keys);
     for user in ["anna", "ada"] {
-        let forger = lab.link(user);
-        // What is let through is heard, so what is not was held back.
-        until_heard(&forger, user, &ear);
+        let forger = lab.open(user);
+        // The session works: a missing forged sample was dropped.
+        flush_session(&forger, user, &listener);
         let forged = format!("forged by {user}").into_bytes();
         for rest in [
             "stream/clock",
@@ -181,9 +184,9 @@ fn nobody_speaks_as_the_server() {
             "wheelarm.v1.Clock",
             forged.clone(),
         );
-        // Nor does anybody answer in its place, or claim to be it.
-        let asked = Arc::new(Mutex::new(0));
-        let counts = Arc::clone(&asked);
+        // No user can reply to its queries or declare its token.
+        let queries = Arc::new(Mutex::new(0));
+        let counts = Arc::clone(&queries);
         let _answers = forger
             .session()
             .declare_queryable(format!("wheelarm/{SIM}/query/status"))
@@ -196,23 +199,26 @@ fn nobody_speaks_as_the_server() {
             .declare_token(forger.keys().alive(&forger.session().zid().to_string()))
             .wait()
             .expect("a token of its own");
-        until_heard(&forger, user, &ear);
-        assert!(!ear.has_bytes(&forged), "{user} was heard");
+        flush_session(&forger, user, &listener);
+        assert!(
+            !listener.has_bytes(&forged),
+            "a forged sample of {user} arrived"
+        );
         assert_eq!(status(&veit).access(), v1::Access::Keys);
-        assert_eq!(*asked.lock(), 0, "{user} was asked");
+        assert_eq!(*queries.lock(), 0, "{user} received a query");
         assert_eq!(
             veit.server().tokens().len(),
             1,
-            "{user} passes for a server"
+            "{user} appears as a server"
         );
     }
 }
 
 #[test]
-fn a_recorder_speaks_for_itself_alone() {
+fn recorder_sends_status_only_under_the_own_name() {
     let lab = shared();
     let lab = lab.lock();
-    let (rex, veit) = (lab.link("rex"), lab.link("veit"));
+    let (rex, veit) = (lab.open("rex"), lab.open("veit"));
     let tokens = ["rex", "other"].map(|name| {
         let token = rex.keys().recorder_alive(name);
         rex.session()
@@ -221,7 +227,7 @@ fn a_recorder_speaks_for_itself_alone() {
             .wait()
             .expect("a token")
     });
-    let says = |key: &str, name: &str| {
+    let send_status = |key: &str, name: &str| {
         let status = v1::RecorderStatus {
             header: Some(v1::Header::default()),
             recorder: name.to_owned(),
@@ -233,81 +239,81 @@ fn a_recorder_speaks_for_itself_alone() {
         put(rex.session(), &key, message, status.encode_to_vec());
     };
     let named = |name: &str| status(&veit).recorders.iter().any(|r| r.recorder == name);
-    says("other", "other");
-    wait_until("it is there", || {
-        says("rex", "rex");
+    send_status("other", "other");
+    wait_until("the recorder is listed", || {
+        send_status("rex", "rex");
         named("rex")
     });
     let strange = status(&veit).strange;
-    says("rex", "other");
+    send_status("rex", "other");
     wait_until("it is counted", || status(&veit).strange > strange);
     assert!(!named("other"));
     drop(tokens);
 }
 
-/// Who comes late gets what the publishers kept, and hears their signs of life:
-/// questions, answers and tokens below `@adv`.
+/// A late subscriber receives the publisher's cache, and its heartbeats, replies and tokens
+/// below `@adv`.
 #[test]
-fn what_was_published_before_is_had_by_everybody_who_may_listen() {
+fn late_subscriber_receives_the_cache_only_with_the_right_to_the_stream() {
     let lab = shared();
     let lab = lab.lock();
-    let ada = lab.link("ada");
+    let ada = lab.open("ada");
     let clock = ada.samples::<v1::Clock>().expect("the clock");
     assert!(clock.next(PATIENCE).expect("a sample").is_some());
-    let rex = lab.link("rex");
-    let (seen, sees) = std::sync::mpsc::channel();
-    let pictures = rex
+    let rex = lab.open("rex");
+    let (sender, images) = std::sync::mpsc::channel();
+    let subscriber = rex
         .session()
         .declare_subscriber(rex.keys().camera("room"))
         .callback(move |_| {
-            let _ = seen.send(());
+            let _ = sender.send(());
         })
         .wait()
         .expect("a subscriber");
-    sees.recv_timeout(PATIENCE).expect("a picture");
+    images.recv_timeout(PATIENCE).expect("an image");
     let _: v1::Ack = ada.request(&v1::PauseRequest {}).expect("a pause");
-    pictures.undeclare().wait().expect("no more pictures");
+    subscriber
+        .undeclare()
+        .wait()
+        .expect("the subscription ends");
     for user in ["veit", "anna", "rex"] {
-        let link = lab.link(user);
-        let (seen, sees) = std::sync::mpsc::channel();
-        let _late = link
+        let client = lab.open(user);
+        let (sender, keys) = std::sync::mpsc::channel();
+        let _late = client
             .session()
-            .declare_subscriber(link.keys().topic(TopicId::Clock))
+            .declare_subscriber(client.keys().topic(TopicId::Clock))
             .callback(move |sample| {
-                let _ = seen.send(sample.key_expr().to_string());
+                let _ = sender.send(sample.key_expr().to_string());
             })
             .history(HistoryConfig::default().detect_late_publishers())
             .wait()
             .expect("a subscriber");
-        // Time stands still: nothing new is published.
-        let got = sees
-            .recv_timeout(PATIENCE)
-            .expect("what was published before");
-        assert_eq!(got, link.keys().topic(TopicId::Clock), "{user}");
-        let kept = format!("wheelarm/{SIM}/stream/clock/@adv/**");
-        let signs = Ear::new(&link, std::slice::from_ref(&kept));
-        wait_until("a publisher tells its newest number", || signs.has("@adv"));
-        // What a client asks of tokens and caches is answered by what its connection
-        // has been told of them by then.
-        wait_until("the publisher is seen", || {
-            let tokens = link.session().liveliness().get(kept.as_str()).wait();
-            let tokens = tokens.expect("a question");
+        // The simulation is paused: the server publishes no new sample.
+        let got = keys.recv_timeout(PATIENCE).expect("the cached sample");
+        assert_eq!(got, client.keys().topic(TopicId::Clock), "{user}");
+        let cache = format!("wheelarm/{SIM}/stream/clock/@adv/**");
+        let heartbeats = Listener::new(&client, std::slice::from_ref(&cache));
+        wait_until("a heartbeat arrives", || heartbeats.has("@adv"));
+        // Queries of tokens and caches reach only those that the connection knows by then.
+        wait_until("the publisher's token is known", || {
+            let tokens = client.session().liveliness().get(cache.as_str()).wait();
+            let tokens = tokens.expect("a query");
             tokens.iter().any(|reply| reply.result().is_ok())
         });
-        let has_pictures = || {
-            let pictures = link
+        let has_cached_images = || {
+            let replies = client
                 .session()
                 .get(format!("wheelarm/{SIM}/camera/room/@adv/**"))
                 .accept_replies(zenoh::query::ReplyKeyExpr::Any)
                 .timeout(PATIENCE)
                 .wait()
-                .expect("a question");
-            pictures.iter().any(|reply| reply.result().is_ok())
+                .expect("a query");
+            replies.iter().any(|reply| reply.result().is_ok())
         };
         if user == "rex" {
-            wait_until("kept pictures are there", has_pictures);
+            wait_until("cached images arrive", has_cached_images);
         } else {
-            assert!(!has_pictures(), "{user}: kept pictures");
+            assert!(!has_cached_images(), "{user}: cached images");
         }
     }
     let _: v1::Ack = ada.request(&v1::ResumeRequest {}).expect("time");

@@ -64,7 +64,7 @@ fn gets_going(page: &mut Page, held: Held) {
 #[test]
 fn a_page_drives_and_stops_and_nothing_moves_after_a_freeze_or_a_cut() {
     let server = server("drive");
-    let client = server.link();
+    let client = server.client();
     let refusals = client.samples::<v1::Refusal>().expect("refusals");
     let gateway = Gateway::open(&server);
     let mut page = Page::open(&gateway, "a1", true);
@@ -392,7 +392,7 @@ fn an_episode_is_kept_when_its_recorder_confirms_it_and_practice_is_not_recorded
         started["label"].as_str()
     );
     let status: v1::Status = server
-        .link()
+        .client()
         .request(&v1::StatusRequest {})
         .expect("a status");
     let limit = status.episode.and_then(|e| e.scenario?.time_limit_seconds);

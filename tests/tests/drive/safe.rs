@@ -120,7 +120,7 @@ impl Safe {
 
     /// The connection to the server behind it.
     pub fn client(&self) -> wheelarm_sdk::Client {
-        self.server.link()
+        self.server.client()
     }
 
     /// A socket of the page `s1`, opened with a new ticket of the session.

@@ -1,4 +1,4 @@
-//! What once broke the physics.
+//! Commands and seeds that broke an earlier physics.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -6,10 +6,10 @@ use std::process::Command;
 use wheelarm_tests::adversary::{GuardRun, Kind, Recorded, Run, runs};
 use wheelarm_tests::{printed, program, root};
 
-/// Commands that pressed, tore and threw the bear until an earlier physics came
-/// to 10¹⁷ N and a panic, each to two seconds behind that.
+/// Commands that pressed, tore and threw the bear until an earlier physics computed 10¹⁷ N
+/// and panicked. Each is played until two seconds after that moment.
 #[test]
-fn commands_that_broke_the_bear_once_do_not_break_it() {
+fn commands_that_broke_the_bear_do_not_break_it_now() {
     let folder = root().join("tests/data/adversarial");
     let mut files: Vec<PathBuf> = std::fs::read_dir(&folder)
         .expect("the stored commands")
@@ -41,11 +41,11 @@ fn commands_that_broke_the_bear_once_do_not_break_it() {
     });
 }
 
-/// Operators under whom an earlier physics of the rigid home broke, each to two
-/// seconds behind that: an arm link found 80 mm deep in a table at once (1, 134),
-/// wrists that were flung (42, 78, 82, 132), a chair that wedged itself in (77).
+/// Adversarial operators that broke an earlier physics of the rigid home. Each runs until two
+/// seconds after that moment: an arm link 80 mm deep in a table (seeds 1, 134), flung wrists
+/// (42, 78, 82, 132), a wedged chair (77).
 #[test]
-fn operators_that_broke_the_rigid_home_once_do_not_break_it() {
+fn operators_that_broke_the_rigid_home_do_not_break_it_now() {
     let broke = [
         ("pick_blue_mug", Kind::Joints, 1, 25.3),
         ("pick_meat_can", Kind::PressDown, 42, 20.6),
@@ -94,9 +94,9 @@ fn guard_keeps_every_part_of_the_person_below_15_newtons() {
     assert!(!verdict.broken.is_empty(), "the operator is too weak");
 }
 
-/// Seeds of the bear's task about the one on which an earlier physics broke by itself.
+/// Seeds of the bear's task around the one that broke an earlier physics.
 #[test]
-fn seeds_about_the_one_that_broke_the_bear_do_not_break_it() {
+fn expert_does_not_break_the_bear() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = Command::new(program("wheelarm").expect("the client"))
         .args([
@@ -113,7 +113,7 @@ fn seeds_about_the_one_that_broke_the_bear_do_not_break_it() {
         .expect("a process");
     let text = printed(&output);
     assert!(!text.contains("broke"), "{text}");
-    // The operator drops a bear now and then.
+    // The expert drops the bear sometimes.
     let took_most = ["3/4", "4/4"].iter().any(|most| text.contains(most));
     assert!(took_most, "{text}");
 }

@@ -1,4 +1,4 @@
-//! One run under several looks: the same physics, other colours.
+//! One episode with several visual randomizations: equal physics, different colors.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -23,7 +23,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() {
+fn appearances_change_colors_but_not_states_depth_or_segmentation() {
     let folder = tempfile::tempdir().expect("a folder");
     let [first, again] = ["first", "again"].map(|name| folder.path().join(name));
     let out = first.to_string_lossy();
@@ -42,7 +42,7 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
     let original = Episode::open(&recorded).expect("an episode");
     let scenario = original.scenario().expect("a scenario");
     let appearance = AppearanceText::read("9:light=1,lens=2")
-        .expect("a look")
+        .expect("an appearance")
         .for_episode(0);
     assert_eq!(scenario.appearance, Some(appearance));
     assert!(
@@ -64,8 +64,8 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
         "--out",
         &out,
     ];
-    let told = succeeds(&[&replay[..], &["--appearance-seed", "20"]].concat());
-    assert_eq!(told.matches("hashes equal").count(), 2, "{told}");
+    let text = succeeds(&[&replay[..], &["--appearance-seed", "20"]].concat());
+    assert_eq!(text.matches("hashes equal").count(), 2, "{text}");
     let made = files(&again);
     let appearances: Vec<Episode> = made
         .iter()
@@ -92,15 +92,15 @@ fn a_run_under_two_looks_has_the_same_states_depths_and_ids_and_other_colours() 
             assert_eq!(depths[0], depths[1], "{name} {i}");
             let ids = [(&a, one), (&b, two)].map(|(c, e)| c.ids(e, i).expect("ids"));
             assert_eq!(ids[0], ids[1], "{name} {i}");
-            let colours = [(&a, one), (&b, two)].map(|(c, e)| c.rgb(e, i).expect("colour"));
-            differ += usize::from(colours[0] != colours[1]);
+            let colors = [(&a, one), (&b, two)].map(|(c, e)| c.rgb(e, i).expect("color"));
+            differ += usize::from(colors[0] != colors[1]);
         }
         assert_eq!(differ, count, "{name}");
     }
 }
 
 #[test]
-fn a_look_with_a_mistake_is_answered_with_its_place_and_what_is_allowed() {
+fn invalid_appearance_is_rejected_with_file_line_and_allowed_values() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("scenario.toml");
     let server = program("wheelarm-server").expect("the server");
@@ -120,10 +120,10 @@ fn a_look_with_a_mistake_is_answered_with_its_place_and_what_is_allowed() {
             .env("WHEELARM_ASSETS", root().join("assets"))
             .output()
             .expect("a process");
-        let told = printed(&output);
-        assert!(!output.status.success(), "{told}");
+        let text = printed(&output);
+        assert!(!output.status.success(), "{text}");
         for part in ["scenario.toml", "line 2", words] {
-            assert!(told.contains(part), "{told}");
+            assert!(text.contains(part), "{text}");
         }
     }
     let wrong = wheelarm(&["demo", "--appearance", "7:light=5"]);

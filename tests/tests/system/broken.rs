@@ -1,5 +1,5 @@
-//! What breaks costs one episode: the physics, a server that dies, one that
-//! hangs. Everything goes on, and the ledgers and files say what happened.
+//! Broken physics, a killed server and a stalled server cost one episode each. The run
+//! continues, and logs and files state the reason.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -14,13 +14,13 @@ use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wa
 
 use super::faults_server::processes;
 
-/// The scenario in force with the chair in the middle of a table.
-fn chair_in_the_table(link: &Client) -> v1::Scenario {
-    let scene: v1::SceneReply = link.request(&v1::SceneRequest {}).expect("the scene");
+/// The current scenario with the chair inside a table.
+fn chair_in_the_table(client: &Client) -> v1::Scenario {
+    let scene: v1::SceneReply = client.request(&v1::SceneRequest {}).expect("the scene");
     let table = scene.bodies.iter().find(|b| b.name == "kitchen_table");
     let middle = table.and_then(|table| table.boxes.first()?.pose?.position);
     let middle = middle.expect("a table with a box");
-    let status: v1::Status = link.request(&v1::StatusRequest {}).expect("the status");
+    let status: v1::Status = client.request(&v1::StatusRequest {}).expect("the status");
     let mut scenario = status.scenario.expect("a scenario");
     scenario.start = Some(v1::Pose {
         position: Some(v1::Vector3 { z: 0.0, ..middle }),
@@ -32,48 +32,50 @@ fn chair_in_the_table(link: &Client) -> v1::Scenario {
     scenario
 }
 
-fn reset(link: &Client, scenario: v1::Scenario) -> Result<v1::ResetReply, ClientError> {
+fn reset(client: &Client, scenario: v1::Scenario) -> Result<v1::ResetReply, ClientError> {
     let request = v1::ResetRequest {
         scenario: Some(scenario),
         force: true,
         ..Default::default()
     };
-    link.request(&request)
+    client.request(&request)
 }
 
-fn start(link: &Client, label: &str, recorders: u32) -> Result<v1::EpisodeStarted, ClientError> {
+fn start(client: &Client, label: &str, recorders: u32) -> Result<v1::EpisodeStarted, ClientError> {
     let request = v1::EpisodeStartRequest {
         label: label.to_owned(),
         require_recorders: recorders,
         ..Default::default()
     };
-    link.request(&request)
+    client.request(&request)
 }
 
 #[test]
-fn physics_that_breaks_ends_the_episode_and_not_the_server() {
+fn broken_physics_ends_the_episode_but_not_the_server() {
     let arguments = ["--pacing", "lock-step", "--no-cameras"];
     let mut server = Server::start("sturdy", &arguments).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let mut recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "2"]);
-    let link = server.link();
-    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
-    wait_until("the recorder is there", || !status().recorders.is_empty());
-    let commander = IdleCommander::start(&link);
-    let sound = status().scenario.expect("a scenario");
-    let refused = reset(&link, chair_in_the_table(&link)).expect_err("an overlap");
+    let client = server.client();
+    let status = || client.request(&v1::StatusRequest {}).expect("an answer");
+    wait_until("the recorder is connected", || {
+        !status().recorders.is_empty()
+    });
+    let commander = IdleCommander::start(&client);
+    let valid = status().scenario.expect("a scenario");
+    let refused = reset(&client, chair_in_the_table(&client)).expect_err("an overlap");
     assert!(refused.to_string().contains("kitchen_table"), "{refused}");
-    // A playback goes where the recording was.
+    // A playback may set up such a state: a recording may contain it.
     let request = v1::ResetRequest {
-        scenario: Some(chair_in_the_table(&link)),
+        scenario: Some(chair_in_the_table(&client)),
         force: true,
         playback: true,
         ..Default::default()
     };
-    link.request(&request).expect("it can be set up");
+    client.request(&request).expect("it can be set up");
     assert_eq!(status().broken, "");
-    let ends = link.streams(&[TopicId::EpisodeStop]).expect("the ends");
-    start(&link, "broken", 1).expect("an episode");
+    let ends = client.streams(&[TopicId::EpisodeStop]).expect("the ends");
+    start(&client, "broken", 1).expect("an episode");
 
     let end = loop {
         if let Some(Sample::EpisodeStop(end)) = ends.next(Duration::from_secs(60)).unwrap() {
@@ -82,7 +84,7 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     };
     assert_eq!(end.cause(), v1::EndCause::Physics, "{end:?}");
     let words = end.anomalies.last().cloned();
-    let words = &words.expect("the anomaly in words");
+    let words = &words.expect("the text of the anomaly");
     assert!(words.contains("press with"), "{words}");
     let kind = end.anomaly_kinds().next_back();
     assert_eq!(kind, Some(v1::AnomalyKind::FaultContactForce));
@@ -91,28 +93,32 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     assert!(evaluation.done && !evaluation.success, "{evaluation:?}");
     assert_eq!(evaluation.failure, "physics");
 
-    // Time is paused, everything is answered, nothing can be begun.
-    // The end is told before the next turn, which says what it waits for.
-    wait_until("it waits for a reset", || {
+    // Time is paused, queries are answered, and no episode can start. `waiting_for` is set one
+    // step after the published end.
+    wait_until("the server waits for a reset", || {
         status().waiting_for.contains("reset")
     });
     let now = status();
     assert_eq!(now.broken, *words);
     assert!(now.episode.is_none());
-    let refused = start(&link, "next", 0).expect_err("a broken state");
+    let refused = start(&client, "next", 0).expect_err("a broken state");
     assert!(refused.to_string().contains("reset"), "{refused}");
-    let told = server.client(&["status"]).expect("a client");
-    assert!(printed(&told).contains(words), "{}", printed(&told));
+    let status_output = server.run_client(&["status"]).expect("a client");
+    assert!(
+        printed(&status_output).contains(words),
+        "{}",
+        printed(&status_output)
+    );
 
-    // A reset cures it.
-    reset(&link, sound).expect("a reset");
+    // A reset repairs the state.
+    reset(&client, valid).expect("a reset");
     assert_eq!(status().broken, "");
-    start(&link, "sound", 1).expect("an episode");
+    start(&client, "sound", 1).expect("an episode");
     let first = status().header.expect("a stamp").tick;
-    wait_until("time goes on", || {
+    wait_until("simulation time advances", || {
         status().header.expect("a stamp").tick > first + 240
     });
-    let stop = server.client(&["episode", "stop"]).expect("a client");
+    let stop = server.run_client(&["episode", "stop"]).expect("a client");
     assert!(stop.status.success(), "{}", printed(&stop));
     drop(commander);
     assert!(server.alive());
@@ -126,9 +132,9 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
     assert_eq!(summary.anomalies.last(), Some(words));
     let kind = summary.anomaly_kinds.last().map(String::as_str);
     assert_eq!(kind, Some("fault_contact_force"));
-    let sound = Episode::open(&folder.path().join("sound.h5")).expect("a file");
-    let summary = sound.summary().expect("a summary");
-    assert!(!sound.is_broken() && summary.anomalies.is_empty());
+    let valid = Episode::open(&folder.path().join("sound.h5")).expect("a file");
+    let summary = valid.summary().expect("a summary");
+    assert!(!valid.is_broken() && summary.anomalies.is_empty());
     assert_eq!(summary.end_cause, "asked");
     let validate = Command::new(program("wheelarm").expect("the client"))
         .args(["dataset", "validate"])
@@ -141,16 +147,16 @@ fn physics_that_breaks_ends_the_episode_and_not_the_server() {
 }
 
 #[test]
-fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
+fn damaged_snapshot_is_rejected_and_leaves_the_world_unchanged() {
     let server = Server::start("picky", &["--pacing", "lock-step", "--no-cameras"]);
     let server = server.expect("a server");
-    let link = server.link();
-    let _commander = IdleCommander::start(&link);
-    start(&link, "source", 0).expect("an episode");
-    let reply: v1::SnapshotReply = link.request(&v1::SnapshotRequest {}).expect("a snapshot");
-    let stop = server.client(&["episode", "stop"]).expect("a client");
+    let client = server.client();
+    let _commander = IdleCommander::start(&client);
+    start(&client, "source", 0).expect("an episode");
+    let reply: v1::SnapshotReply = client.request(&v1::SnapshotRequest {}).expect("a snapshot");
+    let stop = server.run_client(&["episode", "stop"]).expect("a client");
     assert!(stop.status.success(), "{}", printed(&stop));
-    let before: v1::Status = link.request(&v1::StatusRequest {}).expect("the status");
+    let before: v1::Status = client.request(&v1::StatusRequest {}).expect("the status");
     let put = |snapshot: Vec<u8>| {
         let request = v1::ResetRequest {
             scenario: before.scenario.clone(),
@@ -158,7 +164,7 @@ fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
             force: true,
             ..Default::default()
         };
-        link.request(&request)
+        client.request(&request)
     };
     let good = reply.snapshot.to_vec();
     let mut changed = good.clone();
@@ -171,11 +177,11 @@ fn a_state_that_is_cut_or_changed_is_refused_and_the_world_stays() {
     ] {
         let refused = put(bytes).expect_err("a damaged state");
         assert!(refused.to_string().contains(why), "{refused}");
-        let now: v1::Status = link.request(&v1::StatusRequest {}).expect("the status");
+        let now: v1::Status = client.request(&v1::StatusRequest {}).expect("the status");
         let tick = |status: &v1::Status| status.header.as_ref().map(|h| h.tick);
-        assert_eq!(tick(&now), tick(&before), "the world stays as it was");
+        assert_eq!(tick(&now), tick(&before), "the world changed");
     }
-    put(good).expect("the state itself");
+    put(good).expect("the intact snapshot");
 }
 
 /// A running evaluation; killed when dropped.
@@ -195,11 +201,11 @@ impl Evaluation {
         Self(command.spawn().expect("an evaluation"))
     }
 
-    /// Sends a signal to the evaluation's server once `done` results are in,
-    /// while the next episode runs.
-    fn hurt_server(&self, out: &Path, done: usize, signal: &str, name: &str) {
-        wait_until("the results before are in", || entries(out).len() >= done);
-        // Some simulated seconds of the next one.
+    /// Sends a signal to the evaluation's simulation process after `done` results, while the
+    /// next episode runs.
+    fn signal_simulation(&self, out: &Path, done: usize, signal: &str, name: &str) {
+        wait_until("the earlier results are in", || entries(out).len() >= done);
+        // Some simulated seconds of the next episode.
         std::thread::sleep(Duration::from_millis(200));
         assert_eq!(entries(out).len(), done, "the next episode runs");
         let servers = processes(name);
@@ -240,18 +246,18 @@ fn entries(out: &Path) -> Vec<Value> {
 }
 
 #[test]
-fn a_worker_that_dies_and_one_that_hangs_cost_one_episode_each() {
-    one_episode_each("worker", |out, _| format!("--for\0{}\0", out.display()));
+fn killed_and_stalled_workers_cost_one_episode_each() {
+    check_one_lost_episode_each("worker", |out, _| format!("--for\0{}\0", out.display()));
 }
 
 #[test]
-fn a_server_that_dies_and_one_that_hangs_cost_one_episode_each() {
-    one_episode_each("server", |_, evaluation| format!("local-{evaluation}"));
+fn killed_and_stalled_servers_cost_one_episode_each() {
+    check_one_lost_episode_each("server", |_, evaluation| format!("local-{evaluation}"));
 }
 
-/// `name` is what the command line of what simulates holds of the folder and the
-/// evaluation's process.
-fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
+/// `name` returns a part of the command line of the simulation process, from the output
+/// folder and the id of the evaluation's process.
+fn check_one_lost_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path();
     let worker = if what == "worker" {
@@ -262,8 +268,8 @@ fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
     let args = ["--seeds", "0..4", "--patience", "5", "--worker", worker];
     let run = Evaluation::start(out, &args);
     let name = name(out, run.0.id());
-    run.hurt_server(out, 1, "KILL", &name);
-    run.hurt_server(out, 3, "STOP", &name);
+    run.signal_simulation(out, 1, "KILL", &name);
+    run.signal_simulation(out, 3, "STOP", &name);
     let (code, text) = run.end();
     assert_eq!(code, Some(3), "{text}");
     let done = entries(out);
@@ -282,11 +288,11 @@ fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
         assert_eq!(entry["success"], words.is_empty(), "{entry}");
         let why = entry["why"].as_str().expect("a reason");
         assert!(why.starts_with(words), "{entry}");
-        // What broke can be done again from what the ledger says.
-        let told = &entry["scenario"];
-        assert_eq!(told.is_object(), !words.is_empty(), "{entry}");
-        if told.is_object() {
-            assert_eq!(told["task"], "pick_mustard", "{entry}");
+        // The entry of a broken episode holds the scenario that repeats it.
+        let scenario = &entry["scenario"];
+        assert_eq!(scenario.is_object(), !words.is_empty(), "{entry}");
+        if scenario.is_object() {
+            assert_eq!(scenario["task"], "pick_mustard", "{entry}");
             assert_eq!(entry["broken"], "server", "{entry}");
         }
     }
@@ -295,7 +301,7 @@ fn one_episode_each(what: &str, name: impl Fn(&Path, u32) -> String) {
         "{text}"
     );
     assert!(!text.contains("did not finish within"), "{text}");
-    // They count as done, unless they are asked for.
+    // Broken episodes count as done, unless `--again` repeats them.
     let (code, text) = Evaluation::start(out, &["--seeds", "0..4"]).end();
     assert_eq!(code, Some(3), "{text}");
     assert!(text.contains("4 of 4 episodes are in"), "{text}");

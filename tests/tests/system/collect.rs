@@ -1,5 +1,5 @@
-//! A campaign that is ended in every way on its way: nothing is done twice,
-//! nothing is lost, nothing half-made is left.
+//! Campaigns that are stopped, killed and interrupted: they repeat no episode, lose no episode
+//! and leave no partial files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -56,13 +56,13 @@ impl Campaign {
         }
     }
 
-    /// Its operator is at work on an episode below `out`.
-    fn at_work(&self, out: &Path) -> bool {
+    /// Whether its expert drives an episode below `out`.
+    fn is_driving(&self, out: &Path) -> bool {
         let staged = std::fs::read_dir(out.join("staging"));
         staged.is_ok_and(|entries| {
             let logs = entries.flatten().map(|e| e.path().join("operator.log"));
             let mut metadata = logs.filter_map(|log| std::fs::metadata(log).ok());
-            // A campaign that was killed leaves such files as well.
+            // A killed campaign leaves such files as well.
             metadata.any(|m| m.len() > 0 && m.modified().is_ok_and(|t| t > self.begun))
         })
     }
@@ -74,7 +74,7 @@ impl Campaign {
     }
 
     fn end(mut self) -> Output {
-        // Its pipes hold far more than it prints.
+        // The pipes hold far more than the campaign prints.
         let status = self.child.wait().expect("its end");
         let read = |pipe: Option<&mut dyn std::io::Read>| {
             let mut bytes = Vec::new();
@@ -96,17 +96,20 @@ impl Drop for Campaign {
     }
 }
 
-fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     let since = Instant::now();
-    while !there() {
-        assert!(since.elapsed() < PATIENCE, "{what} never came");
-        // Shorter than anything that is waited for lasts.
+    while !done() {
+        assert!(
+            since.elapsed() < PATIENCE,
+            "timeout while waiting for {what}"
+        );
+        // Shorter than the awaited states last.
         std::thread::sleep(Duration::from_millis(5));
     }
 }
 
-/// A folder with a plan in it, and where its dataset is to be.
-fn planned(plan: &str) -> (tempfile::TempDir, PathBuf, PathBuf) {
+/// Writes a plan; the temporary folder, the plan's file and the path of its dataset.
+fn write_plan(plan: &str) -> (tempfile::TempDir, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let (file, out) = (folder.path().join("plan.toml"), folder.path().join("set"));
     std::fs::write(&file, plan).expect("a plan");
@@ -146,7 +149,7 @@ fn files(out: &Path) -> BTreeMap<PathBuf, SystemTime> {
         .collect()
 }
 
-/// Logs of recordings under way in the folders below `folder`.
+/// Number of logs of unfinished recordings below `folder`.
 fn logs(folder: &Path) -> usize {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return 0;
@@ -161,19 +164,20 @@ fn logs(folder: &Path) -> usize {
 }
 
 #[test]
-fn a_campaign_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
-    ends_complete_however_it_is_ended("process");
+fn interrupted_campaign_with_worker_processes_ends_complete() {
+    check_interruptions("process");
 }
 
 #[test]
-fn one_over_sockets_that_is_stopped_killed_twice_and_interrupted_ends_complete() {
-    ends_complete_however_it_is_ended("socket");
+fn interrupted_campaign_with_servers_ends_complete() {
+    check_interruptions("socket");
 }
 
-fn ends_complete_however_it_is_ended(worker: &str) {
-    let (folder, plan, out) = planned(PLAN);
+/// Ends a campaign by SIGTERM once, by SIGKILL twice and by SIGINT.
+fn check_interruptions(worker: &str) {
+    let (folder, plan, out) = write_plan(PLAN);
     let one = one_worker(&plan, &out);
-    // Recordings under way lie elsewhere.
+    // Logs of unfinished recordings are written to another folder.
     let scratch = folder.path().join("scratch");
     let elsewhere = scratch.to_str().expect("text");
     let args = [&one[..], &["--worker", worker, "--scratch", elsewhere]].concat();
@@ -185,9 +189,9 @@ fn ends_complete_however_it_is_ended(worker: &str) {
     assert!(text.contains(elsewhere), "{text}");
     assert!(!out.exists() && !scratch.exists(), "a dry run made folders");
 
-    // SIGTERM throws the running episode away.
+    // SIGTERM discards the running episode.
     let campaign = Campaign::start(&args);
-    wait_for("an operator at work", || campaign.at_work(&out));
+    wait_for("an expert that drives", || campaign.is_driving(&out));
     wait_for("a recording", || logs(&scratch) == 1);
     assert_eq!(logs(&out.join("staging")), 0);
     let second = run(&args);
@@ -196,15 +200,15 @@ fn ends_complete_however_it_is_ended(worker: &str) {
     let ended = campaign.end();
     assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
     let staged = std::fs::read_dir(out.join("staging")).expect("a folder");
-    assert_eq!(staged.count(), 0, "something half-made is left");
+    assert_eq!(staged.count(), 0, "partial files are left");
     let left = std::fs::read_dir(&scratch).expect("a folder");
     assert_eq!(left.count(), 0, "a recording is left");
 
-    // Killed while the first episode is made, and while the second is.
+    // Killed during the first episode, and during the second.
     for done in [0, 1] {
         let campaign = Campaign::start(&args);
         wait_for("the next episode", || {
-            done_lines(&out).len() == done && campaign.at_work(&out) && logs(&scratch) == 1
+            done_lines(&out).len() == done && campaign.is_driving(&out) && logs(&scratch) == 1
         });
         campaign.signal("KILL");
         campaign.end();
@@ -216,7 +220,7 @@ fn ends_complete_however_it_is_ended(worker: &str) {
 
     // Ctrl-C lets the running episode finish: here it is the last one.
     let campaign = Campaign::start(&args);
-    wait_for("an operator at work", || campaign.at_work(&out));
+    wait_for("an expert that drives", || campaign.is_driving(&out));
     campaign.signal("INT");
     let ended = campaign.end();
     let text = printed(&ended);
@@ -226,11 +230,11 @@ fn ends_complete_however_it_is_ended(worker: &str) {
         "{text}"
     );
 
-    // What the killed ones left is gone too.
+    // The files of killed campaigns are removed too.
     let left = std::fs::read_dir(&scratch).expect("a folder");
     assert_eq!(left.count(), 0, "a recording is left");
 
-    // Nothing was done twice, and the next run does nothing.
+    // No episode was repeated, and the next run does nothing.
     let both = files(&out);
     assert!(
         first
@@ -241,27 +245,27 @@ fn ends_complete_however_it_is_ended(worker: &str) {
     let again = run(&args);
     assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
     assert_eq!((files(&out), done_lines(&out).len()), (both, 2));
-    manifest_is_true(&out);
-    merging_checks_every_file(&out, &folder.path().join("merged"));
-    another_plan_is_refused(&plan, &args);
+    check_manifest(&out);
+    check_merge(&out, &folder.path().join("merged"));
+    check_another_plan_is_rejected(&plan, &args);
 }
 
 #[test]
-fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() {
+fn next_episode_runs_while_a_file_is_finished_and_both_can_be_discarded() {
     let plan = PLAN.replace("episodes = 2", "episodes = 3");
     let plan = plan.replace(
         "[[task]]",
         "[variation.language]\nseed = 40\nsentences = 2\n[[task]]",
     );
-    let (_folder, plan, out) = planned(&plan);
+    let (_folder, plan, out) = write_plan(&plan);
     let args = one_worker(&plan, &out);
     let staged = || std::fs::read_dir(out.join("staging")).map_or(0, Iterator::count);
     let campaign = Campaign::start(&args);
-    wait_for("two at the same time", || staged() == 2);
+    wait_for("two staged episodes", || staged() == 2);
     campaign.signal("TERM");
     let ended = campaign.end();
     assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
-    assert_eq!(staged(), 0, "something half-made is left");
+    assert_eq!(staged(), 0, "partial files are left");
     let before = files(&out);
     assert_eq!(before.len(), done_lines(&out).len());
     assert!(before.len() < 3);
@@ -276,19 +280,22 @@ fn the_next_episode_runs_while_a_file_is_finished_and_both_can_be_thrown_away() 
             .all(|(path, time)| after.get(path) == Some(time))
     );
     assert_eq!((after.len(), done_lines(&out).len()), (3, 3));
-    manifest_is_true(&out);
-    a_scene_is_said_and_done_in_two_ways(&out);
+    check_manifest(&out);
+    check_two_sentences_of_one_scene(&out);
 }
 
-/// Two episodes with one scene, another sentence and another operator each.
-fn a_scene_is_said_and_done_in_two_ways(out: &Path) {
+/// Two episodes of one scene have different sentences and different trajectories.
+fn check_two_sentences_of_one_scene(out: &Path) {
     let mut done = done_lines(out);
     done.sort_by_key(|line| line["episode"].to_string());
-    let said = |line: &Value| line["scenario"]["language"]["seed"].as_u64();
+    let sentence_seed = |line: &Value| line["scenario"]["language"]["seed"].as_u64();
     let [first, second, third] = &done[..] else {
         panic!("{done:?}");
     };
-    assert_eq!([first, second, third].map(said), [40, 41, 40].map(Some));
+    assert_eq!(
+        [first, second, third].map(sentence_seed),
+        [40, 41, 40].map(Some)
+    );
     assert_eq!(first["seed"], second["seed"]);
     assert_ne!(first["seed"], third["seed"]);
     assert_eq!(first["scenario"]["objects"], second["scenario"]["objects"]);
@@ -297,45 +304,41 @@ fn a_scene_is_said_and_done_in_two_ways(out: &Path) {
 }
 
 #[test]
-fn a_worker_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
+fn killed_and_stalled_workers_are_logged_and_the_campaign_ends_complete() {
     let words = [
         "the worker died (signal: 6",
         "the worker stalled and sent nothing for 6 s",
     ];
-    what_dies_and_what_hangs_is_entered("process", words, |out, _| {
+    check_failed_attempts("process", words, |out, _| {
         format!("--for\0{}\0", out.display())
     });
 }
 
 #[test]
-fn a_server_that_dies_and_one_that_hangs_are_entered_and_the_campaign_ends_complete() {
+fn killed_and_stalled_servers_are_logged_and_the_campaign_ends_complete() {
     let words = [
         "the server died (signal: 6",
         "the server stalled and answered nothing for 6 s",
     ];
-    what_dies_and_what_hangs_is_entered("socket", words, |_, staging| {
+    check_failed_attempts("socket", words, |_, staging| {
         let socket = std::fs::read_to_string(staging.join("socket"));
-        let socket = socket.expect("where the server listens");
+        let socket = socket.expect("the server's endpoint");
         format!("unixsock-stream/{socket}/server\0--scenario")
     });
 }
 
-/// `line` is what the command line of the simulation holds of a dataset's folder and
-/// an episode's.
-fn what_dies_and_what_hangs_is_entered(
-    worker: &str,
-    words: [&str; 2],
-    line: impl Fn(&Path, &Path) -> String,
-) {
-    let (_folder, plan, out) = planned(PLAN);
+/// `line` returns a part of the command line of the simulation process, from the folders of a
+/// dataset and an episode.
+fn check_failed_attempts(worker: &str, words: [&str; 2], line: impl Fn(&Path, &Path) -> String) {
+    let (_folder, plan, out) = write_plan(PLAN);
     let one = one_worker(&plan, &out);
     let args = [&one[..], &["--worker", worker]].concat();
     let campaign = Campaign::start(&[&args[..], &["--patience", "6"]].concat());
-    // One dies while the first episode is made, one hangs during the second.
+    // One is killed during the first episode, one stalls during the second.
     for (index, signal) in [(0, "ABRT"), (1, "STOP")] {
         let staging = out.join(format!("staging/pick_mustard-000{index}"));
         let other = out.join(format!("staging/pick_mustard-000{}", 1 - index));
-        wait_for("an operator at work, and no file in the making", || {
+        wait_for("an expert that drives, and no file in work", || {
             let log = std::fs::metadata(staging.join("operator.log"));
             log.is_ok_and(|log| log.len() > 0) && !other.exists()
         });
@@ -349,9 +352,9 @@ fn what_dies_and_what_hangs_is_entered(
     let text = printed(&ended);
     assert_eq!(ended.status.code(), Some(3), "{text}");
     assert!(text.contains("2 of 2 episodes"), "{text}");
-    manifest_is_true(&out);
-    // Both are in the ledger with what reproduces them, and both were done with
-    // the same seed by a new server.
+    check_manifest(&out);
+    // The manifest lists both attempts with the scenario that repeats them. A new server ran
+    // both episodes with the same seed.
     let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");
     let manifest: Value = serde_json::from_str(&manifest).expect("JSON");
     let failed = manifest["failed_attempts"].as_array().expect("a list");
@@ -370,19 +373,19 @@ fn what_dies_and_what_hangs_is_entered(
         assert_eq!(&failed["scenario"]["seed"], seed, "{failed}");
         assert_eq!(failed["scenario"]["task"], "pick_mustard", "{failed}");
     }
-    // They are done: the next run has nothing to do.
+    // Both episodes are complete: the next run does nothing.
     let again = run(&args);
     assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
     assert!(left_behind(&out).is_empty());
 }
 
-/// SIGKILL that the campaign did not send is what a system without memory sends.
+/// The system sends SIGKILL when memory is short; the campaign does not.
 #[test]
-fn a_worker_killed_for_memory_costs_no_seed() {
-    let (_folder, plan, out) = planned(&PLAN.replace("episodes = 2", "episodes = 1"));
+fn worker_killed_for_memory_is_repeated_with_the_same_seed() {
+    let (_folder, plan, out) = write_plan(&PLAN.replace("episodes = 2", "episodes = 1"));
     let campaign = Campaign::start(&one_worker(&plan, &out));
     let log = out.join("staging/pick_mustard-0000/operator.log");
-    wait_for("an operator at work", || {
+    wait_for("an expert that drives", || {
         std::fs::metadata(&log).is_ok_and(|log| log.len() > 0)
     });
     let workers = processes(&format!("--for\0{}\0", out.display()));
@@ -401,10 +404,10 @@ fn a_worker_killed_for_memory_costs_no_seed() {
     let manifest: Value = serde_json::from_str(&manifest).expect("JSON");
     assert_eq!(manifest["failed_attempts"], Value::Array(Vec::new()));
     assert_eq!(manifest["episodes"][0]["attempt"], 0, "{manifest}");
-    manifest_is_true(&out);
+    check_manifest(&out);
 }
 
-/// What stands in a folder's files, by their names.
+/// Contents of the files below a folder, by relative path.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_owned()];
@@ -423,16 +426,16 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn one_process_records_what_three_record_and_its_second_episode_is_as_fresh() {
+fn worker_process_and_server_record_equal_episodes() {
     let depth = PLAN.replace("[scenario]", "depth = \"u16\"\n[scenario]");
-    let (folder, plan, _) = planned(&depth);
+    let (folder, plan, _) = write_plan(&depth);
     let [process, socket] = ["process", "socket"].map(|worker| {
         let out = folder.path().join(worker);
         let args = [&one_worker(&plan, &out)[..], &["--worker", worker]].concat();
         let made = run(&args);
         assert_eq!(made.status.code(), Some(0), "{}", printed(&made));
-        manifest_is_true(&out);
-        // Rows and pictures, the file's own words left out: a run's id and times.
+        check_manifest(&out);
+        // Rows and images. The recording itself also holds the run's id and times.
         let text = folder.path().join(format!("{worker}-csv"));
         let episodes = out.join("episodes");
         let exported = Command::new(program("wheelarm-dataset").expect("the tool"))
@@ -454,7 +457,7 @@ fn one_process_records_what_three_record_and_its_second_episode_is_as_fresh() {
         (contents(&text), hashes)
     });
     assert!(process.0.len() > 200, "{} files", process.0.len());
-    assert!(process.0 == socket.0, "rows or pictures differ");
+    assert!(process.0 == socket.0, "rows or images differ");
     assert!(
         process.1[0].len() > 5 && process.1 == socket.1,
         "{:?}",
@@ -462,7 +465,7 @@ fn one_process_records_what_three_record_and_its_second_episode_is_as_fresh() {
     );
 }
 
-fn manifest_is_true(out: &Path) {
+fn check_manifest(out: &Path) {
     let text = std::fs::read_to_string(out.join("manifest.json")).expect("a manifest");
     let manifest: Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!(manifest["complete"], true);
@@ -483,13 +486,12 @@ fn manifest_is_true(out: &Path) {
     }
 }
 
-fn merging_checks_every_file(out: &Path, merged: &Path) {
+fn check_merge(out: &Path, merged: &Path) {
     let args = |to| ["--merge", out.to_str().expect("text"), "--out", to];
     let good = run(&args(merged.to_str().expect("text")));
     assert_eq!(good.status.code(), Some(0), "{}", printed(&good));
-    manifest_is_true(merged);
-    // One flipped byte, in the source alone: the merged file is another name
-    // of the same one where the disk allows that.
+    check_manifest(merged);
+    // One flipped byte, in the source only: the merged file may be a hard link to it.
     let file = out.join("episodes/pick_mustard-0001.h5");
     let mut bytes = std::fs::read(&file).expect("the file");
     let middle = bytes.len() / 2;
@@ -506,14 +508,14 @@ fn merging_checks_every_file(out: &Path, merged: &Path) {
     );
     let again = run(&args(merged.to_str().expect("text")));
     assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
-    // A file of the target that is damaged is replaced by a good one.
+    // A damaged file of the target is replaced by an intact one.
     let file = merged.join("episodes/pick_mustard-0000.h5");
     std::fs::remove_file(&file).expect("the file");
     std::fs::write(&file, "damaged").expect("a file");
     let mended = run(&args(merged.to_str().expect("text")));
     assert_eq!(mended.status.code(), Some(0), "{}", printed(&mended));
     assert!(std::fs::metadata(&file).expect("the file").len() > 1000);
-    // Another campaign's folder stays as it is.
+    // The folder of another campaign stays unchanged.
     let other = merged.with_file_name("other");
     std::fs::create_dir(&other).expect("a folder");
     let plan = PLAN.replace("\"tiny\"", "\"other\"");
@@ -527,7 +529,7 @@ fn merging_checks_every_file(out: &Path, merged: &Path) {
     );
 }
 
-fn another_plan_is_refused(plan: &Path, args: &[&str]) {
+fn check_another_plan_is_rejected(plan: &Path, args: &[&str]) {
     std::fs::write(plan, PLAN.replace("width = 64", "width = 32")).expect("a plan");
     let refused = run(args);
     let text = printed(&refused);

@@ -1,5 +1,5 @@
-//! Recorders elsewhere: several servers behind a router process, and one
-//! recorder process that knows none of their names.
+//! One recorder process writes the episodes of several servers behind a router, without
+//! knowing their names.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -30,7 +30,7 @@ impl Drop for Running {
 }
 
 fn command(server: &Server, args: &[&str]) -> String {
-    let output = server.client(args).expect("a client");
+    let output = server.run_client(args).expect("a client");
     assert!(output.status.success(), "{args:?}: {}", printed(&output));
     printed(&output)
 }
@@ -55,7 +55,7 @@ fn one_recorder_writes_every_episode_of_three_servers_behind_a_router() {
         "--quality",
         "fast",
     ];
-    // One is there before the recorder, the others come later.
+    // One server starts before the recorder, the others after it.
     let mut servers = vec![Server::start(sims[0], &args).expect("a server")];
     let mut recorder = Running::start(
         "wheelarm",
@@ -85,9 +85,9 @@ fn one_recorder_writes_every_episode_of_three_servers_behind_a_router() {
             std::thread::sleep(Duration::from_millis(100));
         }
     }
-    // Routers need a moment to agree on the ways to a server that joined.
+    // Routers need a moment to exchange routes to a new server.
     std::thread::sleep(Duration::from_secs(2));
-    // All three at the same time, twice, under the same labels.
+    // Two episodes at the same time on all three servers, with equal labels.
     for label in ["one", "two"] {
         for server in &servers {
             let start = [

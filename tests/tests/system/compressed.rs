@@ -1,5 +1,5 @@
-//! A service whose graphics adapter compresses the pictures, recorded within one process,
-//! as a campaign's worker does it.
+//! A service whose graphics adapter compresses images, recorded within one process, as in a
+//! worker of a campaign.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
@@ -22,13 +22,13 @@ use wheelarm_server::sim::{CameraSetting, Scenario, Simulation};
 use wheelarm_tests::{IdleCommander, PATIENCE, root, wait_until};
 
 const CAMERA: &str = "gen3";
-/// Large enough that an adapter is asked to compress it.
+/// Large enough that the adapter compresses it.
 const SIZE: [u32; 2] = [320, 240];
-/// Ticks of an episode: ten pictures.
+/// Ticks of an episode: ten images.
 const TICKS: u64 = 240;
 
-/// Records an episode whose depth is kept as `depth` says; its file.
-fn recorded(depth: Depth, out: &Path) -> PathBuf {
+/// Records an episode with depth in the form `depth`; its file.
+fn record(depth: Depth, out: &Path) -> PathBuf {
     let camera = CameraSetting {
         name: CAMERA.to_owned(),
         size: SIZE,
@@ -60,15 +60,15 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
         session.clone(),
         sim,
         options,
-        move || ready.send(()).expect("somebody who waits"),
+        move || ready.send(()).expect("the waiting test"),
         async {
             let _ = ended.await;
         },
     ));
     serves.recv_timeout(PATIENCE).expect("a service");
-    let link = Client::within(session, &name).expect("a link");
+    let client = Client::within(session, &name).expect("a client");
     let recorder = std::thread::spawn({
-        let (link, runtime, out) = (link.clone(), runtime.handle().clone(), out.to_owned());
+        let (client, runtime, out) = (client.clone(), runtime.handle().clone(), out.to_owned());
         move || {
             let options = RecordOptions {
                 out,
@@ -79,43 +79,43 @@ fn recorded(depth: Depth, out: &Path) -> PathBuf {
                 episodes: Some(1),
             };
             let never = std::future::pending();
-            runtime.block_on(wheelarm_recorder::run(&link, options, never, |_| {}))
+            runtime.block_on(wheelarm_recorder::run(&client, options, never, |_| {}))
         }
     });
-    let idle = IdleCommander::start(&link);
+    let idle = IdleCommander::start(&client);
     let request = v1::EpisodeStartRequest {
         label: depth.name().to_owned(),
         require_recorders: 1,
         ..v1::EpisodeStartRequest::default()
     };
     let mut started = None;
-    wait_until("the episode began", || {
-        started = link.request(&request).ok();
+    wait_until("the episode starts", || {
+        started = client.request(&request).ok();
         started.is_some()
     });
     let started = started.expect("an episode");
     let first = started.header.as_ref().map_or(0, |header| header.tick);
     wait_until("the episode is over", || {
-        let status = link.request(&v1::StatusRequest {}).expect("a status");
+        let status = client.request(&v1::StatusRequest {}).expect("a status");
         status.header.is_some_and(|now| now.tick >= first + TICKS)
     });
-    link.stop_episode_of(&started, false).expect("an end");
+    client.stop_episode_of(&started, false).expect("an end");
     let summary = recorder.join().expect("a recorder").expect("recordings");
     drop(idle);
     assert_eq!(summary.exit_code(), 0, "{:?}", summary.failed);
     drop(end);
     let served = runtime.block_on(service).expect("a service");
-    served.expect("a service that ends as asked");
+    served.expect("a service that ends without an error");
     runtime.shutdown_timeout(Duration::from_secs(1));
     out.join(format!("{}.h5", depth.name()))
 }
 
-/// Metres as bytes.
+/// Little-endian bytes of depths, m.
 fn bytes(metres: &[f32]) -> Vec<u8> {
     metres.iter().flat_map(|m| m.to_le_bytes()).collect()
 }
 
-/// Bytes of colour and depth of all pictures as the file has them, and as the processor
+/// Sizes of color and depth of all images, bytes: as stored in the file, and as the CPU
 /// compresses them.
 fn sizes(file: &Path, depth: Depth, episode: &Episode, camera: &Camera) -> [[usize; 2]; 2] {
     let open = hdf5::File::open(file).expect("a file");
@@ -126,9 +126,9 @@ fn sizes(file: &Path, depth: Depth, episode: &Episode, camera: &Camera) -> [[usi
     let mut out = [Vec::new(), Vec::new()];
     let mut deflate = Deflate::default();
     for i in 0..camera.len() {
-        let picture = camera.frame(episode, i).expect("a picture");
-        deflate.append(&picture.rgb, 1, &mut out[0]);
-        let metres = bytes(&picture.depth);
+        let image = camera.frame(episode, i).expect("an image");
+        deflate.append(&image.rgb, 1, &mut out[0]);
+        let metres = bytes(&image.depth);
         match depth {
             Depth::Metres => _ = deflate.append(&metres, 4, &mut out[1]),
             Depth::Millimetres => {
@@ -139,21 +139,19 @@ fn sizes(file: &Path, depth: Depth, episode: &Episode, camera: &Camera) -> [[usi
             Depth::Nothing => {}
         }
     }
-    let by_processor = out.map(|plane| plane.len());
-    [["rgb", "depth"].map(stored), by_processor]
+    let by_cpu = out.map(|plane| plane.len());
+    [["rgb", "depth"].map(stored), by_cpu]
 }
 
 #[test]
-fn what_the_adapter_compresses_is_recorded_whatever_the_form_of_depth() {
+fn adapter_compression_is_recorded_losslessly_for_every_form_of_depth() {
     let folder = tempfile::tempdir().expect("a folder");
-    let files = Depth::ALL
-        .iter()
-        .map(|&depth| recorded(depth, folder.path()));
+    let files = Depth::ALL.iter().map(|&depth| record(depth, folder.path()));
     let [metres, millimetres, nothing] = &files.collect::<Vec<_>>()[..] else {
         panic!("three forms of depth")
     };
     for file in [metres, millimetres, nothing] {
-        let found = validate(file, 1).expect("a look at the file");
+        let found = validate(file, 1).expect("a readable file");
         assert!(found.problems.is_empty(), "{found:?}");
     }
     let [exact, kept, without] = [metres, millimetres, nothing].map(|file| {
@@ -166,38 +164,28 @@ fn what_the_adapter_compresses_is_recorded_whatever_the_form_of_depth() {
         .zip(Depth::ALL)
         .zip([&exact, &kept, &without])
     {
-        let [stored, by_processor] = sizes(file, depth, episode, camera);
-        assert_ne!(
-            stored[0], by_processor[0],
-            "the adapter compressed no colour"
-        );
+        let [stored, by_cpu] = sizes(file, depth, episode, camera);
+        assert_ne!(stored[0], by_cpu[0], "the adapter compressed no color");
         let made = depth != Depth::Nothing;
-        assert_eq!(
-            stored[1] != by_processor[1],
-            made,
-            "{depth:?} by the adapter"
-        );
+        assert_eq!(stored[1] != by_cpu[1], made, "{depth:?} by the adapter");
     }
-    let pictures = [&exact, &kept, &without].map(|(_, camera)| camera.len());
-    assert!(
-        pictures.iter().all(|&pictures| pictures >= 10),
-        "{pictures:?}"
-    );
+    let counts = [&exact, &kept, &without].map(|(_, camera)| camera.len());
+    assert!(counts.iter().all(|&count| count >= 10), "{counts:?}");
     for i in 0..10 {
         let [exact, kept, without] =
-            [&exact, &kept, &without].map(|(e, camera)| camera.frame(e, i).expect("a picture"));
+            [&exact, &kept, &without].map(|(e, camera)| camera.frame(e, i).expect("an image"));
         assert_eq!(exact.rgb, kept.rgb);
         assert_eq!(exact.ids, kept.ids);
         assert_eq!((&exact.rgb, &exact.ids), (&without.rgb, &without.ids));
         let mut expected = Vec::new();
         to_millimetres(&bytes(&exact.depth), &mut expected);
         let millimetres = kept.depth.iter().map(|m| (m * 1000.0).round());
-        let told = expected
+        let rounded = expected
             .chunks(2)
             .map(|b| f32::from(u16::from_le_bytes([b[0], b[1]])));
         assert!(
             millimetres
-                .zip(told)
+                .zip(rounded)
                 .all(|(a, b)| a == b || (a.is_infinite() && b == 0.0))
         );
         assert!(without.depth.is_empty());

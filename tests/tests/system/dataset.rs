@@ -1,5 +1,4 @@
-//! The commands of the guide, run as they stand there, and what they wrote read
-//! by other people's libraries.
+//! Runs the commands of the guides, and reads their output with third-party libraries.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -31,7 +30,7 @@ fn blocks(chapter: &str, language: &str) -> Vec<String> {
         .collect()
 }
 
-/// Runs a line of shell in `folder` with our programs found first.
+/// Runs a shell line in `folder` with our programs first on PATH.
 fn shell(folder: &Path, line: &str) -> Output {
     let programs = program("wheelarm").expect("the client");
     let mut path = std::ffi::OsString::from(programs.parent().expect("a folder"));
@@ -49,10 +48,10 @@ fn shell(folder: &Path, line: &str) -> Output {
 /// The interpreter, if it has the modules.
 fn python(modules: &str) -> Option<String> {
     let python = std::env::var("WHEELARM_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let there = Command::new(&python)
+    let imported = Command::new(&python)
         .args(["-c", &format!("import {modules}")])
         .output();
-    if there.is_ok_and(|o| o.status.success()) {
+    if imported.is_ok_and(|o| o.status.success()) {
         return Some(python);
     }
     skipped(&format!(
@@ -87,7 +86,7 @@ fn check(folder: &Path, format: &str, what: &str, recordings: &[PathBuf], module
 }
 
 #[test]
-fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
+fn commands_of_the_guides_run_and_other_libraries_read_their_output() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     for chapter in CHAPTERS {
@@ -100,7 +99,7 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
             );
             if block.contains("dataset label") {
                 let text = printed(&output);
-                // The rule takes a chair that backs off with an object for navigating.
+                // The rule labels a chair that backs off with an object as navigation.
                 let most =
                     ["50.0", "100.0"].map(|share| format!("phases: {share} % of 2 episodes"));
                 assert!(most.iter().any(|words| text.contains(words)), "{text}");
@@ -128,8 +127,8 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
     );
     let mcap = "h5py, numpy, mcap, google.protobuf, foxglove_schemas_protobuf";
     check(folder, "mcap", "data/mcap", &all, mcap);
-    bag(folder, &all[0]);
-    moving_pictures(folder, &all[0]);
+    check_bag(folder, &all[0]);
+    check_videos(folder, &all[0]);
     if let Some(python) = python("h5py, numpy") {
         for block in blocks("train-and-evaluate/process.md", "python") {
             let output = Command::new(&python)
@@ -140,16 +139,14 @@ fn the_guides_commands_run_and_other_libraries_read_what_they_write() {
             assert!(output.status.success(), "{block}{}", printed(&output));
         }
     }
-    labels(folder);
-    page_plays(&folder.join("data/pages/pick_mustard-seed0.html"));
-    off_sample_rows(folder);
-    problems(folder, &all);
+    check_labels(folder);
+    check_page(&folder.join("data/pages/pick_mustard-seed0.html"));
+    check_rows_between_samples(folder);
+    check_problems(folder, &all);
 }
 
-/// Labels are what a script of its own computes again from the file, and language
-/// columns what LeRobot says they are.
-/// Runs a program of `tests/python` and what it is given.
-fn runs(folder: &Path, python: &str, script: &str, arguments: &[&str]) {
+/// Runs a script of `tests/python`.
+fn run_script(folder: &Path, python: &str, script: &str, arguments: &[&str]) {
     let output = Command::new(python)
         .arg(root().join("tests/python").join(script))
         .args(arguments)
@@ -159,15 +156,15 @@ fn runs(folder: &Path, python: &str, script: &str, arguments: &[&str]) {
     assert!(output.status.success(), "{script}: {}", printed(&output));
 }
 
-/// The guide's bag is read by a library with its own definitions of the messages,
-/// and by the guide's own lines.
-fn bag(folder: &Path, recording: &Path) {
+/// Reads the guide's bag with a library that has its own message definitions, and with the
+/// Python lines of the guide.
+fn check_bag(folder: &Path, recording: &Path) {
     let Some(python) = python("h5py, numpy, rosbags.rosbag2") else {
         return;
     };
     let recording = recording.to_string_lossy();
     let arguments = ["rosbags", "data/bags", &*recording];
-    runs(folder, &python, "check_rosbag2.py", &arguments);
+    run_script(folder, &python, "check_rosbag2.py", &arguments);
     for block in blocks("integrate-and-operate/rosbag2.md", "python") {
         let output = Command::new(&python)
             .args(["-c", &block])
@@ -178,9 +175,9 @@ fn bag(folder: &Path, recording: &Path) {
     }
 }
 
-/// The guide's videos, and one of a camera alone, show the recorded pictures; what
-/// cannot be shown is told with the cure.
-fn moving_pictures(folder: &Path, recording: &Path) {
+/// The guide's videos, and one of a single camera, show the recorded images. Impossible
+/// requests fail with a fix.
+fn check_videos(folder: &Path, recording: &Path) {
     let file = recording.display();
     let line = format!(
         "wheelarm dataset video {file} --out data/plain.mp4 --plain --camera gen3 --width 320"
@@ -197,7 +194,7 @@ fn moving_pictures(folder: &Path, recording: &Path) {
             "2",
             "10",
         ];
-        runs(folder, &python, "check_video.py", &arguments);
+        run_script(folder, &python, "check_video.py", &arguments);
     }
     for (options, words) in [
         ("--camera room", "--camera room=640x360@10"),
@@ -206,21 +203,22 @@ fn moving_pictures(folder: &Path, recording: &Path) {
         ("--out data/plain.mp4", "exists already"),
     ] {
         let output = shell(folder, &format!("wheelarm dataset video {file} {options}"));
-        let told = printed(&output);
+        let text = printed(&output);
         assert!(
-            output.status.code() == Some(1) && told.contains(words),
-            "{options}: {told}"
+            output.status.code() == Some(1) && text.contains(words),
+            "{options}: {text}"
         );
     }
     let left = std::fs::read_dir(folder.join("data")).expect("the folder");
     let left = left.flatten().map(|e| e.file_name());
-    let half_made: Vec<_> = left
+    let partial: Vec<_> = left
         .filter(|name| name.to_string_lossy().contains(".part"))
         .collect();
-    assert!(half_made.is_empty(), "{half_made:?}");
+    assert!(partial.is_empty(), "{partial:?}");
 }
 
-fn labels(folder: &Path) {
+/// A script computes the labels again from the file; the language columns have LeRobot's form.
+fn check_labels(folder: &Path) {
     let answers = "tests/python/check_answers.py";
     let labelled = recordings(&folder.join("data/labels"));
     assert_eq!(labelled.len(), 2);
@@ -242,18 +240,17 @@ fn labels(folder: &Path) {
     }
 }
 
-/// Scripts that were saved from Google Colab, with a drive to mount and a typed
-/// number, run on what we write for them and end with the table that we write
-/// ourselves. They are stand-ins of our own; `make test-original` takes the
-/// original's.
+/// Stand-ins for the scripts of WheelArm-Sim, which were saved from Google Colab with a drive
+/// to mount and a typed number. They process our export and produce the table that our CSV
+/// export contains. `make test-original` runs the original scripts.
 #[test]
-fn scripts_written_like_the_originals_process_our_files() {
+fn stand_ins_of_the_original_scripts_process_our_files() {
     let Some(python) = python("h5py, numpy") else {
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    // Pictures as small as the stand-ins expect, and more than their 249 samples.
+    // Images of the size that the stand-ins expect, and more than their 249 samples.
     let output = shell(
         folder,
         "wheelarm demo --seed 2 --width 64 --height 36 --rate 20 --no-sheet --out raw\n\
@@ -282,7 +279,7 @@ fn scripts_written_like_the_originals_process_our_files() {
         assert!(text.contains(words), "{words} is not in {text}");
     }
 
-    // A module is looked for by its full name: a `google` that lacks it is none.
+    // A module is searched by its full name: another `google` package does not replace it.
     let lacking = folder.join("lacking");
     std::fs::create_dir(&lacking).expect("a folder");
     for script in std::fs::read_dir(&standins)
@@ -300,8 +297,8 @@ fn scripts_written_like_the_originals_process_our_files() {
     assert!(text.contains("imports google.nowhere"), "{text}");
 }
 
-/// Chromium runs the page's script and finds every picture.
-fn page_plays(page: &Path) {
+/// Chromium runs the page's script and finds every image.
+fn check_page(page: &Path) {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
     let Some(browser) = browsers.iter().find(|b| {
         Command::new(b)
@@ -338,7 +335,7 @@ fn page_plays(page: &Path) {
     );
     assert!(
         !dom.contains("Drawers that moved"),
-        "drawers that never moved are drawn"
+        "drawers that never moved are shown"
     );
     let ticks = dom.split("data-ticks=\"").nth(1).expect("ticks");
     let ticks = ticks.split('"').next().unwrap_or_default();
@@ -357,9 +354,9 @@ fn page_plays(page: &Path) {
     }
 }
 
-/// At 8 Hz pictures lie between the samples of 60 Hz: there, both curves are
-/// compared with numpy's, and the chair with the camera on it.
-fn off_sample_rows(folder: &Path) {
+/// At 8 Hz images fall between the samples of 60 Hz. Compares both interpolations with those
+/// of numpy, and the chair's pose with its camera's.
+fn check_rows_between_samples(folder: &Path) {
     let output = shell(
         folder,
         "wheelarm demo --seed 2 --width 64 --height 48 --rate 8 --no-sheet --out data/eight\n\
@@ -372,8 +369,8 @@ fn off_sample_rows(folder: &Path) {
     check(folder, "aligned", "data/eight-linear", &all, "h5py, numpy");
 }
 
-/// What goes wrong is said, and does not spoil the rest.
-fn problems(folder: &Path, all: &[PathBuf]) {
+/// A failure is reported and does not affect other files.
+fn check_problems(folder: &Path, all: &[PathBuf]) {
     let broken = folder.join("data/broken.h5");
     std::fs::write(&broken, b"no HDF5").expect("a file");
     let first = all[0].display();
@@ -401,7 +398,7 @@ fn problems(folder: &Path, all: &[PathBuf]) {
         printed(&again)
     );
 
-    // Killed in the middle: nothing stands under the final name.
+    // Killed during the export: no file has the final name.
     let mut child = Command::new(program("wheelarm-dataset").expect("the program"))
         .args(["export", "--format", "wheelarm-sim", "--out", "data/killed"])
         .arg(&all[0])
@@ -419,7 +416,7 @@ fn problems(folder: &Path, all: &[PathBuf]) {
     child.wait().expect("an end");
     assert!(!folder.join("data/killed/pick_mustard-seed0.hdf5").exists());
 
-    // Interrupted and begun again, the tables of labels tell of all episodes.
+    // Interrupted and started again: the label tables cover all episodes.
     let line = format!("wheelarm dataset annotate {first} {first} --out data/notes");
     let output = shell(folder, &line);
     assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
@@ -480,25 +477,25 @@ fn problems(folder: &Path, all: &[PathBuf]) {
 }
 
 #[test]
-fn an_episode_by_hand_in_real_time_is_aligned() {
+fn episode_driven_by_hand_in_real_time_is_aligned() {
     let args = ["--camera", "gen3=64x48@10", "--quality", "fast"];
     let server = Server::start("by-hand-aligned", &args).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let mut recorder = Recorder::start(&server, "hand", folder.path(), &["--episodes", "1"]);
-    let link = server.link();
-    wait_until("the recorder is there", || {
-        let status = link.request(&v1::StatusRequest {}).expect("a status");
+    let client = server.client();
+    wait_until("the recorder is connected", || {
+        let status = client.request(&v1::StatusRequest {}).expect("a status");
         !status.recorders.is_empty()
     });
-    let mut hand = link.commander("hand", false).expect("control");
-    let clocks = link.streams(&[TopicId::Clock]).expect("the clock");
+    let mut hand = client.commander("hand", false).expect("control");
+    let clocks = client.streams(&[TopicId::Clock]).expect("the clock");
     let request = v1::EpisodeStartRequest {
         label: "by-hand".into(),
         require_recorders: 1,
         ..Default::default()
     };
-    link.request(&request).expect("an episode");
-    // Whoever sends faster than the control rate has several in a tick.
+    client.request(&request).expect("an episode");
+    // A client that sends faster than the control rate has several commands per tick.
     let mut ticks = 0;
     while ticks < 60 {
         let Some(Sample::Clock(clock)) = clocks.next(PATIENCE).expect("no error") else {
@@ -513,7 +510,7 @@ fn an_episode_by_hand_in_real_time_is_aligned() {
             ticks += 1;
         }
     }
-    let stop = server.client(&["episode", "stop"]).expect("a client");
+    let stop = server.run_client(&["episode", "stop"]).expect("a client");
     assert!(stop.status.success(), "{}", printed(&stop));
     let (status, text) = recorder.end();
     assert!(status.success(), "{text}");
@@ -521,7 +518,7 @@ fn an_episode_by_hand_in_real_time_is_aligned() {
         .and_then(|episode| episode.stamps("command"))
         .expect("the commands");
     let shared = stamps.windows(2).filter(|w| w[0] == w[1]).count();
-    assert!(shared > 0, "every command has a tick of its own");
+    assert!(shared > 0, "no two commands share a tick");
     let line = "wheelarm dataset align by-hand.h5 --out aligned";
     let aligned = shell(folder.path(), line);
     let text = printed(&aligned);

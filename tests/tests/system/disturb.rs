@@ -1,13 +1,13 @@
-//! Disturbances behind the gate and errors on purpose: recorded, computed again by a
-//! replay from the scenario alone, and absent where nobody asks for them.
+//! Disturbances behind the gate and forced errors: recorded, reproduced by a replay from the
+//! scenario alone, and absent unless a scenario requests them.
 
 use std::path::Path;
 
 use wheelarm_dataset::read::Episode;
 use wheelarm_tests::{printed, wheelarm};
 
-/// The recording of one episode, whether it was done or not.
-fn recorded(out: &Path, more: &[&str]) -> Episode {
+/// Records one episode, successful or not.
+fn record(out: &Path, more: &[&str]) -> Episode {
     let folder = out.to_string_lossy();
     let own = ["evaluate", "--task", "pick_mustard", "--seeds", "1..2"];
     let small = ["--no-grid", "--record", "--camera", "wheelchair=64x48@1"];
@@ -17,9 +17,8 @@ fn recorded(out: &Path, more: &[&str]) -> Episode {
     Episode::open(&file).expect("a recording")
 }
 
-/// An episode and its replay have the same marks at the same ticks, and exports with the
-/// same rows.
-fn replay_marks_the_same_rows(original: &Episode, replayed: &Path) {
+/// An episode and its replay have equal marks at equal ticks, and exports with equal rows.
+fn check_marks_of_replay(original: &Episode, replayed: &Path) {
     let replayed = Episode::open(replayed).expect("a recording");
     for column in [
         "device",
@@ -56,38 +55,38 @@ fn replay_marks_the_same_rows(original: &Episode, replayed: &Path) {
 }
 
 #[test]
-fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
+fn disturbances_are_recorded_beside_commands_and_replayed_bit_by_bit() {
     let folder = tempfile::tempdir().expect("a folder");
-    let hindered = recorded(
-        &folder.path().join("hindered"),
+    let disturbed = record(
+        &folder.path().join("disturbed"),
         &["--disturb", "2", "--error-share", "1"],
     );
-    let asked = hindered.scenario().expect("the scenario");
-    let strengths = asked.disturbances.map(|d| (d.noise, d.pushes, d.slips));
+    let scenario = disturbed.scenario().expect("the scenario");
+    let strengths = scenario.disturbances.map(|d| (d.noise, d.pushes, d.slips));
     assert_eq!(strengths, Some((2, 2, 2)));
-    let ticks = |stream: &str| hindered.u64s(stream, "tick").expect("ticks");
+    let ticks = |stream: &str| disturbed.u64s(stream, "tick").expect("ticks");
     assert_eq!(ticks("disturbance"), ticks("applied"));
-    let offsets = hindered
+    let offsets = disturbed
         .f64s("disturbance", "joint_offset")
         .expect("offsets");
     assert!(offsets.iter().any(|o| o.abs() > 1e-3));
     assert!(offsets.iter().all(|o| o.abs() < 0.05));
-    let pushed = hindered.texts("disturbance", "pushed").expect("names");
+    let pushed = disturbed.texts("disturbance", "pushed").expect("names");
     assert!(pushed.iter().any(|name| !name.is_empty()));
-    let incidents = hindered.texts("command", "incident").expect("codes");
+    let incidents = disturbed.texts("command", "incident").expect("codes");
     let forced = incidents.iter().filter(|code| code.starts_with("forced_"));
     assert_eq!(forced.count(), 1);
 
     let again = folder.path().join("again");
-    let file = hindered.path().to_string_lossy();
+    let file = disturbed.path().to_string_lossy();
     let replay = ["replay", &file, "--appearances", "1", "--out"];
     let replay = wheelarm(&[&replay[..], &[&again.to_string_lossy()]].concat());
     let text = printed(&replay);
     assert!(replay.status.success(), "{text}");
     assert!(text.contains("hashes equal"), "{text}");
-    replay_marks_the_same_rows(&hindered, &again.join("pick_mustard-seed1-look1.h5"));
+    check_marks_of_replay(&disturbed, &again.join("pick_mustard-seed1-look1.h5"));
 
-    let calm = recorded(&folder.path().join("calm"), &[]);
+    let calm = record(&folder.path().join("calm"), &[]);
     assert!(
         calm.scenario()
             .expect("the scenario")
@@ -97,5 +96,5 @@ fn what_hinders_is_recorded_beside_the_intent_and_replayed_bit_by_bit() {
     let none = calm.u64s("disturbance", "tick").expect("an empty stream");
     assert!(none.is_empty(), "{none:?}");
     let first = |of: &Episode| of.state_hashes().expect("hashes")[1];
-    assert_ne!(first(&calm), first(&hindered));
+    assert_ne!(first(&calm), first(&disturbed));
 }

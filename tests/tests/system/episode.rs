@@ -1,5 +1,5 @@
-//! Whole episodes: server, operator and recorder as processes, in lock-step,
-//! here and on a processor whose C library computes other bits.
+//! Whole episodes: server, expert and recorder as processes, in lock-step, here and on a CPU
+//! whose C library computes other bits.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -10,26 +10,26 @@ use wheelarm_tests::{printed, program, root};
 /// Size and rate that keep the software renderer quick.
 const SMALL: [&str; 6] = ["--width", "160", "--height", "96", "--rate", "10"];
 
-/// Takes the C library's fast variants away, whose sine and its like have other
-/// last bits: what a process computes on another processor.
-const OTHER_PROCESSOR: (&str, &str) = (
+/// Disables the fast variants of the C library, whose sine and similar functions differ in the
+/// last bits: a process then computes as on another CPU.
+const OTHER_CPU: (&str, &str) = (
     "GLIBC_TUNABLES",
     "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usable",
 );
 
-fn wheelarm(args: &[&str], elsewhere: bool) -> Output {
+fn wheelarm(args: &[&str], on_other_cpu: bool) -> Output {
     Command::new(program("wheelarm").expect("the client"))
         .args(args)
         .env("WHEELARM_ASSETS", root().join("assets"))
-        .envs(elsewhere.then_some(OTHER_PROCESSOR))
+        .envs(on_other_cpu.then_some(OTHER_CPU))
         .output()
         .expect("a process")
 }
 
-fn demo(out: &Path, elsewhere: bool) -> PathBuf {
+fn demo(out: &Path, on_other_cpu: bool) -> PathBuf {
     let folder = out.to_string_lossy();
     let args = [&["demo", "--seed", "1", "--out", &folder], &SMALL[..]].concat();
-    let output = wheelarm(&args, elsewhere);
+    let output = wheelarm(&args, on_other_cpu);
     assert!(output.status.success(), "{}", printed(&output));
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("missed      0 (complete)"), "{text}");
@@ -64,7 +64,7 @@ fn python(script: &str, args: &[&Path]) -> Option<Output> {
 }
 
 #[test]
-fn an_episode_is_recorded_whole_repeats_exactly_and_replays_bit_by_bit_elsewhere() {
+fn episode_repeats_and_replays_bit_by_bit_on_another_cpu() {
     let folder = tempfile::tempdir().expect("a folder");
     let first = demo(&folder.path().join("first"), false);
     let second = demo(&folder.path().join("second"), true);

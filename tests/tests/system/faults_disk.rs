@@ -1,4 +1,4 @@
-//! Disks that fill up and words that are hard to store.
+//! Full disks, and texts that are hard to store.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use wheelarm_tests::{Recorder, Server, printed, wait_until};
 
 const CAMERA: [&str; 4] = ["--camera", "gen3=160x90@30", "--quality", "fast"];
 
-/// A small file system of its own, if this machine lets us mount one.
+/// A small file system; `None` where mounting is not allowed.
 struct SmallDisk {
     folder: tempfile::TempDir,
 }
@@ -42,37 +42,37 @@ impl Drop for SmallDisk {
     }
 }
 
-fn status(link: &Client) -> v1::Status {
-    link.request(&v1::StatusRequest {}).expect("a status")
+fn status(client: &Client) -> v1::Status {
+    client.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn start(link: &Client, label: &str, recorders: u32) {
-    wait_until("the recorders are there", || {
-        status(link).recorders.len() >= recorders as usize
+fn start(client: &Client, label: &str, recorders: u32) {
+    wait_until("the recorders are connected", || {
+        status(client).recorders.len() >= recorders as usize
     });
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         require_recorders: recorders,
         ..Default::default()
     };
-    let _: v1::EpisodeStarted = link.request(&request).expect("an episode");
+    let _: v1::EpisodeStarted = client.request(&request).expect("an episode");
 }
 
-fn stop(link: &Client) {
+fn stop(client: &Client) {
     let request = v1::EpisodeStopRequest::default();
-    let _: v1::EpisodeStopped = link.request(&request).expect("its end");
+    let _: v1::EpisodeStopped = client.request(&request).expect("its end");
 }
 
-/// What the recorder `name` says of its failure, when it has failed.
-fn failure(link: &Client, name: &str) -> Option<String> {
-    let recorders = status(link).recorders;
+/// Failure message of the recorder `name`, when it has failed.
+fn failure(client: &Client, name: &str) -> Option<String> {
+    let recorders = status(client).recorders;
     let failed = recorders
         .into_iter()
         .find(|r| r.recorder == name && r.state() == v1::RecorderState::Failed);
     failed.map(|r| r.message)
 }
 
-/// Recovers the one log in `folder` elsewhere; the samples in the file.
+/// Recovers the only log of `folder` into another folder; the number of images in the file.
 fn recover(server: &Server, folder: &Path, label: &str) -> usize {
     let logs = Recorder::logs(folder);
     let [log] = &logs[..] else {
@@ -81,7 +81,7 @@ fn recover(server: &Server, folder: &Path, label: &str) -> usize {
     let out = tempfile::tempdir().expect("a folder");
     let (log, out_text) = (log.to_string_lossy(), out.path().to_string_lossy());
     let args = ["dataset", "recover", &log, "--out", &out_text];
-    let recovered = server.client(&args).expect("a client");
+    let recovered = server.run_client(&args).expect("a client");
     let code = recovered.status.code();
     assert!(matches!(code, Some(0 | 3)), "{}", printed(&recovered));
     let episode = Episode::open(&out.path().join(format!("{label}.h5"))).expect("a file");
@@ -89,9 +89,9 @@ fn recover(server: &Server, folder: &Path, label: &str) -> usize {
 }
 
 #[test]
-fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
+fn disk_that_fills_up_during_an_episode_loses_no_acknowledged_sample() {
     let server = Server::start("full", &CAMERA).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir().expect("a folder");
     let good = Recorder::start(&server, "good", folder.path(), &["--episodes", "1"]);
     let disk = SmallDisk::mount("4m");
@@ -110,9 +110,9 @@ fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
             (out, poor)
         }
     };
-    start(&link, "full", 2);
-    wait_until("the disk is full", || failure(&link, "poor").is_some());
-    let words = failure(&link, "poor").unwrap_or_default();
+    start(&client, "full", 2);
+    wait_until("the disk is full", || failure(&client, "poor").is_some());
+    let words = failure(&client, "poor").unwrap_or_default();
     assert!(words.contains("cannot append"), "{words}");
     assert!(
         disk.is_none() || words.contains("recover"),
@@ -123,38 +123,38 @@ fn a_disk_that_fills_up_in_mid_episode_costs_nothing_that_was_acknowledged() {
         .flatten()
         .collect();
     assert_eq!(names.len(), 1, "only the log may be there: {names:?}");
-    let before = status(&link).header.unwrap_or_default().tick;
-    wait_until("the simulation goes on", || {
-        status(&link).header.unwrap_or_default().tick > before + 120
+    let before = status(&client).header.unwrap_or_default().tick;
+    wait_until("the simulation continues", || {
+        status(&client).header.unwrap_or_default().tick > before + 120
     });
-    stop(&link);
+    stop(&client);
     let text = good.finish();
     assert!(text.contains("full.h5: complete"), "{text}");
     let mut poor = poor;
     poor.signal("TERM");
     assert_eq!(poor.end().0.code(), Some(1));
-    let pictures = recover(&server, &out, "full");
-    assert!(pictures > 10, "{pictures} pictures are left");
+    let images = recover(&server, &out, "full");
+    assert!(images > 10, "{images} images are left");
 }
 
 #[test]
-fn a_disk_that_is_full_at_the_end_leaves_the_log_and_nothing_half_written() {
+fn disk_that_is_full_at_the_end_keeps_the_log_and_no_partial_file() {
     let Some(disk) = SmallDisk::mount("24m") else {
         println!("skipped: mount is not allowed here");
         return;
     };
     let server = Server::start("brim", &CAMERA).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let mut recorder = Recorder::start(&server, "brim", disk.path(), &["--episodes", "1"]);
-    start(&link, "brim", 1);
+    start(&client, "brim", 1);
     let log = disk.path().join("brim.h5.wal");
     let size = || std::fs::metadata(&log).map_or(0, |m| m.len());
-    wait_until("something is recorded", || size() > 2_000_000);
-    // Room for what is still under way, none for the file.
+    wait_until("samples are recorded", || size() > 2_000_000);
+    // Space for the remaining samples, not for the file.
     let filler = disk.path().join("filler");
     let room = 24 * 1024 * 1024 - size() - 1_500_000;
     let filling = std::fs::write(&filler, vec![7; usize::try_from(room).expect("a size")]);
-    stop(&link);
+    stop(&client);
     let (ended, _) = recorder.end();
     assert!(filling.is_ok(), "{filling:?}");
     assert_eq!(ended.code(), Some(1));
@@ -169,20 +169,20 @@ fn a_disk_that_is_full_at_the_end_leaves_the_log_and_nothing_half_written() {
 }
 
 #[test]
-fn labels_and_instructions_are_refused_or_stored_exactly() {
+fn labels_and_instructions_are_rejected_or_stored_exactly() {
     let server = Server::start("words", &["--no-cameras"]).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "words", folder.path(), &["--episodes", "2"]);
-    wait_until("the recorder is there", || {
-        !status(&link).recorders.is_empty()
+    wait_until("the recorder is connected", || {
+        !status(&client).recorders.is_empty()
     });
     let long = "Возьми «горчицу» 🌭, bitte! ".repeat(400);
     let long: String = long.chars().take(10_000).collect();
     let tricky =
         "tab\tquote\" back\\slash\nnew line \u{202e}right to left\u{202c} é e\u{301}".to_owned();
     let request = |label: &str, instruction: &str| {
-        link.request(&v1::EpisodeStartRequest {
+        client.request(&v1::EpisodeStartRequest {
             label: label.into(),
             instruction: Some(instruction.into()),
             require_recorders: 1,
@@ -199,15 +199,17 @@ fn labels_and_instructions_are_refused_or_stored_exactly() {
         "x\0y",
         &"l".repeat(101),
     ] {
-        let told = request(bad, "").expect_err("a refusal").to_string();
-        assert!(told.contains("label"), "{bad:?}: {told}");
+        let error = request(bad, "").expect_err("a refusal").to_string();
+        assert!(error.contains("label"), "{bad:?}: {error}");
     }
-    let told = request("nul", "a\0b").expect_err("a refusal").to_string();
-    assert!(told.contains("instruction"), "{told}");
+    let error = request("nul", "a\0b").expect_err("a refusal").to_string();
+    assert!(error.contains("instruction"), "{error}");
     for (label, instruction) in [("long", &long), ("tricky", &tricky)] {
         request(label, instruction).expect("an episode");
-        wait_until("the episode runs", || status(&link).waiting_for.is_empty());
-        stop(&link);
+        wait_until("the episode runs", || {
+            status(&client).waiting_for.is_empty()
+        });
+        stop(&client);
     }
     recorder.finish();
     for (label, instruction) in [("long", long), ("tricky", tricky)] {

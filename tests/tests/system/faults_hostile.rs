@@ -1,5 +1,5 @@
-//! Strangers who send a hundred thousand messages per second: refused, counted
-//! and answered in sum, while the simulation and the operator go on.
+//! Hostile clients that send a hundred thousand messages per second. The gate rejects and
+//! counts them and publishes summed refusals; simulation and operator continue.
 
 use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -12,10 +12,11 @@ use wheelarm_tests::{Server, wait_until};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
 
-/// Messages of a flood, at least; a slow host needs longer for them.
-const ENOUGH: u64 = 50_000;
+/// Least messages of a flood; a slow host needs longer for them.
+const LEAST_MESSAGES: u64 = 50_000;
 
-fn stranger(sequence: u64) -> Vec<u8> {
+/// A hostile message: garbage, a foreign command, half a command, or a forged name.
+fn hostile_message(sequence: u64) -> Vec<u8> {
     let good = v1::Command {
         header: Some(v1::Header {
             run_id: "stranger".into(),
@@ -38,7 +39,7 @@ fn stranger(sequence: u64) -> Vec<u8> {
             bytes
         }
         _ => v1::Command {
-            // The name of who is in control does not help without its life.
+            // The holder's name without the holder's secret.
             commander: "anna".into(),
             ..good
         }
@@ -47,17 +48,17 @@ fn stranger(sequence: u64) -> Vec<u8> {
 }
 
 #[test]
-fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
+fn flood_is_refused_and_counted_while_the_operator_drives() {
     let mut server = Server::start("flooded", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let streams = link
+    let client = server.client();
+    let streams = client
         .streams(&[TopicId::Clock, TopicId::Odometry, TopicId::Refusal])
         .expect("the streams");
-    let mut anna = link.commander("anna", false).expect("control");
-    let hostile = server.link();
+    let mut anna = client.commander("anna", false).expect("control");
+    let hostile = server.client();
     let (sent, ended) = (AtomicU64::new(0), AtomicBool::new(false));
     let flood = Duration::from_secs(3);
-    let (mut speed, mut answers, mut told, mut ticks) = (0.0_f64, 0, 0, 0);
+    let (mut speed, mut refusals, mut refused_messages, mut ticks) = (0.0_f64, 0, 0, 0);
     let begun = Instant::now();
     std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -68,14 +69,14 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
                 .congestion_control(CongestionControl::Block)
                 .wait()
                 .expect("a publisher");
-            // The messages are made before, so that sending is all that it does.
-            let messages: Vec<_> = (0..1000).map(stranger).collect();
+            // Made before, so that the thread only sends.
+            let messages: Vec<_> = (0..1000).map(hostile_message).collect();
             for i in 0.. {
                 // 100 000 per second, in bursts of a millisecond.
                 if i % 100 == 0 {
                     let due = Duration::from_micros(i * 10);
                     std::thread::sleep(due.saturating_sub(begun.elapsed()));
-                    if begun.elapsed() > flood && i >= ENOUGH {
+                    if begun.elapsed() > flood && i >= LEAST_MESSAGES {
                         break;
                     }
                 }
@@ -104,8 +105,8 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
                     speed = speed.max(twist.linear.unwrap_or_default().x);
                 }
                 Some(Sample::Refusal(refusal)) => {
-                    answers += 1;
-                    told += refusal.count;
+                    refusals += 1;
+                    refused_messages += refusal.count;
                 }
                 _ => {}
             }
@@ -114,13 +115,14 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
     let sent = sent.into_inner();
     let per_second = sent as f64 / begun.elapsed().as_secs_f64();
     println!(
-        "{per_second:.0} hostile messages/s, {ticks} control ticks, {answers} refusals for {told}"
+        "{per_second:.0} hostile messages/s, {ticks} control ticks, {refusals} refusals for {refused_messages}"
     );
     assert!(speed > 0.2, "the operator's chair reached {speed} m/s");
-    assert!(answers < 200, "{answers} answers amplify the flood");
-    // Every single one is counted.
+    assert!(refusals < 200, "{refusals} refusals amplify the flood");
+    // Every message is counted.
     let refused = || {
-        link.request(&v1::StatusRequest {})
+        client
+            .request(&v1::StatusRequest {})
             .expect("a status")
             .refused
     };
@@ -131,18 +133,18 @@ fn a_flood_is_refused_and_counted_while_the_operator_drives_on() {
 }
 
 #[test]
-fn connections_that_never_say_a_word_keep_nobody_out() {
+fn silent_connections_keep_no_client_out() {
     let server = Server::start("silence", &["--no-cameras"]).expect("a server");
     let address = server.endpoint.strip_prefix("tcp/").expect("TCP");
     let silent: Vec<_> = (0..200)
         .map(|_| TcpStream::connect(address).expect("a connection"))
         .collect();
-    // They are put out after five seconds; nobody waits for that.
+    // The server closes them after five seconds; the client connects before that.
     let patient = Connect {
         timeout_secs: 4.0,
         ..server.connect()
     };
-    let link = Client::open(&patient).expect("a link beside the silent ones");
-    let _: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
+    let client = Client::open(&patient).expect("a client beside the silent connections");
+    let _: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
     drop(silent);
 }

@@ -1,7 +1,6 @@
-//! Strangers who publish under the server's keys, with an id of their own or
-//! with the server's: what they say enters no recording, and ends none. Most of
-//! it happens behind a router that lets everything through; the server itself
-//! does not.
+//! A hostile peer publishes under the server's keys, with its own session ID or a copy of the
+//! server's. Its samples enter no recording and end none. Most tests use a router that forwards
+//! everything; the server itself rejects such samples.
 
 use std::path::Path;
 
@@ -14,43 +13,43 @@ use zenoh::Wait;
 use zenoh::sample::SourceInfo;
 use zenoh::session::EntityGlobalId;
 
-/// No real gyroscope of the chair says so, rad/s.
+/// Angular velocity that no real measurement has, rad/s.
 const FORGED: f64 = 1234.5;
 
-fn status(link: &Client) -> v1::Status {
-    link.request(&v1::StatusRequest {}).expect("a status")
+fn status(client: &Client) -> v1::Status {
+    client.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn start(link: &Client, label: &str) -> v1::EpisodeStarted {
-    wait_until("the recorder is there", || {
-        !status(link).recorders.is_empty()
+fn start(client: &Client, label: &str) -> v1::EpisodeStarted {
+    wait_until("the recorder is connected", || {
+        !status(client).recorders.is_empty()
     });
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link.request(&request).expect("an episode");
-    wait_until("the episode runs", || status(link).waiting_for.is_empty());
+    let started = client.request(&request).expect("an episode");
+    wait_until("the episode runs", || status(client).waiting_for.is_empty());
     started
 }
 
-fn stop(link: &Client) -> v1::EpisodeStopped {
+fn stop(client: &Client) -> v1::EpisodeStopped {
     let request = v1::EpisodeStopRequest::default();
-    link.request(&request).expect("its end")
+    client.request(&request).expect("its end")
 }
 
-/// Simulated time goes on for `seconds`.
-fn pass(link: &Client, seconds: f64) {
-    let tick = || status(link).header.unwrap_or_default().tick;
+/// Waits for `seconds` of simulation time.
+fn pass(client: &Client, seconds: f64) {
+    let tick = || status(client).header.unwrap_or_default().tick;
     let until = tick() + (seconds * 240.0) as u64;
     wait_until("simulated time passes", || tick() >= until);
 }
 
-/// A server behind a router, a client and a stranger who is connected there.
+/// A server behind a router, with a client and a hostile peer.
 struct Scene {
     server: Server,
-    link: Client,
+    client: Client,
     stranger: Stranger,
     router: Router,
     folder: tempfile::TempDir,
@@ -61,10 +60,10 @@ impl Scene {
         let router = Router::start();
         let args = ["--no-cameras", "--connect", &router.endpoint];
         let server = Server::start(sim, &args).expect("a server");
-        let link = || Client::open(&server.connect_through(&router.endpoint)).expect("a link");
+        let open = || Client::open(&server.connect_through(&router.endpoint)).expect("a client");
         Self {
-            link: link(),
-            stranger: Stranger { link: link() },
+            client: open(),
+            stranger: Stranger { client: open() },
             folder: tempfile::tempdir().expect("a folder"),
             router,
             server,
@@ -77,15 +76,15 @@ impl Scene {
     }
 }
 
-/// Somebody who reached the server's port.
+/// A peer that is connected without a role in the episode.
 struct Stranger {
-    link: Client,
+    client: Client,
 }
 
 impl Stranger {
-    /// A sample of a stream with the id of who published it and its number.
+    /// Receives a sample of a stream; with the publisher's ID and the source sequence number.
     fn listen<M: Message + Default>(&self, key: &str) -> (M, EntityGlobalId, u32) {
-        let subscriber = self.link.session().declare_subscriber(key).wait();
+        let subscriber = self.client.session().declare_subscriber(key).wait();
         let subscriber = subscriber.expect("a subscription");
         loop {
             let sample = subscriber.recv_timeout(PATIENCE).expect("a session");
@@ -97,16 +96,16 @@ impl Stranger {
         }
     }
 
-    /// Publishes under the server's key, with a copied id and number if any.
+    /// Publishes under the server's key, with a copied ID and source sequence number if any.
     fn put(&self, key: &str, message: &impl Message, source: Option<SourceInfo>) {
-        let put = self.link.session().put(key, message.encode_to_vec());
+        let put = self.client.session().put(key, message.encode_to_vec());
         put.source_info(source).wait().expect("a put");
     }
 
-    /// Publishes `count` measurements of the future; with `copied` they carry
-    /// the id of the true ones.
-    fn measure(&self, count: u64, copied: bool) {
-        let key = self.link.keys().topic(TopicId::Imu);
+    /// Publishes `count` forged measurements with future stamps; with `copied` they have the ID
+    /// of the real publisher.
+    fn forge_measurements(&self, count: u64, copied: bool) {
+        let key = self.client.keys().topic(TopicId::Imu);
         let (real, id, number): (v1::Imu, _, _) = self.listen(&key);
         let header = real.header.clone().unwrap_or_default();
         for i in 0..count {
@@ -141,19 +140,19 @@ fn forged_rows(file: &Path) -> usize {
         .values(gyroscope.expect("a column"))
         .expect("values")
     else {
-        panic!("no numbers");
+        panic!("not a column of numbers");
     };
     all.chunks(3).filter(|v| v[0] == FORGED).count()
 }
 
 #[test]
-fn what_a_stranger_publishes_never_enters_a_recording() {
+fn forged_samples_never_enter_a_recording() {
     let scene = Scene::new("strange");
-    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (client, stranger, folder) = (&scene.client, &scene.stranger, &scene.folder);
     let recorder = scene.recorder("1");
-    let started = start(link, "true");
-    pass(link, 0.3);
-    stranger.measure(100, false);
+    let started = start(client, "true");
+    pass(client, 0.3);
+    stranger.forge_measurements(100, false);
     let event = v1::Event {
         header: Some(v1::Header {
             sequence: 0,
@@ -163,9 +162,9 @@ fn what_a_stranger_publishes_never_enters_a_recording() {
         text: "forged".into(),
         ..v1::Event::default()
     };
-    stranger.put(&link.keys().topic(TopicId::Event), &event, None);
-    pass(link, 1.0);
-    stop(link);
+    stranger.put(&client.keys().topic(TopicId::Event), &event, None);
+    pass(client, 1.0);
+    stop(client);
     let text = recorder.finish();
     let file = folder.path().join("true.h5");
     println!("{text}\n{} forged rows", forged_rows(&file));
@@ -174,19 +173,19 @@ fn what_a_stranger_publishes_never_enters_a_recording() {
 }
 
 #[test]
-fn a_copied_id_is_found_and_the_stream_is_named() {
+fn forged_samples_with_a_copied_id_are_detected_and_reported() {
     let scene = Scene::new("copied");
-    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (client, stranger, folder) = (&scene.client, &scene.stranger, &scene.folder);
     let mut recorder = scene.recorder("1");
-    start(link, "copied");
-    pass(link, 0.3);
-    stranger.measure(100, true);
-    pass(link, 1.5);
-    stop(link);
+    start(client, "copied");
+    pass(client, 0.3);
+    stranger.forge_measurements(100, true);
+    pass(client, 1.5);
+    stop(client);
     let (status, text) = recorder.end();
     let rows = forged_rows(&folder.path().join("copied.h5"));
     println!("{text}\n{rows} forged rows");
-    assert!(rows > 0, "the attack itself does not work any more");
+    assert!(rows > 0, "the attack does not work any more");
     assert_eq!(status.code(), Some(3), "{text}");
     assert!(text.contains("copied.h5: PARTIAL"), "{text}");
     let named = text
@@ -196,37 +195,37 @@ fn a_copied_id_is_found_and_the_stream_is_named() {
 }
 
 #[test]
-fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
+fn forged_starts_and_stops_neither_block_nor_end_nor_discard_a_recording() {
     let scene = Scene::new("protocol");
-    let (link, stranger, folder) = (&scene.link, &scene.stranger, &scene.folder);
+    let (client, stranger, folder) = (&scene.client, &scene.stranger, &scene.folder);
     let (starts, stops) = (
-        link.keys().topic(TopicId::EpisodeStart),
-        link.keys().topic(TopicId::EpisodeStop),
+        client.keys().topic(TopicId::EpisodeStart),
+        client.keys().topic(TopicId::EpisodeStop),
     );
     let recorder = scene.recorder("2");
-    // What everybody hears is the server's id.
-    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&link.keys().topic(TopicId::Clock));
-    // A stranger answers the recorder's questions as well, and claims to be
-    // the one to ask.
-    let lies = v1::EpisodeStopped::default().encode_to_vec();
+    // The server's ID is public.
+    let (_, id, _): (v1::Clock, _, _) = stranger.listen(&client.keys().topic(TopicId::Clock));
+    // The peer also replies to the recorder's queries, as a complete queryable.
+    let forged_reply = v1::EpisodeStopped::default().encode_to_vec();
     let _queries = stranger
-        .link
+        .client
         .session()
         .declare_queryable(format!("wheelarm/{}/query/*", scene.server.sim))
         .complete(true)
         .callback(move |query| {
-            let _ = query.reply(query.key_expr().clone(), lies.clone()).wait();
+            let reply = query.reply(query.key_expr().clone(), forged_reply.clone());
+            let _ = reply.wait();
         })
         .wait()
         .expect("a queryable");
 
     let mut number = 0;
     for (label, copied) in [("first", false), ("second", true)] {
-        let started = start(link, label);
-        pass(link, 0.3);
+        let started = start(client, label);
+        pass(client, 0.3);
         let mut source = || {
             number += 1;
-            // Numbers that the transport has not seen of this id.
+            // Sequence numbers that the transport has not received from this ID.
             copied.then(|| SourceInfo::new(id, 100 + number))
         };
         let header = started.header.clone().unwrap_or_default();
@@ -250,16 +249,16 @@ fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
         stranger.put(&starts, &far, source());
         stranger.put(&stops, &end(false, true), source());
         stranger.put(&stops, &end(true, false), source());
-        pass(link, 0.7);
-        let stopped = stop(link);
+        pass(client, 0.7);
+        let stopped = stop(client);
         let samples: u64 = stopped.manifest.iter().map(|c| c.count).sum();
         let file = folder.path().join(format!("{label}.h5"));
-        wait_until("the file is there", || file.exists());
+        wait_until("the file exists", || file.exists());
         let summary = Episode::open(&file)
             .and_then(|e| e.summary())
             .expect("a summary");
         assert!(summary.complete, "{:?}", summary.problems);
-        assert!(!summary.success, "success that nobody had");
+        assert!(!summary.success, "a forged success was recorded");
         let got: u64 = summary.streams.iter().map(|s| s.received).sum();
         assert_eq!(got, samples, "{label}");
     }
@@ -268,52 +267,54 @@ fn forged_starts_and_ends_neither_deafen_nor_end_nor_discard_a_recording() {
 }
 
 #[test]
-fn the_server_lets_nobody_publish_or_answer_under_its_own_keys() {
+fn server_drops_samples_and_replies_of_others_under_its_keys() {
     let server = Server::start("closed", &["--no-cameras"]).expect("a server");
-    let (link, stranger) = (server.link(), server.link());
-    let keys = link.keys();
-    // Everything that an honest listener hears, whoever sent it.
-    let heard = link
+    let (client, stranger) = (server.client(), server.client());
+    let keys = client.keys();
+    // All samples that an honest client receives, from any sender.
+    let samples = client
         .session()
         .declare_subscriber(format!("wheelarm/{}/**", server.sim))
         .with(zenoh::handlers::FifoChannel::new(1 << 16))
         .wait()
         .expect("a subscription");
-    // A stranger that says that it is the server confuses nobody who dialled it.
+    // A peer with a forged server token does not confuse clients that connect to the server.
     let token = stranger.session().liveliness();
     let _token = token
         .declare_token(keys.alive("666"))
         .wait()
         .expect("a token");
-    let late = server.link();
-    wait_until("both tokens are seen", || late.server().tokens().len() == 2);
-    assert_eq!(status(&late).version, status(&link).version);
-    let lies = stranger
+    let late = server.client();
+    wait_until("both tokens are received", || {
+        late.server().tokens().len() == 2
+    });
+    assert_eq!(status(&late).version, status(&client).version);
+    let queryable = stranger
         .session()
         .declare_queryable(keys.query(Query::Status))
         .callback(|query| {
-            let _ = query.reply(query.key_expr().clone(), b"lie").wait();
+            let _ = query.reply(query.key_expr().clone(), b"forged").wait();
         });
-    let _lies = lies.wait().expect("a queryable");
+    let _queryable = queryable.wait().expect("a queryable");
     for key in keys.own() {
         let key = key.replace("**", "forged");
         let put = stranger.session().put(&key, b"forged".as_slice());
         put.wait().expect("a put");
     }
-    // One that is let through comes after all that are not.
+    // The last sample has an allowed key: it arrives after all forbidden ones.
     let last = keys.recorder("stranger");
     let put = stranger.session().put(&last, b"forged".as_slice());
     put.wait().expect("a put");
     let mut forged = Vec::new();
     while forged.last() != Some(&last) {
-        let sample = heard.recv_timeout(PATIENCE).expect("a session");
+        let sample = samples.recv_timeout(PATIENCE).expect("a session");
         let sample = sample.expect("a sample");
         if &*sample.payload().to_bytes() == b"forged" {
             forged.push(sample.key_expr().as_str().to_owned());
         }
     }
     assert_eq!(forged, [last]);
-    let answers = link.session().get(keys.query(Query::Status));
+    let answers = client.session().get(keys.query(Query::Status));
     let answers = answers.target(zenoh::query::QueryTarget::All);
     let answers = answers.consolidation(zenoh::query::ConsolidationMode::None);
     let answers: Vec<_> = answers.wait().expect("a query").into_iter().collect();

@@ -1,5 +1,5 @@
-//! Nothing that a client sends can harm a server: it is refused with a reason,
-//! counted, and simulation goes on.
+//! Invalid messages of clients cannot harm a server: it refuses them with a reason, counts
+//! them, and the simulation continues.
 
 use std::time::Duration;
 
@@ -33,7 +33,7 @@ fn query_reply<R: Message + Default>(
     query: Query,
     payload: Vec<u8>,
 ) -> Result<R, String> {
-    // Who asks for control stands in the key.
+    // The key of a lease request names the commander.
     let key = keys.query(query).replace('*', "tester");
     let replies = session
         .get(key)
@@ -52,7 +52,7 @@ fn query_reply<R: Message + Default>(
     }
 }
 
-/// Sends a command of this version.
+/// Publishes a command with the schema of this version.
 fn put(session: &Session, key: &str, bytes: Vec<u8>) {
     let put = session.put(key, bytes);
     let put = put.encoding(schema::encoding("wheelarm.v1.Command"));
@@ -79,7 +79,7 @@ fn take_control(session: &Session, keys: &Keys) -> zenoh::liveliness::Liveliness
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    panic!("the server never saw the commander's token");
+    panic!("the server did not receive the commander's token");
 }
 
 /// A command that answers the state of `tick`.
@@ -101,7 +101,7 @@ fn drive(sequence: u64, linear: f64, tick: u64) -> v1::Command {
 }
 
 #[test]
-fn hostile_messages_are_refused_counted_and_survived() {
+fn hostile_messages_are_refused_and_counted() {
     let mut server = Server::start("gate", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("gate").expect("a name");
@@ -114,7 +114,7 @@ fn hostile_messages_are_refused_counted_and_survived() {
     let status =
         || query_reply::<v1::Status>(&session, &keys, Query::Status, vec![]).expect("a status");
     let newest = || status().header.expect("a header").tick;
-    // Far enough from the start that tick 0 is old.
+    // Far enough from the start that tick 0 is too old.
     while newest() < 60 {
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -181,9 +181,9 @@ fn hostile_messages_are_refused_counted_and_survived() {
         assert_eq!(refusal.code(), *code, "{}", refusal.reason);
     }
     assert_eq!(status().refused, hostile.len() as u64);
-    // In another's name, and of a program of the first version.
+    // Under the key of another commander, and from a program of another version.
     let honest = drive(20, 0.2, newest()).encode_to_vec();
-    let told = |key: &str, encoding: &str| {
+    let refusal_of = |key: &str, encoding: &str| {
         let put = session.put(key, honest.clone()).encoding(encoding);
         put.wait().expect("a put");
         let sample = refusals.recv_timeout(WAIT).expect("no error");
@@ -191,16 +191,16 @@ fn hostile_messages_are_refused_counted_and_survived() {
         v1::Refusal::decode(bytes.as_slice()).expect("a Refusal")
     };
     let own = schema::encoding("wheelarm.v1.Command");
-    let foreign = told(&keys.command("somebody"), &own);
+    let foreign = refusal_of(&keys.command("other"), &own);
     assert_eq!(foreign.code(), RefusalCode::Foreign, "{}", foreign.reason);
-    let old = told(&keys.command("tester"), "zenoh/bytes");
+    let old = refusal_of(&keys.command("tester"), "zenoh/bytes");
     assert_eq!(old.code(), RefusalCode::Version, "{}", old.reason);
     assert!(old.reason.contains("one build"), "{}", old.reason);
     assert!(server.alive());
 }
 
 #[test]
-fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
+fn requests_of_another_version_or_commander_are_refused_with_a_fix() {
     let server = Server::start("versions", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("versions").expect("a name");
@@ -233,7 +233,7 @@ fn an_old_program_and_who_asks_in_anothers_name_are_refused_with_the_cure() {
 }
 
 #[test]
-fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
+fn undecodable_and_invalid_queries_are_rejected_with_a_reason() {
     let mut server = Server::start("rubbish", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("rubbish").expect("a name");
@@ -288,7 +288,7 @@ fn queries_with_rubbish_get_an_answer_that_names_the_cure() {
 }
 
 #[test]
-fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
+fn chair_of_a_silent_operator_brakes_to_rest() {
     let server = Server::start("silent", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("silent").expect("a name");
@@ -317,7 +317,7 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
     let mut fastest = 0.0_f64;
     while fastest < 0.25 {
         sequence += 1;
-        assert!(sequence < 2000, "the chair never got going: {fastest} m/s");
+        assert!(sequence < 2000, "the chair does not drive: {fastest} m/s");
         let (header, now) = speed();
         fastest = now;
         put(drive(sequence, 0.3, header.tick));
@@ -330,9 +330,9 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
             at_rest = Some(header.stamp_nanos);
         }
     }
-    let at_rest = at_rest.expect("the chair never came to rest");
-    // Simulation time passes no faster than wall time here, so this bound holds
-    // on any machine: 0.7 s and some control ticks.
+    let at_rest = at_rest.expect("the chair comes to rest");
+    // Simulation time passes no faster than wall time, so this bound holds on any machine: 0.7 s
+    // and some control ticks.
     let seconds = (at_rest - last_command) as f64 * 1e-9;
     assert!(
         seconds <= 0.8,
@@ -341,17 +341,17 @@ fn a_chair_whose_operator_falls_silent_brakes_to_rest() {
 }
 
 #[test]
-fn a_second_server_of_the_same_name_is_told_so() {
+fn second_server_with_the_same_name_is_rejected() {
     let server = Server::start("twin", &["--no-cameras"]).expect("a server");
     let error = Server::start("twin", &["--no-cameras", "--connect", &server.endpoint])
         .expect_err("a refusal");
     assert!(error.to_string().contains("already"), "{error}");
-    let status = server.client(&["status"]).expect("a client");
+    let status = server.run_client(&["status"]).expect("a client");
     assert!(status.status.success(), "{}", printed(&status));
 }
 
 #[test]
-fn without_a_vulkan_driver_the_server_names_the_cure() {
+fn server_without_a_vulkan_driver_names_the_fix() {
     let program = wheelarm_tests::program("wheelarm-server").expect("the server");
     let output = std::process::Command::new(program)
         .args(["--listen", "tcp/127.0.0.1:0", "--sim", "nodriver"])

@@ -1,5 +1,5 @@
-//! State hashes of episodes of the scripted expert, beside those of
-//! `tests/data/redesign-hashes.csv`: no change of structure may change a bit.
+//! Compares state hashes of the expert's episodes with `tests/data/redesign-hashes.csv`: a
+//! refactoring must not change a bit.
 
 use std::collections::BTreeMap;
 use std::process::Command;

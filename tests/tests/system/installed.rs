@@ -1,4 +1,4 @@
-//! Programs that lie as a package installs them: `bin` and `share` of one prefix.
+//! Programs in the layout of a package: `bin` and `share` of one prefix.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -23,12 +23,12 @@ fn installed() -> TempDir {
     prefix
 }
 
-/// Runs a program of the prefix in a folder that holds nothing.
+/// Runs a program of the prefix in an empty folder.
 fn run(prefix: &Path, name: &str, args: &[&str]) -> Output {
-    let nothing = tempfile::tempdir().expect("a folder");
+    let empty = tempfile::tempdir().expect("a folder");
     Command::new(prefix.join("bin").join(name))
         .args(args)
-        .current_dir(nothing.path())
+        .current_dir(empty.path())
         .env_remove("WHEELARM_ASSETS")
         .output()
         .expect("a process")
@@ -39,9 +39,9 @@ fn installed_programs_find_their_assets() {
     let prefix = installed();
     let tasks = run(prefix.path(), "wheelarm-server", &["--list-tasks"]);
     assert!(tasks.status.success(), "{}", printed(&tasks));
-    let told = String::from_utf8_lossy(&tasks.stdout);
+    let listed = String::from_utf8_lossy(&tasks.stdout);
     for task in TASKS {
-        assert!(told.contains(task), "{task} is missing:\n{told}");
+        assert!(listed.contains(task), "{task} is missing:\n{listed}");
     }
 
     let plan = ["collect", "assets/campaigns/small.toml", "--dry-run"];
@@ -52,5 +52,5 @@ fn installed_programs_find_their_assets() {
     let none = run(prefix.path(), "wheelarm-server", &["--list-tasks"]);
     assert!(!none.status.success(), "{}", printed(&none));
     let words = String::from_utf8_lossy(&none.stderr);
-    assert!(words.contains("WHEELARM_ASSETS"), "names no cure: {words}");
+    assert!(words.contains("WHEELARM_ASSETS"), "names no fix: {words}");
 }

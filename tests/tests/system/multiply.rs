@@ -1,4 +1,4 @@
-//! A few recorded episodes become others in other scenes, which say where they are from.
+//! `multiply` makes episodes of other scenes from recorded ones, and marks their source.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn recordings(folder: &Path) -> Vec<std::path::PathBuf> {
 }
 
 #[test]
-fn two_sources_become_an_episode_of_another_scene_that_names_its_source() {
+fn multiplied_episodes_are_new_scenes_and_name_their_source() {
     let folder = tempfile::tempdir().expect("a folder");
     let (sources, out) = (folder.path().join("sources"), folder.path().join("out"));
     let [from, to] = [&sources, &out].map(|path| path.to_str().expect("a name"));
@@ -28,7 +28,7 @@ fn two_sources_become_an_episode_of_another_scene_that_names_its_source() {
     assert!(made.status.success(), "{}", printed(&made));
 
     let multiply = ["multiply", from, "--episodes", "2", "--seeds", "40..42"];
-    // What is made would be among the sources when it goes on.
+    // Otherwise a resumed run would read its own output as sources.
     let mixed = wheelarm(&[&multiply[..], &task, &["--out", from]].concat());
     let text = printed(&mixed);
     assert!(!mixed.status.success(), "{text}");
@@ -53,18 +53,18 @@ fn two_sources_become_an_episode_of_another_scene_that_names_its_source() {
     assert_eq!(report["left_out"].as_array().map(Vec::len), Some(0));
     assert!(!out.join("staging").exists());
 
-    // What is multiplied is replayed as any other, and the new file says the same.
-    let drawn = folder.path().join("drawn");
+    // A multiplied episode replays like any other, and the replay keeps its mark.
+    let rendered = folder.path().join("rendered");
     let again = ["replay", kept[0].to_str().expect("a name"), "--out"];
     let camera = ["--camera", "wheelchair=32x24@1"];
-    let replay = wheelarm(&[&again[..], &[drawn.to_str().expect("a name")], &camera].concat());
+    let replay = wheelarm(&[&again[..], &[rendered.to_str().expect("a name")], &camera].concat());
     let text = printed(&replay);
     assert!(
         replay.status.success() && text.contains("hashes equal"),
         "{text}"
     );
-    let file = &recordings(&drawn)[0];
+    let file = &recordings(&rendered)[0];
     assert_eq!(mark::read(file), mark::read(&kept[0]));
-    let pictures = Episode::open(file).expect("a recording").cameras();
-    assert_eq!(pictures.expect("cameras"), ["wheelchair"]);
+    let cameras = Episode::open(file).expect("a recording").cameras();
+    assert_eq!(cameras.expect("cameras"), ["wheelchair"]);
 }

@@ -1,5 +1,5 @@
-//! Damaged input of every kind: whatever reads the untrusted input returns.
-//! The same functions stand behind the fuzz targets.
+//! Damaged input of every kind: each decoder of untrusted input returns without a panic. The
+//! fuzz targets call the same functions.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -11,16 +11,13 @@ use wheelarm_tests::decoders;
 use wheelarm_tests::mutate::Mutator;
 use wheelarm_tests::root;
 
-/// Reads `count` damaged copies of `good` after the good one itself.
+/// Reads `good`, then `count` damaged copies of it.
 fn read_damaged(what: &str, good: &[u8], count: u64, read: impl Fn(&[u8])) {
     read(good);
     for number in 0..count {
         let bytes = Mutator(number).mutate(good);
         let done = catch_unwind(AssertUnwindSafe(|| read(&bytes)));
-        assert!(
-            done.is_ok(),
-            "{what}: copy {number} is not survived: {bytes:?}"
-        );
+        assert!(done.is_ok(), "{what}: panic with copy {number}: {bytes:?}");
     }
 }
 
@@ -65,7 +62,7 @@ fn command() -> v1::Command {
 }
 
 #[test]
-fn damaged_answers_of_policies_are_survived() {
+fn damaged_policy_replies_do_not_panic() {
     let chunk = v1::PolicyChunk {
         episode_key: "run-1".to_owned(),
         tick: 24,
@@ -100,7 +97,7 @@ fn damaged_answers_of_policies_are_survived() {
 }
 
 #[test]
-fn damaged_messages_are_survived() {
+fn damaged_messages_do_not_panic() {
     let sent = command();
     read_damaged("command", &sent.encode_to_vec(), 4000, decoders::command);
     for target in [
@@ -172,7 +169,7 @@ fn damaged_messages_are_survived() {
     }
 }
 
-/// A small log, closed in order.
+/// A small log that was closed regularly.
 fn log() -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let header = |sequence| v1::Header {
@@ -203,7 +200,7 @@ fn log() -> Vec<u8> {
         };
         let offered = writer.offer("state_hash", hash.encode_to_vec().into());
         offered.expect("a sample");
-        let picture = v1::CameraFrame {
+        let frame = v1::CameraFrame {
             header: Some(header(sequence)),
             camera: "gen3".into(),
             intrinsics: Some(v1::Intrinsics {
@@ -216,15 +213,15 @@ fn log() -> Vec<u8> {
             segmentation: vec![1; 8].into(),
             ..Default::default()
         };
-        let offered = writer.offer("camera/gen3", picture.encode_to_vec().into());
-        offered.expect("a picture");
+        let offered = writer.offer("camera/gen3", frame.encode_to_vec().into());
+        offered.expect("a frame");
     }
     let log = writer.close(Closing::default()).expect("a closed log");
     std::fs::read(log).expect("the log")
 }
 
 #[test]
-fn a_damaged_log_is_survived() {
+fn damaged_logs_do_not_panic() {
     let good = log();
     read_damaged("log", &good, 1500, decoders::recorder_log);
     for length in 0..good.len() {
@@ -253,7 +250,7 @@ fn below(folder: &Path, ending: &str) -> Vec<String> {
 }
 
 #[test]
-fn damaged_assets_are_survived() {
+fn damaged_assets_do_not_panic() {
     let assets = root().join("assets");
     for (ending, count) in [(".toml", 25), (".urdf", 60)] {
         let paths = below(&assets, ending);

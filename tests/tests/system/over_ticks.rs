@@ -1,17 +1,17 @@
-//! One answer for several control ticks, as policies at a lower rate send it.
+//! Commands that last several control ticks, as policies at a lower rate send them.
 
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::{TICKS_PER_CONTROL, TopicId, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, program};
 
-/// Control ticks of one answer: 10 Hz.
+/// Control ticks of one command: 10 Hz.
 const OVER: u32 = 6;
-/// Answers: two seconds.
-const ANSWERS: u64 = 20;
+/// Number of commands: two seconds.
+const COMMANDS: u64 = 20;
 
-/// Row `k` of a drive forward with the hand moving aside.
+/// Command `k` of a drive forward while the arm moves aside.
 fn row(start: &[f64], k: u64) -> v1::Command {
-    let part = (k + 1) as f64 / ANSWERS as f64;
+    let part = (k + 1) as f64 / COMMANDS as f64;
     let joints = start.iter().enumerate();
     let positions = joints.map(|(i, q)| q + 0.05 * part * (i as f64 - 2.0));
     v1::Command {
@@ -36,14 +36,14 @@ fn row(start: &[f64], k: u64) -> v1::Command {
 }
 
 #[test]
-fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
+fn command_over_several_ticks_reaches_its_values_and_replays() {
     let args = ["--no-cameras", "--pacing", "lock-step"];
     let server = Server::start("over", &args).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "r", folder.path(), &["--episodes", "1"]);
-    let mut policy = link.commander("policy", false).expect("control");
-    let streams = link
+    let mut policy = client.commander("policy", false).expect("control");
+    let streams = client
         .streams(&[
             TopicId::Clock,
             TopicId::Applied,
@@ -56,18 +56,18 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
         require_recorders: 1,
         ..Default::default()
     };
-    let started = link.request(&request).expect("an episode");
+    let started = client.request(&request).expect("an episode");
     let episode = started.header.expect("a header").episode;
     let (mut sent, mut next, mut start) = (0, 0, None);
     let (mut applied, mut joints): (Vec<v1::Applied>, Vec<f64>) = (Vec::new(), Vec::new());
-    while sent < ANSWERS || next > 0 {
+    while sent < COMMANDS || next > 0 {
         match streams.next(PATIENCE).expect("no error").expect("a sample") {
             Sample::Clock(clock) => {
                 let header = clock.header.expect("a header");
                 if header.episode != episode || header.tick < next {
                     continue;
                 }
-                if sent == ANSWERS {
+                if sent == COMMANDS {
                     break;
                 }
                 let start: &Vec<f64> = start.get_or_insert_with(|| joints[4..10].to_vec());
@@ -85,12 +85,12 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
             _ => {}
         }
     }
-    let _: v1::EpisodeStopped = link
+    let _: v1::EpisodeStopped = client
         .request(&v1::EpisodeStopRequest::default())
         .expect("its end");
     println!("{}", recorder.finish());
-    assert_eq!(applied.len() as u64, ANSWERS * u64::from(OVER));
-    // Velocities grow by the same in every tick: straight through all answers.
+    assert_eq!(applied.len() as u64, COMMANDS * u64::from(OVER));
+    // Velocities grow by the same amount in every tick, across commands.
     let speeds: Vec<f64> = applied
         .iter()
         .map(|a| a.base.expect("a speed").linear)
@@ -104,25 +104,25 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
     }
     let start = start.expect("a start");
     let last = applied.last().expect("a last one");
-    let Some(v1::arm_command::Target::Joints(asked)) =
+    let Some(v1::arm_command::Target::Joints(applied_joints)) =
         last.arm.as_ref().and_then(|a| a.target.clone())
     else {
         panic!("no joints: {last:?}")
     };
-    let row = row(&start, ANSWERS - 1);
+    let row = row(&start, COMMANDS - 1);
     let Some(v1::arm_command::Target::Joints(wanted)) = row.arm.and_then(|a| a.target) else {
         panic!("no joints")
     };
     assert_eq!(
-        asked, wanted,
-        "the last tick has what was asked, to the bit"
+        applied_joints, wanted,
+        "the last tick has other joint positions than requested"
     );
     let off = joints[4..10]
         .iter()
         .zip(&wanted.positions)
         .map(|(q, w)| (q - w).abs());
     let off = off.fold(0.0, f64::max);
-    println!("joints are {:.2} mrad from what was asked", 1e3 * off);
+    println!("joints are {:.2} mrad from the command", 1e3 * off);
     assert!(off < 5e-3, "{off} rad");
     let file = folder.path().join("over.h5");
     let replay = std::process::Command::new(program("wheelarm").expect("the client"))
@@ -131,8 +131,8 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
         .env("WHEELARM_ASSETS", wheelarm_tests::root().join("assets"))
         .output()
         .expect("a replay");
-    let said = [replay.stdout, replay.stderr].concat();
-    let text = String::from_utf8_lossy(&said).into_owned();
+    let output = [replay.stdout, replay.stderr].concat();
+    let text = String::from_utf8_lossy(&output).into_owned();
     assert!(
         replay.status.success() && text.contains("hashes equal"),
         "{text}"
@@ -140,11 +140,11 @@ fn one_answer_stands_for_several_ticks_reaches_its_values_and_replays() {
 }
 
 #[test]
-fn in_real_time_and_in_the_hands_own_frame_it_is_refused() {
+fn commands_over_ticks_are_refused_in_real_time_and_in_the_end_effector_frame() {
     let server = Server::start("over-real", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let mut hand = link.commander("hand", false).expect("control");
-    let streams = link
+    let client = server.client();
+    let mut hand = client.commander("hand", false).expect("control");
+    let streams = client
         .streams(&[TopicId::Clock, TopicId::Refusal])
         .expect("streams");
     let mut refused = 0;

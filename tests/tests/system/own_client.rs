@@ -1,5 +1,4 @@
-//! Programs of the guide that use `wheelarm-sdk`, run as they are printed
-//! there.
+//! Programs of the guide that use `wheelarm-sdk`.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -21,7 +20,7 @@ fn example(name: &str, server: &Server, more: &[&str]) -> Output {
 }
 
 #[test]
-fn the_guide_shows_the_examples_as_they_are_run() {
+fn guide_shows_the_examples_unchanged() {
     let chapter = root().join("docs/integrate-and-operate/client.md");
     let chapter = std::fs::read_to_string(chapter).expect("a chapter");
     let mut blocks = chapter.split("```rust\n").skip(1);
@@ -34,30 +33,30 @@ fn the_guide_shows_the_examples_as_they_are_run() {
 }
 
 #[test]
-fn a_camera_is_read_by_a_foreign_client() {
+fn camera_example_writes_an_image() {
     let folder = tempfile::tempdir().expect("a folder");
     let server = Server::start("own-camera", &["--camera", "gen3=160x120@10"]).expect("a server");
-    let file = folder.path().join("picture.ppm");
+    let file = folder.path().join("image.ppm");
     let output = example("camera", &server, &["gen3", &file.to_string_lossy()]);
     let text = printed(&output);
     assert_eq!(text.matches(" m away").count(), 5, "{text}");
-    let picture = std::fs::read(&file).expect("a picture");
-    assert!(picture.starts_with(b"P6 160 120 255\n"));
-    assert_eq!(picture.len(), "P6 160 120 255\n".len() + 160 * 120 * 3);
+    let image = std::fs::read(&file).expect("an image");
+    assert!(image.starts_with(b"P6 160 120 255\n"));
+    assert_eq!(image.len(), "P6 160 120 255\n".len() + 160 * 120 * 3);
 }
 
 #[test]
-fn a_policy_in_lock_step_answers_for_six_ticks_at_a_time() {
+fn policy_example_commands_six_ticks_at_a_time_in_lock_step() {
     let args = ["--no-cameras", "--pacing", "lock-step"];
     let server = Server::start("own-policy", &args).expect("a server");
     let text = printed(&example("policy", &server, &[]));
-    // The knuckle follows its own echo: it closes as far as it was asked.
+    // The policy continues from the measured knuckle: it must reach the commanded angle.
     assert!(text.contains("30 answers, 3.000 s"), "{text}");
     assert!(text.contains("knuckle at 0.400 rad"), "{text}");
 }
 
 #[test]
-fn an_episode_is_recorded_to_memory_as_the_manifest_says() {
+fn memory_example_records_every_stream_of_the_manifest() {
     let server = Server::start("own-memory", &["--camera", "gen3=160x120@10"]).expect("a server");
     let text = printed(&example("memory", &server, &["gen3"]));
     for stream in ["camera/gen3", "joint_state", "imu", "state_hash"] {

@@ -1,5 +1,5 @@
-//! A person in the chair: drawn by the seed, told, recorded with parts and forces, and
-//! replayed bit by bit; nothing of it where nobody sits there.
+//! A person in the chair: sampled from the seed, recorded with body parts and forces, and
+//! replayed bit by bit. Without a person none of these records exist.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,7 @@ use wheelarm_dataset::read::Episode;
 use wheelarm_proto::v1;
 use wheelarm_tests::{PATIENCE, Server, printed, program, root, wait_until, wheelarm};
 
-fn recorded(out: &Path, more: &[&str]) -> (Episode, String) {
+fn record(out: &Path, more: &[&str]) -> (Episode, String) {
     let folder = out.to_string_lossy();
     let own = ["evaluate", "--task", "pick_mustard", "--seeds", "2..3"];
     let small = ["--no-grid", "--record", "--camera", "wheelchair=64x48@1"];
@@ -21,15 +21,15 @@ fn recorded(out: &Path, more: &[&str]) -> (Episode, String) {
 }
 
 #[test]
-fn a_person_is_drawn_recorded_by_parts_and_replayed_bit_by_bit() {
+fn sampled_person_is_recorded_by_parts_and_replayed_bit_by_bit() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (seated, printed_words) = recorded(&folder.path().join("seated"), &["--person", "any"]);
+    let (seated, printed_words) = record(&folder.path().join("seated"), &["--person", "any"]);
     let scenario = seated.scenario().expect("the scenario");
     let person = scenario.person.as_ref().expect("a person");
-    let drawn = person.sampled.as_ref().expect("who was drawn");
-    let body = root().join("assets/people").join(&drawn.body);
-    assert!(body.join("person.toml").is_file(), "{drawn:?}");
-    assert!(!drawn.posture.is_empty() && !drawn.clothes.is_empty());
+    let sampled = person.sampled.as_ref().expect("the sampled person");
+    let body = root().join("assets/people").join(&sampled.body);
+    assert!(body.join("person.toml").is_file(), "{sampled:?}");
+    assert!(!sampled.posture.is_empty() && !sampled.clothes.is_empty());
 
     let ticks = |stream: &str| seated.u64s(stream, "tick").expect("ticks");
     assert_eq!(ticks("person"), ticks("joint_state"));
@@ -59,24 +59,24 @@ fn a_person_is_drawn_recorded_by_parts_and_replayed_bit_by_bit() {
     let text = printed(&replay);
     assert!(replay.status.success(), "{text}");
     assert!(text.contains("hashes equal"), "{text}");
-    // Whoever sits there is in the pictures, and the same one.
-    let drawn_again = Episode::open(&episode_in(&again)).expect("the replay's recording");
+    // The person is in the images of the recording and of the replay.
+    let replayed = Episode::open(&episode_in(&again)).expect("the replay's recording");
     let person: Vec<u16> = names
         .iter()
         .filter(|i| i.kind() == v1::InstanceKind::Person)
         .map(|i| i.id as u16)
         .collect();
-    let pictures = |of: &Episode| -> Vec<Vec<u16>> {
+    let segmentation = |of: &Episode| -> Vec<Vec<u16>> {
         let camera = of.camera("wheelchair").expect("the camera");
         let all = 0..camera.stamps().len();
         all.map(|i| camera.ids(of, i).expect("ids")).collect()
     };
-    let first = pictures(&seated);
+    let first = segmentation(&seated);
     assert!(first.iter().flatten().any(|id| person.contains(id)));
-    assert!(first == pictures(&drawn_again), "other pictures");
+    assert!(first == segmentation(&replayed), "other images");
 
-    // The scene is drawn as without anybody; the chair moves otherwise.
-    let (empty, _) = recorded(&folder.path().join("empty"), &[]);
+    // The sampled scene is the same without a person; the motion of the chair differs.
+    let (empty, _) = record(&folder.path().join("empty"), &[]);
     let alone = empty.scenario().expect("the scenario");
     assert_eq!((alone.person, &alone.objects), (None, &scenario.objects));
     let none = empty.u64s("person", "tick").expect("an empty stream");
@@ -92,22 +92,22 @@ fn episode_in(folder: &Path) -> PathBuf {
     file.expect("an episode")
 }
 
-/// A server goes from task to task and from person to person.
+/// One server resets from task to task and from person to person.
 #[test]
-fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
+fn person_appears_in_tasks_that_need_one_and_disappears_afterwards() {
     let args = ["--camera", "wheelchair=64x48@10", "--quality", "fast"];
     let server = Server::start("seats", &args).expect("a server");
-    let link = server.link();
-    let camera = link.camera("wheelchair", 2).expect("the camera");
+    let client = server.client();
+    let camera = client.camera("wheelchair", 2).expect("the camera");
     let parts = || -> Vec<u32> {
-        let scene: v1::SceneReply = link.request(&v1::SceneRequest {}).expect("the scene");
+        let scene: v1::SceneReply = client.request(&v1::SceneRequest {}).expect("the scene");
         let instances = scene.instances.iter();
         let parts = instances.filter(|i| i.kind() == v1::InstanceKind::Person);
         parts.map(|i| i.id).collect()
     };
     let shows = |ids: &[u32]| {
-        let frame = camera.next(PATIENCE).expect("pictures");
-        let frame = frame.expect("a picture");
+        let frame = camera.next(PATIENCE).expect("images");
+        let frame = frame.expect("an image");
         let mut pixels = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
         pixels.any(|(x, y)| {
             frame
@@ -128,24 +128,24 @@ fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
             scenario: Some(scenario),
             ..v1::ResetRequest::default()
         };
-        let reply: v1::ResetReply = link.request(&request).expect("a reset");
+        let reply: v1::ResetReply = client.request(&request).expect("a reset");
         reply.scenario.expect("the scenario")
     };
-    // The same task, seed and objects, and somebody in the chair.
+    // The same task, seed and objects, with a person in the chair.
     reset("pick_mustard", None, None);
     assert!(parts().is_empty());
     reset("pick_mustard", None, Some("man_p50"));
     let ids = parts();
     assert!(!ids.is_empty());
-    wait_until("the person is seen", || shows(&ids));
+    wait_until("the person is visible", || shows(&ids));
     let alone = reset("pick_mustard", Some(0.0), Some("none"));
     assert_eq!(alone.person, None);
     wait_until("the chair is empty", || !shows(&ids));
-    // A task of care brings somebody, who leaves with it.
+    // A care task adds a person, the next task removes it.
     let drink = reset("serve_drink", None, None);
     assert!(drink.person.is_some_and(|person| person.guard));
-    wait_until("somebody is seen", || shows(&ids));
-    // The limit that was left open goes by each task.
+    wait_until("the person is visible", || shows(&ids));
+    // Without a time limit in the scenario, each task sets its own.
     assert_ne!(drink.time_limit_seconds, alone.time_limit_seconds);
     let after = reset("pick_mustard", None, None);
     assert_eq!(after.person, None);
@@ -153,7 +153,7 @@ fn somebody_is_drawn_and_seen_in_the_task_that_needs_them_and_in_no_other() {
 }
 
 #[test]
-fn who_is_not_there_is_refused_with_those_who_are() {
+fn unknown_person_is_rejected_with_the_available_ones() {
     let refused = |person: &str| {
         let output = Command::new(program("wheelarm-server").expect("the server"))
             .args(["--no-cameras", "--person", person])

@@ -1,5 +1,5 @@
-//! Policies as processes: what they see is what exports tell, and what they do
-//! wrong costs one episode.
+//! Policies as processes: observations equal the exported rows, and a failing policy costs one
+//! episode.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -12,10 +12,10 @@ use wheelarm_proto::v1;
 use wheelarm_rollout::policy::{self, Hold, Policy, PolicyError, PolicyOptions};
 use wheelarm_tests::{Recorder, Server, printed, program, root, wait_until};
 
-/// Holds the hand, drives on, and remembers what it saw.
+/// Holds the end effector, drives, and stores its observations.
 struct Witness {
     spec: v1::PolicySpec,
-    saw: Mutex<Vec<v1::PolicyObservation>>,
+    observed: Mutex<Vec<v1::PolicyObservation>>,
 }
 
 impl Policy for Witness {
@@ -30,12 +30,12 @@ impl Policy for Witness {
 
     fn infer(&self, observation: v1::PolicyObservation) -> Result<v1::PolicyChunk, PolicyError> {
         let mut chunk = Hold::default().infer(observation.clone())?;
-        let mut saw = self.saw.lock().expect("a lock");
-        saw.push(observation);
+        let mut observed = self.observed.lock().expect("a lock");
+        observed.push(observation);
         chunk.values[0] += 0.02;
         chunk.values[10] = 0.2;
         chunk.values[11] = 0.3;
-        match saw.len() {
+        match observed.len() {
             0..25 => Ok(chunk),
             _ => Err(PolicyError::Rejected("enough".to_owned())),
         }
@@ -43,25 +43,25 @@ impl Policy for Witness {
 }
 
 #[test]
-fn a_policy_sees_live_what_an_export_of_its_episode_tells() {
-    seen("seen", &[]);
+fn observations_equal_the_exported_rows() {
+    check_observations("observed", &[]);
 }
 
 #[test]
-fn a_policy_sees_what_sensor_models_tell_as_an_export_does() {
+fn observations_of_sensor_models_equal_the_exported_rows() {
     let sensors = [
         "encoders",
         "odometry",
         "kinova_vision@gen3",
         "chair_stereo@wheelchair",
     ];
-    seen(
+    check_observations(
         "sensed",
         &sensors.map(|sensor| ["--sensor", sensor]).concat(),
     );
 }
 
-fn seen(name: &str, sensors: &[&str]) {
+fn check_observations(name: &str, sensors: &[&str]) {
     let arguments = [
         "--pacing",
         "lock-step",
@@ -73,14 +73,16 @@ fn seen(name: &str, sensors: &[&str]) {
     let server = Server::start(name, &[&arguments, sensors].concat()).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
-    let link = server.link();
-    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
-    wait_until("the recorder is there", || !status().recorders.is_empty());
+    let client = server.client();
+    let status = || client.request(&v1::StatusRequest {}).expect("an answer");
+    wait_until("the recorder is connected", || {
+        !status().recorders.is_empty()
+    });
     let camera = |name: &str| v1::PolicyCamera {
         name: name.to_owned(),
         width: 96,
         height: 54,
-        // A depth sensor has a lens and a size of its own.
+        // A depth sensor has its own lens and size.
         depth: name == "gen3" && sensors.is_empty(),
     };
     let policy = Witness {
@@ -93,14 +95,14 @@ fn seen(name: &str, sensors: &[&str]) {
             execute: 1,
             ..Default::default()
         },
-        saw: Mutex::default(),
+        observed: Mutex::default(),
     };
     let options = PolicyOptions {
-        label: "seen".to_owned(),
+        label: "observed".to_owned(),
         require_recorders: 1,
         ..Default::default()
     };
-    let finished = policy::run(&link, &policy, &options, &mut |_| {}).expect("an episode");
+    let finished = policy::run(&client, &policy, &options, &mut |_| {}).expect("an episode");
     assert_eq!(
         finished.policy_error,
         Some(PolicyError::Rejected("enough".to_owned()))
@@ -111,17 +113,17 @@ fn seen(name: &str, sensors: &[&str]) {
     recorder.finish();
 
     let wanted = learning::reads;
-    let file = folder.path().join("seen.h5");
+    let file = folder.path().join("observed.h5");
     let recording = Recording::open(&file, &ReadOptions::default(), &wanted).expect("a recording");
     let rows = RowOptions::default();
     let (rate, all) = Learning::on_grid(&recording, &rows, Sees::Colour).expect("rows");
     assert_eq!(rate, 10);
-    let saw = policy.saw.into_inner().expect("a lock");
-    // What a model of the encoders tells is a little off what is exact.
+    let observed = policy.observed.into_inner().expect("a lock");
+    // The encoder model adds a small error.
     let off = (0..6).map(|j| (all.states[20][j] - all.joints(all.rows[20])[j]).abs());
     assert_eq!(off.sum::<f64>() > 0.0, !sensors.is_empty());
     assert!(all.states.len() >= 24, "{}", all.states.len());
-    for (i, (observation, state)) in saw.iter().zip(&all.states).enumerate() {
+    for (i, (observation, state)) in observed.iter().zip(&all.states).enumerate() {
         assert_eq!(observation.first, i == 0);
         let [before, now] = observation.steps.as_slice() else {
             panic!("{} moments", observation.steps.len());
@@ -129,16 +131,16 @@ fn seen(name: &str, sensors: &[&str]) {
         assert_eq!(&now.state_values, state, "row {i}");
         let earlier = &all.states[i.saturating_sub(1)];
         assert_eq!(&before.state_values, earlier, "row {i}");
-        for picture in &now.images {
+        for image in &now.images {
             let (camera, at) = recording
-                .observed(&picture.camera, all.rows[i])
-                .expect("one");
-            let rgb = camera.rgb(&recording.episode, at).expect("a picture");
-            assert!(picture.color == rgb, "{} of row {i}", picture.camera);
-            let has_depth = picture.camera == "gen3" && sensors.is_empty();
+                .observed(&image.camera, all.rows[i])
+                .expect("an image");
+            let rgb = camera.rgb(&recording.episode, at).expect("an image");
+            assert!(image.color == rgb, "{} of row {i}", image.camera);
+            let has_depth = image.camera == "gen3" && sensors.is_empty();
             let depth: Vec<u8> = match has_depth {
                 true => {
-                    let depth = camera.depth(&recording.episode, at).expect("a picture");
+                    let depth = camera.depth(&recording.episode, at).expect("an image");
                     depth
                         .iter()
                         .flat_map(|metres| metres.to_le_bytes())
@@ -146,14 +148,10 @@ fn seen(name: &str, sensors: &[&str]) {
                 }
                 false => Vec::new(),
             };
-            assert!(
-                picture.depth == depth,
-                "depth of {} of row {i}",
-                picture.camera
-            );
+            assert!(image.depth == depth, "depth of {} of row {i}", image.camera);
         }
     }
-    // It moved, and the rows that it answered stand in the export.
+    // The robot moved, and the export contains the policy's rows.
     let row = &all.actions[10];
     assert!(
         (row[10] - 0.2).abs() < 0.05 && (row[11] - 0.3).abs() < 0.05,
@@ -179,13 +177,14 @@ fn entries(out: &Path) -> Vec<Value> {
         .collect()
 }
 
-fn misbehaves(how: &str) -> String {
+/// The test policy, which behaves in episode `k` as word `k` of `how` states.
+fn test_policy(how: &str) -> String {
     let path = program("wheelarm-test-policy").expect("the policy");
     format!("exec:{} {how}", path.display())
 }
 
 #[test]
-fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
+fn failing_policy_costs_only_the_episode_of_the_failure() {
     let wrongs = [
         ("well", "the task failed: timeout"),
         ("shape", "rows of 12"),
@@ -198,14 +197,14 @@ fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
         ("well", "the task failed: timeout"),
     ];
     let folder = tempfile::tempdir().expect("a folder");
-    let policy = misbehaves(&wrongs.map(|(how, _)| how).join(" "));
+    let policy = test_policy(&wrongs.map(|(how, _)| how).join(" "));
     let more = ["--seeds", "0..9", "--jobs", "3", "--policy-patience", "2"];
     let output = evaluate(folder.path(), &policy, &more);
-    let told = printed(&output);
-    assert_eq!(output.status.code(), Some(3), "{told}");
+    let text = printed(&output);
+    assert_eq!(output.status.code(), Some(3), "{text}");
     let mut all = entries(folder.path());
     all.sort_by_key(|entry| entry["seed"].as_u64());
-    assert_eq!(all.len(), wrongs.len(), "{told}");
+    assert_eq!(all.len(), wrongs.len(), "{text}");
     for (entry, (how, words)) in all.iter().zip(wrongs) {
         let why = entry["why"].as_str().unwrap_or_default();
         assert!(why.contains(words), "{how}: {why}");
@@ -217,15 +216,15 @@ fn what_a_policy_does_wrong_costs_the_episode_in_which_it_does() {
         assert_eq!(entry["broken"], broken, "{how}: {entry}");
         assert_eq!(entry["policy"], "test");
     }
-    assert!(told.contains("broken: 7"), "{told}");
+    assert!(text.contains("broken: 7"), "{text}");
 }
 
 #[test]
-fn a_policy_that_cannot_be_had_is_told_before_anything_is_done() {
+fn unavailable_policy_is_reported_before_the_first_episode() {
     let folder = tempfile::tempdir().expect("a folder");
     for (policy, words) in [
-        (misbehaves("unfit"), "divide 60"),
-        (misbehaves("crash"), "weights.safetensors"),
+        (test_policy("unfit"), "divide 60"),
+        (test_policy("crash"), "weights.safetensors"),
         ("exec:/no/such/program".to_owned(), "/no/such/program"),
         (
             "act:/no/such/file".to_owned(),
@@ -238,20 +237,20 @@ fn a_policy_that_cannot_be_had_is_told_before_anything_is_done() {
         ("zenoh:anna".to_owned(), "no server replies"),
     ] {
         let output = evaluate(folder.path(), &policy, &["--seeds", "0..1"]);
-        let told = printed(&output);
-        assert_eq!(output.status.code(), Some(1), "{policy}: {told}");
-        assert!(told.contains(words), "{policy}: {told}");
+        let text = printed(&output);
+        assert_eq!(output.status.code(), Some(1), "{policy}: {text}");
+        assert!(text.contains(words), "{policy}: {text}");
         assert!(entries(folder.path()).is_empty());
     }
 }
 
 #[test]
-fn a_policy_that_is_asked_alone_gives_equal_states_for_any_number_of_servers() {
-    let policy = misbehaves("sways sways sways sways");
+fn deterministic_evaluation_gives_equal_hashes_for_any_number_of_jobs() {
+    let policy = test_policy("sways sways sways sways");
     let hashes = |jobs: &str| {
         let folder = tempfile::tempdir().expect("a folder");
         let more = ["--seeds", "0..4", "--jobs", jobs, "--deterministic"];
-        let told = printed(&evaluate(folder.path(), &policy, &more));
+        let text = printed(&evaluate(folder.path(), &policy, &more));
         let mut all = entries(folder.path());
         all.sort_by_key(|entry| entry["seed"].as_u64());
         let why = all
@@ -260,7 +259,7 @@ fn a_policy_that_is_asked_alone_gives_equal_states_for_any_number_of_servers() {
         assert_eq!(
             why.filter(|why| why.contains("far enough")).count(),
             4,
-            "{told}"
+            "{text}"
         );
         let hashes = all
             .iter()

@@ -1,5 +1,5 @@
-//! Queries never stop physics: unread answers, floods, large requests, absurd
-//! scenarios, and acts that take long.
+//! Queries never stop the physics: unread replies, floods, large requests, absurd scenarios and
+//! long operations.
 
 use std::io::{Read, Write};
 use std::process::{Command, Stdio};
@@ -16,22 +16,23 @@ use zenoh::Wait;
 use zenoh::sample::{SampleKind, SourceInfo};
 use zenoh::session::EntityGlobalId;
 
-/// Sends a query and returns at once; `told` hears what became of it: the
-/// answer, the refusal's words, or nothing when there was none.
+/// Sends a query and returns at once. `on_reply` receives each reply: the payload, or the
+/// message of a failure.
 fn send(
-    link: &Client,
+    client: &Client,
     query: Query,
     payload: Vec<u8>,
-    told: impl Fn(Result<Vec<u8>, String>) + Send + Sync + 'static,
+    on_reply: impl Fn(Result<Vec<u8>, String>) + Send + Sync + 'static,
 ) {
-    link.session()
-        .get(link.keys().query(query).replace('*', "asker"))
+    client
+        .session()
+        .get(client.keys().query(query).replace('*', "querier"))
         .payload(payload)
         .encoding(wheelarm_proto::schema::encoding(query.messages()[0]))
-        .source_info(SourceInfo::new(link.session().id(), 0))
+        .source_info(SourceInfo::new(client.session().id(), 0))
         .timeout(PATIENCE)
         .callback(move |reply| {
-            told(match reply.result() {
+            on_reply(match reply.result() {
                 Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
                 Err(error) => Err(v1::Failure::decode(&*error.payload().to_bytes())
                     .map(|failure| failure.message)
@@ -42,26 +43,26 @@ fn send(
         .expect("a query");
 }
 
-/// What a query was answered, in words where it was refused.
-fn query_reply(link: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
-    let (told, answer) = mpsc::channel();
-    send(link, query, payload, move |reply| {
-        let _ = told.send(reply);
+/// The reply to a query: its payload, or the message of a failure.
+fn query_reply(client: &Client, query: Query, payload: Vec<u8>) -> Result<Vec<u8>, String> {
+    let (sender, reply) = mpsc::channel();
+    send(client, query, payload, move |reply| {
+        let _ = sender.send(reply);
     });
-    answer.recv_timeout(PATIENCE).expect("an answer")
+    reply.recv_timeout(PATIENCE).expect("a reply")
 }
 
-fn start(link: &Client, label: &str) -> v1::EpisodeStarted {
+fn start(client: &Client, label: &str) -> v1::EpisodeStarted {
     let request = v1::EpisodeStartRequest {
         label: label.into(),
         ..Default::default()
     };
-    link.request(&request).expect("an episode")
+    client.request(&request).expect("an episode")
 }
 
 #[test]
-fn answers_that_one_peer_asks_for_under_many_names_do_not_stop_time() {
-    unread("names", |deaf, i| {
+fn unread_replies_to_one_peer_with_many_names_do_not_stop_time() {
+    check_unread_replies("names", |deaf, i| {
         let id = format!("{:x}", 0xabc + i).parse().expect("an id");
         let source = SourceInfo::new(EntityGlobalId::new(id, 1), 0);
         deaf.session()
@@ -78,32 +79,31 @@ fn answers_that_one_peer_asks_for_under_many_names_do_not_stop_time() {
 }
 
 #[test]
-fn answers_that_nobody_reads_do_not_stop_time() {
-    unread("unread", |deaf, _| {
+fn unread_replies_do_not_stop_time() {
+    check_unread_replies("unread", |deaf, _| {
         send(deaf, Query::Snapshot, Vec::new(), |_| {});
     });
 }
 
-/// Time goes on at a server while a peer asks two hundred times by `ask` and
-/// does not read.
-fn unread(name: &str, request: impl Fn(&Client, u32)) {
+/// A server's simulation continues while a peer sends two hundred requests and reads no reply.
+fn check_unread_replies(name: &str, request: impl Fn(&Client, u32)) {
     let server = Server::start(name, &["--no-cameras"]).expect("a server");
     let beside =
         Server::start(&format!("{name}-beside"), &["--no-cameras"]).expect("another server");
-    let (link, other) = (server.link(), beside.link());
-    start(&link, "unread");
+    let (client, other) = (server.client(), beside.client());
+    start(&client, "unread");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 8e9).expect("a proxy");
-    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
-    let mut time = [Ticks::new(&link), Ticks::new(&other)];
+    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a client");
+    let mut time = [Ticks::new(&client), Ticks::new(&other)];
     for time in &mut time {
         wait_until("time passes", || time.newest() > 0);
     }
     proxy.set(Line::Deaf);
     (0..200).for_each(|i| request(&deaf, i));
     let begun = time.each_mut().map(Ticks::newest);
-    // Eight seconds of a server that nobody attacks, on the same host: the peer is
-    // given up after five, and others must go on hearing the clock.
-    wait_until("time has passed beside", || {
+    // Eight seconds of a second server on the same host, without an attack. The attacked server
+    // drops the peer after five; other clients must continue to receive the clock.
+    wait_until("time passes at the second server", || {
         time[1].newest() >= begun[1] + 1920
     });
     let [passed, beside] = [0, 1].map(|i| time[i].newest() - begun[i]);
@@ -112,45 +112,49 @@ fn unread(name: &str, request: impl Fn(&Client, u32)) {
 }
 
 #[test]
-fn who_does_not_read_its_answers_delays_nobody_else() {
+fn client_that_reads_no_replies_delays_only_itself() {
     let server = Server::start("deaf", &["--no-cameras"]).expect("a server");
-    let (link, watcher) = (server.link(), server.link());
-    start(&link, "deaf");
+    let (client, watcher) = (server.client(), server.client());
+    start(&client, "deaf");
     let proxy = Proxy::start(&server.endpoint, Duration::ZERO, 8e9).expect("a proxy");
-    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a link");
+    let deaf = Client::open(&server.connect_through(&proxy.endpoint())).expect("a client");
     let life = deaf.session().liveliness();
     let _token = life.declare_token("test/deaf").wait().expect("a token");
-    let (told, ends) = mpsc::channel();
+    let (sender, changes) = mpsc::channel();
     let _life = watcher
         .session()
         .liveliness()
         .declare_subscriber("test/deaf")
         .history(true)
         .callback(move |sample| {
-            let _ = told.send(sample.kind());
+            let _ = sender.send(sample.kind());
         })
         .wait()
         .expect("a subscriber");
-    let next = || ends.recv_timeout(PATIENCE).expect("word of the token");
+    let next = || {
+        changes
+            .recv_timeout(PATIENCE)
+            .expect("a change of the token")
+    };
     assert_eq!(next(), SampleKind::Put);
-    let status = || link.request(&v1::StatusRequest {}).expect("an answer");
+    let status = || client.request(&v1::StatusRequest {}).expect("an answer");
     let tick = |status: v1::Status| status.header.expect("a header").tick;
     proxy.set(Line::Deaf);
     for _ in 0..200 {
         send(&deaf, Query::Snapshot, Vec::new(), |_| {});
     }
-    // A quarter of a second later the server is at those answers, and would be
-    // until the transport gives the peer up.
+    // A quarter of a second later the server sends these replies, until the transport drops the
+    // peer.
     let mut time = Ticks::new(&watcher);
-    wait_until("time is told", || time.newest() > 0);
-    let asked = time.newest();
-    wait_until("the answers are stalled", || time.newest() > asked + 60);
+    wait_until("the clock arrives", || time.newest() > 0);
+    let before = time.newest();
+    wait_until("the replies are stalled", || time.newest() > before + 60);
     let begun = tick(status());
     (0..20).for_each(|_| drop(status()));
     let passed = tick(status()) - begun;
-    assert_eq!(next(), SampleKind::Delete, "it was not stalled");
+    assert_eq!(next(), SampleKind::Delete, "the replies were not stalled");
     let rest = tick(status()) - begun - passed;
-    println!("20 answers within {passed} ticks; the deaf peer was given up {rest} later");
+    println!("20 replies within {passed} ticks; the deaf peer was dropped {rest} later");
     assert!(passed < rest, "{passed} ticks, and {rest} to the end");
 }
 
@@ -161,9 +165,9 @@ struct Ticks {
 }
 
 impl Ticks {
-    fn new(link: &Client) -> Self {
+    fn new(client: &Client) -> Self {
         Self {
-            clocks: link.streams(&[TopicId::Clock]).expect("the clock"),
+            clocks: client.streams(&[TopicId::Clock]).expect("the clock"),
             newest: 0,
         }
     }
@@ -179,25 +183,25 @@ impl Ticks {
 }
 
 #[test]
-fn every_query_of_a_flood_is_answered_or_refused_while_time_goes_on() {
+fn every_query_of_a_flood_gets_a_reply_or_a_refusal() {
     let server = Server::start("curious", &["--no-cameras"]).expect("a server");
-    let (link, crowd) = (server.link(), server.link());
+    let (client, crowd) = (server.client(), server.client());
     const FLOOD: usize = 3000;
-    let (told, answers) = mpsc::channel();
+    let (sender, replies) = mpsc::channel();
     for _ in 0..FLOOD {
-        let told = told.clone();
+        let sender = sender.clone();
         send(&crowd, Query::Status, Vec::new(), move |reply| {
-            let _ = told.send(reply.map(|_| ()));
+            let _ = sender.send(reply.map(|_| ()));
         });
     }
-    drop(told);
-    // Somebody else comes in between, told to ask again at most.
-    wait_until("somebody else is answered", || {
-        link.request(&v1::StatusRequest {}).is_ok()
+    drop(sender);
+    // Another client gets a reply too, after a retry at most.
+    wait_until("another client gets a reply", || {
+        client.request(&v1::StatusRequest {}).is_ok()
     });
     let (mut answered, mut refused) = (0, 0);
-    // The channel ends with the last of the queries, answered or not.
-    while let Ok(reply) = answers.recv_timeout(PATIENCE) {
+    // The channel closes after the last query, with or without a reply.
+    while let Ok(reply) = replies.recv_timeout(PATIENCE) {
         match reply {
             Ok(()) => answered += 1,
             Err(why) => {
@@ -208,15 +212,11 @@ fn every_query_of_a_flood_is_answered_or_refused_while_time_goes_on() {
     }
     println!("{answered} answered, {refused} refused of {FLOOD}");
     assert!(answered > 0);
-    assert_eq!(
-        answered + refused,
-        FLOOD,
-        "some were dropped without a word"
-    );
+    assert_eq!(answered + refused, FLOOD, "some queries got no reply");
 }
 
 #[test]
-fn the_list_of_tasks_is_read_once() {
+fn task_list_is_read_once() {
     let assets = tempfile::tempdir().expect("a folder");
     let copied = Command::new("cp")
         .arg("-r")
@@ -228,64 +228,67 @@ fn the_list_of_tasks_is_read_once() {
     let listen = "tcp/127.0.0.1:0";
     let server = Server::start_with(assets.path(), listen, "listed", &["--no-cameras"]);
     let server = server.expect("a server");
-    let link = server.link();
-    let list = || link.request(&v1::TasksRequest {}).expect("the tasks");
+    let client = server.client();
+    let list = || client.request(&v1::TasksRequest {}).expect("the tasks");
     let first = list().tasks;
     assert!(first.len() >= 13, "{} tasks", first.len());
-    std::fs::remove_dir_all(assets.path().join("scenes")).expect("the scenes go");
+    std::fs::remove_dir_all(assets.path().join("scenes")).expect("the scenes are removed");
     assert_eq!(list().tasks, first);
 }
 
 #[test]
-fn requests_that_are_too_large_are_refused_by_their_length() {
+fn oversized_requests_are_rejected_with_their_length() {
     let mut server = Server::start("large", &["--no-cameras"]).expect("a server");
-    let link = server.link();
+    let client = server.client();
     for (query, bytes) in [
         (Query::Reset, 8 << 20),
         (Query::EpisodeStart, 1 << 20),
         (Query::Reach, 1 << 20),
         (Query::Lease, 1 << 20),
     ] {
-        let told = query_reply(&link, query, vec![0x0a; bytes]).expect_err("a refusal");
-        assert!(told.contains(&format!("{bytes} bytes, at most")), "{told}");
+        let error = query_reply(&client, query, vec![0x0a; bytes]).expect_err("a refusal");
+        assert!(
+            error.contains(&format!("{bytes} bytes, at most")),
+            "{error}"
+        );
     }
     assert!(server.alive());
 }
 
 #[test]
-fn whoever_ends_its_own_episode_never_ends_another() {
+fn stop_of_an_ended_episode_never_ends_another() {
     let server = Server::start("own", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let first = start(&link, "first");
-    link.stop_episode_of(&first, false).expect("its end");
-    let over = |told: Result<v1::EpisodeStopped, wheelarm_sdk::ClientError>| {
-        let told = told.expect_err("it is over").to_string();
-        assert!(told.contains("is over"), "{told}");
-        told
+    let client = server.client();
+    let first = start(&client, "first");
+    client.stop_episode_of(&first, false).expect("its end");
+    let rejection = |reply: Result<v1::EpisodeStopped, wheelarm_sdk::ClientError>| {
+        let error = reply.expect_err("a refusal").to_string();
+        assert!(error.contains("is over"), "{error}");
+        error
     };
-    let told = over(link.stop_episode_of(&first, false));
-    assert!(told.contains("no episode is running"), "{told}");
-    let second = start(&link, "second");
-    let told = over(link.stop_episode_of(&first, true));
-    assert!(told.contains("is running"), "{told}");
-    link.stop_episode_of(&second, false).expect("its own end");
+    let error = rejection(client.stop_episode_of(&first, false));
+    assert!(error.contains("no episode is running"), "{error}");
+    let second = start(&client, "second");
+    let error = rejection(client.stop_episode_of(&first, true));
+    assert!(error.contains("is running"), "{error}");
+    client.stop_episode_of(&second, false).expect("its own end");
 }
 
-/// State of the simulation, byte by byte, while time is paused.
-fn state(link: &Client) -> Vec<u8> {
-    start(link, "look");
-    let reply: v1::SnapshotReply = link.request(&v1::SnapshotRequest {}).expect("a snapshot");
+/// The saved state of a paused simulation.
+fn state(client: &Client) -> Vec<u8> {
+    start(client, "look");
+    let reply: v1::SnapshotReply = client.request(&v1::SnapshotRequest {}).expect("a snapshot");
     let request = v1::EpisodeStopRequest {
         discard: true,
-        secret: link.secret(),
+        secret: client.secret(),
         ..Default::default()
     };
-    let _: v1::EpisodeStopped = link.request(&request).expect("its end");
+    let _: v1::EpisodeStopped = client.request(&request).expect("its end");
     reply.snapshot.to_vec()
 }
 
 #[test]
-fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
+fn rejected_reset_names_the_fix_and_changes_no_state() {
     let args = [
         "--no-cameras",
         "--pacing",
@@ -294,10 +297,10 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
         "place_teddy_bear",
     ];
     let mut server = Server::start("refusing", &args).expect("a server");
-    let link = server.link();
-    let _still = link.commander("still", false).expect("control");
-    let before = state(&link);
-    let status = || link.request(&v1::StatusRequest {}).expect("a status");
+    let client = server.client();
+    let _still = client.commander("still", false).expect("control");
+    let before = state(&client);
+    let status = || client.request(&v1::StatusRequest {}).expect("a status");
     let scenario = status().scenario.expect("a scenario");
     let at = |x: f64, z: f64| v1::Pose {
         position: Some(v1::Vector3 { x, y: 0.0, z }),
@@ -306,10 +309,10 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
             ..Default::default()
         }),
     };
-    let given = |change: &dyn Fn(&mut v1::Scenario)| {
-        let mut asked = scenario.clone();
-        change(&mut asked);
-        asked
+    let changed = |change: &dyn Fn(&mut v1::Scenario)| {
+        let mut changed = scenario.clone();
+        change(&mut changed);
+        changed
     };
     let bear = scenario
         .objects
@@ -318,91 +321,97 @@ fn a_refused_reset_names_the_cure_and_leaves_the_world_as_it_was() {
     let bear = bear.expect("a bear");
     let absurd: [(v1::Scenario, &str); 14] = [
         (
-            given(&|s| s.start = Some(at(1e30, 0.0))),
+            changed(&|s| s.start = Some(at(1e30, 0.0))),
             "start is 1e30, expected -50 to 50",
         ),
-        (given(&|s| s.start = Some(at(1e39, 0.0))), "start is 1e39"),
+        (changed(&|s| s.start = Some(at(1e39, 0.0))), "start is 1e39"),
         (
-            given(&|s| s.start = Some(at(0.0, -3.0))),
+            changed(&|s| s.start = Some(at(0.0, -3.0))),
             "expected -1 to 5",
         ),
         (
-            given(&|s| s.objects[0].pose = Some(at(1e300, 0.0))),
+            changed(&|s| s.objects[0].pose = Some(at(1e300, 0.0))),
             "pose is 1e300",
         ),
         (
-            given(&|s| s.objects[bear].mass = Some(1e-4)),
+            changed(&|s| s.objects[bear].mass = Some(1e-4)),
             "which is soft",
         ),
         (
-            given(&|s| s.objects[bear].mass = Some(3.0)),
+            changed(&|s| s.objects[bear].mass = Some(3.0)),
             "expected 0.05 to 2",
         ),
         (
-            given(&|s| s.objects[0].mass = Some(1e-300)),
+            changed(&|s| s.objects[0].mass = Some(1e-300)),
             "mass is 1e-300",
         ),
-        (given(&|s| s.objects[0].mass = None), "mass is missing"),
+        (changed(&|s| s.objects[0].mass = None), "mass is missing"),
         (
-            given(&|s| s.instruction = Some("x".repeat(100_000))),
+            changed(&|s| s.instruction = Some("x".repeat(100_000))),
             "instruction",
         ),
-        (given(&|s| s.instruction = Some("a\0b".into())), "NUL"),
-        (given(&|s| s.target = Some("x".repeat(100_000))), "target"),
-        (given(&|s| s.task = Some("x".repeat(100_000))), "task name"),
+        (changed(&|s| s.instruction = Some("a\0b".into())), "NUL"),
+        (changed(&|s| s.target = Some("x".repeat(100_000))), "target"),
         (
-            given(&|s| s.objects = vec![s.objects[0].clone(); 1000]),
+            changed(&|s| s.task = Some("x".repeat(100_000))),
+            "task name",
+        ),
+        (
+            changed(&|s| s.objects = vec![s.objects[0].clone(); 1000]),
             "objects: got 1000, at most",
         ),
-        (given(&|s| s.state_rate_hz = Some(1e-300)), "1e-300 Hz"),
+        (changed(&|s| s.state_rate_hz = Some(1e-300)), "1e-300 Hz"),
     ];
     for (scenario, word) in absurd {
         let request = v1::ResetRequest {
             scenario: Some(scenario),
-            secret: link.secret(),
+            secret: client.secret(),
             ..Default::default()
         };
-        let told =
-            query_reply(&link, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
-        assert!(told.contains(word), "{told:?} lacks {word:?}");
-        assert!(told.len() < 600, "{} bytes of words", told.len());
+        let error =
+            query_reply(&client, Query::Reset, request.encode_to_vec()).expect_err("a refusal");
+        assert!(error.contains(word), "{error:?} lacks {word:?}");
+        assert!(error.len() < 600, "{} bytes of text", error.len());
     }
     assert!(server.alive());
-    assert!(state(&link) == before, "a refused reset changed the state");
+    assert!(
+        state(&client) == before,
+        "a rejected reset changed the state"
+    );
     assert_eq!(status().scenario, Some(scenario));
 }
 
-/// Which of two queries is answered first, the second sent right behind the
-/// first on the same connection.
-fn first_answer(link: &Client, first: (Query, Vec<u8>), second: Query) -> Vec<Query> {
-    let (told, order) = mpsc::channel();
+/// Order of the replies to two queries that are sent one directly after the other on one
+/// connection.
+fn reply_order(client: &Client, first: (Query, Vec<u8>), second: Query) -> Vec<Query> {
+    let (sender, order) = mpsc::channel();
     for (query, payload) in [first, (second, Vec::new())] {
-        let told = told.clone();
-        send(link, query, payload, move |reply| {
-            reply.expect("an answer");
-            let _ = told.send(query);
+        let sender = sender.clone();
+        send(client, query, payload, move |reply| {
+            reply.expect("a reply");
+            let _ = sender.send(query);
         });
     }
     (0..2)
-        .map(|_| order.recv_timeout(PATIENCE).expect("an answer"))
+        .map(|_| order.recv_timeout(PATIENCE).expect("a reply"))
         .collect()
 }
 
 #[test]
-fn a_status_does_not_wait_for_a_reset_or_for_the_cameras() {
-    // Far more pictures than can be drawn: some always wait.
+fn status_waits_neither_for_a_reset_nor_for_the_cameras() {
+    // Far more images than the server can render: some always wait.
     let args = ["--camera", "gen3=1024x1024@240", "--quality", "fast"];
     let server = Server::start("patient", &args).expect("a server");
-    let link = server.link();
-    start(&link, "drawn");
+    let client = server.client();
+    start(&client, "rendered");
     let tick = || {
-        let status: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
+        let status: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
         status.header.expect("a header").tick
     };
     let begun = tick();
-    wait_until("pictures wait to be drawn", || tick() >= begun + 12);
+    wait_until("images wait to be rendered", || tick() >= begun + 12);
     let stop = v1::EpisodeStopRequest::default().encode_to_vec();
-    let order = first_answer(&link, (Query::EpisodeStop, stop), Query::Status);
+    let order = reply_order(&client, (Query::EpisodeStop, stop), Query::Status);
     assert_eq!(order, [Query::Status, Query::EpisodeStop]);
     let reset = v1::ResetRequest {
         scenario: Some(v1::Scenario {
@@ -411,20 +420,24 @@ fn a_status_does_not_wait_for_a_reset_or_for_the_cameras() {
         }),
         ..Default::default()
     };
-    let order = first_answer(&link, (Query::Reset, reset.encode_to_vec()), Query::Status);
+    let order = reply_order(
+        &client,
+        (Query::Reset, reset.encode_to_vec()),
+        Query::Status,
+    );
     assert_eq!(order, [Query::Status, Query::Reset]);
 }
 
-/// Numbers of the signals that a process hears.
-fn heard(pid: u32) -> u64 {
+/// Bit mask of the signals that a process handles.
+fn handled_signals(pid: u32) -> u64 {
     let text = std::fs::read_to_string(format!("/proc/{pid}/status")).expect("/proc");
     let line = text.lines().find_map(|l| l.strip_prefix("SigCgt:"));
     u64::from_str_radix(line.expect("a mask").trim(), 16).expect("a mask")
 }
 
 #[test]
-fn signals_are_heard_before_the_server_says_that_it_is_ready() {
-    // Its line does not fit into a pipe that is full: it stands where it says it.
+fn server_handles_signals_before_it_prints_ready() {
+    // Its output is a full pipe: it blocks when it prints `ready`.
     let (mut reader, mut writer) = std::io::pipe().expect("a pipe");
     let size = 64 << 10;
     writer.write_all(&vec![b'\n'; size]).expect("a full pipe");
@@ -447,41 +460,41 @@ fn signals_are_heard_before_the_server_says_that_it_is_ready() {
         timeout_secs: PATIENCE.as_secs_f64(),
         identity: None,
     };
-    // It answers: all that is left is to say so.
-    let link = Client::open(&connect).expect("a link");
-    let _: v1::Status = link.request(&v1::StatusRequest {}).expect("a status");
-    let mask = heard(server.id());
+    // It replies: only the `ready` line is left.
+    let client = Client::open(&connect).expect("a client");
+    let _: v1::Status = client.request(&v1::StatusRequest {}).expect("a status");
+    let mask = handled_signals(server.id());
     let (interrupt, terminate) = (1 << (2 - 1), 1 << (15 - 1));
-    let hears = mask & interrupt != 0 && mask & terminate != 0;
+    let handles = mask & interrupt != 0 && mask & terminate != 0;
     let ended = Command::new("kill")
         .args(["-TERM", &server.id().to_string()])
         .status()
         .expect("kill");
     assert!(ended.success());
-    let mut said = Vec::new();
-    reader.read_to_end(&mut said).expect("what it said");
+    let mut output = Vec::new();
+    reader.read_to_end(&mut output).expect("its output");
     let status = server.wait().expect("its end");
-    assert!(hears, "signals {mask:#x}");
+    assert!(handles, "signals {mask:#x}");
     assert!(status.success(), "{status}");
-    let said = String::from_utf8_lossy(&said[size..]).into_owned();
-    assert!(said.starts_with("ready "), "{said:?}");
+    let output = String::from_utf8_lossy(&output[size..]).into_owned();
+    assert!(output.starts_with("ready "), "{output:?}");
 }
 
 #[test]
-fn reach_tells_a_code_beside_its_words() {
+fn reach_returns_a_code_and_a_reason() {
     let server = Server::start("reach-code", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let scene = link.request(&v1::SceneRequest {}).expect("a scene");
+    let client = server.client();
+    let scene = client.request(&v1::SceneRequest {}).expect("a scene");
     let roles = Roles::find(&scene.robot.expect("a robot")).expect("roles");
-    let poses = link.samples::<v1::PoseSet>().expect("poses");
-    let told = poses.next(PATIENCE).expect("a link").expect("a sample");
-    let pose = told.frames[roles.end_effector].pose;
+    let poses = client.samples::<v1::PoseSet>().expect("poses");
+    let poses = poses.next(PATIENCE).expect("no error").expect("a sample");
+    let pose = poses.frames[roles.end_effector].pose;
     let request = |pose| {
         let request = v1::ReachRequest {
             pose,
             ..Default::default()
         };
-        link.request(&request).expect("an answer")
+        client.request(&request).expect("an answer")
     };
     let here = request(pose);
     assert!(here.reachable && here.reason.is_empty(), "{here:?}");
@@ -496,13 +509,13 @@ fn reach_tells_a_code_beside_its_words() {
     assert_eq!(far.problem(), v1::ReachProblem::TooFar);
     assert_eq!(far.reached_count, 0);
 
-    // A path: as far as it goes, and why no further.
+    // A path: the number of reached poses, and the reason at the first other one.
     let mut higher = pose.expect("a pose");
     if let Some(at) = &mut higher.position {
         at.z += 0.02;
     }
     let follow = |next_poses: Vec<v1::Pose>, max_joint_change| {
-        link.request(&v1::ReachRequest {
+        client.request(&v1::ReachRequest {
             pose,
             next_poses,
             max_joint_change,
@@ -522,7 +535,7 @@ fn reach_tells_a_code_beside_its_words() {
         (vec![higher], Some(-1.0), "more than 0"),
         (vec![v1::Pose::default()], None, "next_poses"),
     ] {
-        let told = follow(path, most).expect_err("a refusal").to_string();
-        assert!(told.contains(cure), "{told}");
+        let error = follow(path, most).expect_err("a refusal").to_string();
+        assert!(error.contains(cure), "{error}");
     }
 }

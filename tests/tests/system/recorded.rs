@@ -1,6 +1,6 @@
-//! A recording of the first contract and of a physics before there were versions
-//! (tests/data, made by the programs of commit 8ef3e8a): everything that reads
-//! recordings reads it, and its states can be drawn anew.
+//! A recording of the first contract, with physics before versions existed (tests/data, made by
+//! the programs of commit 8ef3e8a). Every reader of recordings reads it, and its states can be
+//! rendered again.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -9,8 +9,8 @@ use serde_json::Value;
 use wheelarm_dataset::read::Episode;
 use wheelarm_tests::{printed, program, root};
 
-/// Unpacks the recording into a folder.
-fn unpacked(folder: &Path) -> PathBuf {
+/// Unpacks the recording into a folder; its path.
+fn unpack(folder: &Path) -> PathBuf {
     let packed = root().join("tests/data/recorded-by-8ef3e8a.h5.gz");
     let packed = std::fs::read(packed).expect("the recording");
     let (_, size) = packed.split_at(packed.len() - 4);
@@ -40,10 +40,10 @@ fn succeeds(folder: &Path, args: &[&str]) -> String {
 }
 
 #[test]
-fn a_recording_of_the_first_contract_is_read_validated_aligned_exported_and_shown() {
+fn every_dataset_command_reads_a_recording_of_the_first_contract() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = folder.path();
-    unpacked(here);
+    unpack(here);
     let info = succeeds(here, &["dataset", "info", "old.h5"]);
     assert!(info.contains("success       yes"), "{info}");
     let fine = succeeds(here, &["dataset", "validate", "old.h5"]);
@@ -69,20 +69,20 @@ fn a_recording_of_the_first_contract_is_read_validated_aligned_exported_and_show
         let export = ["dataset", "export", "old.h5", "--format", format, "--out"];
         let mut export = [&export[..], &[&out]].concat();
         if format == "lerobot" {
-            // Its pictures are smaller than a video may be.
+            // The images are smaller than a video may be.
             export.extend(["--pictures", "png"]);
         }
         succeeds(here, &export);
         let written = here.join(&out);
-        let something = match written.is_dir() {
+        let has_content = match written.is_dir() {
             true => std::fs::read_dir(&written).expect("a folder").count() > 0,
             false => std::fs::metadata(&written).is_ok_and(|file| file.len() > 0),
         };
-        assert!(something, "{format} wrote nothing");
+        assert!(has_content, "{format} wrote nothing");
     }
 }
 
-/// Rows of a tensor of 32-bit numbers in a safetensors file, and what is told of it.
+/// Rows of a 32-bit float tensor in a safetensors file, and the JSON metadata of the file.
 fn tensor(file: &Path, name: &str) -> (Vec<Vec<f32>>, Value) {
     let bytes = std::fs::read(file).expect("a file");
     let (size, rest) = bytes.split_at(8);
@@ -91,23 +91,23 @@ fn tensor(file: &Path, name: &str) -> (Vec<Vec<f32>>, Value) {
     let header: Value = serde_json::from_slice(header).expect("a header");
     let about = header["__metadata__"]["wheelarm"].as_str().expect("a card");
     let number = |value: &Value| value.as_u64().expect("a number") as usize;
-    let told = &header[name];
-    assert_eq!(told["dtype"], "F32", "{name}");
-    let [from, to] = [0, 1].map(|end| number(&told["data_offsets"][end]));
+    let entry = &header[name];
+    assert_eq!(entry["dtype"], "F32", "{name}");
+    let [from, to] = [0, 1].map(|end| number(&entry["data_offsets"][end]));
     let numbers = data[from..to].chunks_exact(4);
     let numbers: Vec<f32> = numbers
         .map(|n| f32::from_le_bytes(n.try_into().expect("four bytes")))
         .collect();
-    let rows = numbers.chunks_exact(number(&told["shape"][1]));
+    let rows = numbers.chunks_exact(number(&entry["shape"][1]));
     let about = serde_json::from_str(about).expect("JSON");
     (rows.map(<[f32]>::to_vec).collect(), about)
 }
 
 #[test]
-fn tensors_tell_where_the_thing_of_the_task_is() {
+fn tensors_contain_the_pose_of_the_task_object() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = folder.path();
-    unpacked(here);
+    unpack(here);
     let export = [
         "dataset", "export", "old.h5", "--format", "tensors", "--out", ".",
     ];
@@ -135,32 +135,32 @@ fn tensors_tell_where_the_thing_of_the_task_is() {
             .map(|axis| row[aim(&format!("thing.{axis}"))] - hand[state(&format!("hand.{axis}"))]);
         off.iter().map(|d| d * d).sum::<f32>().sqrt()
     };
-    // It is lifted in the end: in the hand, and to be seen from the chair.
+    // At the end the gripper holds the object, which is visible from the chair.
     assert_eq!(about["task"], "pick_mustard");
     let (before, held) = (distance(first, &states[0]), distance(last, hand));
-    // The frame of the hand is that of the arm's end; fingers are in front of it.
+    // The hand frame is that of the arm's end; the fingers are in front of it.
     assert!(before > 1.0 && held < 0.16, "{before} m, then {held} m");
     for coordinate in ["u", "v"] {
-        let seen = last[aim(&format!("thing.wheelchair.{coordinate}"))];
-        assert!((0.0..1.0).contains(&seen), "{coordinate} {seen}");
+        let value = last[aim(&format!("thing.wheelchair.{coordinate}"))];
+        assert!((0.0..1.0).contains(&value), "{coordinate} {value}");
     }
-    // Everything else that is there is told too, in the order of the names.
-    let (things, _) = tensor(&file, "things");
+    // The poses of all objects are stored too, in the order of the names.
+    let (objects, _) = tensor(&file, "things");
     let names = about["thing_names"].as_array().expect("names");
-    assert_eq!(things[0].len(), 7 * names.len());
+    assert_eq!(objects[0].len(), 7 * names.len());
     let own = 7 * place(
         &about["thing_names"],
-        about["thing"].as_str().expect("a thing"),
+        about["thing"].as_str().expect("an object"),
     );
     let other = 7 * place(&about["thing_names"], "crackers");
-    for (row, all) in aims.iter().zip(&things) {
+    for (row, all) in aims.iter().zip(&objects) {
         let same = row[..7].iter().zip(&all[own..]);
         assert!(same.clone().all(|(a, b)| a.to_bits() == b.to_bits()));
         assert!(all[other..][..3].iter().all(|place| place.is_finite()));
     }
-    let apart = [0, 1, 2].map(|k| (things[0][own + k] - things[0][other + k]).powi(2));
+    let apart = [0, 1, 2].map(|k| (objects[0][own + k] - objects[0][other + k]).powi(2));
     assert!(apart.iter().sum::<f32>().sqrt() > 0.05, "{apart:?}");
-    // It is put nowhere.
+    // The task has no goal place.
     for row in &aims {
         assert!(row[aim("thing.x")].is_finite());
         assert!(row[aim("goal.x")].is_nan() && row[aim("goal.gen3.u")].is_nan());
@@ -168,10 +168,10 @@ fn tensors_tell_where_the_thing_of_the_task_is() {
 }
 
 #[test]
-fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
+fn recording_of_another_physics_is_rendered_from_its_recorded_states() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = folder.path();
-    let old = unpacked(here);
+    let old = unpack(here);
     let refused = wheelarm(here, &["replay", "old.h5"]);
     let words = printed(&refused);
     assert!(!refused.status.success(), "{words}");
@@ -181,10 +181,10 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
         "{words}"
     );
 
-    let drawn = ["replay", "old.h5", "--as-recorded", "--out", "drawn"];
-    let told = succeeds(here, &drawn);
-    assert!(told.contains("rendered 159 recorded states"), "{told}");
-    let new = here.join("drawn/recorded-by-0-as-recorded.h5");
+    let replay = ["replay", "old.h5", "--as-recorded", "--out", "rendered"];
+    let text = succeeds(here, &replay);
+    assert!(text.contains("rendered 159 recorded states"), "{text}");
+    let new = here.join("rendered/recorded-by-0-as-recorded.h5");
     let fine = succeeds(here, &["dataset", "validate", &new.to_string_lossy()]);
     assert!(fine.contains("1 of 1 recordings are fine"), "{fine}");
     let again = wheelarm(here, &["replay", &new.to_string_lossy()]);
@@ -197,7 +197,7 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
     let [old, new] = [old, new].map(|file| Episode::open(&file).expect("an episode"));
     assert!(new.started().expect("a beginning").as_recorded);
     assert!(new.summary().expect("attributes").success);
-    // The states are the recorded ones, to the last bit.
+    // The states equal the recorded ones bit by bit.
     for (stream, column) in [
         ("joint_state", "position"),
         ("joint_state", "velocity"),
@@ -218,17 +218,17 @@ fn a_recording_of_another_physics_is_drawn_from_its_recorded_states() {
             .iter()
             .zip(is.iter())
             .all(|(a, b)| a.to_bits() == b.to_bits());
-        assert!(equal, "{stream}/{column} is another");
+        assert!(equal, "{stream}/{column} differs");
     }
-    // And so are the images, but for what the renderer may have learned since and how the
-    // assets look: smoothed ambient light alone changes a wall that fills the image by 7
-    // levels, other meshes and prints on the table one at the grasp by 4 more.
+    // The images differ only by changes of renderer and assets: smoothed ambient light changes a
+    // wall that fills the image by 7 levels, other meshes and prints on the table one at the
+    // grasp by 4 more.
     for name in ["gen3", "wheelchair"] {
         let [was, is] = [&old, &new].map(|e| e.camera(name).expect("a camera"));
         assert_eq!(was.stamps(), is.stamps());
         for index in 0..is.len() {
-            let was = was.rgb(&old, index).expect("a picture");
-            let is = is.rgb(&new, index).expect("a picture");
+            let was = was.rgb(&old, index).expect("an image");
+            let is = is.rgb(&new, index).expect("an image");
             let apart: f64 = was
                 .iter()
                 .zip(&is)

@@ -1,5 +1,5 @@
-//! Recorders that come late, die, come back or run in pairs: nothing that was
-//! acknowledged is lost, and nobody else is disturbed.
+//! Recorders that start late, die, reconnect or run in pairs: no acknowledged sample is lost, and
+//! no other client is disturbed.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use wheelarm_proto::{Message, v1};
 use wheelarm_tests::{PATIENCE, Recorder, Server, printed, program};
 
-/// Small pictures that fall due often.
+/// Small images at a high rate.
 const CAMERA: [&str; 4] = ["--camera", "gen3=64x48@30", "--quality", "fast"];
 
 /// Runs a client command until it succeeds: a recorder needs a moment to connect.
 fn command(server: &Server, args: &[&str]) -> String {
-    let output = server.client(args).expect("a client");
+    let output = server.run_client(args).expect("a client");
     assert!(output.status.success(), "{args:?}: {}", printed(&output));
     printed(&output)
 }
@@ -24,7 +24,10 @@ fn wait_for_status(server: &Server, words: &str) {
         if status.contains(words) {
             return;
         }
-        assert!(since.elapsed() < PATIENCE, "{words:?} never came: {status}");
+        assert!(
+            since.elapsed() < PATIENCE,
+            "no {words:?} in the status: {status}"
+        );
         std::thread::sleep(Duration::from_millis(100));
     }
 }
@@ -45,13 +48,13 @@ fn info(server: &Server, file: &Path) -> String {
     let file = file.to_string_lossy();
     printed(
         &server
-            .client(&["dataset", "info", &file])
+            .run_client(&["dataset", "info", &file])
             .expect("a client"),
     )
 }
 
 #[test]
-fn two_recorders_and_a_late_third_each_get_what_they_saw() {
+fn two_recorders_and_a_late_third_record_their_episodes() {
     let server = Server::start("several", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let out = |name: &str| folder.path().join(name);
@@ -62,11 +65,11 @@ fn two_recorders_and_a_late_third_each_get_what_they_saw() {
     start(&server, "one", "2");
     std::thread::sleep(Duration::from_secs(2));
     command(&server, &["episode", "stop"]);
-    // At once again: the announcement overtakes pictures of the first episode.
+    // At once again: the announcement overtakes images of the first episode.
     start(&server, "two", "2");
     std::thread::sleep(Duration::from_secs(1));
     command(&server, &["episode", "stop"]);
-    // Comes after the end of an episode that the transport still remembers.
+    // Starts after the end of an episode that the transport still caches.
     let late = Recorder::start(&server, "late", &out("late"), &["--episodes", "1"]);
     for (recorder, name) in [(first, "first"), (second, "second")] {
         let text = recorder.finish();
@@ -82,7 +85,7 @@ fn two_recorders_and_a_late_third_each_get_what_they_saw() {
 }
 
 #[test]
-fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
+fn log_of_a_killed_recorder_becomes_a_valid_partial_file() {
     let server = Server::start("killed", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let mut doomed = Recorder::start(&server, "doomed", folder.path(), &[]);
@@ -90,8 +93,8 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
     start(&server, "cut", "1");
     std::thread::sleep(Duration::from_secs(2));
     doomed.kill();
-    // The server goes on without it, and says that it has not confirmed the end.
-    let stopped = server.client(&["episode", "stop"]).expect("a client");
+    // The server continues, and reports that the recorder has not confirmed the end.
+    let stopped = server.run_client(&["episode", "stop"]).expect("a client");
     let text = printed(&stopped);
     assert_eq!(stopped.status.code(), Some(3), "{text}");
     assert!(text.contains("NOT CONFIRMED by recorder doomed"), "{text}");
@@ -103,7 +106,7 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
     std::fs::create_dir(&out).expect("a folder");
     let (log, out_text) = (log.to_string_lossy(), out.to_string_lossy());
     let recovered = server
-        .client(&["dataset", "recover", &log, "--out", &out_text])
+        .run_client(&["dataset", "recover", &log, "--out", &out_text])
         .expect("a client");
     let text = printed(&recovered);
     assert_eq!(recovered.status.code(), Some(3), "{text}");
@@ -114,7 +117,7 @@ fn a_killed_recorder_leaves_a_log_that_becomes_a_valid_partial_file() {
 }
 
 #[test]
-fn of_two_recorders_of_one_name_that_start_together_one_is_refused() {
+fn one_of_two_recorders_with_one_name_is_rejected() {
     let server = Server::start("twins", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let mut twins = ["a", "b"].map(|out| {
@@ -138,7 +141,7 @@ fn of_two_recorders_of_one_name_that_start_together_one_is_refused() {
 }
 
 #[test]
-fn an_existing_recording_is_never_overwritten() {
+fn existing_recording_is_never_overwritten() {
     let server = Server::start("taken", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("precious.h5");
@@ -146,11 +149,11 @@ fn an_existing_recording_is_never_overwritten() {
     let _recorder = Recorder::start(&server, "careful", folder.path(), &[]);
     wait_for_status(&server, "careful");
     let start = ["episode", "start", "--label", "precious"];
-    let told = server
-        .client(&[&start[..], &["--require-recorders", "1"]].concat())
+    let output = server
+        .run_client(&[&start[..], &["--require-recorders", "1"]].concat())
         .expect("a client");
-    let text = printed(&told);
-    assert_eq!(told.status.code(), Some(1), "{text}");
+    let text = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("did not begin: recorder careful"), "{text}");
     assert!(text.contains("exists already"), "{text}");
     assert!(text.contains("next free label is precious-2"), "{text}");
@@ -163,25 +166,25 @@ fn an_existing_recording_is_never_overwritten() {
 }
 
 #[test]
-fn a_folder_that_hdf5_cannot_take_is_refused_before_anything_is_recorded() {
+fn folder_name_that_hdf5_cannot_open_is_rejected_before_recording() {
     use std::os::unix::ffi::OsStrExt;
     let server = Server::start("bytes", &["--no-cameras"]).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
-    let told = std::process::Command::new(program("wheelarm").expect("the client"))
+    let output = std::process::Command::new(program("wheelarm").expect("the client"))
         .args(["--connect", &server.endpoint, "--sim", &server.sim])
         .args(["record", "--episodes", "1", "--out"])
         .arg(&out)
         .output()
         .expect("a client");
-    let text = printed(&told);
-    assert_eq!(told.status.code(), Some(1), "{text}");
+    let text = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("UTF-8") && text.contains("--out"), "{text}");
     assert!(!out.exists());
 }
 
 #[test]
-fn a_server_that_is_told_to_end_while_recording_leaves_a_complete_file() {
+fn shutdown_during_a_recording_leaves_a_complete_file() {
     let server = Server::start("ending", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, "witness", folder.path(), &["--episodes", "1"]);
@@ -194,28 +197,28 @@ fn a_server_that_is_told_to_end_while_recording_leaves_a_complete_file() {
 }
 
 #[test]
-fn pictures_are_compressed_once_and_are_what_every_recorder_writes() {
+fn images_are_compressed_once_for_all_recorders() {
     use wheelarm_proto::digest::of_message;
     let server = Server::start("once", &CAMERA).expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let out = |name: &str| folder.path().join(name);
     let small = Recorder::start(&server, "small", &out("small"), &["--episodes", "1"]);
-    // Who stores depth in another way takes the pictures as they are.
+    // A recorder with another form of depth receives the uncompressed images.
     let exact = [&["--episodes", "1"][..], &["--depth", "u16"]].concat();
     let exact = Recorder::start(&server, "exact", &out("exact"), &exact);
     for name in ["small", "exact"] {
         wait_for_status(&server, name);
     }
-    let link = server.link();
-    let heard = |key: String| {
+    let client = server.client();
+    let subscribe = |key: String| {
         let (sender, receiver) = std::sync::mpsc::channel();
-        let subscriber = link.subscribe(&key, move |sample| {
+        let subscriber = client.subscribe(&key, move |sample| {
             let _ = sender.send(sample.payload().to_bytes().into_owned());
         });
         (subscriber.expect("a subscriber"), receiver)
     };
-    let (_cameras, cameras) = heard(link.keys().camera("gen3"));
-    let (_compressed, compressed) = heard(link.keys().compressed("gen3"));
+    let (_cameras, cameras) = subscribe(client.keys().camera("gen3"));
+    let (_compressed, compressed) = subscribe(client.keys().compressed("gen3"));
     start(&server, "one", "2");
     std::thread::sleep(Duration::from_secs(1));
     command(&server, &["episode", "stop"]);
@@ -224,24 +227,25 @@ fn pictures_are_compressed_once_and_are_what_every_recorder_writes() {
         assert!(text.contains("one.h5: complete"), "{name}: {text}");
         let file = out(name).join("one.h5");
         let file = file.to_string_lossy();
-        let valid = server.client(&["dataset", "validate", &file]);
+        let valid = server.run_client(&["dataset", "validate", &file]);
         let valid = valid.expect("a client");
         let text = printed(&valid);
         assert!(valid.status.success(), "{name}: {text}");
-        let told = text.contains("camera/gen3") && text.contains("as they came, by their digest");
-        assert!(told || name == "exact", "{text}");
+        let has_digests =
+            text.contains("camera/gen3") && text.contains("as they came, by their digest");
+        assert!(has_digests || name == "exact", "{text}");
     }
     let exact: Vec<_> = cameras
         .try_iter()
         .map(|bytes| {
-            let frame = v1::CameraFrame::decode(&bytes[..]).expect("a picture");
+            let frame = v1::CameraFrame::decode(&bytes[..]).expect("an image");
             (frame, of_message([&bytes[..]]))
         })
         .filter(|(frame, _)| frame.header.as_ref().is_some_and(|h| h.episode > 0))
         .collect();
     let mut pairs = 0;
     for bytes in compressed.try_iter() {
-        let small = v1::CompressedCameraFrame::decode(&bytes[..]).expect("a picture");
+        let small = v1::CompressedCameraFrame::decode(&bytes[..]).expect("an image");
         let Some((frame, digest)) = exact.iter().find(|(f, _)| f.header == small.header) else {
             continue;
         };

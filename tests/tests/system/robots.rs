@@ -1,5 +1,5 @@
-//! Another robot than the one that ships, told by its folder alone, and what
-//! files without a robot are taken to be of.
+//! Other robots than the default one, described by their folder alone, and the robot of files
+//! without a description.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,21 +9,21 @@ use wheelarm_dataset::read::{Episode, first_robot};
 use wheelarm_proto::robot::Roles;
 use wheelarm_tests::{printed, program, root};
 
-/// The assets with the robot of `tests/data/robots` beside the one that ships.
+/// The assets with the robot of `tests/data/robots` beside the default one.
 fn assets(folder: &Path) -> PathBuf {
     let (assets, robots) = (folder.join("assets"), folder.join("assets/robots"));
     fs::create_dir_all(robots.join("other")).expect("a folder");
-    let link = |from: PathBuf, to: PathBuf| {
+    let symlink = |from: PathBuf, to: PathBuf| {
         std::os::unix::fs::symlink(from, to).expect("a link");
     };
     for entry in fs::read_dir(root().join("assets")).expect("the assets") {
         let entry = entry.expect("an entry");
         if entry.file_name() != "robots" {
-            link(entry.path(), assets.join(entry.file_name()));
+            symlink(entry.path(), assets.join(entry.file_name()));
         }
     }
     let ours = root().join("assets/robots/wheelarm");
-    link(ours, robots.join("wheelarm"));
+    symlink(ours, robots.join("wheelarm"));
     for file in ["robot.toml", "other.urdf"] {
         let from = root().join("tests/data/robots/other").join(file);
         fs::copy(from, robots.join("other").join(file)).expect("a copy");
@@ -45,13 +45,15 @@ fn wheelarm(assets: &Path, args: &[&str]) -> Output {
 /// arm joint that turns the other way, another gripper, mount and track, and
 /// three cameras.
 #[test]
-fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
+fn another_robot_completes_a_task_and_its_recording_is_processed() {
     let folder = tempfile::tempdir().expect("a folder");
     let assets = assets(folder.path());
     let out = folder.path().join("out");
-    let told = out.to_string_lossy().into_owned();
+    let out_text = out.to_string_lossy().into_owned();
     let small = ["--width", "128", "--height", "96", "--rate", "10"];
-    let demo = ["demo", "--robot", "other", "--seed", "1", "--out", &told];
+    let demo = [
+        "demo", "--robot", "other", "--seed", "1", "--out", &out_text,
+    ];
     let output = wheelarm(&assets, &[&demo[..], &small[..]].concat());
     let text = printed(&output);
     assert!(text.contains("missed      0 (complete)"), "{text}");
@@ -62,7 +64,7 @@ fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
         found.unwrap_or_else(|| panic!("no file {ending}"))
     };
     let file = found(".h5");
-    assert!(found(".png").metadata().expect("a picture").len() > 10_000);
+    assert!(found(".png").metadata().expect("an image").len() > 10_000);
     let path = file.to_string_lossy();
 
     let episode = Episode::open(&file).expect("an episode");
@@ -76,7 +78,7 @@ fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
     cameras.sort_unstable();
     assert_eq!(episode.cameras().expect("cameras"), cameras);
     assert_eq!(cameras.len(), 3);
-    // The hand was closed around something and the chair has driven.
+    // The gripper closed around an object, and the chair has driven.
     let positions = episode.f64s("joint_state", "position").expect("positions");
     let column = |index: usize| positions.iter().skip(index).step_by(names.len());
     let most = |index: usize| column(index).copied().fold(0.0, f64::max);
@@ -107,7 +109,7 @@ fn another_robot_does_a_task_is_recorded_aligned_drawn_and_replayed() {
 }
 
 /// The gripper of `wheelarm_wide` opens further, closes at another knuckle angle and is
-/// weaker. The expert lifts the mustard with it, by its description alone.
+/// weaker. The expert knows it from its description alone.
 #[test]
 fn another_gripper_lifts_the_mustard() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -126,7 +128,7 @@ fn another_gripper_lifts_the_mustard() {
     let gripper = robot.gripper_or_default();
     assert_eq!((gripper.stroke, gripper.max_force), (0.14, 60.0));
 
-    // The hand opened wider than the gripper of `wheelarm` can, and held the bottle.
+    // The gripper opened wider than that of `wheelarm` can, and held the bottle.
     let roles = Roles::find(&robot).expect("every role");
     let positions = episode.f64s("joint_state", "position").expect("positions");
     let knuckles = positions
@@ -140,7 +142,7 @@ fn another_gripper_lifts_the_mustard() {
     assert!(widest > 0.13, "{widest} m");
     let held = openings.last().expect("a sample");
     assert!((0.045..0.07).contains(held), "the bottle is {held} m wide");
-    // The pads pressed, and no command asked for more force than the gripper has.
+    // The pads pressed, and no command requested more force than the gripper has.
     let pads = episode.f64s("contact", "pad_force").expect("pad forces");
     let hardest = pads.iter().copied().fold(0.0, f64::max);
     assert!(hardest > 10.0, "{hardest} N");
@@ -153,10 +155,9 @@ fn another_gripper_lifts_the_mustard() {
     );
 }
 
-/// The robot of files that do not tell theirs: stored once and never changed,
-/// whatever becomes of the robot that ships.
+/// The robot of files without a description is stored and never changes with the default robot.
 #[test]
-fn files_without_a_robot_are_of_the_first_one() {
+fn files_without_a_robot_use_the_first_robot() {
     let robot = first_robot().expect("a description");
     let joints: Vec<_> = robot
         .joints

@@ -1,5 +1,4 @@
-//! Rows for learning, held against the robot: played open loop, they do again
-//! what was recorded.
+//! Rows for learning, played open loop: they repeat the recorded task.
 
 use std::process::Command;
 
@@ -8,7 +7,7 @@ use wheelarm_tests::rows::Rows;
 use wheelarm_tests::{printed, program, root};
 
 #[test]
-fn rows_at_ten_hertz_played_open_loop_lift_the_mustard_again() {
+fn rows_at_ten_hertz_played_open_loop_lift_the_mustard() {
     let folder = tempfile::tempdir().expect("a folder");
     let output = Command::new(program("wheelarm").expect("the client"))
         .args(["demo", "--seed", "0", "--no-sheet", "--rate", "10"])

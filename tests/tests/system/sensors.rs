@@ -1,5 +1,5 @@
-//! Sensor models beside the truth: recorded, validated, aligned, exported, made
-//! again bit by bit, and without a trace in what is true.
+//! Sensor models: recorded beside the exact streams, validated, aligned, exported and
+//! reproduced bit by bit, without an effect on the simulation.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,8 +11,7 @@ use wheelarm_tests::{IdleCommander, Recorder, Server, printed, program, root, wa
 
 const SMALL: [&str; 4] = ["--camera", "gen3=160x96@10", "--pacing", "lock-step"];
 
-/// Every kind of model; the delay of commands changes what is true, so it is
-/// apart.
+/// Every kind of model except the command delay, which changes the simulation.
 const SENSORS: [&str; 8] = [
     "--sensor",
     "kinova_vision@gen3",
@@ -35,37 +34,37 @@ fn wheelarm(folder: &Path, args: &[&str]) -> String {
     printed(&output)
 }
 
-fn ticks(link: &Client) -> u64 {
-    let status = link.request(&v1::StatusRequest {}).expect("a status");
+fn ticks(client: &Client) -> u64 {
+    let status = client.request(&v1::StatusRequest {}).expect("a status");
     status.header.map_or(0, |header| header.tick)
 }
 
-/// Two simulated seconds of nothing, recorded in lock-step.
-fn recorded(folder: &Path, label: &str, sensors: &[&str]) -> PathBuf {
+/// Records two simulated seconds of an idle robot in lock-step; the file.
+fn record(folder: &Path, label: &str, sensors: &[&str]) -> PathBuf {
     let args = [&SMALL[..], sensors].concat();
     let server = Server::start(label, &args).expect("a server");
     let recorder = Recorder::start(&server, "r", folder, &["--episodes", "1"]);
-    let link = server.link();
-    let commander = IdleCommander::start(&link);
+    let client = server.client();
+    let commander = IdleCommander::start(&client);
     let request = v1::EpisodeStartRequest {
         label: label.to_owned(),
         require_recorders: 1,
         commander: IdleCommander::NAME.to_owned(),
         ..v1::EpisodeStartRequest::default()
     };
-    link.request(&request).expect("an episode");
-    wait_until("two seconds have passed", || ticks(&link) >= 480);
-    link.stop_episode(false).expect("its end");
+    client.request(&request).expect("an episode");
+    wait_until("two seconds have passed", || ticks(&client) >= 480);
+    client.stop_episode(false).expect("its end");
     drop(commander);
     recorder.finish();
     folder.join(format!("{label}.h5"))
 }
 
 #[test]
-fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
+fn sensor_samples_are_recorded_and_replayed_bit_by_bit_without_changing_the_simulation() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = folder.path();
-    let file = recorded(here, "sensed", &SENSORS);
+    let file = record(here, "sensed", &SENSORS);
     let path = file.to_string_lossy().into_owned();
     let fine = wheelarm(here, &["dataset", "validate", &path]);
     assert!(fine.contains("1 of 1 recordings are fine"), "{fine}");
@@ -81,11 +80,14 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
     for name in &sensors {
         let sensor = episode.sensor(name).expect("a sensor");
         assert_eq!(sensor.made_from(), Some("gen3"));
-        assert!(sensor.len() >= 15, "{} pictures of {name}", sensor.len());
+        assert!(sensor.len() >= 15, "{} images of {name}", sensor.len());
         for (arrival, exposure) in sensor.stamps().iter().zip(sensor.exposures()) {
             let age = (arrival - exposure) as f64 * 1e-9;
             assert!((0.045..0.21).contains(&age), "{age} s");
-            assert!(exact.stamps().contains(exposure), "not of an exact picture");
+            assert!(
+                exact.stamps().contains(exposure),
+                "no exact image has this exposure"
+            );
         }
     }
     let depth = episode.sensor("gen3_depth").expect("a sensor");
@@ -108,7 +110,7 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
     assert_eq!(noisy.shape(), truth.shape());
     assert_ne!(noisy, truth);
 
-    // Again, and every bit is the same.
+    // A replay has the same bits.
     wheelarm(here, &["replay", &path, "--out", "again"]);
     let again = Episode::open(&here.join("again/sensed-replay.h5")).expect("an episode");
     for name in &sensors {
@@ -120,7 +122,7 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
                 true => was.depth(&episode, index).ok() == is.depth(&again, index).ok(),
                 false => was.rgb(&episode, index).ok() == is.rgb(&again, index).ok(),
             };
-            assert!(same, "{name}, picture {index}");
+            assert!(same, "{name}, image {index}");
         }
     }
     for (stream, column) in [
@@ -138,15 +140,15 @@ fn what_sensors_give_is_recorded_beside_the_truth_and_made_again_bit_by_bit() {
         assert!(same && was.shape() == is.shape(), "{stream}/{column}");
     }
 
-    // What is true knows nothing of it.
-    let plain = recorded(here, "plain", &[]);
+    // Sensor models do not affect the simulation.
+    let plain = record(here, "plain", &[]);
     let plain = Episode::open(&plain).expect("an episode");
     assert!(plain.sensors().expect("none").is_empty());
     let [with, without] = [&episode, &plain].map(|e| e.state_hashes().expect("hashes"));
     assert_eq!(with[..2], without[..2]);
     let camera = plain.camera("gen3").expect("a camera");
-    let same = camera.rgb(&plain, 3).expect("a picture");
-    assert_eq!(same, exact.rgb(&episode, 3).expect("a picture"));
+    let same = camera.rgb(&plain, 3).expect("an image");
+    assert_eq!(same, exact.rgb(&episode, 3).expect("an image"));
 
     wheelarm(here, &["dataset", "align", &path, "--out", "aligned"]);
     for (format, more) in [
@@ -198,10 +200,10 @@ fn depth_fills_its_own_lens(depth: &Camera, episode: &Episode) {
 }
 
 #[test]
-fn rows_stay_where_pictures_of_sensors_come_late_and_out_of_step() {
+fn late_and_asynchronous_sensor_images_lose_no_row() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = folder.path();
-    let path = recorded(here, "late", &["--sensor", "kinova_vision@gen3=3"]);
+    let path = record(here, "late", &["--sensor", "kinova_vision@gen3=3"]);
     let episode = Episode::open(&path).expect("an episode");
     let first = |name: &str| episode.sensor(name).expect("a sensor").stamps()[0];
     let since = first("gen3_color").max(first("gen3_depth"));
@@ -222,7 +224,7 @@ fn rows_stay_where_pictures_of_sensors_come_late_and_out_of_step() {
 }
 
 #[test]
-fn a_sensor_that_cannot_be_is_refused_with_the_cure() {
+fn invalid_sensor_is_rejected_with_a_fix() {
     let cases = [
         (&["--sensor", "kinova_vision"][..], "available: gen3"),
         (&["--sensor", "kinova_vision@moon"], "available: gen3"),
@@ -241,16 +243,16 @@ fn a_sensor_that_cannot_be_is_refused_with_the_cure() {
     ];
     for (args, words) in cases {
         let args = [&["--no-cameras"], args].concat();
-        let told = Server::start("refused", &args).expect_err("it started");
-        assert!(told.to_string().contains(words), "{args:?}: {told}");
+        let error = Server::start("refused", &args).expect_err("it started");
+        assert!(error.to_string().contains(words), "{args:?}: {error}");
     }
-    // A camera of the robot that makes no pictures.
+    // A camera of the robot that is not enabled.
     let args = [
         "--camera",
         "gen3=64x48@5",
         "--sensor",
         "chair_stereo@wheelchair",
     ];
-    let told = Server::start("blind", &args).expect_err("it started");
-    assert!(told.to_string().contains("available: gen3"), "{told}");
+    let error = Server::start("blind", &args).expect_err("it started");
+    assert!(error.to_string().contains("available: gen3"), "{error}");
 }

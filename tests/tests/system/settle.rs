@@ -1,4 +1,4 @@
-//! Every task's scene is at rest from the first moment on, and stays so.
+//! The scene of every task starts at rest and stays at rest.
 
 use wheelarm_server::robot::RobotModel;
 use wheelarm_server::robot::control::ControlInput;

@@ -1,4 +1,4 @@
-//! Who is in control, beside strangers who know every name on the network.
+//! Control of the robot beside hostile clients that know every name on the network.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
@@ -10,22 +10,22 @@ use wheelarm_sdk::{Client, ClientError};
 use wheelarm_tests::{PATIENCE, Server, printed, program, wait_until};
 use zenoh::Wait;
 
-fn status(link: &Client) -> v1::Status {
-    link.request(&v1::StatusRequest {}).expect("a status")
+fn status(client: &Client) -> v1::Status {
+    client.request(&v1::StatusRequest {}).expect("a status")
 }
 
-fn tick(link: &Client) -> u64 {
-    status(link).header.expect("a header").tick
+fn tick(client: &Client) -> u64 {
+    status(client).header.expect("a header").tick
 }
 
 #[test]
-fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
+fn other_clients_cannot_drive_release_or_block_in_the_name_of_the_holder() {
     let server = Server::start("named", &["--no-cameras"]).expect("a server");
-    let (link, hostile) = (server.link(), server.link());
-    let streams = link
+    let (client, hostile) = (server.client(), server.client());
+    let streams = client
         .streams(&[TopicId::Clock, TopicId::Refusal, TopicId::Odometry])
         .expect("streams");
-    let mut anna = link.commander("anna", false).expect("control");
+    let mut anna = client.commander("anna", false).expect("control");
     let forged = |sequence, linear| {
         let command = v1::Command {
             header: Some(v1::Header {
@@ -49,7 +49,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
             .wait()
             .expect("a put");
     };
-    // Her name and her run id are public, the secret of her lease is not.
+    // Her name and her run ID are public; the secret of her lease is not.
     forged(0, 0.5);
     forged(u64::MAX, 0.5);
     let reasons: Vec<_> = std::iter::from_fn(|| streams.next(PATIENCE).expect("no error"))
@@ -60,7 +60,7 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         })
         .take(2)
         .collect();
-    assert_eq!(reasons.len(), 2, "forged commands were taken");
+    assert_eq!(reasons.len(), 2, "forged commands were accepted");
     for reason in &reasons {
         assert!(reason.contains("no seal"), "{reason}");
     }
@@ -73,24 +73,24 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
         release: true,
         ..Default::default()
     };
-    let told = hostile.request(&request);
-    let told = told.expect_err("a refusal");
+    let error = hostile.request(&request);
+    let error = error.expect_err("a refusal");
     let secret = matches!(
-        told,
+        error,
         ClientError::Refused {
             code: v1::FailureCode::Secret,
             ..
         }
     );
-    assert!(secret && told.to_string().contains("secret"), "{told}");
-    let asks = v1::LeaseRequest {
+    assert!(secret && error.to_string().contains("secret"), "{error}");
+    let take = v1::LeaseRequest {
         release: false,
         take: true,
         ..request
     };
-    let reply: v1::LeaseReply = hostile.request(&asks).expect("an answer");
+    let reply: v1::LeaseReply = hostile.request(&take).expect("an answer");
     assert_eq!((reply.holder.as_str(), reply.secret.as_str()), ("anna", ""));
-    // She drives on, and gives control back herself.
+    // She continues to drive, and releases control herself.
     let mut speed = 0.0_f64;
     while speed < 0.2 {
         match streams.next(PATIENCE).expect("no error") {
@@ -111,17 +111,17 @@ fn nobody_drives_releases_or_locks_out_in_the_name_of_who_is_in_control() {
             // A command may be late on a busy machine.
             Some(Sample::Refusal(refusal)) if refusal.code() == v1::RefusalCode::TooOld => {}
             Some(Sample::Refusal(refusal)) => panic!("refused: {}", refusal.reason),
-            _ => panic!("nothing came"),
+            _ => panic!("no sample arrived"),
         }
     }
     drop(anna);
-    assert_eq!(status(&link).holder, "");
+    assert_eq!(status(&client).holder, "");
 }
 
 #[test]
-fn no_number_of_tokens_keeps_a_commander_out() {
+fn many_tokens_do_not_keep_a_commander_out() {
     let server = Server::start("crowded", &["--no-cameras"]).expect("a server");
-    let (link, hostile) = (server.link(), server.link());
+    let (client, hostile) = (server.client(), server.client());
     let tokens: Vec<_> = (0..400)
         .map(|number| {
             let key = hostile
@@ -131,10 +131,10 @@ fn no_number_of_tokens_keeps_a_commander_out() {
             token.wait().expect("a token")
         })
         .collect();
-    // The server has heard of the last: another one of its session is answered.
+    // The server has received the last token: it replies to a later query of that session.
     let _ = status(&hostile);
-    let anna = link.commander("anna", false).expect("control");
-    assert_eq!(status(&link).holder, "anna");
+    let anna = client.commander("anna", false).expect("control");
+    assert_eq!(status(&client).holder, "anna");
     drop(anna);
     // A token alone gives no control, nor does a name without one.
     let request = v1::LeaseRequest {
@@ -142,7 +142,7 @@ fn no_number_of_tokens_keeps_a_commander_out() {
             run_id: "0".into(),
             ..Default::default()
         }),
-        commander: "nobody".into(),
+        commander: "unknown".into(),
         ..Default::default()
     };
     let reply: v1::LeaseReply = hostile.request(&request).expect("an answer");
@@ -151,27 +151,27 @@ fn no_number_of_tokens_keeps_a_commander_out() {
 }
 
 #[test]
-fn the_rule_for_silent_commanders_cannot_be_switched_off_in_real_time() {
+fn silence_rule_cannot_be_disabled_in_real_time() {
     let server = Server::start("ruled", &["--no-cameras"]).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let request = v1::EpisodeStartRequest {
         label: "x".into(),
         replay: true,
         ..Default::default()
     };
-    let told = link.request(&request);
-    let told = told.expect_err("a refusal").to_string();
-    assert!(told.contains("--pacing lock-step"), "{told}");
-    assert!(status(&link).episode.is_none());
+    let error = client.request(&request);
+    let error = error.expect_err("a refusal").to_string();
+    assert!(error.contains("--pacing lock-step"), "{error}");
+    assert!(status(&client).episode.is_none());
 }
 
 #[test]
-fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
+fn irreversible_requests_are_refused_while_another_client_is_in_control() {
     let server = Server::start("guarded", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let anna = link.commander("anna", false).expect("control");
+    let client = server.client();
+    let anna = client.commander("anna", false).expect("control");
     let run = |args: &[&str]| {
-        let output = server.client(args).expect("a client");
+        let output = server.run_client(args).expect("a client");
         (output.status.success(), printed(&output))
     };
     let refused = |args: &[&str]| {
@@ -187,25 +187,25 @@ fn what_cannot_be_undone_is_refused_while_somebody_else_is_in_control() {
     };
     refused(&["reset", "--seed", "7"]);
     refused(&["shutdown"]);
-    // An episode by hand, beside who drives: it is kept, so anybody may end it.
+    // An episode that is kept may be ended by any client.
     done(&["episode", "start", "--label", "kept"]);
     done(&["episode", "stop"]);
     done(&["episode", "start", "--label", "lost"]);
     refused(&["episode", "stop", "--discard"]);
-    assert!(status(&link).episode.is_some());
+    assert!(status(&client).episode.is_some());
     done(&["episode", "stop", "--discard", "--force"]);
-    // Who is in control needs no force; nor does anybody when nobody is.
-    let seed = |link: &Client| status(link).scenario.map(|s| s.seed);
+    // The holder needs no `--force`, and no client does while control is free.
+    let seed = |client: &Client| status(client).scenario.map(|s| s.seed);
     let scenario = v1::Scenario {
         seed: Some(8),
         ..v1::Scenario::default()
     };
-    link.reset(scenario, false).expect("a reset");
-    assert_eq!(seed(&link), Some(Some(8)));
+    client.reset(scenario, false).expect("a reset");
+    assert_eq!(seed(&client), Some(Some(8)));
     done(&["reset", "--seed", "9", "--force"]);
     drop(anna);
     done(&["reset", "--seed", "10"]);
-    assert_eq!(seed(&link), Some(Some(10)));
+    assert_eq!(seed(&client), Some(Some(10)));
     done(&["shutdown"]);
 }
 
@@ -227,12 +227,12 @@ impl Drop for Hand {
 }
 
 #[test]
-fn an_episode_in_lock_step_is_driven_by_hand() {
+fn lease_hold_drives_an_episode_in_lock_step() {
     let args = ["--no-cameras", "--pacing", "lock-step"];
     let server = Server::start("by-hand", &args).expect("a server");
-    let link = server.link();
+    let client = server.client();
     let run = |args: &[&str]| {
-        let output = server.client(args).expect("a client");
+        let output = server.run_client(args).expect("a client");
         (output.status.success(), printed(&output))
     };
     let start = ["episode", "start", "--label", "by-hand"];
@@ -249,11 +249,11 @@ fn an_episode_in_lock_step_is_driven_by_hand() {
     let mut lines = BufReader::new(hand.0.stdout.take().expect("its output")).lines();
     let first = lines.next().expect("a line").expect("a line");
     assert!(first.contains("anna is in control"), "{first}");
-    assert_eq!(tick(&link), 0, "time is paused between episodes");
-    let odometry = link.streams(&[TopicId::Odometry]).expect("odometry");
+    assert_eq!(tick(&client), 0, "time is paused between episodes");
+    let odometry = client.streams(&[TopicId::Odometry]).expect("odometry");
     let (started, text) = run(&start);
     assert!(started, "{text}");
-    wait_until("a second has passed", || tick(&link) >= 240);
+    wait_until("a second has passed", || tick(&client) >= 240);
     hand.say("drive 0.3 0.0");
     let mut speed = 0.0;
     while speed < 0.25 {
@@ -269,10 +269,10 @@ fn an_episode_in_lock_step_is_driven_by_hand() {
     }
     let (stopped, text) = run(&["episode", "stop"]);
     assert!(stopped, "{text}");
-    let still = tick(&link);
+    let still = tick(&client);
     std::thread::sleep(Duration::from_millis(200));
-    assert_eq!(tick(&link), still, "time is paused again");
+    assert_eq!(tick(&client), still, "time is paused again");
     hand.say("quit");
     assert!(hand.0.wait().expect("its end").success());
-    assert_eq!(status(&link).holder, "");
+    assert_eq!(status(&client).holder, "");
 }

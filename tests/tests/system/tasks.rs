@@ -1,4 +1,4 @@
-//! Every task of the library, done by the scripted operator.
+//! Every task of the library, completed by the expert.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -13,7 +13,7 @@ use wheelarm_server::sim::{Scenario, Simulation};
 use wheelarm_server::tasks::{Language, POLITENESS};
 use wheelarm_tests::{TASKS, printed, program, root, wheelarm};
 
-/// The seed that is looked at.
+/// The tested seed.
 const SEED: &str = "1..2";
 
 fn evaluate(out: &Path, more: &[&str]) -> Output {
@@ -43,7 +43,7 @@ fn files(out: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn every_task_is_done_recorded_and_replayed_bit_by_bit() {
+fn expert_completes_every_task_and_recordings_replay_bit_by_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("all");
     let small = ["--record", "--camera", "wheelchair=64x48@1"];
@@ -70,8 +70,8 @@ fn every_task_is_done_recorded_and_replayed_bit_by_bit() {
         }
     });
 
-    // The same episodes again, without recorder and cameras, on a server that
-    // did others before: the same bits. What is done is not done again.
+    // The same episodes without recorder and cameras, on a server that ran others before, have
+    // equal hashes. A second run repeats no completed episode.
     let again = folder.path().join("again");
     let some = ["--task", "pick_bowl,place_knife,open_drawer"];
     let output = evaluate(&again, &some);
@@ -89,11 +89,11 @@ fn every_task_is_done_recorded_and_replayed_bit_by_bit() {
     assert!(text.contains("3 of 3 episodes are in"), "{text}");
 }
 
-/// Whoever asks for something in an area begins with the same pictures.
+/// The first images must not reveal the task.
 #[test]
-fn tasks_of_an_area_begin_with_the_same_pictures() {
+fn tasks_of_an_area_begin_with_equal_images() {
     let assets = root().join("assets");
-    let pictures = |task: &str, seed: u64| {
+    let first_images = |task: &str, seed: u64| {
         let scenario = Scenario {
             task: task.to_owned(),
             seed,
@@ -102,7 +102,7 @@ fn tasks_of_an_area_begin_with_the_same_pictures() {
         };
         let sim = Simulation::new(&assets, scenario).expect("a simulation");
         let mut cameras = CameraSpec::all(sim.model(), sim.scene(), [160, 90]).expect("cameras");
-        // The robot's look elsewhere at first: one more above the table.
+        // The robot's cameras do not face the table at the start: add one above it.
         let eye = Point3::new(-8.3, 1.9, 1.6);
         let down = Rotation3::face_towards(&(Point3::new(-9.0, 1.9, 0.5) - eye), &-Vector3::z());
         cameras.push(CameraSpec {
@@ -116,21 +116,24 @@ fn tasks_of_an_area_begin_with_the_same_pictures() {
         let mut renderer =
             Renderer::new(&scene, &cameras, Quality::Fast, None).expect("a renderer");
         let all: Vec<usize> = (0..cameras.len()).collect();
-        let frames = renderer.render(sim.snapshot(), &all).expect("pictures");
+        let frames = renderer.render(sim.snapshot(), &all).expect("images");
         let frames = frames.into_iter();
         frames
             .map(|frame| (frame.rgb, frame.depth))
             .collect::<Vec<_>>()
     };
-    let mustard = pictures("pick_mustard", 9000);
-    assert!(mustard == pictures("pick_crackers", 9000), "other pictures");
+    let mustard = first_images("pick_mustard", 9000);
     assert!(
-        mustard != pictures("pick_crackers", 9001),
-        "the same for another seed"
+        mustard == first_images("pick_crackers", 9000),
+        "other images"
+    );
+    assert!(
+        mustard != first_images("pick_crackers", 9001),
+        "equal images for another seed"
     );
 }
 
-/// `--sentences` says what an episode of the same seed begins with.
+/// `--sentences` prints the instructions of episodes with the same seeds.
 #[test]
 fn sentences_are_printed_without_an_episode() {
     let printed_by = |args: &[&str]| {
@@ -139,7 +142,7 @@ fn sentences_are_printed_without_an_episode() {
         let output = command.args(args).arg("--assets").arg(assets).output();
         output.expect("a process")
     };
-    let told = |split: &str| -> Vec<Value> {
+    let sentences = |split: &str| -> Vec<Value> {
         let task = ["--task", "select_coke", "--sentences", "500..502"];
         let output = printed_by(&[&task[..], &["--each", "2", "--language-split", split]].concat());
         assert!(output.status.success(), "{}", printed(&output));
@@ -147,7 +150,7 @@ fn sentences_are_printed_without_an_episode() {
         let lines = text.lines().map(serde_json::from_str);
         lines.collect::<Result<_, _>>().expect("JSON")
     };
-    let train = told("train");
+    let train = sentences("train");
     assert_eq!(train.len(), 4);
     for (place, line) in train.iter().enumerate() {
         let (seed, sentence) = (500 + place as u64 / 2, place as u64 % 2);
@@ -172,7 +175,7 @@ fn sentences_are_printed_without_an_episode() {
         assert_eq!(line["instruction"], sim.scenario().instruction.as_str());
     }
     assert_ne!(train[0]["instruction"], train[1]["instruction"]);
-    let held_out = told("held_out");
+    let held_out = sentences("held_out");
     assert_eq!(held_out[0]["target"], train[0]["target"]);
     assert_ne!(held_out[0]["instruction"], train[0]["instruction"]);
 

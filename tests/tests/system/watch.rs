@@ -1,15 +1,15 @@
-//! `watch` and `doctor` as scripts use them, completions and man pages.
+//! `watch` and `doctor` as scripts run them; completions and man pages.
 
 use serde_json::Value;
 use wheelarm_tests::{Server, printed};
 
 #[test]
-fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
+fn watch_measures_streams_and_doctor_accepts_a_healthy_server() {
     let server = Server::start("watched", &["--no-cameras"]).expect("a server");
-    // A host that is too busy for real time loses samples on the way to one who
-    // only looks: then they are counted and the exit status says so.
+    // A host that is too busy for real time drops samples for viewers; `watch` counts them and
+    // sets its exit code.
     let output = server
-        .client(&["watch", "--once", "--json"])
+        .run_client(&["watch", "--once", "--json"])
         .expect("a client");
     let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let all = report["streams"].as_object().expect("streams").values();
@@ -34,7 +34,7 @@ fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
         );
         assert!(figures["bytes_per_second"].as_f64() > Some(0.0), "{name}");
     }
-    // Both rates slow down alike where the host is slow.
+    // A slow host lowers both rates equally.
     let rate = |name: &str| streams[name]["rate_hz"].as_f64().expect("a rate");
     let ratio = rate("imu") / rate("pose");
     assert!((3.0..5.0).contains(&ratio), "{ratio}");
@@ -44,11 +44,11 @@ fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_string_lossy().into_owned();
     let output = server
-        .client(&["doctor", "--json", "--server", "--out", &out])
+        .run_client(&["doctor", "--json", "--server", "--out", &out])
         .expect("a client");
     let findings: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let all = findings.as_array().expect("findings");
-    // A host whose disk is nearly full is told so; nothing else may be wrong here.
+    // A nearly full disk of this host is the only accepted failure.
     let failed: Vec<_> = all.iter().filter(|f| f["level"] == "fail").collect();
     assert!(
         failed.iter().all(|f| f["what"] == "disk for --out"),
@@ -72,7 +72,7 @@ fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
         assert_eq!(finding(what)["level"], "ok", "{what}: {findings}");
     }
 
-    // Without a server, one is missing and the cure says how to get one.
+    // Without a server the port fails, and the fix says how to start one.
     let endpoint = server.endpoint.clone();
     drop(server);
     let lost = std::process::Command::new(wheelarm_tests::program("wheelarm").expect("the client"))
@@ -88,7 +88,7 @@ fn streams_are_measured_and_a_healthy_server_is_found_healthy() {
 }
 
 #[test]
-fn every_command_has_a_page_with_examples_and_exit_codes() {
+fn every_command_has_a_man_page_with_examples_and_exit_codes() {
     let wheelarm =
         || std::process::Command::new(wheelarm_tests::program("wheelarm").expect("the client"));
     let folder = tempfile::tempdir().expect("a folder");

@@ -97,7 +97,7 @@ impl Manifest {
     #[must_use]
     pub fn report(&self) -> String {
         let mut text = format!("# {}\n\n{}\n\n", self.name, self.line());
-        text.push_str("| task | episodes | missing | failed attempts | mean s | pictures | samples |\n|---|---|---|---|---|---|---|\n");
+        text.push_str("| task | episodes | missing | failed attempts | mean s | images | samples |\n|---|---|---|---|---|---|---|\n");
         for task in self.tasks() {
             let of = || self.episodes.iter().filter(|d| d.task == task);
             let count = of().count();

@@ -114,7 +114,7 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
         } => {
             let mut user = User::new(name, *role)?;
             check_images(*role, *images)?;
-            user.pictures = *images;
+            user.images = *images;
             users.add(user)?;
             if *password {
                 users.set_password(name, Some(&new_password(name)?))?;
@@ -144,7 +144,7 @@ pub fn users(named: Option<&PathBuf>, command: &UsersCommand) -> anyhow::Result<
                 .map(|user| Listed {
                     name: &user.name,
                     role: user.role,
-                    images: user.pictures,
+                    images: user.images,
                     password: user.has_password(),
                     until: About::beside(&folder.bundle(&user.name)).map(|about| about.until),
                 })

@@ -30,7 +30,7 @@ const TABLE: [&str; 3] = ["joint_state", "pose", "imu"];
 /// | `phase`, `incident`, `success` | N, u8 | label 0 to 3; error on purpose 0 to 3; the task holds |
 /// | `expert` | N, u8 | 0 where a policy commanded, whose actions are not demonstrations|
 /// | `aims` | N × 2 (3 + 2 cameras), f32 | positions of the task's object and goal ([`super::keypoint_targets`]); only where objects are recorded |
-/// | `things` | N × things (3 + 2 cameras), f32 | positions of every object and slide of the home, in the order of `thing_names`; with `aims` |
+/// | `things` | N × objects (3 + 2 cameras), f32 | positions of every object and slide of the home, in the order of `thing_names`; with `aims` |
 /// | `table` | N × 112, f32 | WheelArm-Sim's columns, NaN without a sample; only with an IMU in the recording |
 /// | `pictures.CAMERA` | N × height × width × 3, u8 | the robot's observation, sRGB |
 /// | `depth.CAMERA` | N × height × width, u16 | with [`Tensors::depth`]: millimetres, 0 where nothing is |

@@ -22,7 +22,7 @@ pub struct Summary {
     pub success: bool,
     /// Why it failed; empty when it did not.
     pub failure_reason: String,
-    /// Why the episode ended: `asked`, `physics`, `recorders` or `shutdown`;
+    /// Why the episode ended, a value of [`crate::ending::end_cause`];
     /// empty when that is unknown.
     pub end_cause: String,
     /// Text of irregularities of the simulation.

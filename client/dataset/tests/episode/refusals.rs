@@ -75,7 +75,7 @@ fn samples_of_the_wrong_kind_are_refused_and_do_no_harm() {
             .offer("imu", Bytes::from_static(b"\xff\xff"))
             .is_err()
     );
-    assert!(writer.offer("nobody", Bytes::new()).is_err());
+    assert!(writer.offer("unknown", Bytes::new()).is_err());
     writer.offer("camera/gen3", good).unwrap();
     let log = writer.close(Closing::default()).unwrap();
     assert_eq!(scan(&log).unwrap().entries.len(), 1);

@@ -1,4 +1,4 @@
-//! What the paper predicts, out of WheelArm-Sim's columns.
+//! The outputs of the paper, read from WheelArm-Sim's columns.
 
 use anyhow::{Context, ensure};
 use sha2::{Digest, Sha256};
@@ -7,9 +7,9 @@ use crate::episodes::Episode;
 
 /// Outputs of the paper: hand pose, chair pose, both knuckles.
 pub const OUTPUTS: usize = 16;
-/// Where the hand's quaternion stands among the outputs; the chair's.
+/// First index of the quaternions of hand and chair in the outputs.
 pub const QUATERNIONS: [usize; 2] = [3, 10];
-/// Names of the outputs and their groups.
+/// Column names of the outputs.
 const NAMES: [&str; OUTPUTS] = [
     "robot_arm_end_effector_pos_x",
     "robot_arm_end_effector_pos_y",
@@ -49,27 +49,27 @@ pub const SHORT: [&str; OUTPUTS] = [
     "right knuckle, rad",
 ];
 
-/// One episode as the baseline sees it.
+/// One episode with the columns of the baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
     /// Label of the episode.
     pub label: String,
     /// Seed of its scenario.
     pub seed: u64,
-    /// Which of the episodes that were read.
+    /// Index of the episode.
     pub episode: usize,
-    /// First row of the episode that is used: before it a column had no sample yet.
+    /// First used row of the episode: before it a column has no sample.
     pub first: usize,
     /// All 112 columns, row by row.
     pub state: Vec<Vec<f32>>,
-    /// The 16 outputs, quaternions of one sign throughout.
+    /// The 16 outputs, with quaternions of consistent sign.
     pub outputs: Vec<[f32; OUTPUTS]>,
 }
 
-/// The columns of an episode.
+/// Reads the columns of an episode.
 ///
 /// # Errors
-/// When it has not WheelArm-Sim's columns.
+/// When it lacks WheelArm-Sim's columns.
 pub fn trial(number: usize, episode: &Episode) -> anyhow::Result<Trial> {
     let label = &episode.about.label;
     let (table, names) = episode
@@ -77,7 +77,7 @@ pub fn trial(number: usize, episode: &Episode) -> anyhow::Result<Trial> {
         .as_ref()
         .zip(episode.about.table_names.as_ref())
         .with_context(|| {
-            format!("{label} has not WheelArm-Sim's columns: they need the streams imu, joint_states and poses in the recording")
+            format!("{label} lacks WheelArm-Sim's columns: record it with the streams imu, joint_states and poses")
         })?;
     let mut columns = [0; OUTPUTS];
     for (column, name) in columns.iter_mut().zip(NAMES) {
@@ -86,17 +86,17 @@ pub fn trial(number: usize, episode: &Episode) -> anyhow::Result<Trial> {
     }
     let complete = |row: &usize| table.row(*row).iter().all(|v| v.is_finite());
     let first = (0..table.rows()).find(complete);
-    let first = first.with_context(|| format!("no row of {label} has a number in each column"))?;
+    let first = first.with_context(|| format!("no row of {label} has a number in every column"))?;
     let state: Vec<Vec<f32>> = (first..table.rows())
         .map(|row| table.row(row).to_vec())
         .collect();
     ensure!(
         state.iter().flatten().all(|v| v.is_finite()),
-        "{label} has rows in its middle that miss a sample"
+        "{label} has rows without a sample in its middle"
     );
     let outputs = state.iter().map(|row| columns.map(|column| row[column]));
     let mut outputs: Vec<[f32; OUTPUTS]> = outputs.collect();
-    one_sign(&mut outputs);
+    unify_signs(&mut outputs);
     Ok(Trial {
         label: label.clone(),
         seed: episode.about.seed,
@@ -107,9 +107,9 @@ pub fn trial(number: usize, episode: &Episode) -> anyhow::Result<Trial> {
     })
 }
 
-/// Quaternions q and -q are one rotation: w of the first row is made positive, and
-/// each row takes the sign of the row before.
-fn one_sign(rows: &mut [[f32; OUTPUTS]]) {
+/// Makes the signs of quaternions consistent, because q and -q are one rotation: w of the first
+/// row is positive, and each row has the sign of the previous one.
+fn unify_signs(rows: &mut [[f32; OUTPUTS]]) {
     for at in QUATERNIONS {
         let mut before = [0.0, 0.0, 0.0, 1.0];
         for row in rows.iter_mut() {
@@ -125,7 +125,7 @@ fn one_sign(rows: &mut [[f32; OUTPUTS]]) {
     }
 }
 
-/// Angle between two rotations, degrees; of any lengths but zero.
+/// Angle between two rotations, degrees; the quaternions may have any length except zero.
 #[must_use]
 pub fn degrees(a: &[f32], b: &[f32]) -> f64 {
     let dot = |x: &[f32], y: &[f32]| -> f64 {
@@ -136,7 +136,7 @@ pub fn degrees(a: &[f32], b: &[f32]) -> f64 {
     2.0 * (dot(a, b).abs() / scale).min(1.0).acos().to_degrees()
 }
 
-/// Training, validation and test, in shares of 16 : 4 : 4 by whole seeds.
+/// Splits trials by seed into training, validation and test, 16 : 4 : 4.
 #[must_use]
 pub fn split(trials: Vec<Trial>) -> [Vec<Trial>; 3] {
     let mut seeds: Vec<u64> = trials.iter().map(|t| t.seed).collect();
@@ -161,8 +161,8 @@ pub fn split(trials: Vec<Trial>) -> [Vec<Trial>; 3] {
 pub(super) mod tests {
     use super::*;
 
-    /// A trial that moves: chair along x by `speed` a row, hand turning about z.
-    pub fn made(seed: u64, rows: usize, speed: f32) -> Trial {
+    /// A moving trial: the chair moves along x by `speed` m a row, the hand turns about z.
+    pub fn moving_trial(seed: u64, rows: usize, speed: f32) -> Trial {
         let outputs: Vec<[f32; OUTPUTS]> = (0..rows)
             .map(|row| {
                 let mut out = [0.0; OUTPUTS];
@@ -188,13 +188,13 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn quaternions_keep_their_sign() {
-        let mut rows = made(0, 4, 0.0).outputs;
+    fn quaternions_get_consistent_signs() {
+        let mut rows = moving_trial(0, 4, 0.0).outputs;
         for value in &mut rows[2][3..7] {
             *value = -*value;
         }
         rows[0][13] = -1.0;
-        one_sign(&mut rows);
+        unify_signs(&mut rows);
         assert!(
             rows.iter().all(|row| row[6] > 0.0 && row[13] > 0.0),
             "{rows:?}"
@@ -202,7 +202,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn angles_are_of_rotations() {
+    fn angle_ignores_sign_and_length_of_quaternions() {
         let half = 15.0_f32.to_radians();
         let turned = [0.0, 0.0, half.sin(), half.cos()];
         let minus = turned.map(|v| -v);
@@ -213,9 +213,9 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn whole_seeds_go_one_way() {
+    fn episodes_of_one_seed_are_in_one_part() {
         let trials: Vec<Trial> = (0..24)
-            .flat_map(|s| [made(s, 2, 0.1), made(s, 2, 0.2)])
+            .flat_map(|s| [moving_trial(s, 2, 0.1), moving_trial(s, 2, 0.2)])
             .collect();
         let [learned, held, tests] = split(trials);
         assert_eq!([learned.len(), held.len(), tests.len()], [32, 8, 8]);

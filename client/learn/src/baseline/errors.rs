@@ -1,14 +1,14 @@
-//! Errors of predictions, and what knowing nothing would err.
+//! Errors of predictions, and of naive predictors.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::columns::{OUTPUTS, QUATERNIONS, Trial, degrees};
 
-/// Windows of a batch, over which the paper's tables take their minimum and maximum.
+/// Windows of a batch, over which the paper's tables compute their minimum and maximum.
 pub const BATCH: usize = 16;
-/// Draws of a bootstrap.
-const DRAWS: usize = 2000;
+/// Resamples of a bootstrap.
+const RESAMPLES: usize = 2000;
 
 /// Predictions for windows of trials: by trial, in the order of their last rows.
 pub type Predictions = Vec<Vec<[f32; OUTPUTS]>>;
@@ -31,7 +31,7 @@ pub struct Errors {
     pub by_trial: Vec<[f64; OUTPUTS]>,
 }
 
-/// What is true `ahead` rows behind each last row of a window.
+/// True outputs `ahead` rows after the last row of each window.
 #[must_use]
 pub fn truth(trials: &[Trial], length: usize, ahead: usize, longest: usize) -> Predictions {
     let of = |trial: &Trial| {
@@ -47,7 +47,7 @@ pub fn lasts(trial: &Trial, length: usize, longest: usize) -> std::ops::Range<us
     length - 1..end.max(length - 1)
 }
 
-/// The last row said again.
+/// Naive predictor: repeats the outputs of the last row.
 #[must_use]
 pub fn repeated(trials: &[Trial], length: usize, longest: usize) -> Predictions {
     let of = |trial: &Trial| {
@@ -57,7 +57,7 @@ pub fn repeated(trials: &[Trial], length: usize, longest: usize) -> Predictions 
     trials.iter().map(of).collect()
 }
 
-/// The last change goes on.
+/// Naive predictor: continues the last change.
 #[must_use]
 pub fn extrapolated(trials: &[Trial], length: usize, ahead: usize, longest: usize) -> Predictions {
     let of = |trial: &Trial| {
@@ -71,7 +71,7 @@ pub fn extrapolated(trials: &[Trial], length: usize, ahead: usize, longest: usiz
     trials.iter().map(of).collect()
 }
 
-/// Errors of predictions against what is true.
+/// Errors of predictions against the truth.
 #[must_use]
 pub fn errors(found: &Predictions, truth: &Predictions) -> Errors {
     let each = |of: &dyn Fn(f64) -> f64, part: &[([f32; OUTPUTS], [f32; OUTPUTS])]| {
@@ -118,24 +118,24 @@ fn extremes(rows: &[[f64; OUTPUTS]]) -> [[f64; 2]; OUTPUTS] {
     })
 }
 
-/// How much better than the best of those that know nothing: 1 - MAE / their MAE; and
-/// the middle 95 % of it when trials are drawn again (with a seed).
+/// Skill of a predictor: 1 - MAE / MAE of the better naive predictor; with its 95 % bootstrap
+/// interval over trials (with a seed). `None` when the naive error is 0.
 #[must_use]
 pub fn skill(of: &Errors, trivial: &[&Errors], output: usize) -> Option<[f64; 3]> {
     let trials = of.by_trial.len();
-    let at = |errors: &Errors, drawn: &[usize]| -> f64 {
-        let sum: f64 = drawn.iter().map(|t| errors.by_trial[*t][output]).sum();
-        sum / drawn.len().max(1) as f64
+    let at = |errors: &Errors, samples: &[usize]| -> f64 {
+        let sum: f64 = samples.iter().map(|t| errors.by_trial[*t][output]).sum();
+        sum / samples.len().max(1) as f64
     };
-    let value = |drawn: &[usize]| {
-        let best = trivial.iter().map(|errors| at(errors, drawn));
+    let value = |samples: &[usize]| {
+        let best = trivial.iter().map(|errors| at(errors, samples));
         let best = best.fold(f64::INFINITY, f64::min);
-        (best > 1e-9).then(|| 1.0 - at(of, drawn) / best)
+        (best > 1e-9).then(|| 1.0 - at(of, samples) / best)
     };
     let all: Vec<usize> = (0..trials).collect();
-    let told = value(&all)?;
+    let value = value(&all)?;
     let mut random = ChaCha8Rng::seed_from_u64(0);
-    let mut drawn: Vec<f64> = (0..DRAWS)
+    let mut samples: Vec<f64> = (0..RESAMPLES)
         .filter_map(|_| {
             let again: Vec<usize> = (0..trials)
                 .map(|_| random.random_range(0..trials))
@@ -143,25 +143,25 @@ pub fn skill(of: &Errors, trivial: &[&Errors], output: usize) -> Option<[f64; 3]
             value(&again)
         })
         .collect();
-    drawn.sort_by(f64::total_cmp);
+    samples.sort_by(f64::total_cmp);
     let quantile = |q: f64| {
-        drawn
-            .get(((drawn.len() as f64 - 1.0) * q).round() as usize)
+        samples
+            .get(((samples.len() as f64 - 1.0) * q).round() as usize)
             .copied()
     };
-    Some([told, quantile(0.025)?, quantile(0.975)?])
+    Some([value, quantile(0.025)?, quantile(0.975)?])
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::columns::tests::made;
+    use super::super::columns::tests::moving_trial;
     use super::*;
 
     #[test]
-    fn errors_are_those_of_hand() {
-        // The chair goes 0.1 m a row: repeating errs by 0.2 m two rows ahead, going on by
-        // nothing.
-        let trials = vec![made(1, 12, 0.1), made(2, 30, 0.3)];
+    fn errors_equal_hand_computed_ones() {
+        // The chair moves 0.1 m a row: two rows ahead, repeating has an error of 0.2 m,
+        // extrapolating none.
+        let trials = vec![moving_trial(1, 12, 0.1), moving_trial(2, 30, 0.3)];
         let truth = truth(&trials, 5, 2, 2);
         assert_eq!([truth[0].len(), truth[1].len()], [6, 24]);
         let repeated = errors(&repeated(&trials, 5, 2), &truth);
@@ -175,32 +175,32 @@ mod tests {
         assert!((repeated.mse[7] - square).abs() < 1e-5);
         let [least, most] = repeated.mae_of_trials[7];
         assert!((least - 0.2).abs() < 1e-5 && (most - 0.6).abs() < 1e-5);
-        // It turns by 0.02 rad a row.
+        // The hand turns by 0.02 rad a row.
         assert!((repeated.degrees[0] - 0.04_f64.to_degrees()).abs() < 1e-2);
         let on = errors(&extrapolated(&trials, 5, 2, 2), &truth);
         assert!(on.mae[7] < 1e-5, "{}", on.mae[7]);
     }
 
     #[test]
-    fn batches_are_sixteen_windows_of_a_trial() {
+    fn batch_is_sixteen_windows_of_one_trial() {
         let truth: Predictions = vec![vec![[0.0; OUTPUTS]; 20]];
         let mut found = truth.clone();
         found[0][19] = [4.0; OUTPUTS];
-        let told = errors(&found, &truth);
-        assert_eq!(told.mae_of_batches[0], [0.0, 1.0]);
-        assert_eq!(told.mae_of_trials[0], [0.2, 0.2]);
+        let errors = errors(&found, &truth);
+        assert_eq!(errors.mae_of_batches[0], [0.0, 1.0]);
+        assert_eq!(errors.mae_of_trials[0], [0.2, 0.2]);
     }
 
     #[test]
-    fn skill_is_against_the_best_that_knows_nothing() {
+    fn skill_is_relative_to_the_better_naive_predictor() {
         let of = |mae: &[f64]| {
             let mut errors = errors(&vec![], &vec![]);
             errors.by_trial = mae.iter().map(|m| [*m; OUTPUTS]).collect();
             errors
         };
         let (good, one, other) = (of(&[0.1, 0.3]), of(&[0.4, 0.4]), of(&[2.0, 2.0]));
-        let [told, low, high] = skill(&good, &[&one, &other], 0).unwrap();
-        assert!((told - 0.5).abs() < 1e-12);
+        let [value, low, high] = skill(&good, &[&one, &other], 0).unwrap();
+        assert!((value - 0.5).abs() < 1e-12);
         assert!(
             (low - 0.25).abs() < 1e-12 && (high - 0.75).abs() < 1e-12,
             "{low} {high}"

@@ -1,4 +1,4 @@
-//! What a frozen ResNet18 sees in each picture, computed once.
+//! Features of a frozen ResNet18 for each image, computed once.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,36 +15,36 @@ use crate::episodes::Episode;
 use crate::network::{NormKind, ResNet18, Shape};
 use crate::weights::Weights;
 
-/// Numbers of a picture's features.
+/// Features of an image.
 pub const WIDTH: usize = 512;
-/// Pictures that are looked at together.
+/// Images of one forward pass.
 const BATCH: usize = 8;
-/// What ResNet18 divides sides by.
+/// Stride of ResNet18, pixels.
 const MULTIPLE: usize = 32;
-/// Mean and deviation of ImageNet's colours.
+/// Mean and deviation of ImageNet's channels.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
 /// Features by episode: row by row, camera after camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
-    /// Numbers of a row.
+    /// Features of a row.
     pub width: usize,
-    /// Of each episode, row by row.
+    /// Features of each episode, row by row.
     pub rows: Vec<Vec<f32>>,
 }
 
 impl Features {
-    /// Of a row of an episode.
+    /// Features of a row of an episode.
     #[must_use]
     pub fn row(&self, episode: usize, row: usize) -> &[f32] {
         &self.rows[episode][row * self.width..(row + 1) * self.width]
     }
 }
 
-/// Features of all pictures of all episodes, kept in `cache`. Weights are torchvision's
-/// in `backbone`, else drawn (and then a random projection of the picture). Colours
-/// stay between 0 and 1 unless they are to be `normal`.
+/// Features of all images of all episodes, cached in the file `cache`. Weights are torchvision's in
+/// `backbone`, else random (then the features are a random projection of the image). With `normal`,
+/// channels are standardized; otherwise they are 0 to 1.
 ///
 /// # Errors
 /// When the weights are of another network or the cache cannot be written.
@@ -74,13 +74,13 @@ pub fn features(
         .filter(|e| !known.contains_key(&e.about.label))
         .map(Episode::rows)
         .sum();
-    let bar = ProgressBar::new(missing as u64).with_message("rows looked at");
+    let bar = ProgressBar::new(missing as u64).with_message("rows");
     let mut rows = Vec::new();
     for episode in episodes {
         let label = &episode.about.label;
         if !known.contains_key(label) {
-            let seen = look(&network, episode, normal, &bar, &device);
-            known.insert(label.clone(), seen);
+            let features = extract_features(&network, episode, normal, &bar, &device);
+            known.insert(label.clone(), features);
             write(cache, &key, &known)?;
         }
         rows.push(known[label].clone());
@@ -90,8 +90,8 @@ pub fn features(
     Ok(Features { width, rows })
 }
 
-/// What one episode's pictures come to.
-fn look(
+/// Features of one episode's images.
+fn extract_features(
     network: &ResNet18,
     episode: &Episode,
     normal: bool,
@@ -104,43 +104,39 @@ fn look(
         .collect();
     let mut out = Vec::with_capacity(all.len() * WIDTH);
     for part in all.chunks(BATCH) {
-        // Of one size, for the cameras of a set of episodes are.
-        let pictures = part.iter().map(|(row, name)| {
+        // All cameras of a set of episodes have one size.
+        let images = part.iter().map(|(row, name)| {
             let size = &episode.cameras[*name];
-            numbers(
-                episode.picture(name, *row),
-                [size.height, size.width],
-                normal,
-            )
+            padded(episode.image(name, *row), [size.height, size.width], normal)
         });
-        let (values, sizes): (Vec<_>, Vec<_>) = pictures.unzip();
+        let (values, sizes): (Vec<_>, Vec<_>) = images.unzip();
         let [height, width] = sizes[0];
         let data = TensorData::new(values.concat(), [part.len(), 3, height, width]);
-        let seen = network.forward(Tensor::<4>::from_data(data, device));
-        // The mean over the picture: the network's own last pooling.
-        let seen: Tensor<2> = seen
+        let features = network.forward(Tensor::<4>::from_data(data, device));
+        // The mean over the image: the network's last pooling.
+        let features: Tensor<2> = features
             .mean_dim(3)
             .mean_dim(2)
             .flatten::<3>(2, 3)
             .flatten(1, 2);
-        out.extend(seen.into_data().iter::<f32>());
+        out.extend(features.into_data().iter::<f32>());
         bar.inc((part.len() / names.len().max(1)) as u64);
     }
     out
 }
 
-/// A picture as numbers, colour by colour, its edge repeated up to what the network
-/// divides by; with the size that it has then.
-fn numbers(picture: &[u8], [height, width]: [usize; 2], normal: bool) -> (Vec<f32>, [usize; 2]) {
+/// An image as numbers, channel by channel, padded with its edge to a multiple of the stride; with
+/// the padded height and width.
+fn padded(image: &[u8], [height, width]: [usize; 2], normal: bool) -> (Vec<f32>, [usize; 2]) {
     let size = [height, width].map(|side| side.div_ceil(MULTIPLE) * MULTIPLE);
     let mut values = Vec::with_capacity(3 * size[0] * size[1]);
-    for colour in 0..3 {
+    for channel in 0..3 {
         for y in 0..size[0] {
             for x in 0..size[1] {
-                let at = (y.min(height - 1) * width + x.min(width - 1)) * 3 + colour;
-                let value = f32::from(picture[at]) / 255.0;
+                let at = (y.min(height - 1) * width + x.min(width - 1)) * 3 + channel;
+                let value = f32::from(image[at]) / 255.0;
                 values.push(match normal {
-                    true => (value - MEAN[colour]) / DEVIATION[colour],
+                    true => (value - MEAN[channel]) / DEVIATION[channel],
                     false => value,
                 });
             }
@@ -149,7 +145,7 @@ fn numbers(picture: &[u8], [height, width]: [usize; 2], normal: bool) -> (Vec<f3
     (values, size)
 }
 
-/// What a cache is of.
+/// Identifies weights and normalization of a cache.
 fn key(weights: &Weights, normal: bool) -> String {
     let mut hash = Sha256::new();
     for name in weights.names() {
@@ -186,8 +182,8 @@ fn write(cache: &Path, key: &str, known: &BTreeMap<String, Vec<f32>>) -> anyhow:
     });
     let views = views.collect::<Result<Vec<_>, _>>()?;
     let of = [("of".to_owned(), key.to_owned())].into();
-    let told = || format!("writing {}", cache.display());
+    let context = || format!("writing {}", cache.display());
     let part = cache.with_extension("part");
-    std::fs::write(&part, safetensors::serialize(views, Some(of))?).with_context(told)?;
-    std::fs::rename(part, cache).with_context(told)
+    std::fs::write(&part, safetensors::serialize(views, Some(of))?).with_context(context)?;
+    std::fs::rename(part, cache).with_context(context)
 }

@@ -1,5 +1,5 @@
-//! The network of the paper: what is seen, said and measured in each row is fused to
-//! 128 numbers, an LSTM goes over the rows, and its last state tells the next poses.
+//! The network of the paper: features of images, words and state of each row are fused to 128
+//! numbers, an LSTM reads the rows, and a head computes the next poses from its last state.
 
 use burn::prelude::*;
 use burn::tensor::activation::{relu, sigmoid, tanh};
@@ -8,23 +8,23 @@ use super::columns::OUTPUTS;
 use super::depth::{DepthNetwork, WIDTH};
 use crate::network::{Embedding, Linear};
 
-/// Numbers of a word's vector.
+/// Width of a word's vector.
 pub const WORD: usize = 300;
-/// Layers of the fusion, and the LSTM's state.
+/// Widths of the fusion's layers; the last is that of the LSTM's state.
 const FUSION: [usize; 3] = [512, 256, 128];
 
 /// Sizes of a network.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// Numbers of what is seen in a row; 0: no pictures.
-    pub seen: usize,
-    /// Depth pictures of a row; 0: no depth.
+    /// Visual features of a row; 0: without images.
+    pub visual: usize,
+    /// Depth images of a row; 0: without depth.
     pub depths: usize,
     /// Columns of state.
     pub state: usize,
     /// Words of the vocabulary.
     pub words: usize,
-    /// Times ahead that are told.
+    /// Number of predicted times ahead.
     pub ahead: usize,
 }
 
@@ -34,9 +34,9 @@ pub struct Baseline {
     words: Embedding,
     depth: Option<DepthNetwork>,
     fusion: Vec<Linear>,
-    /// Gates of what comes in: input, forget, cell, output.
+    /// Gates of the input, in the order input, forget, cell, output.
     input: Linear,
-    /// Gates of the state before.
+    /// Gates of the previous state.
     state: Linear,
     head: Linear,
 }
@@ -45,7 +45,7 @@ impl Baseline {
     /// With random weights.
     #[must_use]
     pub fn new(sizes: &Sizes, device: &Device) -> Self {
-        let mut width = sizes.seen + sizes.depths * WIDTH + sizes.state + WORD;
+        let mut width = sizes.visual + sizes.depths * WIDTH + sizes.state + WORD;
         let mut fusion = Vec::new();
         for outputs in FUSION {
             fusion.push(Linear::new(width, outputs, device));
@@ -61,16 +61,16 @@ impl Baseline {
         }
     }
 
-    /// With vectors of words from elsewhere, vocabulary × 300.
+    /// With given word vectors, vocabulary × 300.
     #[must_use]
     pub fn with_words(mut self, vectors: Tensor<2>) -> Self {
         self.words.weight = burn::module::Param::from_tensor(vectors);
         self
     }
 
-    /// Rows (batch × rows × what is seen and measured), depth pictures (batch * rows *
-    /// cameras × 1 × side × side) where the sizes have any, and shares of words (batch ×
-    /// vocabulary) to outputs (batch × times ahead × 16).
+    /// Rows (batch × rows × visual features and state), depth images (batch * rows * cameras × 1 ×
+    /// side × side) if the sizes have any, and shares of words (batch × vocabulary) to outputs
+    /// (batch × times ahead × 16).
     #[must_use]
     pub fn forward(
         &self,
@@ -79,13 +79,17 @@ impl Baseline {
         words: Tensor<2>,
     ) -> Tensor<3> {
         let [batch, length, _] = rows.dims();
-        let said = words.matmul(self.words.weight.val());
-        let said = said.unsqueeze_dim::<3>(1).expand([batch, length, WORD]);
-        let mut parts = vec![rows, said];
-        if let Some((network, pictures)) = self.depth.as_ref().zip(depth) {
-            let told = network.forward(pictures);
-            let [pictures, numbers] = told.dims();
-            parts.push(told.reshape([batch, length, pictures / (batch * length) * numbers]));
+        let sentence = words.matmul(self.words.weight.val());
+        let sentence = sentence.unsqueeze_dim::<3>(1).expand([batch, length, WORD]);
+        let mut parts = vec![rows, sentence];
+        if let Some((network, images)) = self.depth.as_ref().zip(depth) {
+            let depth_features = network.forward(images);
+            let [images, numbers] = depth_features.dims();
+            parts.push(depth_features.reshape([
+                batch,
+                length,
+                images / (batch * length) * numbers,
+            ]));
         }
         let mut x = Tensor::cat(parts, 2);
         for layer in &self.fusion {

@@ -1,4 +1,4 @@
-//! The whole: episodes in, table and figure out.
+//! The whole measurement: episodes in, tables and figures out.
 
 use std::path::{Path, PathBuf};
 
@@ -7,29 +7,29 @@ use anyhow::ensure;
 use super::columns::{split, trial};
 use super::errors::{Errors, errors, extrapolated, lasts, repeated, truth};
 use super::features::features;
-use super::lesson::{Kind, Lesson, LessonOptions};
 use super::table::{Ahead, Report, figure};
+use super::task::{BaselineTask, Kind, TaskOptions};
 use crate::episodes::Episode;
 use crate::train::{self, Schedule};
 
-/// What is asked for.
+/// Options of a measurement.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// Folder for all that is made.
+    /// Folder for the output.
     pub out: PathBuf,
-    /// Rows that are seen: 20 in the paper's table, 15 in its text.
+    /// Rows of a window: 20 in the paper's table, 15 in its text.
     pub length: usize,
-    /// Epochs at most.
+    /// Most epochs.
     pub epochs: u64,
     /// Weights of torchvision's ResNet18.
     pub backbone: Option<PathBuf>,
-    /// Vectors of words, a text file of word2vec.
+    /// Word vectors, a text file of word2vec.
     pub vectors: Option<PathBuf>,
-    /// Seed of all that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// Trains all rows of the table, or goes on with it, and measures them.
+/// Trains the networks of the table, or continues their training, and measures them.
 ///
 /// # Errors
 /// When there are fewer than three seeds, or a file cannot be read or written.
@@ -45,22 +45,22 @@ pub fn run(episodes: &[Episode], options: &RunOptions) -> anyhow::Result<Report>
         "the episodes have fewer than three seeds: 24 are split 16, 4 and 4"
     );
     let backbone = options.backbone.as_deref();
-    let seen =
+    let visual =
         |normal: bool, name: &str| features(episodes, backbone, normal, &options.out.join(name));
-    let as_is = seen(false, "features-as-printed.safetensors")?;
-    let normal = seen(true, "features.safetensors")?;
+    let as_is = visual(false, "features-as-printed.safetensors")?;
+    let normal = visual(true, "features.safetensors")?;
     let mut ahead: Vec<Ahead> = Vec::new();
     let mut training = Vec::new();
-    let mut drawn = Vec::new();
+    let mut predictions = Vec::new();
     for kind in Kind::ALL {
-        let lesson_options = LessonOptions {
+        let task_options = TaskOptions {
             length: options.length,
             seed: options.seed,
-            ..LessonOptions::of(kind)
+            ..TaskOptions::of(kind)
         };
-        let (length, longest) = (options.length, lesson_options.longest());
+        let (length, longest) = (options.length, task_options.longest());
         if ahead.is_empty() {
-            ahead = lesson_options
+            ahead = task_options
                 .ahead
                 .iter()
                 .map(|&rows| {
@@ -85,45 +85,45 @@ pub fn run(episodes: &[Episode], options: &RunOptions) -> anyhow::Result<Report>
         } else {
             &normal
         };
-        let lesson = Lesson::new(
-            lesson_options.clone(),
+        let task = BaselineTask::new(
+            task_options.clone(),
             episodes,
             Some(features),
             (&learned, &held),
             options.vectors.as_deref(),
         )?;
-        let depth = match (kind, lesson.sees_depth()) {
+        let depth = match (kind, task.uses_depth()) {
             (Kind::CorrectedBlind, _) | (_, true) => "",
-            _ => ", without depth: the export has none (--depth)",
+            _ => ", without depth: export with --depth to include it",
         };
-        println!("{}: {} steps an epoch{depth}", kind.name(), lesson.epoch());
+        println!("{}: {} steps an epoch{depth}", kind.name(), task.epoch());
         let folder = options.out.join(kind.name().replace([',', ' '], "-"));
         let schedule = Schedule {
             out: folder.clone(),
-            steps: options.epochs * lesson.epoch(),
+            steps: options.epochs * task.epoch(),
             limit: None,
-            interval: lesson.epoch(),
+            interval: task.epoch(),
             patience: Some(3),
             weight_decay: 1e-4,
             clip: 1.0,
         };
-        let (_, told) = train::run(&lesson, lesson.network(), &schedule)?;
-        training.push((kind.name().to_owned(), told.seconds, told.step));
-        let found = lesson.predict(&lesson.best(&folder)?, &tests);
+        let (_, progress) = train::run(&task, task.network(), &schedule)?;
+        training.push((kind.name().to_owned(), progress.seconds, progress.step));
+        let found = task.predict(&task.best(&folder)?, &tests);
         for (k, ahead) in ahead.iter_mut().enumerate() {
             let truth = truth(&tests, length, ahead.rows, longest);
             ahead
                 .of
                 .push((kind.name().to_owned(), errors(&found[k], &truth)));
         }
-        drawn.push((kind, found));
+        predictions.push((kind, found));
     }
     let longest = ahead.last().map_or(1, |a| a.rows);
     let windows = tests
         .iter()
         .map(|t| lasts(t, options.length, longest).len())
         .sum();
-    let shown: Vec<_> = drawn
+    let shown: Vec<_> = predictions
         .iter()
         .filter(|(kind, _)| *kind != Kind::CorrectedBlind)
         .collect();
@@ -145,7 +145,7 @@ pub fn run(episodes: &[Episode], options: &RunOptions) -> anyhow::Result<Report>
     let report = Report {
         trials: [learned.len(), held.len(), tests.len()],
         windows,
-        backbone: backbone.map_or("drawn weights, frozen".to_owned(), name),
+        backbone: backbone.map_or("random weights, frozen".to_owned(), name),
         training,
         ahead,
     };

@@ -16,7 +16,7 @@ const PAPER: [f64; OUTPUTS] = [
     0.24,
 ];
 
-/// Errors of all predictors at one time ahead, those that know nothing first.
+/// Errors of all predictors at one time ahead, the naive ones first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ahead {
     /// Rows ahead.
@@ -27,31 +27,31 @@ pub struct Ahead {
     pub of: Vec<(String, Errors)>,
 }
 
-/// What all came to.
+/// Result of a measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Trials learned from, held out and tested on.
+    /// Number of trials for training, validation and test.
     pub trials: [usize; 3],
-    /// Windows that were tested.
+    /// Number of tested windows.
     pub windows: usize,
     /// Weights of the ResNet.
     pub backbone: String,
-    /// Seconds of training by network.
+    /// Name, seconds and steps of training by network.
     pub training: Vec<(String, f64, u64)>,
-    /// By time ahead.
+    /// Errors by time ahead.
     pub ahead: Vec<Ahead>,
 }
 
-/// Rows that are no network.
-const TRIVIAL: usize = 2;
+/// Number of naive predictors.
+const NAIVE: usize = 2;
 
 impl Report {
-    /// The tables, for people.
+    /// The tables in Markdown.
     #[must_use]
     pub fn markdown(&self) -> String {
         let [learned, held, tested] = self.trials;
         let mut text = format!(
-            "{learned} episodes learned from, {held} held out, {tested} tested ({} windows). ResNet18: {}.\n",
+            "{learned} episodes for training, {held} for validation, {tested} for test ({} windows). ResNet18: {}.\n",
             self.windows, self.backbone
         );
         for (name, seconds, steps) in &self.training {
@@ -67,7 +67,7 @@ impl Report {
                 "---|".repeat(ahead.of.len())
             );
             for (i, output) in SHORT.iter().enumerate() {
-                let values = ahead.of.iter().map(|(_, e)| told(e.mae[i]));
+                let values = ahead.of.iter().map(|(_, e)| format_value(e.mae[i]));
                 let _ = writeln!(
                     text,
                     "| {output} | {} | {} |",
@@ -76,7 +76,7 @@ impl Report {
                 );
             }
             for (which, part) in ["hand, degrees", "chair, degrees"].iter().enumerate() {
-                let values = ahead.of.iter().map(|(_, e)| told(e.degrees[which]));
+                let values = ahead.of.iter().map(|(_, e)| format_value(e.degrees[which]));
                 let _ = writeln!(
                     text,
                     "| {part} | | {} |",
@@ -101,17 +101,17 @@ impl Report {
             }
             let _ = write!(
                 text,
-                "\nSkill, 1 - MAE / MAE of the better of the two that know nothing, with the middle 95 % over episodes drawn again:\n\n| output | {} |\n|---|{}\n",
-                ahead.of[TRIVIAL..]
+                "\nSkill, 1 - MAE / MAE of the better naive predictor, with the 95 % bootstrap interval over episodes:\n\n| output | {} |\n|---|{}\n",
+                ahead.of[NAIVE..]
                     .iter()
                     .map(|(n, _)| n.as_str())
                     .collect::<Vec<_>>()
                     .join(" | "),
-                "---|".repeat(ahead.of.len() - TRIVIAL)
+                "---|".repeat(ahead.of.len() - NAIVE)
             );
-            let trivial: Vec<&Errors> = ahead.of[..TRIVIAL].iter().map(|(_, e)| e).collect();
+            let trivial: Vec<&Errors> = ahead.of[..NAIVE].iter().map(|(_, e)| e).collect();
             for (i, output) in SHORT.iter().enumerate() {
-                let values = ahead.of[TRIVIAL..].iter().map(|(_, e)| {
+                let values = ahead.of[NAIVE..].iter().map(|(_, e)| {
                     skill(e, &trivial, i).map_or("does not move".to_owned(), |[s, low, high]| {
                         format!("{s:.2} ({low:.2} to {high:.2})")
                     })
@@ -126,7 +126,7 @@ impl Report {
         text
     }
 
-    /// Every number, one a line.
+    /// Writes `table.md`, `table.json` and `table.csv`, which has one number a line.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -172,7 +172,8 @@ fn squared(output: &str) -> String {
     }
 }
 
-fn told(value: f64) -> String {
+/// A value with three significant digits or more.
+fn format_value(value: f64) -> String {
     match value {
         v if v >= 10.0 => format!("{v:.1}"),
         v if v >= 0.01 => format!("{v:.3}"),
@@ -180,7 +181,7 @@ fn told(value: f64) -> String {
     }
 }
 
-/// Predictions over truth of one trial: the paper's figure.
+/// Draws predictions over the truth of one trial, as in the paper's figure.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -200,10 +201,10 @@ pub fn figure(
         let cells = paper.split_evenly((4, 4));
         for (i, cell) in cells.iter().enumerate() {
             let truth = trial.outputs.iter().map(|row| f64::from(row[i]));
-            let told = of
+            let predictions = of
                 .iter()
                 .flat_map(|(_, p)| p[number].iter().map(|row| f64::from(row[i])));
-            let all = || truth.clone().chain(told.clone());
+            let all = || truth.clone().chain(predictions.clone());
             let (low, high) = (
                 all().fold(f64::MAX, f64::min),
                 all().fold(f64::MIN, f64::max),

@@ -1,11 +1,11 @@
-//! Action chunking transformer as LeRobot 0.4 has it.
+//! Action chunking transformer with the layers and names of LeRobot 0.4.
 
 use burn::nn::PaddingConfig2d;
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::prelude::*;
 
 use super::layer::{Embedding, Linear};
-use super::places;
+use super::position_encoding;
 use super::resnet::ResNet18;
 use super::shape::{Kind, Shape};
 use super::transformer::{Decoder, Encoder, Memory};
@@ -33,15 +33,15 @@ pub struct Act {
     latent: usize,
 }
 
-/// What the encoder of the latent tells of a chunk of actions.
+/// Distribution of the latent for a chunk of actions.
 #[derive(Clone, Debug)]
 pub struct Latent {
     /// Batch × latent.
     pub mean: Tensor<2>,
     /// Batch × latent.
     pub log_variance: Tensor<2>,
-    /// Batch × latent: one draw.
-    pub drawn: Tensor<2>,
+    /// Batch × latent: one sample.
+    pub sample: Tensor<2>,
 }
 
 impl Latent {
@@ -94,11 +94,11 @@ impl Act {
         }
     }
 
-    /// What the latent's encoder makes of actions, batch × chunk × action; `padding`
-    /// batch × chunk is true behind the end, `noise` batch × latent.
+    /// Encodes actions, batch × chunk × action, to a latent; `padding`, batch × chunk, is true after
+    /// the end; `noise` is batch × latent.
     ///
     /// # Panics
-    /// Without that encoder, which only training needs.
+    /// Without the latent's encoder, which only training needs.
     #[must_use]
     pub fn latent(
         &self,
@@ -113,40 +113,39 @@ impl Act {
         let first = self.vae_encoder_cls_embed.as_ref().expect(NEEDED);
         let first = first.weight.val().unsqueeze_dim::<3>(0);
         let dim = first.dims()[2];
-        let told = project(&self.vae_encoder_robot_state_input_proj).forward(state);
+        let state = project(&self.vae_encoder_robot_state_input_proj).forward(state);
         let rows = project(&self.vae_encoder_action_input_proj).forward(actions);
         let x = Tensor::cat(
-            vec![first.expand([batch, 1, dim]), told.unsqueeze_dim(1), rows],
+            vec![first.expand([batch, 1, dim]), state.unsqueeze_dim(1), rows],
             1,
         );
         let device = x.device();
         let here = Tensor::<2>::zeros([batch, 2], &device).greater_elem(0.5);
         let hidden = Tensor::cat(vec![here, padding], 1);
-        let places = places::of_sequence(2 + chunk, dim, &device).unsqueeze_dim(0);
+        let positions = position_encoding::of_sequence(2 + chunk, dim, &device).unsqueeze_dim(0);
         let encoder = self.vae_encoder.as_ref().expect(NEEDED);
-        let out = encoder.forward(x, &places, Some(&hidden));
+        let out = encoder.forward(x, &positions, Some(&hidden));
         let out = out.slice([0..batch, 0..1]).reshape([batch, dim]);
-        let told = project(&self.vae_encoder_latent_output_proj).forward(out);
+        let moments = project(&self.vae_encoder_latent_output_proj).forward(out);
         let half = |from: usize| {
             let part = from..from + self.latent;
-            told.clone().slice([0..batch, part])
+            moments.clone().slice([0..batch, part])
         };
         let (mean, log_variance) = (half(0), half(self.latent));
-        let drawn = mean.clone() + (log_variance.clone() / 2.0).exp() * noise;
+        let sample = mean.clone() + (log_variance.clone() / 2.0).exp() * noise;
         Latent {
             mean,
             log_variance,
-            drawn,
+            sample,
         }
     }
 
-    /// What the encoder makes of pictures (batch * cameras × 3 × height × width),
-    /// state (batch × state) and language (batch × word width). The latent is 0
-    /// where none is given.
+    /// Encodes images (batch * cameras × 3 × height × width), state (batch × state) and language
+    /// (batch × word width). Without a latent it is 0.
     #[must_use]
-    pub fn remember(
+    pub fn encode(
         &self,
-        pictures: Tensor<4>,
+        images: Tensor<4>,
         state: Tensor<2>,
         language: Option<Tensor<2>>,
         latent: Option<Tensor<2>>,
@@ -167,47 +166,49 @@ impl Act {
             tokens.push(project.forward(language).unsqueeze_dim(1));
         }
         let film = self.film.iter().flatten().map(|layer| {
-            let told = layer.forward(language.clone().expect(NEEDED));
-            let [_, numbers] = told.dims();
-            // A picture of each camera behind the other.
-            let each = told.unsqueeze_dim::<3>(1);
+            let modulation = layer.forward(language.clone().expect(NEEDED));
+            let [_, numbers] = modulation.dims();
+            // The cameras of an observation are consecutive images.
+            let each = modulation.unsqueeze_dim::<3>(1);
             let each = each.expand([batch, self.cameras, numbers]);
             each.reshape([batch * self.cameras, numbers])
         });
         let film: Vec<Tensor<2>> = film.collect();
-        let features = self.backbone.modulated(pictures, &film);
+        let features = self.backbone.modulated(images, &film);
         let features = self.encoder_img_feat_input_proj.forward(features);
         let [_, dim, height, width] = features.dims();
-        let seen = features
+        let image_tokens = features
             .reshape([batch, self.cameras, dim, height * width])
             .swap_dims(2, 3)
             .reshape([batch, self.cameras * height * width, dim]);
-        tokens.push(seen);
-        let place = places::of_picture(height, width, dim, &device);
-        let mut places = vec![self.encoder_1d_feature_pos_embed.weight.val()];
-        places.extend(std::iter::repeat_n(place, self.cameras));
-        let places = Tensor::cat(places, 0).unsqueeze_dim::<3>(0);
-        let tokens = self.encoder.forward(Tensor::cat(tokens, 1), &places, None);
+        tokens.push(image_tokens);
+        let of_image = position_encoding::of_image(height, width, dim, &device);
+        let mut positions = vec![self.encoder_1d_feature_pos_embed.weight.val()];
+        positions.extend(std::iter::repeat_n(of_image, self.cameras));
+        let positions = Tensor::cat(positions, 0).unsqueeze_dim::<3>(0);
+        let tokens = self
+            .encoder
+            .forward(Tensor::cat(tokens, 1), &positions, None);
         Memory {
-            placed: tokens.clone() + places,
+            positioned: tokens.clone() + positions,
             tokens,
         }
     }
 
-    /// Actions, batch × chunk × action; arguments as [`Act::remember`].
+    /// Actions, batch × chunk × action; arguments as for [`Act::encode`].
     ///
     /// # Panics
-    /// When it is the encoder of a flow.
+    /// When the network is the encoder of a flow.
     #[must_use]
     pub fn forward(
         &self,
-        pictures: Tensor<4>,
+        images: Tensor<4>,
         state: Tensor<2>,
         language: Option<Tensor<2>>,
         latent: Option<Tensor<2>>,
     ) -> Tensor<3> {
         const NEEDED: &str = "the decoder of ACT";
-        let memory = self.remember(pictures, state, language, latent);
+        let memory = self.encode(images, state, language, latent);
         let place = self.decoder_pos_embed.as_ref().expect(NEEDED);
         let place = place.weight.val().unsqueeze_dim::<3>(0);
         let [_, chunk, dim] = place.dims();

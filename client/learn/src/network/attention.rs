@@ -26,7 +26,7 @@ impl Attention {
         }
     }
 
-    /// `hidden`: batch × keys, true where a key is not looked at.
+    /// `hidden`: batch × keys, true for a key without attention.
     pub fn forward(
         &self,
         query: Tensor<3>,
@@ -53,8 +53,8 @@ impl Attention {
             let hidden = hidden.expand([batch, self.heads, tokens, keys]);
             scores = scores.mask_fill(hidden, f32::NEG_INFINITY);
         }
-        let seen = softmax(scores, 3).matmul(v);
+        let attended = softmax(scores, 3).matmul(v);
         self.out_proj
-            .forward(seen.swap_dims(1, 2).reshape([batch, tokens, dim]))
+            .forward(attended.swap_dims(1, 2).reshape([batch, tokens, dim]))
     }
 }

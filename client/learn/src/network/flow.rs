@@ -1,4 +1,4 @@
-//! Flow matching: from noise to actions by a diffusion transformer that asks the
+//! Flow matching: from noise to actions, with a diffusion transformer that attends to the
 //! encoder's memory.
 
 use burn::module::Param;
@@ -19,7 +19,8 @@ pub struct Flow {
     place: Embedding,
     time1: Linear,
     time2: Linear,
-    told: Linear,
+    /// Has another name in files of weights; see `weights::name_of`.
+    modulation: Linear,
     layers: Vec<FlowLayer>,
     norm: LayerNorm,
     action_out: Linear,
@@ -37,7 +38,7 @@ impl Flow {
             place: Embedding::new(shape.chunk, dim, 1.0, device),
             time1: Linear::new(dim, dim, device),
             time2: Linear::new(dim, dim, device),
-            told: Linear::zero(dim, 9 * dim, device),
+            modulation: Linear::zero(dim, 9 * dim, device),
             layers: layers.collect(),
             norm: LayerNorm::new(dim, device),
             action_out: Linear::zero(dim, shape.action, device),
@@ -62,12 +63,14 @@ impl Flow {
         let device = actions.device();
         let place = self.place.weight.val();
         let dim = place.dims()[1];
-        let told = self.time1.forward(of_time(time, dim, &device));
-        let told = self.told.forward(silu(self.time2.forward(silu(told))));
-        let told = told.reshape([9, dim]);
+        let modulation = self.time1.forward(of_time(time, dim, &device));
+        let modulation = self
+            .modulation
+            .forward(silu(self.time2.forward(silu(modulation))));
+        let modulation = modulation.reshape([9, dim]);
         let mut x = self.action_in.forward(actions) + place.unsqueeze_dim::<3>(0);
         for layer in &self.layers {
-            x = layer.forward(x, memory, told.clone());
+            x = layer.forward(x, memory, modulation.clone());
         }
         debug_assert_eq!(x.dims()[0], batch);
         self.action_out.forward(self.norm.forward(x))
@@ -77,7 +80,7 @@ impl Flow {
 /// Cosines and sines of a time, 1 × dim.
 fn of_time(time: f64, dim: usize, device: &Device) -> Tensor<2> {
     let half = dim / 2;
-    // As single precision everywhere: the angles go up to 1000.
+    // In single precision as in PyTorch: the angles reach 1000.
     let rates = (0..half).map(|i| (i as f32 * (-(1e4_f64.ln()) / half as f64) as f32).exp());
     let angles: Vec<f32> = rates.map(|rate| 1000.0 * time as f32 * rate).collect();
     let waves = angles.iter().map(|a| a.cos());
@@ -85,8 +88,8 @@ fn of_time(time: f64, dim: usize, device: &Device) -> Tensor<2> {
     Tensor::from_data(TensorData::new(waves, [1, dim]), device)
 }
 
-/// A layer of the transformer; what time says is shared by all layers but for a
-/// table of each (Chen et al. 2023, PixArt).
+/// A layer of the transformer. All layers share the modulation by time; each adds a table of its
+/// own (Chen et al. 2023, PixArt).
 #[derive(Module, Debug)]
 struct FlowLayer {
     self_attn: Attention,
@@ -108,11 +111,11 @@ impl FlowLayer {
         }
     }
 
-    /// `told` 9 × dim: shift, scale and gate of the three parts.
-    fn forward(&self, x: Tensor<3>, memory: &Memory, told: Tensor<2>) -> Tensor<3> {
-        let told = told + self.table.val();
-        let dim = told.dims()[1];
-        let part = |k: usize| told.clone().narrow(0, k, 1).reshape([1, 1, dim]);
+    /// `modulation` 9 × dim: shift, scale and gate of the three parts.
+    fn forward(&self, x: Tensor<3>, memory: &Memory, modulation: Tensor<2>) -> Tensor<3> {
+        let modulation = modulation + self.table.val();
+        let dim = modulation.dims()[1];
+        let part = |k: usize| modulation.clone().narrow(0, k, 1).reshape([1, 1, dim]);
         let device = x.device();
         let norm = |x: Tensor<3>, k: usize| {
             let normed = layer_norm(x, Tensor::ones([dim], &device), None, 1e-5);
@@ -123,7 +126,7 @@ impl FlowLayer {
         let x = x + part(2) * y;
         let y = self.cross_attn.forward(
             norm(x.clone(), 3),
-            memory.placed.clone(),
+            memory.positioned.clone(),
             memory.tokens.clone(),
             None,
         );

@@ -43,7 +43,7 @@ pub(super) fn xavier(inputs: usize, outputs: usize) -> f64 {
     (6.0 / (inputs + outputs) as f64).sqrt()
 }
 
-/// Inputs to outputs, affine.
+/// An affine layer.
 #[derive(Module, Debug)]
 pub struct Linear {
     /// Outputs × inputs.
@@ -53,13 +53,13 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// With weights as PyTorch draws them.
+    /// With random weights as in PyTorch.
     #[must_use]
     pub fn new(inputs: usize, outputs: usize, device: &Device) -> Self {
         Self::bounded(inputs, outputs, 1.0 / (inputs as f64).sqrt(), device)
     }
 
-    /// With weights up to `bound`.
+    /// With random weights up to `bound`.
     #[must_use]
     pub fn bounded(inputs: usize, outputs: usize, bound: f64, device: &Device) -> Self {
         Self {
@@ -76,14 +76,14 @@ impl Linear {
         }
     }
 
-    /// The last dimension goes from inputs to outputs.
+    /// Maps the last dimension from inputs to outputs.
     #[must_use]
     pub fn forward<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
         linear(x, self.weight.val().transpose(), Some(self.bias.val()))
     }
 }
 
-/// Rows to be looked up.
+/// A table of vectors.
 #[derive(Module, Debug)]
 pub struct Embedding {
     /// Rows × numbers of a row.
@@ -91,7 +91,7 @@ pub struct Embedding {
 }
 
 impl Embedding {
-    /// Normal with a deviation.
+    /// With normal random numbers of this deviation.
     #[must_use]
     pub fn new(rows: usize, width: usize, deviation: f64, device: &Device) -> Self {
         Self {
@@ -122,7 +122,7 @@ impl LayerNorm {
 
 /// Norm of a ResNet's channels: group norm, or batch norm with constant statistics.
 #[derive(Module, Debug)]
-pub struct PictureNorm {
+pub struct ChannelNorm {
     weight: Param<Tensor<1>>,
     bias: Param<Tensor<1>>,
     running_mean: Option<Param<Tensor<1>>>,
@@ -130,8 +130,8 @@ pub struct PictureNorm {
     groups: usize,
 }
 
-impl PictureNorm {
-    /// For so many channels.
+impl ChannelNorm {
+    /// For this number of channels.
     #[must_use]
     pub fn new(shape: &Shape, channels: usize, device: &Device) -> Self {
         let frozen = shape.norm == NormKind::FrozenBatch;

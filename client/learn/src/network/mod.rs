@@ -1,13 +1,13 @@
-//! The networks. Parameters have the names and the layout of LeRobot's ACT and of
-//! PyTorch (`weight` is outputs by inputs), so that weights go both ways as they are.
+//! The networks. Parameters have the names and the layout of LeRobot's ACT and of PyTorch (`weight`
+//! is outputs by inputs), so that weights are exchanged without conversion.
 //!
-//! Nothing here reads a file or knows a robot: tensors in, tensors out.
+//! No module here reads a file or depends on a robot: tensors in, tensors out.
 
 mod act;
 mod attention;
 mod flow;
 mod layer;
-mod places;
+mod position_encoding;
 mod resnet;
 mod shape;
 mod text;
@@ -15,14 +15,14 @@ mod transformer;
 
 pub use act::{Act, Latent};
 pub use flow::Flow;
-pub use layer::{Embedding, Linear, PictureNorm};
+pub use layer::{ChannelNorm, Embedding, Linear};
 pub use resnet::ResNet18;
 pub use shape::{Kind, NormKind, Shape, ShapeError};
 pub use text::TextEncoder;
 
 use burn::prelude::*;
 
-/// The whole network with its words: what is trained, stored and served.
+/// The whole network with its words, as trained, stored and served.
 #[derive(Module, Debug)]
 pub struct Network {
     model: Act,
@@ -31,22 +31,22 @@ pub struct Network {
     text: Option<TextEncoder>,
 }
 
-/// Sentences, as a network takes them.
-#[expect(clippy::large_enum_variant, reason = "one stands for a whole batch")]
+/// Input sentences of a batch.
+#[expect(clippy::large_enum_variant, reason = "one value per batch")]
 #[derive(Clone, Debug)]
 pub enum Words {
     /// Share of each word of the vocabulary: batch × words.
     Shares(Tensor<2>),
-    /// Places in the vocabulary of each sentence's words, in their order: for a network
-    /// with a text encoder.
+    /// Indices of each sentence's words in the vocabulary, in order: for a network with a text
+    /// encoder.
     InOrder(Vec<Vec<i32>>),
 }
 
-/// What a network sees; all in the units that it was trained in.
+/// Inputs of a network, in the units of its training.
 #[derive(Clone, Debug)]
 pub struct Inputs {
-    /// Pictures, cameras of an observation together: batch * cameras × 3 × height × width.
-    pub pictures: Tensor<4>,
+    /// Images, cameras of an observation together: batch * cameras × 3 × height × width.
+    pub images: Tensor<4>,
     /// Batch × state.
     pub state: Tensor<2>,
     /// The sentence of each.
@@ -54,7 +54,7 @@ pub struct Inputs {
 }
 
 impl Network {
-    /// With random weights, drawn from the device's seed.
+    /// With random weights from the device's seed.
     #[must_use]
     pub fn new(shape: &Shape, device: &Device) -> Self {
         let flow = (shape.kind == Kind::Flow).then(|| Flow::new(shape, device));
@@ -80,18 +80,18 @@ impl Network {
         let Some(flow) = &self.flow else {
             return self
                 .model
-                .forward(inputs.pictures, inputs.state, language, None);
+                .forward(inputs.images, inputs.state, language, None);
         };
         let memory = self
             .model
-            .remember(inputs.pictures, inputs.state, language, None);
+            .encode(inputs.images, inputs.state, language, None);
         flow.actions(noise.expect("a flow starts from noise"), memory)
     }
 
-    /// Actions as ACT answers them while it trains: with the latent of the actions
-    /// that are to be answered. Padding is `true` where a row lies behind the end.
+    /// Actions of ACT in training: with the latent of the true actions, batch × chunk × action.
+    /// `padding`, batch × chunk, is true for a row after the end.
     #[must_use]
-    pub fn trained(
+    pub fn forward_training(
         &self,
         inputs: Inputs,
         actions: Tensor<3>,
@@ -102,14 +102,14 @@ impl Network {
         let latent = self
             .model
             .latent(inputs.state.clone(), actions, padding, noise);
-        let drawn = Some(latent.drawn.clone());
+        let sample = Some(latent.sample.clone());
         let found = self
             .model
-            .forward(inputs.pictures, inputs.state, language, drawn);
+            .forward(inputs.images, inputs.state, language, sample);
         (found, latent)
     }
 
-    /// What the sentences say: batch × word width.
+    /// Encodes the sentences: batch × word width.
     fn language(&self, words: Option<Words>) -> Option<Tensor<2>> {
         let vectors = self.words.as_ref()?.weight.val();
         let rows = match words? {
@@ -122,15 +122,15 @@ impl Network {
             .expect("words in order for a text encoder");
         let (device, [_, width]) = (vectors.device(), vectors.dims());
         let read = rows.into_iter().map(|row| {
-            // A sentence without a word is one word that says nothing.
-            let told = match row.is_empty() {
+            // An empty sentence is one word with a zero vector.
+            let sentence = match row.is_empty() {
                 true => Tensor::zeros([1, width], &device),
                 false => {
-                    let places = Tensor::<1, Int>::from_data(&row[..], &device);
-                    vectors.clone().select(0, places)
+                    let words = Tensor::<1, Int>::from_data(&row[..], &device);
+                    vectors.clone().select(0, words)
                 }
             };
-            text.forward(told.unsqueeze_dim(0))
+            text.forward(sentence.unsqueeze_dim(0))
         });
         Some(Tensor::cat(read.collect(), 0))
     }

@@ -6,14 +6,14 @@ use burn::nn::{Initializer, PaddingConfig2d};
 use burn::prelude::*;
 use burn::tensor::activation::relu;
 
-use super::layer::PictureNorm;
+use super::layer::ChannelNorm;
 use super::shape::Shape;
 
 /// Batch × 3 × height × width to batch × 8 width × height / 32 × width / 32.
 #[derive(Module, Debug)]
 pub struct ResNet18 {
     conv1: Conv2d,
-    bn1: PictureNorm,
+    bn1: ChannelNorm,
     pool: MaxPool2d,
     layer1: Vec<Block>,
     layer2: Vec<Block>,
@@ -39,7 +39,7 @@ impl ResNet18 {
         };
         Self {
             conv1: conv(3, width, 7, 2, device),
-            bn1: PictureNorm::new(shape, width, device),
+            bn1: ChannelNorm::new(shape, width, device),
             pool: MaxPool2dConfig::new([3, 3])
                 .with_strides([2, 2])
                 .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
@@ -51,19 +51,18 @@ impl ResNet18 {
         }
     }
 
-    /// The features of pictures.
+    /// Features of images.
     #[must_use]
-    pub fn forward(&self, pictures: Tensor<4>) -> Tensor<4> {
-        self.modulated(pictures, &[])
+    pub fn forward(&self, images: Tensor<4>) -> Tensor<4> {
+        self.modulated(images, &[])
     }
 
-    /// The same where words say what is looked for: what each stage gives is scaled and
-    /// shifted, channel by channel (FiLM, Perez et al. 2018). `film` has for each stage
-    /// the scales less 1 and behind them the shifts, pictures × 2 channels; it may be
-    /// empty.
+    /// Features modulated by a sentence: the output of each stage is scaled and shifted channel by
+    /// channel (FiLM, Perez et al. 2018). `film` has for each stage the scales minus 1, then the
+    /// shifts, images × 2 channels; it may be empty.
     #[must_use]
-    pub fn modulated(&self, pictures: Tensor<4>, film: &[Tensor<2>]) -> Tensor<4> {
-        let first = self.bn1.forward(self.conv1.forward(pictures));
+    pub fn modulated(&self, images: Tensor<4>, film: &[Tensor<2>]) -> Tensor<4> {
+        let first = self.bn1.forward(self.conv1.forward(images));
         let mut x = self.pool.forward(relu(first));
         let stages = [&self.layer1, &self.layer2, &self.layer3, &self.layer4];
         for (number, stage) in stages.into_iter().enumerate() {
@@ -85,22 +84,22 @@ impl ResNet18 {
 #[derive(Module, Debug)]
 struct Block {
     conv1: Conv2d,
-    bn1: PictureNorm,
+    bn1: ChannelNorm,
     conv2: Conv2d,
-    bn2: PictureNorm,
+    bn2: ChannelNorm,
     downsample: Option<Downsample>,
 }
 
-/// What makes a shortcut fit; PyTorch calls its parts `0` and `1`.
+/// Adapts a shortcut to the block's output; PyTorch calls its parts `0` and `1`.
 #[derive(Module, Debug)]
 struct Downsample {
     conv: Conv2d,
-    norm: PictureNorm,
+    norm: ChannelNorm,
 }
 
 impl Block {
     fn new(shape: &Shape, inputs: usize, outputs: usize, stride: usize, device: &Device) -> Self {
-        let norm = || PictureNorm::new(shape, outputs, device);
+        let norm = || ChannelNorm::new(shape, outputs, device);
         let fits = stride == 1 && inputs == outputs;
         Self {
             conv1: conv(inputs, outputs, 3, stride, device),

@@ -1,8 +1,8 @@
-//! Sizes of a network, as they stand in a model card.
+//! Sizes of a network, as stored in a model card.
 
 use serde::{Deserialize, Serialize};
 
-/// Which network.
+/// Kind of network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -20,48 +20,48 @@ pub enum NormKind {
     #[default]
     #[serde(rename = "group")]
     Group,
-    /// Batch norm with the statistics of its training, for given weights.
+    /// Batch norm with constant statistics, for pretrained weights.
     #[serde(rename = "frozen-bn")]
     FrozenBatch,
 }
 
-/// Sizes; the defaults are those that ship.
+/// Sizes; the defaults are those of the distributed policies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Shape {
-    /// Which network.
+    /// Kind of network.
     pub kind: Kind,
     /// Numbers of a state.
     pub state: usize,
     /// Numbers of an action.
     pub action: usize,
-    /// Rows of an answer.
+    /// Rows of a chunk.
     pub chunk: usize,
     /// Cameras.
     pub cameras: usize,
-    /// Words of the vocabulary with the unknown one; 0: no language.
+    /// Words of the vocabulary including the unknown one; 0: without language.
     pub words: usize,
-    /// Numbers of what the words say together, and without text layers of a word's vector.
+    /// Width of an encoded sentence, and without text layers of a word's vector.
     pub word_width: usize,
     /// Layers of a transformer that reads the words in their order; 0: their mean.
     pub text_layers: usize,
-    /// With text layers: numbers of a word's vector.
+    /// With text layers: width of a word's vector.
     pub text_width: usize,
-    /// Numbers of a token of the text's transformer.
+    /// Width of a token of the text's transformer.
     pub text_dim: usize,
     /// Heads of an attention of the text's transformer.
     pub text_heads: usize,
     /// Channels of the ResNet's first stage.
     pub width: usize,
-    /// The words scale and shift what each stage of the ResNet gives.
+    /// Whether the words scale and shift the output of each stage of the ResNet.
     pub film: bool,
     /// Norms of the ResNet.
     pub norm: NormKind,
-    /// Channels that a group norm takes together.
+    /// Channels of a group of a group norm.
     pub group_channels: usize,
-    /// Numbers of a token.
+    /// Width of a token.
     pub dim: usize,
-    /// Inner numbers of a feed-forward part.
+    /// Inner width of a feed-forward part.
     pub feedforward: usize,
     /// Heads of an attention.
     pub heads: usize,
@@ -69,11 +69,11 @@ pub struct Shape {
     pub encoder_layers: usize,
     /// Layers of the decoder.
     pub decoder_layers: usize,
-    /// Layers of the encoder of the latent, in training; 0: without.
+    /// Layers of the latent's encoder, in training; 0: without.
     pub vae_layers: usize,
-    /// Numbers of the latent.
+    /// Width of the latent.
     pub latent: usize,
-    /// Share of what is dropped in PyTorch's training; Rust's drops nothing.
+    /// Dropout of PyTorch's training; Rust's has none.
     pub dropout: f64,
     /// Layers of the flow.
     pub flow_layers: usize,
@@ -113,9 +113,9 @@ impl Default for Shape {
     }
 }
 
-/// Sizes that no network has.
+/// An invalid size.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no network has {what} = {value}; {rule}")]
+#[error("invalid {what} = {value}: {rule}")]
 pub struct ShapeError {
     what: &'static str,
     value: usize,
@@ -123,11 +123,11 @@ pub struct ShapeError {
 }
 
 impl Shape {
-    /// Refuses what would panic or take all memory later.
+    /// Rejects sizes that would panic or exhaust the memory later.
     ///
     /// # Errors
     /// [`ShapeError`] with the first size that is wrong.
-    pub fn checked(&self) -> Result<(), ShapeError> {
+    pub fn check(&self) -> Result<(), ShapeError> {
         let ranges = [
             ("state", self.state, 1, 4096),
             ("action", self.action, 1, 4096),
@@ -153,7 +153,7 @@ impl Shape {
         ];
         for (what, value, least, most) in ranges {
             if !(least..=most).contains(&value) {
-                let rule = "that is out of range";
+                let rule = "out of range";
                 return Err(ShapeError { what, value, rule });
             }
         }
@@ -181,7 +181,7 @@ impl Shape {
             return Err(ShapeError {
                 what: "words",
                 value: self.words,
-                rule: "with film or text layers there must be words",
+                rule: "film and text layers need words",
             });
         }
         if self.norm == NormKind::Group && !self.width.is_multiple_of(self.group_channels) {

@@ -3,7 +3,7 @@
 use burn::prelude::*;
 
 use super::layer::Linear;
-use super::places;
+use super::position_encoding;
 use super::shape::Shape;
 use super::transformer::Encoder;
 
@@ -37,7 +37,7 @@ impl TextEncoder {
     pub fn forward(&self, vectors: Tensor<3>) -> Tensor<2> {
         let x = self.input.forward(vectors);
         let [one, count, dim] = x.dims();
-        let places = places::of_sequence(count, dim, &x.device()).unsqueeze_dim(0);
+        let places = position_encoding::of_sequence(count, dim, &x.device()).unsqueeze_dim(0);
         let x = self.encoder.forward(x, &places, None);
         self.output.forward(x.mean_dim(1).reshape([one, dim]))
     }

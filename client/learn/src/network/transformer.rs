@@ -1,5 +1,5 @@
-//! LeRobot's layers of ACT: positions are added to queries and keys in every layer,
-//! norms stand behind.
+//! LeRobot's layers of ACT: positions are added to queries and keys in every layer, norms follow
+//! each part.
 
 use burn::prelude::*;
 use burn::tensor::activation::relu;
@@ -22,15 +22,15 @@ impl Encoder {
         }
     }
 
-    /// Tokens batch × count × dim, their places 1 × count × dim.
+    /// Tokens batch × count × dim, with positions 1 × count × dim.
     pub fn forward(
         &self,
         x: Tensor<3>,
-        places: &Tensor<3>,
+        positions: &Tensor<3>,
         hidden: Option<&Tensor<2, Bool>>,
     ) -> Tensor<3> {
         let layers = self.layers.iter();
-        layers.fold(x, |x, layer| layer.forward(x, places, hidden))
+        layers.fold(x, |x, layer| layer.forward(x, positions, hidden))
     }
 }
 
@@ -68,20 +68,20 @@ impl EncoderLayer {
     fn forward(
         &self,
         x: Tensor<3>,
-        places: &Tensor<3>,
+        positions: &Tensor<3>,
         hidden: Option<&Tensor<2, Bool>>,
     ) -> Tensor<3> {
-        let placed = x.clone() + places.clone();
-        let seen = self
-            .self_attn
-            .forward(placed.clone(), placed, x.clone(), hidden.cloned());
-        let x = self.norm1.forward(x + seen);
+        let positioned = x.clone() + positions.clone();
+        let attended =
+            self.self_attn
+                .forward(positioned.clone(), positioned, x.clone(), hidden.cloned());
+        let x = self.norm1.forward(x + attended);
         let y = relu(self.linear1.forward(x.clone()));
         self.norm2.forward(x + self.linear2.forward(y))
     }
 }
 
-/// Layers that ask a memory, and a norm behind them.
+/// Layers that attend to a memory, and a final norm.
 #[derive(Module, Debug)]
 pub(super) struct Decoder {
     layers: Vec<DecoderLayer>,
@@ -97,21 +97,21 @@ impl Decoder {
         }
     }
 
-    /// `place` 1 × chunk × dim; `key` is the memory with its places.
-    pub fn forward(&self, x: Tensor<3>, place: &Tensor<3>, memory: &Memory) -> Tensor<3> {
+    /// `query_positions` is the positions of the queries, 1 × chunk × dim.
+    pub fn forward(&self, x: Tensor<3>, query_positions: &Tensor<3>, memory: &Memory) -> Tensor<3> {
         let layers = self.layers.iter();
-        let x = layers.fold(x, |x, layer| layer.forward(x, place, memory));
+        let x = layers.fold(x, |x, layer| layer.forward(x, query_positions, memory));
         self.norm.forward(x)
     }
 }
 
-/// What the encoder knows: batch × tokens × dim.
+/// Output of the encoder: batch × tokens × dim.
 #[derive(Clone, Debug)]
 pub struct Memory {
     /// The tokens.
     pub tokens: Tensor<3>,
-    /// The tokens and their places.
-    pub placed: Tensor<3>,
+    /// The tokens with added positions.
+    pub positioned: Tensor<3>,
 }
 
 #[derive(Module, Debug)]
@@ -140,19 +140,19 @@ impl DecoderLayer {
         }
     }
 
-    fn forward(&self, x: Tensor<3>, place: &Tensor<3>, memory: &Memory) -> Tensor<3> {
-        let placed = x.clone() + place.clone();
-        let seen = self
+    fn forward(&self, x: Tensor<3>, query_positions: &Tensor<3>, memory: &Memory) -> Tensor<3> {
+        let positioned = x.clone() + query_positions.clone();
+        let attended = self
             .self_attn
-            .forward(placed.clone(), placed, x.clone(), None);
-        let x = self.norm1.forward(x + seen);
-        let asked = self.multihead_attn.forward(
-            x.clone() + place.clone(),
-            memory.placed.clone(),
+            .forward(positioned.clone(), positioned, x.clone(), None);
+        let x = self.norm1.forward(x + attended);
+        let attended = self.multihead_attn.forward(
+            x.clone() + query_positions.clone(),
+            memory.positioned.clone(),
             memory.tokens.clone(),
             None,
         );
-        let x = self.norm2.forward(x + asked);
+        let x = self.norm2.forward(x + attended);
         let y = relu(self.linear1.forward(x.clone()));
         self.norm3.forward(x + self.linear2.forward(y))
     }

@@ -1,4 +1,4 @@
-//! ACT trained on the CPU: tiny ones, to see that everything learns.
+//! Training of small ACT networks on the CPU.
 
 use std::path::Path;
 
@@ -8,77 +8,77 @@ use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Lesson, Told};
-use crate::card::{ActionCard, CameraCard, Card, FORMAT, PictureCard, StateCard};
+use super::{Progress, TrainingTask};
+use crate::card::{ActionCard, CameraCard, Card, FORMAT, ImageCard, StateCard};
 use crate::episodes::{Episode, statistics};
+use crate::image;
 use crate::language::{Vocabulary, vocabulary};
 use crate::network::{Inputs, Kind, Network, Shape, Words};
-use crate::picture;
 use crate::trained::noise;
 use crate::weights::Weights;
 
-/// Mean and deviation of pictures, as of ImageNet.
-const PICTURE: [[f32; 3]; 2] = [[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]];
-/// What ResNet18 divides pictures by.
+/// Mean and deviation of ImageNet's channels.
+const IMAGE_NORMAL: [[f32; 3]; 2] = [[0.485, 0.456, 0.406], [0.229, 0.224, 0.225]];
+/// Stride of ResNet18, pixels.
 const MULTIPLE: usize = 32;
-/// Rows that a validation looks at.
-const LOOKS: usize = 64;
+/// Rows of a validation.
+const VALIDATION_ROWS: usize = 64;
 
-/// How it is taught.
+/// Options of a training.
 #[derive(Clone, Debug)]
 pub struct ActOptions {
     /// Name of the policy.
     pub name: String,
-    /// Sizes; those that the episodes decide are taken from them.
+    /// Sizes; those of state, action, cameras and words follow from the episodes.
     pub shape: Shape,
-    /// Rows that are carried out before the next question; for the card.
+    /// Rows that are executed before the next request; for the card.
     pub execute: usize,
-    /// Rows of a step.
+    /// Batch size, rows.
     pub batch: usize,
-    /// Learning rate at its height.
+    /// Largest learning rate.
     pub rate: f64,
-    /// Steps until then.
+    /// Steps until the largest learning rate.
     pub warm_up: u64,
-    /// Steps in all, at whose end the cosine ends.
+    /// Total number of steps, over which the cosine schedule extends.
     pub steps: u64,
     /// Weight of the latent's divergence.
     pub divergence: f64,
-    /// Pixels that pictures are shifted at most.
+    /// Largest random shift of an image, pixels.
     pub shift: i32,
-    /// The sentence is read.
+    /// Whether the network reads the sentence.
     pub language: bool,
-    /// Seed of all that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// Episodes, and what is to be learned of them.
+/// Episodes, and the training of a network on them.
 #[derive(Debug)]
-pub struct ActLesson {
+pub struct ActTask {
     options: ActOptions,
     card: Card,
     vocabulary: Vocabulary,
     learned: Vec<Episode>,
     held: Vec<Episode>,
-    /// Episode and row of all that is drawn from.
-    places: Vec<(usize, usize)>,
+    /// Episode and row of all training rows.
+    samples: Vec<(usize, usize)>,
     device: Device,
 }
 
-/// What a step sees.
+/// Inputs and true actions of a step.
 struct Batch {
     inputs: Inputs,
     actions: Tensor<3>,
-    /// Batch × chunk: a row behind the end.
+    /// Batch × chunk: true for a row after the end.
     padding: Tensor<2, Bool>,
-    /// Batch × chunk × 1: 0 where it is padding.
+    /// Batch × chunk × 1: 0 for padding, else 1.
     counts: Tensor<3>,
 }
 
-impl ActLesson {
-    /// Of episodes to learn from and others to be held against.
+impl ActTask {
+    /// From episodes for training and for validation.
     ///
     /// # Errors
-    /// When no network fits them.
+    /// When the sizes do not fit the episodes.
     pub fn new(
         options: ActOptions,
         learned: Vec<Episode>,
@@ -86,9 +86,9 @@ impl ActLesson {
     ) -> anyhow::Result<Self> {
         let card = card(&options, &learned, &held)?;
         let each = learned.iter().enumerate();
-        let places = each.flat_map(|(e, episode)| (0..episode.rows()).map(move |row| (e, row)));
+        let samples = each.flat_map(|(e, episode)| (0..episode.rows()).map(move |row| (e, row)));
         Ok(Self {
-            places: places.collect(),
+            samples: samples.collect(),
             vocabulary: Vocabulary::new(&card.vocabulary),
             device: Device::flex().autodiff(),
             options,
@@ -105,7 +105,7 @@ impl ActLesson {
         Network::new(&self.card.network, &self.device)
     }
 
-    /// The card of what is learned.
+    /// The card of the policy.
     #[must_use]
     pub fn card(&self) -> &Card {
         &self.card
@@ -114,19 +114,19 @@ impl ActLesson {
     fn batch(
         &self,
         episodes: &[Episode],
-        places: &[(usize, usize)],
+        samples: &[(usize, usize)],
         shifts: Option<&[[i32; 2]]>,
         device: &Device,
     ) -> Batch {
         let (shape, card) = (&self.card.network, &self.card);
-        let (count, chunk) = (places.len(), shape.chunk);
-        let mut pictures = Vec::new();
+        let (count, chunk) = (samples.len(), shape.chunk);
+        let mut images = Vec::new();
         let (mut states, mut words) = (Vec::new(), Vec::new());
         let (mut actions, mut counts) = (Vec::new(), Vec::new());
-        for &(episode, row) in places {
+        for &(episode, row) in samples {
             let episode = &episodes[episode];
             let names = card.cameras.iter();
-            pictures.extend(names.map(|camera| episode.picture(&camera.name, row)));
+            images.extend(names.map(|camera| episode.image(&camera.name, row)));
             let state = normal(episode.states.row(row), &card.state.mean, &card.state.std);
             states.extend(state);
             words.extend(self.vocabulary.shares(&episode.about.instruction));
@@ -144,7 +144,7 @@ impl ActLesson {
         let data = TensorData::new(actions, [count, chunk, shape.action]);
         Batch {
             inputs: Inputs {
-                pictures: picture::numbers(card, &pictures, shifts, device),
+                images: image::to_tensor(card, &images, shifts, device),
                 state: tensor2(states, shape.state),
                 words: (shape.words > 0).then(|| Words::Shares(tensor2(words, shape.words))),
             },
@@ -154,8 +154,8 @@ impl ActLesson {
         }
     }
 
-    /// Mean error of an answer on rows of episodes, normalised; and of holding the
-    /// action of the row.
+    /// Mean error of chunks on at most `most` rows of episodes, in standardized units; and the error of
+    /// holding the action of the row.
     #[must_use]
     pub fn errors(&self, network: &Network, episodes: &[Episode], most: usize) -> [f64; 2] {
         let each = episodes.iter().enumerate();
@@ -163,10 +163,10 @@ impl ActLesson {
             .flat_map(|(e, episode)| (0..episode.rows()).map(move |row| (e, row)))
             .collect();
         let step = (all.len() / most.max(1)).max(1);
-        let places: Vec<_> = all.into_iter().step_by(step).collect();
+        let samples: Vec<_> = all.into_iter().step_by(step).collect();
         let device = Device::flex();
         let (mut sums, mut count) = ([0.0; 2], 0.0);
-        for part in places.chunks(self.options.batch) {
+        for part in samples.chunks(self.options.batch) {
             let batch = self.batch(episodes, part, None, &device);
             let found = network.forward(batch.inputs, None);
             let held = batch.actions.clone().slice([0..part.len(), 0..1]);
@@ -188,43 +188,44 @@ fn normal<'a>(row: &'a [f32], mean: &'a [f32], std: &'a [f32]) -> impl Iterator<
     numbers.map(|((v, mean), std)| (v - mean) / std)
 }
 
-impl Lesson for ActLesson {
+impl TrainingTask for ActTask {
     type Network = Network;
 
     fn loss(&self, network: &Network, step: u64) -> (Tensor<1>, Vec<(&'static str, f64)>) {
         let options = &self.options;
         let mut random = ChaCha8Rng::seed_from_u64(options.seed);
         random.set_stream(step);
-        let drawn = (0..options.batch).map(|_| *self.places.choose(&mut random).unwrap_or(&(0, 0)));
-        let places: Vec<_> = drawn.collect();
-        let pictures = places.len() * self.card.cameras.len();
+        let samples =
+            (0..options.batch).map(|_| *self.samples.choose(&mut random).unwrap_or(&(0, 0)));
+        let samples: Vec<_> = samples.collect();
+        let images = samples.len() * self.card.cameras.len();
         let most = options.shift;
         let mut pixel = || random.random_range(-most..=most);
-        let shifts: Vec<[i32; 2]> = (0..pictures).map(|_| [pixel(), pixel()]).collect();
-        let batch = self.batch(&self.learned, &places, Some(&shifts), &self.device);
+        let shifts: Vec<[i32; 2]> = (0..images).map(|_| [pixel(), pixel()]).collect();
+        let batch = self.batch(&self.learned, &samples, Some(&shifts), &self.device);
         let cost = |found: Tensor<3>| {
             let error = (found - batch.actions.clone()).abs() * batch.counts.clone();
             error.mean()
         };
         if self.card.network.vae_layers == 0 {
             let l1 = cost(network.forward(batch.inputs, None));
-            let told = l1.clone().into_scalar::<f64>();
-            return (l1, vec![("l1", told)]);
+            let value = l1.clone().into_scalar::<f64>();
+            return (l1, vec![("l1", value)]);
         }
         let latent = self.card.network.latent;
-        let noise = noise(options.seed, step, places.len() * latent);
-        let noise = TensorData::new(noise, [places.len(), latent]);
+        let noise = noise(options.seed, step, samples.len() * latent);
+        let noise = TensorData::new(noise, [samples.len(), latent]);
         let noise = Tensor::from_data(noise, &self.device);
         let (found, latent) =
             network.trained(batch.inputs, batch.actions.clone(), batch.padding, noise);
         let (l1, divergence) = (cost(found), latent.divergence());
-        let told = [l1.clone(), divergence.clone()].map(|t| t.into_scalar::<f64>());
+        let values = [l1.clone(), divergence.clone()].map(|t| t.into_scalar::<f64>());
         let loss = l1 + divergence * options.divergence;
-        (loss, vec![("l1", told[0]), ("kl", told[1])])
+        (loss, vec![("l1", values[0]), ("kl", values[1])])
     }
 
     fn validate(&self, network: &Network) -> Option<f64> {
-        let [error, _] = self.errors(network, &self.held, LOOKS);
+        let [error, _] = self.errors(network, &self.held, VALIDATION_ROWS);
         (!self.held.is_empty()).then_some(error)
     }
 
@@ -236,12 +237,12 @@ impl Lesson for ActLesson {
         (options.rate * warm.min(1.0) * cosine).max(1e-7)
     }
 
-    fn keep(&self, network: &Network, told: &Told, folder: &Path) -> anyhow::Result<()> {
+    fn keep(&self, network: &Network, progress: &Progress, folder: &Path) -> anyhow::Result<()> {
         let mut card = self.card.clone();
         if let Some(training) = card.training.as_object_mut() {
-            training.insert("steps".to_owned(), told.step.into());
-            training.insert("seconds".to_owned(), told.seconds.into());
-            training.insert("best".to_owned(), serde_json::json!(told.best));
+            training.insert("steps".to_owned(), progress.step.into());
+            training.insert("seconds".to_owned(), progress.seconds.into());
+            training.insert("best".to_owned(), serde_json::json!(progress.best));
         }
         let text = serde_json::to_string_pretty(&card)?;
         let path = folder.join("policy.safetensors");
@@ -253,13 +254,13 @@ impl Lesson for ActLesson {
 
 fn card(options: &ActOptions, learned: &[Episode], held: &[Episode]) -> anyhow::Result<Card> {
     let Some(first) = learned.first() else {
-        anyhow::bail!("there is no episode to learn from");
+        anyhow::bail!("no episode for training: export successful episodes");
     };
     let about = &first.about;
-    let cameras = first.cameras.iter().map(|(name, pictures)| CameraCard {
+    let cameras = first.cameras.iter().map(|(name, images)| CameraCard {
         name: name.clone(),
-        width: pictures.width,
-        height: pictures.height,
+        width: images.width,
+        height: images.height,
         depth: false,
     });
     let cameras: Vec<_> = cameras.collect();
@@ -298,9 +299,9 @@ fn card(options: &ActOptions, learned: &[Episode], held: &[Episode]) -> anyhow::
         history: 1,
         stochastic: false,
         cameras,
-        picture: PictureCard {
-            mean: PICTURE[0],
-            std: PICTURE[1],
+        image: ImageCard {
+            mean: IMAGE_NORMAL[0],
+            std: IMAGE_NORMAL[1],
             multiple: MULTIPLE,
             padding: "edge".to_owned(),
         },
@@ -329,6 +330,6 @@ fn card(options: &ActOptions, learned: &[Episode], held: &[Episode]) -> anyhow::
         }),
         bits: 32,
     };
-    // What is wrong with the sizes is told before anything is trained.
+    // Rejects invalid sizes before the training.
     Ok(Card::parse(&serde_json::to_string(&card)?)?)
 }

@@ -1,11 +1,11 @@
-//! Gradients shortened all alike, by their length over all parameters; burn's own
-//! clipping takes each tensor for itself.
+//! Clips gradients by their norm over all parameters; burn's own clipping treats each tensor
+//! separately.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::prelude::*;
 
-/// No longer than `most`.
+/// Scales the gradients so that their norm is at most `most`.
 pub fn clipped<M: Module>(gradients: GradientsParams, network: &M, most: f64) -> GradientsParams {
     let mut length = Length {
         gradients: &gradients,

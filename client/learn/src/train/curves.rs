@@ -1,4 +1,4 @@
-//! Learning curves as a picture.
+//! Diagram of the learning curves.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use serde::{Deserialize, Serialize};
 
 const SIZE: (u32, u32) = (900, 420);
-const COLOURS: [RGBColor; 4] = [
+const COLORS: [RGBColor; 4] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 39, 40),
     RGBColor(44, 160, 44),
@@ -26,10 +26,10 @@ pub struct Entry {
     pub rate: f64,
 }
 
-/// Draws every number of the log over its step, logarithmic upwards.
+/// Draws every number of the log over its step, with a logarithmic vertical axis.
 ///
 /// # Errors
-/// When the picture cannot be written.
+/// When the file cannot be written.
 pub fn draw(log: &[Entry], path: &Path) -> anyhow::Result<()> {
     let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
     for entry in log {
@@ -59,7 +59,7 @@ pub fn draw(log: &[Entry], path: &Path) -> anyhow::Result<()> {
             .build_cartesian_2d(0.0..last, (least / 1.2..most * 1.2).log_scale())?;
         chart.configure_mesh().x_desc("step").draw()?;
         for (i, (name, points)) in lines.into_iter().enumerate() {
-            let stroke = COLOURS[i % COLOURS.len()].stroke_width(2);
+            let stroke = COLORS[i % COLORS.len()].stroke_width(2);
             chart
                 .draw_series(LineSeries::new(points, stroke))?
                 .label(name)

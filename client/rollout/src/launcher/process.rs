@@ -242,7 +242,7 @@ impl Process {
         self.name
     }
 
-    /// Whether a foreign SIGKILL ended it, which nearly always comes from a kernel or a job
+    /// Whether a foreign SIGKILL ended it, which nearly always is from a kernel or a job
     /// scheduler without free memory.
     #[must_use]
     pub fn was_killed(&self) -> bool {

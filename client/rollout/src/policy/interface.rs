@@ -73,7 +73,7 @@ impl PolicyError {
             Self::Start(_) => "start",
             Self::Gone(_) => "ended",
             Self::Silent { .. } => "silent",
-            Self::Rejected(_) => "said",
+            Self::Rejected(_) => "rejected",
             Self::Garbled { .. } => "garbled",
             Self::Chunk(_) => "chunk",
             Self::Row(_) => "row",

@@ -141,7 +141,7 @@ pub fn of_page(
         "lease": {
             "holder": holder,
             "mine": mine,
-            "asked": model.control_requests,
+            "requests": model.control_requests,
             "for_s": match &model.control {
                 Control::Ours { since, .. } => Some(time - since),
                 Control::None | Control::Requested { .. } => status.map(|s| s.held_seconds),

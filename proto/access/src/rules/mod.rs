@@ -81,8 +81,8 @@ pub fn grants(user: &User, sim: &str) -> Vec<Grant> {
         Role::Operator => {
             table.viewer();
             table.operator(me);
-            if user.pictures {
-                table.pictures();
+            if user.images {
+                table.images();
                 table.ask(&["sensors"]);
             }
         }
@@ -126,7 +126,7 @@ struct Table {
 }
 
 impl Table {
-    /// With the rights of everyone: available servers, subscriptions and queryables,
+    /// With the rights of every user: available servers, subscriptions and queryables,
     /// because the transport sends nothing without known receivers.
     fn new(sim: &str) -> Self {
         let mut table = Self {
@@ -220,14 +220,14 @@ impl Table {
         self.ask(&OF_OPERATORS);
     }
 
-    fn pictures(&mut self) {
+    fn images(&mut self) {
         self.listen(&["camera/*", "compressed/*", "sensor/*"]);
     }
 
     fn recorder(&mut self, me: &str) {
         self.send(&format!("recorder/{me}"));
         self.live(&format!("recorder/{me}/alive"));
-        self.pictures();
+        self.images();
         // The running episode, for a recorder that is late or missed a message.
         self.ask(&["snapshot", "episode"]);
     }

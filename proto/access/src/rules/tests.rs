@@ -150,7 +150,7 @@ const ROWS: &[Row] = &[
 
 fn everybody() -> Vec<(char, User)> {
     let mut with_images = user("me", Role::Operator);
-    with_images.pictures = true;
+    with_images.images = true;
     vec![
         ('v', user("me", Role::Viewer)),
         ('o', user("me", Role::Operator)),

@@ -113,7 +113,7 @@ impl BaseState {
 
 /// One step of a speed: it brakes while it is too fast or has the wrong sign, and
 /// accelerates otherwise. It never crosses zero within a step, and except for stopping
-/// its steps are no larger than needed to arrive in `left` of them.
+/// its steps are at most as large as needed to arrive in `left` of them.
 fn ramp(now: f64, wanted: f64, gain: f64, braking: f64, left: usize) -> f64 {
     let reverses = now * wanted < 0.0;
     let even = if wanted == 0.0 {

@@ -298,7 +298,7 @@ fn a_twist_out_of_reach_is_reported_and_does_not_run_away() {
     };
     for _ in 0..600 {
         control.update(&arm(twist(-0.3)), &here);
-        // The elbow comes to rest before it is straight.
+        // The elbow is at rest before it is straight.
         assert!(control.state().arm.position[2] > -0.01);
     }
     assert!(control.arm_problem().unwrap().contains("not followed"));

@@ -363,7 +363,7 @@ impl AmbientOcclusion<'_> {
     }
 
     /// Subdivides a static triangle. Edges are split by their length only, as those of
-    /// the neighbour, so there are no gaps. Surfaces facing outdoors stay whole.
+    /// the neighbour, so that no gap is left. Surfaces facing outdoors stay whole.
     /// Corners on a chart need no light of their own.
     pub(super) fn cut(&mut self, triangle: [Corner; 3], light: CornerLight) -> Vec<[Corner; 3]> {
         let [a, b, c] = &triangle;

@@ -9,7 +9,7 @@ pub(super) fn parts(decoration: &Decoration) -> Vec<(Shape, [f64; 3], Material)>
     let [first, second] = &decoration.materials;
     let plate = |half: [f64; 3]| Shape::Cuboid { half };
     match decoration.kind {
-        Kind::Picture => {
+        Kind::WallImage => {
             let paper = Material {
                 color: [0.93, 0.91, 0.87],
                 texture: None,

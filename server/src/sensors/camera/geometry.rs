@@ -132,7 +132,7 @@ impl Geometry {
             let finish = |of: Finish| Finish::ALL.iter().position(|f| *f == of);
             visible.sort_by_key(|(rank, of, _)| (*rank >= LARGE, finish(*of)));
         }
-        // Glass comes last, from back to front.
+        // Glass is last, from back to front.
         let (glass, mut visible): (Vec<_>, Vec<_>) = visible
             .into_iter()
             .partition(|(_, finish, _)| finish.shine == Shine::Glass);

@@ -10,7 +10,7 @@ use crate::geometry::{Shape, Texture, TriMesh};
 ///   colour of the upper edge.
 /// - A grain follows the longer side of a board, the axis of a round post.
 /// - Around a round shape all other textures repeat a whole number of times, so that
-///   there is no seam.
+///   no seam is visible.
 pub(super) fn fit(mesh: &mut TriMesh, shape: &Shape, texture: &Texture) {
     let round = widest_radius(shape);
     if is_label(&texture.pattern) {

@@ -379,15 +379,15 @@ pub fn scenario_over(now: &Scenario, request: &v1::Scenario) -> Result<Scenario,
     for (what, rate) in rates {
         check::finite(what, rate)?;
     }
-    let seen = match appearance {
+    let requested = match appearance {
         Some(request) => appearance_from_proto(request)?,
         None => now.appearance,
     };
-    s.appearance = seen;
+    s.appearance = requested;
     if !cameras.is_empty() {
         s.cameras = cameras.iter().map(camera).collect::<Result<_, Invalid>>()?;
-    } else if calibration_seed.is_some() || moves(seen) != moves(now.appearance) {
-        // Another specimen or look: the sampled poses of the former one are dropped.
+    } else if calibration_seed.is_some() || moves(requested) != moves(now.appearance) {
+        // Another specimen or appearance: drop the sampled camera poses of the former one.
         for camera in &mut s.cameras {
             (camera.lens, camera.place) = (None, None);
         }

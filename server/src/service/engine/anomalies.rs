@@ -14,9 +14,9 @@ const MOST: usize = 100;
 impl Engine {
     /// Forgets reported anomalies, for a new episode or simulation.
     pub(super) fn forget_anomalies(&mut self) {
-        self.seen_anomalies.clear();
+        self.reported_anomalies.clear();
         self.anomalies.clear();
-        self.seen_collisions.clear();
+        self.reported_collisions.clear();
     }
 
     /// Handles a state that has just broken: a running episode ends as failed, and
@@ -41,19 +41,19 @@ impl Engine {
 
     pub(super) fn publish_anomalies(&mut self) {
         for anomaly in self.sim.snapshot().anomalies.clone() {
-            if !self.seen_anomalies.contains(&anomaly) && self.anomalies.len() < MOST {
+            if !self.reported_anomalies.contains(&anomaly) && self.anomalies.len() < MOST {
                 let words = anomaly_words(&anomaly, self.sim.model(), self.sim.scene());
                 self.event(v1::EventKind::Anomaly, &words);
                 self.anomalies
                     .push((convert::anomaly_kind(&anomaly), words));
-                self.seen_anomalies.push(anomaly);
+                self.reported_anomalies.push(anomaly);
             }
         }
         self.publish_touches();
         let hard: Vec<Contact> = self.sim.hard_collisions().copied().collect();
         for contact in hard {
             let pair = (contact.first, contact.second);
-            if !self.seen_collisions.contains(&pair) {
+            if !self.reported_collisions.contains(&pair) {
                 let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
                 let (first, second) = (name(pair.0), name(pair.1));
                 let force = contact.force.norm();
@@ -65,7 +65,7 @@ impl Engine {
                     force: Some(force),
                     ..v1::Event::default()
                 });
-                self.seen_collisions.push(pair);
+                self.reported_collisions.push(pair);
             }
         }
     }
@@ -75,7 +75,7 @@ impl Engine {
         let touches: Vec<Contact> = self.sim.touches().copied().collect();
         for contact in touches {
             let pair = (contact.first, contact.second);
-            if self.seen_collisions.contains(&pair) {
+            if self.reported_collisions.contains(&pair) {
                 continue;
             }
             let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
@@ -89,7 +89,7 @@ impl Engine {
                 force: Some(force),
                 ..v1::Event::default()
             });
-            self.seen_collisions.push(pair);
+            self.reported_collisions.push(pair);
         }
     }
 }

@@ -79,11 +79,11 @@ pub struct Engine {
     pub(in crate::service) unacknowledged: Vec<PendingStopReply>,
     /// The last ended episodes, oldest first.
     pub(in crate::service) ended: VecDeque<v1::EpisodeStopped>,
-    pub(in crate::service) seen_anomalies: Vec<Anomaly>,
+    pub(in crate::service) reported_anomalies: Vec<Anomaly>,
     /// Anomalies since the episode began, with their texts.
     pub(in crate::service) anomalies: Vec<(v1::AnomalyKind, String)>,
     /// Pairs whose hard collision was reported in this episode.
-    pub(in crate::service) seen_collisions: Vec<(BodyRef, BodyRef)>,
+    pub(in crate::service) reported_collisions: Vec<(BodyRef, BodyRef)>,
     /// Asset files as read when the simulation was set up.
     pub(in crate::service) asset_texts: Vec<v1::AssetText>,
     /// Replies that stay the same, encoded once.
@@ -108,7 +108,7 @@ impl Engine {
     /// Sets up the cameras and declares the streams.
     ///
     /// # Errors
-    /// [`ServiceError`], for example when there is no Vulkan driver.
+    /// [`ServiceError`], for example without a Vulkan driver.
     pub fn new(
         sim: Simulation,
         shared: Arc<Shared>,
@@ -132,9 +132,9 @@ impl Engine {
             episodes: 0,
             unacknowledged: Vec::new(),
             ended: VecDeque::new(),
-            seen_anomalies: Vec::new(),
+            reported_anomalies: Vec::new(),
             anomalies: Vec::new(),
-            seen_collisions: Vec::new(),
+            reported_collisions: Vec::new(),
             made: Made::default(),
             shown: None,
         };

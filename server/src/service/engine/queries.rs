@@ -222,7 +222,7 @@ impl Engine {
     }
 
     /// Images that the camera sensors have delivered by this tick. In lock-step every
-    /// image of the tick is rendered first; in real time there is no wait.
+    /// image of the tick is rendered first; in real time it does not wait.
     fn sensors_given(&self) -> v1::SensorsReply {
         let header = Some(self.stamp());
         let Some(render) = self.render.as_ref() else {

@@ -254,7 +254,7 @@ fn surroundings_are_the_same_for_the_tasks_of_every_area() {
     assert!(same > 10, "{same}");
 }
 
-/// Clutter lies, leans, is stacked and hides, each in a share of scenes.
+/// Clutter is on its side, leaning, stacked or hidden, each in a share of scenes.
 #[test]
 fn clutter_lies_leans_is_stacked_and_hides() {
     let (spec, scene) = (task("pick_mustard"), home());
@@ -345,7 +345,7 @@ fn variants_follow_their_shares_and_the_bear_has_its_own() {
 }
 
 #[test]
-fn the_sentence_counts_the_cans_as_seen_facing_the_shelf() {
+fn sentence_counts_cans_from_the_left_when_facing_the_shelf() {
     let (spec, scene) = (task("select_coke"), home());
     for seed in 0..40 {
         let drawn = sample(&spec, &spec.area.variants[0], &scene, seed, None);
@@ -400,7 +400,7 @@ fn assert_apart(scene: &Scene, drawn: &SceneSample, at: &str) {
         .filter_map(|(body, placement)| Some((body, placement.as_ref()?.pose)))
         .collect();
     let overlap = |(a, a_pose): (&Body, Isometry3<f64>), (b, b_pose): (&Body, Isometry3<f64>)| {
-        let seen_from = |frame: Isometry3<f64>| {
+        let overlap_in = |frame: Isometry3<f64>| {
             let a = a.collision_bounds(&(frame.inverse() * a_pose)).unwrap();
             let b = b.collision_bounds(&(frame.inverse() * b_pose)).unwrap();
             a.overlaps(&b, 1e-6)
@@ -415,8 +415,8 @@ fn assert_apart(scene: &Scene, drawn: &SceneSample, at: &str) {
             )
         };
         let round = |body: &Body| body.collision.iter().all(is_round);
-        let along = !(round(a) && round(b)) || seen_from(line);
-        along && seen_from(a_pose) && seen_from(b_pose)
+        let along = !(round(a) && round(b)) || overlap_in(line);
+        along && overlap_in(a_pose) && overlap_in(b_pose)
     };
     for (i, own) in bodies.iter().enumerate() {
         for other in &bodies[i + 1..] {

@@ -337,7 +337,7 @@ fn a_shin_pressed_against_furniture_is_recorded_with_part_and_partner() {
     assert!(greatest > 20.0, "{greatest} N");
 }
 
-/// An object released over the thighs comes to rest there and stays.
+/// An object released over the thighs rests there and stays.
 #[test]
 fn an_object_released_over_the_lap_comes_to_rest() {
     let model = model();

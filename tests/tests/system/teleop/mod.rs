@@ -1,8 +1,8 @@
-//! A person at the keys of the real `wheelarm teleop`, on a real terminal, at
-//! a real server: an episode from start to file, and what happens when the
-//! terminal dies, the link breaks or somebody else is in control.
+//! An operator at the keys of `wheelarm teleop`, on a pseudo-terminal with a real server: an
+//! episode from start to file, a closed terminal, a lost connection, and another holder of
+//! control.
 
-mod person;
+mod operator;
 mod pick;
 
 use std::io::{BufRead, BufReader};
@@ -10,13 +10,13 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use person::Person;
+use operator::Operator;
 use wheelarm_proto::TopicId;
 use wheelarm_proto::topic::Sample;
 use wheelarm_proto::v1::RefusalCode;
 use wheelarm_tests::{Server, printed, program};
 
-/// Small pictures.
+/// Small images.
 const CAMERAS: [&str; 6] = [
     "--camera",
     "gen3=64x48@10",
@@ -54,17 +54,17 @@ impl Drop for Recorder {
     }
 }
 
-fn client(server: &Server, args: &[&str]) -> String {
-    printed(&server.client(args).expect("a client"))
+fn run_client(server: &Server, args: &[&str]) -> String {
+    printed(&server.run_client(args).expect("a client"))
 }
 
 #[test]
-fn a_person_picks_up_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
-    let server = Server::start("person", &[&["--seed", "4"], &CAMERAS[..]].concat());
+fn operator_lifts_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
+    let server = Server::start("operator", &[&["--seed", "4"], &CAMERAS[..]].concat());
     let server = server.expect("a server");
     let folder = tempfile::tempdir().expect("a folder");
     let recorder = Recorder::start(&server, folder.path());
-    let mut person = Person::sit_down(
+    let mut operator = Operator::start(
         &server,
         &[
             "--target-hint",
@@ -74,27 +74,27 @@ fn a_person_picks_up_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
             "hand-picked",
         ],
     );
-    person.waits_for("control is yours");
-    person.waits_for("ready  0 images");
-    person.presses("s");
-    person.waits_for("start an episode");
-    // Whatever is typed here is text and drives nothing.
-    person.presses("\x15Bring mir den Senf, bitte: jik");
-    person.waits_for("jik");
-    person.presses("\r");
-    person.waits_for("RUNS 1 hand-picked");
-    person.goes_to_the_bottle();
-    person.takes_the_bottle();
-    person.presses("\x1b[C");
-    person.waits_for("hand-picked: kept in");
-    person.presses("\x03");
-    assert!(person.end().success(), "{}", person.reads());
+    operator.wait_for("control is yours");
+    operator.wait_for("ready  0 images");
+    operator.press("s");
+    operator.wait_for("start an episode");
+    // Keys in a text field do not drive.
+    operator.press("\x15Bring mir den Senf, bitte: jik");
+    operator.wait_for("jik");
+    operator.press("\r");
+    operator.wait_for("RUNS 1 hand-picked");
+    operator.drive_to_the_bottle();
+    operator.lift_the_bottle();
+    operator.press("\x1b[C");
+    operator.wait_for("hand-picked: kept in");
+    operator.press("\x03");
+    assert!(operator.end().success(), "{}", operator.screen_text());
 
     let text = recorder.finish();
     assert!(text.contains("hand-picked.h5: complete"), "{text}");
     let file = folder.path().join("hand-picked.h5");
     let file = file.to_string_lossy();
-    let info = client(&server, &["dataset", "info", &file]);
+    let info = run_client(&server, &["dataset", "info", &file]);
     assert!(info.contains("Bring mir den Senf, bitte: jik"), "{info}");
     drop(server);
     let replay = Command::new(program("wheelarm").expect("the client"))
@@ -111,47 +111,47 @@ fn a_person_picks_up_the_mustard_by_keys_and_the_episode_replays_bit_by_bit() {
 }
 
 #[test]
-fn a_terminal_that_dies_stops_the_chair_and_gives_control_back() {
+fn closed_terminal_stops_the_chair_and_releases_control() {
     let server = Server::start("dying", &["--no-cameras"]).expect("a server");
-    let link = server.link();
-    let refusals = link.streams(&[TopicId::Refusal]);
+    let client = server.client();
+    let refusals = client.streams(&[TopicId::Refusal]);
     let refusals = refusals.expect("the refusals");
-    let mut person = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
-    person.waits_for("control is yours");
-    person.presses("j");
-    person.waits("a turning chair", |_| {
-        person.numbers("turns ").is_some_and(|n| n[0] > 0.3)
+    let mut operator = Operator::start(&server, &["--commander", "anna", "--no-page"]);
+    operator.wait_for("control is yours");
+    operator.press("j");
+    operator.wait_until("a turning chair", |_| {
+        operator.numbers("turns ").is_some_and(|n| n[0] > 0.3)
     });
-    person.loses_the_terminal();
-    assert!(!person.end().success());
+    operator.close_terminal();
+    assert!(!operator.end().success());
     let since = Instant::now();
     loop {
-        let status = client(&server, &["status"]);
+        let status = run_client(&server, &["status"]);
         if status.contains("yes chair_stopped") && status.contains("control     none") {
             break;
         }
         assert!(since.elapsed() < Duration::from_secs(10), "{status}");
     }
     while let Some(Sample::Refusal(refusal)) = refusals.next(Duration::ZERO).expect("no error") {
-        // Where the host is busy a command may come late; none is wrong.
+        // A command may be late on a busy host; none is invalid.
         assert_eq!(refusal.code(), RefusalCode::TooOld, "{}", refusal.reason);
     }
 }
 
 #[test]
-fn a_signal_leaves_the_terminal_as_it_was() {
+fn signal_restores_the_terminal() {
     let server = Server::start("signal", &["--no-cameras"]).expect("a server");
-    let mut person = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
-    person.waits_for("control is yours");
-    let process = person.process().to_string();
+    let mut operator = Operator::start(&server, &["--commander", "anna", "--no-page"]);
+    operator.wait_for("control is yours");
+    let process = operator.process().to_string();
     let kill = Command::new("kill").args(["-TERM", &process]).status();
     assert!(kill.is_ok_and(|s| s.success()));
-    person.end();
-    // What it says last is read here some time after its end.
-    person.waits("why it ended", |_| {
-        person.written().contains("ended by SIGTERM")
+    operator.end();
+    // Its last output is read some time after its end.
+    operator.wait_until("the reason of the end", |_| {
+        operator.written().contains("ended by SIGTERM")
     });
-    let written = person.written();
+    let written = operator.written();
     let entered = written.rfind("\x1b[?1049h");
     let left = written.rfind("\x1b[?1049l");
     assert!(entered.is_some() && left > entered, "{written}");
@@ -159,46 +159,46 @@ fn a_signal_leaves_the_terminal_as_it_was() {
 }
 
 #[test]
-fn a_picture_drawn_anew_asks_the_terminal_nothing_and_swallows_no_key() {
+fn redraw_sends_no_terminal_query_and_loses_no_key() {
     let server = Server::start("anew", &["--no-cameras"]).expect("a server");
-    let mut person = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
-    person.waits_for("control is yours");
-    // Ctrl-L, and keys that would be taken for the terminal's answer.
+    let mut operator = Operator::start(&server, &["--commander", "anna", "--no-page"]);
+    operator.wait_for("control is yours");
+    // Ctrl-L, and keys that look like a reply of the terminal.
     for _ in 0..5 {
-        person.presses("\x0ck[;Rk");
+        operator.press("\x0ck[;Rk");
         std::thread::sleep(Duration::from_millis(50));
     }
-    person.presses("\x0cj");
-    person.waits("a turning chair", |_| {
-        person.numbers("turns ").is_some_and(|n| n[0] > 0.3)
+    operator.press("\x0cj");
+    operator.wait_until("a turning chair", |_| {
+        operator.numbers("turns ").is_some_and(|n| n[0] > 0.3)
     });
-    let asks = person.written().contains("\x1b[6n");
-    assert!(!asks, "the program asks where the cursor is");
-    person.presses("k\x03");
-    assert!(person.end().success());
+    let has_query = operator.written().contains("\x1b[6n");
+    assert!(!has_query, "the program queries the cursor position");
+    operator.press("k\x03");
+    assert!(operator.end().success());
 }
 
 #[test]
-fn a_second_person_is_told_who_is_in_control_and_takes_it_only_explicitly() {
+fn second_operator_sees_the_holder_and_takes_control_only_explicitly() {
     let server = Server::start("two", &["--no-cameras"]).expect("a server");
-    let anna = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
-    anna.waits_for("control is yours");
-    let mut bernd = Person::sit_down(&server, &["--commander", "bernd", "--no-page"]);
-    bernd.waits_for("anna HOLDS CONTROL");
-    bernd.presses("i");
-    bernd.waits_for("anna holds control; ! takes it over");
-    bernd.presses("!");
-    bernd.waits_for("y takes control");
-    bernd.presses("y");
-    bernd.waits_for("control is yours");
-    anna.waits_for("bernd HOLDS CONTROL");
-    bernd.presses("\x03");
+    let anna = Operator::start(&server, &["--commander", "anna", "--no-page"]);
+    anna.wait_for("control is yours");
+    let mut bernd = Operator::start(&server, &["--commander", "bernd", "--no-page"]);
+    bernd.wait_for("anna HOLDS CONTROL");
+    bernd.press("i");
+    bernd.wait_for("anna holds control; ! takes it over");
+    bernd.press("!");
+    bernd.wait_for("y takes control");
+    bernd.press("y");
+    bernd.wait_for("control is yours");
+    anna.wait_for("bernd HOLDS CONTROL");
+    bernd.press("\x03");
     assert!(bernd.end().success());
-    anna.waits_for("control is yours");
+    anna.wait_for("control is yours");
 }
 
 #[test]
-fn a_lost_server_is_shown_keys_do_nothing_and_a_new_one_is_found() {
+fn teleop_shows_a_lost_server_and_reconnects_to_a_new_one() {
     let endpoint = {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
         format!("tcp/{}", listener.local_addr().expect("an address"))
@@ -207,19 +207,19 @@ fn a_lost_server_is_shown_keys_do_nothing_and_a_new_one_is_found() {
     let args = ["--no-cameras", "--listen", &endpoint];
     let mut server = Server::start("lost", &args).expect("a server");
     server.endpoint.clone_from(&endpoint);
-    let mut person = Person::sit_down(&server, &["--commander", "anna", "--no-page"]);
-    person.waits_for("control is yours");
+    let mut operator = Operator::start(&server, &["--commander", "anna", "--no-page"]);
+    operator.wait_for("control is yours");
     drop(server);
-    person.waits_for("LINK LOST");
-    person.presses("v");
-    person.waits_for("the connection is lost: nothing is sent");
+    operator.wait_for("LINK LOST");
+    operator.press("v");
+    operator.wait_for("the connection is lost: nothing is sent");
     let server = Server::start("lost", &args).expect("a server");
-    person.waits("control again", |text| {
+    operator.wait_until("control again", |text| {
         text.contains("● connected") && text.contains("control is yours")
     });
-    person.presses("j");
-    person.waits("a turning chair", |_| {
-        person.numbers("turns ").is_some_and(|n| n[0] > 0.2)
+    operator.press("j");
+    operator.wait_until("a turning chair", |_| {
+        operator.numbers("turns ").is_some_and(|n| n[0] > 0.2)
     });
     drop(server);
 }

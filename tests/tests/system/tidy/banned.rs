@@ -1,5 +1,5 @@
-//! Words that WheelArm does not use, by scope: `tests/data/banned.toml`. Documents hold
-//! none of them; in code their number only falls.
+//! Words that WheelArm does not use, by scope: `tests/data/banned.toml`. The numbers of matches
+//! only fall; most are 0.
 //!
 //! With the variable `WHEELARM_WRITE_BANNED=1` the test writes lower counts into the file.
 
@@ -26,7 +26,7 @@ struct Rule {
     most: usize,
 }
 
-/// A line of a file that may hold a banned word.
+/// A line of a file that may contain a banned word.
 struct Exception {
     file: String,
     /// Part of the line.
@@ -74,7 +74,7 @@ fn read() -> (Vec<Rule>, Vec<Exception>) {
     (rules.collect(), exceptions.collect())
 }
 
-/// The comments of a source that is not Rust: what follows its mark.
+/// The comments of a source that is not Rust: the text from its comment mark on.
 fn comments_after(text: &str, mark: &str) -> String {
     let lines = text.lines().map(|line| {
         let found = line.match_indices(mark).find(|(at, _)| {

@@ -1,21 +1,21 @@
-//! No circles: files of a room, of a package and of the dataset crate name each
-//! other in one direction.
+//! No circles: within a module of the server, within a client package and within the dataset
+//! crate, files name each other in one direction only.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{code, list, names, root, run_code};
 
-/// Pairs below server/src whose files name each other, on purpose; a name that stands twice
-/// is a parent and its children.
+/// Pairs of modules below server/src that may name each other; an equal pair is a parent and its
+/// children.
 const CIRCLES: [(&str, &str); 3] = [
-    // The type of the world, in files by what they do to it.
+    // The type of the world, with its methods in several files.
     ("world", "world"),
-    // A parent with the type, a child with some of what it does.
+    // A parent with the type, a child with some of its methods.
     ("sim", "sim::guard"),
     ("robot::control", "robot::control::arm"),
 ];
 
-/// Paths behind `crate::`, `super::` and `self::`, groups in braces taken apart.
+/// Paths that start with `crate::`, `super::` or `self::`; groups in braces are expanded.
 fn named_paths(text: &str) -> Vec<String> {
     fn tree(text: &str, before: &str, found: &mut Vec<String>) -> usize {
         let word = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
@@ -41,11 +41,11 @@ fn named_paths(text: &str) -> Vec<String> {
         for (at, _) in text.match_indices(start) {
             let inside = text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
             let middle = text[..at].ends_with("super::") || text[..at].ends_with("self::");
-            // What is handed on is not used here; `pub(in crate::…)` is no use.
+            // A re-export is not a use, and neither is `pub(in crate::…)`.
             let line = text[..at].rsplit(['\n', ';']).next().unwrap_or_default();
-            let handed_on = line.trim_start().starts_with("pub") && line.ends_with("use ");
+            let re_exported = line.trim_start().starts_with("pub") && line.ends_with("use ");
             let visibility = text[..at].ends_with("(in ");
-            if !inside && !middle && !handed_on && !visibility {
+            if !inside && !middle && !re_exported && !visibility {
                 tree(&text[at..], "", &mut found);
             }
         }
@@ -53,7 +53,7 @@ fn named_paths(text: &str) -> Vec<String> {
     found
 }
 
-/// The module that a path names from `from`: the longest one that there is.
+/// The module that a path names from `from`: the longest existing one.
 fn module_named(path: &str, from: &str, modules: &BTreeSet<String>) -> String {
     let mut here: Vec<&str> = from.split("::").filter(|s| !s.is_empty()).collect();
     for (i, part) in path.split("::").enumerate() {
@@ -76,7 +76,7 @@ fn module_named(path: &str, from: &str, modules: &BTreeSet<String>) -> String {
 }
 
 /// Paths that begin with a module's own child, as the module itself names it:
-/// `child::Thing` without `self::`.
+/// `child::Item` without `self::`.
 fn paths_of_children(text: &str, module: &str, modules: &BTreeSet<String>) -> Vec<String> {
     let mut found = Vec::new();
     for child in modules {
@@ -89,7 +89,7 @@ fn paths_of_children(text: &str, module: &str, modules: &BTreeSet<String>) -> Ve
         for (at, _) in text.match_indices(&format!("{name}::")) {
             let inside = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
             if !text[..at].ends_with(inside) {
-                // Asked like any other path, so that what is handed on is not used.
+                // Parsed like other paths, so that a re-export does not count.
                 let line = text[..at].rsplit(['\n', ';']).next().unwrap_or_default();
                 let rest = text[at..].split(';').next().unwrap_or_default();
                 found.extend(named_paths(&format!("{line}self::{rest}")));
@@ -99,7 +99,7 @@ fn paths_of_children(text: &str, module: &str, modules: &BTreeSet<String>) -> Ve
     found
 }
 
-/// What each file below `folder` names of the other files there.
+/// The other files below `folder` that each file there names.
 fn arrows(folder: &str) -> BTreeMap<String, BTreeSet<String>> {
     let source = root().join(folder);
     let texts: BTreeMap<String, String> = list(folder, ".rs")
@@ -130,13 +130,13 @@ fn arrows(folder: &str) -> BTreeMap<String, BTreeSet<String>> {
 }
 
 /// The first part of a module's path.
-fn room(module: &str) -> &str {
+fn top_module(module: &str) -> &str {
     module.split("::").next().unwrap_or_default()
 }
 
-/// Leaves of the arrows only what is in a circle, or behind one.
+/// Keeps only the arrows in a circle, or behind one.
 fn circles(mut arrows: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
-    // Whoever names nobody who is left is in no circle.
+    // A file that names no remaining file is not in a circle.
     loop {
         let before = arrows.len();
         let left: BTreeSet<String> = arrows.keys().cloned().collect();
@@ -170,16 +170,16 @@ const STRAIGHT: [&str; 12] = [
 ];
 
 #[test]
-fn files_of_the_clients_do_not_name_each_other_in_circles() {
+fn files_of_client_packages_have_no_circles() {
     let rollout = arrows("client/rollout/src");
     assert!(
         rollout["launcher::server"].contains("launcher::process"),
-        "arrows are seen: {rollout:?}"
+        "missing arrow: {rollout:?}"
     );
     let evaluate = &arrows("client/campaign/src")["evaluate"];
     assert!(
         evaluate.contains("evaluate::runner"),
-        "children are seen: {evaluate:?}"
+        "missing child: {evaluate:?}"
     );
     for folder in STRAIGHT {
         let left = circles(arrows(folder));
@@ -188,11 +188,11 @@ fn files_of_the_clients_do_not_name_each_other_in_circles() {
 }
 
 #[test]
-fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
+fn files_of_a_module_of_the_server_have_no_circles() {
     let mut arrows = arrows("server/src");
     assert!(arrows.len() > 100, "{} files", arrows.len());
     for (name, named) in &mut arrows {
-        named.retain(|other| room(other) == room(name));
+        named.retain(|other| top_module(other) == top_module(name));
     }
     for (first, second) in CIRCLES {
         let child = format!("{first}::");
@@ -212,9 +212,8 @@ fn files_of_a_room_of_the_server_do_not_name_each_other_in_circles() {
     assert!(left.is_empty(), "circles among or behind: {left:#?}");
 }
 
-/// Rooms of the dataset crate, from the bottom up: each names only rooms below
-/// it. So reading knows nothing of exports, and the table of columns nothing of
-/// files.
+/// Modules of the dataset crate, from the bottom up: each may name only earlier ones. So the
+/// readers are independent of exports, and the table of columns is independent of files.
 const DATASET: [&str; 29] = [
     "pose",
     "coverage",
@@ -247,19 +246,22 @@ const DATASET: [&str; 29] = [
     "commands",
 ];
 
-/// Rooms of the dataset crate that may name HDF5.
+/// Modules of the dataset crate that may name HDF5.
 const NAME_HDF5: [&str; 6] = ["hdf", "read", "finish", "align", "annotate", "convert"];
 
 #[test]
-fn files_of_the_dataset_crate_name_only_what_lies_below_them() {
+fn modules_of_the_dataset_crate_name_only_lower_ones() {
     let arrows = arrows("client/dataset/src");
     assert!(arrows.len() > 80, "{} files", arrows.len());
     let height = |module: &str| {
-        let found = DATASET.iter().position(|name| *name == room(module));
-        found.unwrap_or_else(|| panic!("{module} is not in the list of rooms"))
+        let found = DATASET.iter().position(|name| *name == top_module(module));
+        found.unwrap_or_else(|| panic!("{module} is not in the list of modules"))
     };
     for (name, named) in &arrows {
-        for other in named.iter().filter(|other| room(other) != room(name)) {
+        for other in named
+            .iter()
+            .filter(|other| top_module(other) != top_module(name))
+        {
             assert!(height(other) < height(name), "{name} names {other}");
         }
     }
@@ -268,12 +270,12 @@ fn files_of_the_dataset_crate_name_only_what_lies_below_them() {
     let source = root().join("client/dataset/src");
     for path in list("client/dataset/src", ".rs") {
         let place = path.strip_prefix(&source).expect("below src");
-        let room = place.components().next().expect("a room").as_os_str();
-        let room = room.to_string_lossy();
-        let room = room.trim_end_matches(".rs");
+        let top_module = place.components().next().expect("a room").as_os_str();
+        let top_module = top_module.to_string_lossy();
+        let top_module = top_module.trim_end_matches(".rs");
         for (line, text) in code(&path) {
-            let inside = NAME_HDF5.contains(&room);
-            let wrapped = names(&text, "hdf5_sys") && room != "hdf";
+            let inside = NAME_HDF5.contains(&top_module);
+            let wrapped = names(&text, "hdf5_sys") && top_module != "hdf";
             assert!(
                 (inside || !names(&text, "hdf5")) && !wrapped,
                 "{}:{line} names HDF5",
@@ -284,7 +286,7 @@ fn files_of_the_dataset_crate_name_only_what_lies_below_them() {
 }
 
 #[test]
-fn paths_in_braces_are_taken_apart() {
+fn paths_in_braces_are_expanded() {
     let text = "pub use self::c;\nuse crate::a::{self, b::{C, D}, e};\nsuper::f::g();";
     let mut found = named_paths(text);
     found.sort();

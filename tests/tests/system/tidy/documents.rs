@@ -106,7 +106,7 @@ fn anchors(path: &Path) -> BTreeSet<String> {
 }
 
 #[test]
-fn links_of_documents_lead_to_files_and_headings() {
+fn links_of_documents_name_existing_files_and_headings() {
     let mut broken = Vec::new();
     for path in documents() {
         let text = fs::read_to_string(&path).expect("a document");
@@ -125,11 +125,7 @@ fn links_of_documents_lead_to_files_and_headings() {
             }
         }
     }
-    assert!(
-        broken.is_empty(),
-        "links to nowhere:\n{}",
-        broken.join("\n")
-    );
+    assert!(broken.is_empty(), "broken links:\n{}", broken.join("\n"));
 }
 
 /// Largest size of the documents at the root, bytes.
@@ -207,7 +203,7 @@ fn every_document_is_in_its_index_and_every_image_in_a_document() {
     assert!(left.is_empty(), "no index links to:\n{}", left.join("\n"));
 }
 
-/// Folders at the root with which a path in ARCHITECTURE.md begins.
+/// Folders at the root, with which a path in a document begins.
 const TOP: [&str; 7] = [
     "assets/", "client/", "docs/", "proto/", "scripts/", "server/", "tests/",
 ];

@@ -1,5 +1,5 @@
-//! One scenario: every field of the message is documented, has its row, and is spelled the
-//! same in TOML, Python, the page and the options of the server.
+//! The message `Scenario`: every field is in the guide, and has the same name in TOML, Python, the
+//! page and the options of the server.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -119,7 +119,7 @@ fn the_page_names_only_fields_of_the_scenario() {
 
 /// Names that changed with contract 3: `tests/data/renames.toml`.
 #[test]
-fn contract_3_renames_what_its_table_lists_and_nothing_else() {
+fn contract_3_renames_only_the_listed_names() {
     let data = |name: &str| {
         let path = root().join("tests/data").join(name);
         fs::read_to_string(path).expect("test data")
@@ -170,6 +170,9 @@ fn contract_3_renames_what_its_table_lists_and_nothing_else() {
         .filter_map(toml::Value::as_str)
     {
         let is_used = used.iter().any(|used| used.ends_with(name));
-        assert!(is_used, "renames.toml lists {name}, which nothing is named");
+        assert!(
+            is_used,
+            "renames.toml lists {name}, which the contract does not use"
+        );
     }
 }

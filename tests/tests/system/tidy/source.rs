@@ -1,5 +1,4 @@
-//! Rust sources by part: code, comments, string literals. Used by the rules about
-//! language, which differ for each of them.
+//! Splits Rust sources into code, comments and string literals, for the language rules.
 
 /// The parts of a source, each with the line breaks of the whole, so that line numbers
 /// agree.
@@ -109,7 +108,7 @@ fn ends_raw(rest: &[char], hashes: usize) -> bool {
 }
 
 #[test]
-fn a_source_is_split_into_code_comments_and_strings() {
+fn source_is_split_into_code_comments_and_strings() {
     let text = "let a = \"b // c\\\" d\"; // e \"f\n/* g /* h */ i */ let r = r#\"j\"k\"#;\nlet q = '\"'; let l: &'a str = '\\'';\n";
     let parts = parts(text);
     let lines = |text: &str| {

@@ -1,5 +1,5 @@
-//! Who may name what: crates within the server, packages among each other, and
-//! functions whose bits differ between machines.
+//! Dependencies: crates that a module of the server may name, packages that a package may name,
+//! and functions whose bits differ between machines.
 
 use std::fs;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ const WALLS: [(&str, &[&str]); 5] = [
 ];
 
 #[test]
-fn the_walls_of_the_architecture_stand() {
+fn modules_of_the_server_name_only_their_crates() {
     let source = root().join("server/src");
     let mut breaches = Vec::new();
     for path in list("server/src", ".rs") {
@@ -45,13 +45,13 @@ fn the_walls_of_the_architecture_stand() {
     );
 }
 
-/// Functions of the C library: other bits on another machine.
+/// Functions of the C library, whose bits differ between machines.
 const INEXACT: [&str; 22] = [
     "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp",
     "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "powf", "cbrt", "hypot",
 ];
 
-/// Below these paths everything that reaches the state, a draw or a command.
+/// Folders whose code computes states, sampled values or commands.
 const EXACT: [&str; 14] = [
     "server/src/world",
     "server/src/appearance",
@@ -70,7 +70,7 @@ const EXACT: [&str; 14] = [
 ];
 
 #[test]
-fn what_reaches_the_state_computes_the_same_bits_everywhere() {
+fn code_of_states_and_commands_calls_no_inexact_function() {
     let mut found = Vec::new();
     for path in EXACT.iter().flat_map(|folder| list(folder, ".rs")) {
         for (line, text) in run_code(&path) {
@@ -96,10 +96,9 @@ fn what_reaches_the_state_computes_the_same_bits_everywhere() {
     );
 }
 
-/// `clamp` panics when a limit is no number or when limits cross, which a
-/// state that went wrong brings about.
+/// `clamp` panics when a limit is NaN or when limits cross, which a broken state can cause.
 #[test]
-fn no_clamp_on_limits_that_are_computed() {
+fn computed_limits_are_not_used_with_clamp() {
     let mut found = Vec::new();
     for path in ["server/src/world", "server/src/robot"]
         .iter()
@@ -109,7 +108,7 @@ fn no_clamp_on_limits_that_are_computed() {
             for call in text.split(".clamp(").skip(1) {
                 let limits = call.split(')').next().unwrap_or_default();
                 let constant = limits.split(',').all(|l| l.trim().parse::<f64>().is_ok());
-                // Whoever has a `clamp` of its own takes one thing.
+                // Our own `clamp` methods have one argument.
                 let own = !limits.is_empty() && !limits.contains(',');
                 if !constant && !own {
                     found.push(format!("{}:{line} clamps to {limits:?}", path.display()));
@@ -142,10 +141,9 @@ fn no_client_depends_on_the_server() {
     }
 }
 
-/// Cargo leaves out a crate that takes another's place where the versions differ, and
-/// says so in a warning alone.
+/// Cargo ignores a patched crate of another version, with a warning only.
 #[test]
-fn links_over_tls_are_our_own() {
+fn tls_links_use_the_patched_crate() {
     let lock = fs::read_to_string(root().join("Cargo.lock")).expect("a lock");
     let packages: Vec<&str> = lock.split("[[package]]").collect();
     let links = packages
@@ -157,9 +155,9 @@ fn links_over_tls_are_our_own() {
     assert!(!lock.contains("[[patch.unused]]"));
 }
 
-/// The worker alone stands above both: nobody but tests names it.
+/// Only the worker depends on both server and clients; only tests name it.
 #[test]
-fn nobody_names_the_worker() {
+fn no_package_depends_on_the_worker() {
     for folder in ["server", "client", "proto"] {
         for manifest in list(folder, "Cargo.toml") {
             if manifest.ends_with(WORKER) {
@@ -180,8 +178,8 @@ fn nobody_names_the_worker() {
     );
 }
 
-/// Packages below `client/` and which of this workspace they may name: no arrow
-/// runs up and there is no circle.
+/// Packages below `client/`, and the packages of this workspace that each may name. Each names
+/// only lower ones, which prevents circles.
 const CLIENTS: [(&str, &[&str]); 13] = [
     ("client/sdk", &["proto"]),
     ("client/policy", &["proto"]),
@@ -228,7 +226,7 @@ const CLIENTS: [(&str, &[&str]); 13] = [
     ),
 ];
 
-/// Users and keys stand below server and clients and open no connection.
+/// Users and keys are below server and clients and open no connection.
 #[test]
 fn access_opens_no_connection() {
     for name in dependencies("proto/access") {
@@ -239,10 +237,10 @@ fn access_opens_no_connection() {
     }
 }
 
-/// What is pure and computed for the server, or for server and clients alike,
-/// names neither, no message, no transport and no renderer.
+/// Packages of pure functions name neither server nor clients, no message, no transport and no
+/// renderer.
 #[test]
-fn the_pure_packages_stand_below_server_and_clients() {
+fn pure_packages_are_below_server_and_clients() {
     for folder in [
         "proto/codec",
         "proto/planning",
@@ -282,7 +280,7 @@ fn dependencies(folder: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_client_package_names_only_what_lies_below_it() {
+fn client_packages_name_only_lower_ones() {
     let found: Vec<String> = list("client", "Cargo.toml")
         .iter()
         .filter_map(|path| path.parent()?.strip_prefix(root()).ok().map(PathBuf::from))
@@ -303,9 +301,9 @@ fn a_client_package_names_only_what_lies_below_it() {
     assert_eq!(found.len(), CLIENTS.len(), "{found:?}");
 }
 
-/// What `make demo` runs: the programs of a user, and nothing that tests them.
+/// The default members are the programs of `make demo`, without tests.
 #[test]
-fn what_is_built_without_asking_is_what_the_demo_runs() {
+fn default_members_are_the_programs_of_the_demo() {
     let text = fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
     let line = text
         .lines()
@@ -318,8 +316,8 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     let build = make.split("\nbuild:\n").nth(1).expect("a target");
     let build = build.split("\n\n").next().unwrap_or_default();
     assert!(!build.contains("--workspace"), "{build}");
-    // Each of them has a program, and no other package of a user has one but what
-    // learns, which is built when it is asked for.
+    // Each of them has a program, and of the other client packages only `client/learn`, which is
+    // built separately.
     for package in [
         "server",
         "client/cli",
@@ -343,9 +341,9 @@ fn what_is_built_without_asking_is_what_the_demo_runs() {
     }
 }
 
-/// Packages without which the thin client is built: its features bring them.
+/// The thin client is built without these packages: they belong to optional features.
 #[test]
-fn a_thin_client_needs_no_hdf5_and_no_terminal() {
+fn thin_client_needs_neither_hdf5_nor_a_terminal() {
     let text = fs::read_to_string(root().join("client/cli/Cargo.toml")).expect("a manifest");
     for name in [
         "hdf5",
@@ -364,8 +362,8 @@ fn a_thin_client_needs_no_hdf5_and_no_terminal() {
     }
 }
 
-/// What `wheelarm-sdk` may be built with: proto, zenoh, and small crates.
-const LINK: [&str; 10] = [
+/// Crates that `wheelarm-sdk` may depend on: proto, zenoh, and small crates.
+const SDK: [&str; 10] = [
     "bytes",
     "parking_lot",
     "prost",
@@ -377,7 +375,7 @@ const LINK: [&str; 10] = [
     "zenoh",
     "zenoh-ext",
 ];
-/// Calls that only Unix has.
+/// Interfaces that only Unix has.
 const UNIX: [&str; 7] = [
     "os::unix",
     "os::fd",
@@ -389,9 +387,9 @@ const UNIX: [&str; 7] = [
 ];
 
 #[test]
-fn a_foreign_client_needs_proto_and_zenoh_alone_and_no_unix() {
+fn sdk_depends_on_proto_and_zenoh_and_not_on_unix() {
     for name in dependencies("client/sdk") {
-        assert!(LINK.contains(&name.as_str()), "wheelarm-sdk needs {name}");
+        assert!(SDK.contains(&name.as_str()), "wheelarm-sdk needs {name}");
     }
     let mut found = Vec::new();
     for path in list("client/sdk/src", ".rs") {
@@ -404,7 +402,7 @@ fn a_foreign_client_needs_proto_and_zenoh_alone_and_no_unix() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// A name stands for one place: no command module shares its name with a crate.
+/// A name has one meaning: no command module shares its name with a crate.
 #[test]
 fn no_command_module_has_the_name_of_a_crate() {
     let crates: Vec<String> = ["proto", "server", "client"]

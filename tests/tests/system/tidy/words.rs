@@ -1,11 +1,11 @@
-//! Words: a unit on every message field, no path of one machine, nothing of the robot
-//! that ships copied from its folder.
+//! Words: a unit on every message field, no path of one machine, and no name or size of the
+//! default robot outside its folder.
 
 use std::fs;
 
 use super::{files, list, root, run_code};
 
-/// Whether `word` stands in a text by itself: "N" is no word of "Name".
+/// Whether a text contains `word` as a whole word: "Name" does not contain "N".
 fn has_word(text: &str, word: &str) -> bool {
     let inside = |c: char| c.is_alphanumeric() || "'_/²".contains(c);
     text.match_indices(word).any(|(at, _)| {
@@ -15,19 +15,19 @@ fn has_word(text: &str, word: &str) -> bool {
 
 #[test]
 fn units_are_whole_words() {
-    for (text, word, is_there) in [
+    for (text, word, expected) in [
         ("Name of the robot.", "N", false),
         ("Force, N.", "N", true),
         ("Speed, m/s.", "m", false),
         ("Turn acceleration, rad/s².", "rad/s²", true),
         ("Turn acceleration, rad/s².", "s", false),
     ] {
-        assert_eq!(has_word(text, word), is_there, "{text} {word}");
+        assert_eq!(has_word(text, word), expected, "{text} {word}");
     }
 }
 
 #[test]
-fn every_message_field_says_its_unit() {
+fn every_message_field_states_its_unit() {
     let units = [
         "m",
         "metres",
@@ -97,7 +97,7 @@ fn every_message_field_says_its_unit() {
 }
 
 #[test]
-fn nothing_names_a_path_of_one_machine() {
+fn no_source_names_a_path_of_one_machine() {
     let mut found = Vec::new();
     for (folder, ending) in [
         ("server", ".rs"),
@@ -128,8 +128,7 @@ fn nothing_names_a_path_of_one_machine() {
     );
 }
 
-/// Words of the contract and of the human body that happen to be names of the
-/// robot's links, too.
+/// Words of the contract and of the human body that are also names of the robot's links.
 const COMMON: [&str; 6] = [
     "forearm",
     "base_link",
@@ -139,9 +138,9 @@ const COMMON: [&str; 6] = [
     "imu_link",
 ];
 
-/// Where the robot that ships may be known by name: formats of others, and what
-/// reads files that do not tell their robot.
-const KNOW_THE_ROBOT: [&str; 2] = [
+/// Files that may name the default robot: formats of other projects, and the reader of files
+/// without a robot description.
+const MAY_NAME_THE_ROBOT: [&str; 2] = [
     "client/dataset/src/convert/wheelarm_sim.rs",
     "client/dataset/src/read/robot.rs",
 ];
@@ -152,7 +151,7 @@ fn between<'a>(text: &'a str, start: &str, end: &str) -> Vec<&'a str> {
     parts.filter_map(|part| part.split(end).next()).collect()
 }
 
-/// Numbers with a point as they stand in code, without their underscores.
+/// Decimal numbers in code, without underscores.
 fn decimals(text: &str) -> impl Iterator<Item = String> {
     text.split(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '_')))
         .filter(|word| word.contains('.') && word.starts_with(|c: char| c.is_ascii_digit()))
@@ -160,7 +159,7 @@ fn decimals(text: &str) -> impl Iterator<Item = String> {
 }
 
 #[test]
-fn the_robot_is_told_and_not_copied() {
+fn no_source_copies_names_or_sizes_of_the_robot() {
     let folder = root().join("assets/robots/wheelarm");
     let read = |file: &str| fs::read_to_string(folder.join(file)).expect("a file of the robot");
     let (urdf, toml) = (read("wheelarm.urdf"), read("robot.toml"));
@@ -169,8 +168,7 @@ fn the_robot_is_told_and_not_copied() {
     known.extend(between(&toml, "name = \"", "\""));
     known.retain(|name| !COMMON.contains(name) && *name != "wheelarm");
     assert!(known.len() > 50, "{} names", known.len());
-    // Numbers of the gripper, of the chair and of the reach that could be nothing
-    // else, as they stand in the folder.
+    // Unmistakable numbers of the gripper, the chair and the reach, as written in the folder.
     let sizes = [
         "0.085",
         "0.7929",
@@ -184,11 +182,11 @@ fn the_robot_is_told_and_not_copied() {
         "0.2848",
         "0.873",
     ];
-    let told: Vec<String> = decimals(&urdf).chain(decimals(&toml)).collect();
+    let numbers: Vec<String> = decimals(&urdf).chain(decimals(&toml)).collect();
     for size in sizes {
         assert!(
-            told.iter().any(|number| number == size),
-            "{size} is no number of the robot"
+            numbers.iter().any(|number| number == size),
+            "{size} is not a number of the robot"
         );
     }
     let mut copied = Vec::new();
@@ -196,7 +194,9 @@ fn the_robot_is_told_and_not_copied() {
         for path in list(folder, ".rs") {
             let path_text = path.strip_prefix(root()).expect("below the root");
             let place = path_text.to_string_lossy().into_owned();
-            let exempt = KNOW_THE_ROBOT.iter().any(|known| place.starts_with(known));
+            let exempt = MAY_NAME_THE_ROBOT
+                .iter()
+                .any(|known| place.starts_with(known));
             let of_tests = ["/tests/", "/examples/"].iter();
             if exempt || of_tests.into_iter().any(|part| place.contains(part)) {
                 continue;

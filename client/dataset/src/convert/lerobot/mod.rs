@@ -95,7 +95,7 @@ struct Scratch {
 
 impl Scratch {
     fn new(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join(".pictures");
+        let path = folder.join(".images");
         let file = File::options()
             .read(true)
             .write(true)

@@ -172,7 +172,7 @@ export class Panels {
   control(s, mine, asks) {
     const { app } = this;
     const { lease = {}, people = [] } = s;
-    const requests = lease.asked || [];
+    const requests = lease.requests || [];
     text($("control_text"), [
       mine ? "You are in control." : lease.holder ? `${lease.holder} is in control.` : "Control is free.",
       requests.length > 0 ? `${requests.join(", ")} asks for it.` : "",

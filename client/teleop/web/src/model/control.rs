@@ -178,7 +178,7 @@ impl Model {
                         false,
                         &format!("{} asks for control", requester.name),
                     ),
-                    self.audit(page, "asked", &owner),
+                    self.audit(page, "requested", &owner),
                 ];
                 effects.extend(self.refuse_request(
                     page,
@@ -209,7 +209,8 @@ impl Model {
                 effects
             }
             Control::None => {
-                let mut effects = vec![self.audit(page, if take { "took" } else { "asked" }, "")];
+                let mut effects =
+                    vec![self.audit(page, if take { "took" } else { "requested" }, "")];
                 effects.extend(self.ask_server(page, &requester.name, Some(id), take));
                 effects
             }

@@ -105,7 +105,7 @@ impl ArmControl {
     }
 
     /// Joint speeds for a twist that brakes towards a singularity, so that the elbow or
-    /// the wrist comes to rest before it would flip. Only the component along the
+    /// the wrist is at rest before it would flip. Only the component along the
     /// singular direction is slowed, and only inwards.
     fn away_from_singularity(
         &self,

@@ -1,4 +1,4 @@
-//! Where a token stands, in sines.
+//! Sinusoidal position encodings of tokens.
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
@@ -6,7 +6,7 @@ use burn::tensor::TensorData;
 /// Longest wavelength over the shortest.
 const TEMPERATURE: f64 = 10_000.0;
 
-/// Rows of a table whose values come from row and column.
+/// A table with the values of a function of row and column.
 fn table(
     rows: usize,
     columns: usize,
@@ -18,7 +18,7 @@ fn table(
     Tensor::from_data(TensorData::new(values, [rows, columns]), device)
 }
 
-/// Sine where `column` is even, cosine where it is odd.
+/// Sine in even columns, cosine in odd ones.
 fn wave(place: f64, column: usize, width: usize) -> f64 {
     let rate = TEMPERATURE.powf((2 * (column / 2)) as f64 / width as f64);
     match column % 2 {
@@ -27,7 +27,7 @@ fn wave(place: f64, column: usize, width: usize) -> f64 {
     }
 }
 
-/// Places of a sequence: count × dim (Vaswani et al. 2017).
+/// Positions of a sequence: count × dim (Vaswani et al. 2017).
 pub(super) fn of_sequence(count: usize, dim: usize, device: &Device) -> Tensor<2> {
     table(
         count,
@@ -37,10 +37,9 @@ pub(super) fn of_sequence(count: usize, dim: usize, device: &Device) -> Tensor<2
     )
 }
 
-/// Places of a picture's features, row by row: height * width × dim. The first half
-/// of the numbers tells the row, the second the column, each as a share of a turn
-/// (Carion et al. 2020).
-pub(super) fn of_picture(height: usize, width: usize, dim: usize, device: &Device) -> Tensor<2> {
+/// Positions of an image's features, row by row: height * width × dim. The first half of the
+/// numbers encodes the row, the second the column, each as a share of a turn (Carion et al. 2020).
+pub(super) fn of_image(height: usize, width: usize, dim: usize, device: &Device) -> Tensor<2> {
     let half = dim / 2;
     let turn =
         |place: usize, of: usize| (place + 1) as f64 / (of as f64 + 1e-6) * std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! A person at a pseudo-terminal: presses keys and reads the screen.
+//! An operator at a pseudo-terminal: presses keys and reads the screen.
 
 use std::io::{Read, Write};
 use std::num::NonZeroU16;
@@ -9,26 +9,26 @@ use std::time::{Duration, Instant};
 use portable_pty::{Child, CommandBuilder, ExitStatus, MasterPty, PtySize, native_pty_system};
 use wheelarm_tests::{Server, program};
 
-/// Longest wait for something to stand on the screen: something hangs.
+/// Longest wait for a text on the screen.
 const PATIENCE: Duration = Duration::from_secs(90);
 const ROWS: u16 = 44;
 const COLUMNS: u16 = 130;
 
 /// `wheelarm teleop` on a terminal of its own.
-pub struct Person {
+pub struct Operator {
     child: Box<dyn Child + Send + Sync>,
     master: Option<Box<dyn MasterPty + Send>>,
     keys: Option<Box<dyn Write + Send>>,
     screen: Arc<Mutex<vt100::Parser>>,
     /// Everything that was written to the terminal.
     written: Arc<Mutex<Vec<u8>>>,
-    /// The terminal's other end is to be closed.
+    /// Set when the terminal is closed.
     closed: Arc<AtomicBool>,
 }
 
-impl Person {
-    /// Sits down at the server.
-    pub fn sit_down(server: &Server, args: &[&str]) -> Self {
+impl Operator {
+    /// Starts `wheelarm teleop` with this server.
+    pub fn start(server: &Server, args: &[&str]) -> Self {
         let size = PtySize {
             rows: ROWS,
             cols: COLUMNS,
@@ -73,8 +73,8 @@ impl Person {
         }
     }
 
-    /// What stands on the screen.
-    pub fn reads(&self) -> String {
+    /// The text on the screen.
+    pub fn screen_text(&self) -> String {
         self.screen.lock().expect("a lock").screen().contents()
     }
 
@@ -84,36 +84,36 @@ impl Person {
     }
 
     /// Presses keys, one character each.
-    pub fn presses(&mut self, keys: &str) {
+    pub fn press(&mut self, keys: &str) {
         let keyboard = self.keys.as_mut().expect("a keyboard");
         keyboard.write_all(keys.as_bytes()).expect("a terminal");
         keyboard.flush().expect("a terminal");
     }
 
-    /// Waits until the screen is as wanted.
-    pub fn waits(&self, what: &str, wanted: impl Fn(&str) -> bool) -> String {
+    /// Waits until `wanted` accepts the text on the screen; the text.
+    pub fn wait_until(&self, what: &str, wanted: impl Fn(&str) -> bool) -> String {
         let since = Instant::now();
         loop {
-            let text = self.reads();
+            let text = self.screen_text();
             if wanted(&text) {
                 return text;
             }
             assert!(
                 since.elapsed() < PATIENCE,
-                "{what} never came; the screen:\n{text}"
+                "timeout while waiting for {what}; the screen:\n{text}"
             );
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 
-    /// Waits until `words` stand on the screen.
-    pub fn waits_for(&self, words: &str) -> String {
-        self.waits(words, |text| text.contains(words))
+    /// Waits until `words` are on the screen.
+    pub fn wait_for(&self, words: &str) -> String {
+        self.wait_until(words, |text| text.contains(words))
     }
 
-    /// The numbers of the line on the screen that holds `name`, from there on.
+    /// The numbers behind `name` in its line on the screen.
     pub fn numbers(&self, name: &str) -> Option<Vec<f64>> {
-        let text = self.reads();
+        let text = self.screen_text();
         let line = text.lines().find(|line| line.contains(name))?;
         let rest = &line[line.find(name)? + name.len()..];
         let words = rest.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'));
@@ -121,9 +121,9 @@ impl Person {
         (!numbers.is_empty()).then_some(numbers)
     }
 
-    /// The other end of the terminal goes away, as when a window is closed: at
-    /// the next thing that is written, while the reader has its hands on it.
-    pub fn loses_the_terminal(&mut self) {
+    /// Closes the terminal as a closed window does: at the next output, while the reader thread
+    /// still holds it.
+    pub fn close_terminal(&mut self) {
         self.closed.store(true, Ordering::Release);
         self.keys = None;
         self.master = None;
@@ -141,13 +141,13 @@ impl Person {
         }
     }
 
-    /// Its process.
+    /// Its process id.
     pub fn process(&self) -> u32 {
         self.child.process_id().expect("a process")
     }
 }
 
-impl Drop for Person {
+impl Drop for Operator {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();

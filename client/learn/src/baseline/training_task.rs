@@ -1,4 +1,4 @@
-//! How the baseline is taught: as the paper prints it, and corrected.
+//! Training of the baseline: as the paper prints it, and corrected.
 
 use std::path::Path;
 
@@ -16,30 +16,30 @@ use super::features::Features;
 use super::network::{Baseline, Sizes, WORD};
 use crate::episodes::{Episode, LEAST_DEVIATION};
 use crate::language::{Vocabulary, vocabulary};
-use crate::train::{self, Told};
+use crate::train::{self, Progress};
 use crate::weights::Weights;
 
 /// File of the weights in a run's folder.
 const FILE: &str = "baseline.safetensors";
-/// Least deviation of a change, in its own unit, so that what does not move (the
-/// chair's height) is not blown up.
+/// Least deviation of a change, in its own unit, so that constant outputs (the chair's height) are
+/// not amplified.
 const LEAST_CHANGE: f32 = 1e-3;
 
 /// Rows of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// As the paper says it: columns and poses as they are.
+    /// As the paper describes it: unscaled columns and poses.
     AsPrinted,
-    /// Columns standardised; told are changes since the last row in units of their
+    /// Standardized columns; the outputs are changes since the last row in units of their
     /// deviation.
     Corrected,
-    /// The same, blind.
+    /// The same, without images.
     CorrectedBlind,
 }
 
 impl Kind {
-    /// All.
+    /// All kinds.
     pub const ALL: [Self; 3] = [Self::AsPrinted, Self::Corrected, Self::CorrectedBlind];
 
     /// Name of its row and folder.
@@ -48,32 +48,32 @@ impl Kind {
         match self {
             Self::AsPrinted => "as printed",
             Self::Corrected => "corrected",
-            Self::CorrectedBlind => "corrected, without pictures",
+            Self::CorrectedBlind => "corrected, without images",
         }
     }
 }
 
-/// How it is taught; the defaults are the paper's.
+/// Options of a training; the defaults are the paper's.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LessonOptions {
+pub struct TaskOptions {
     /// Which row of the table.
     pub kind: Kind,
-    /// Rows that are seen.
+    /// Rows of a window.
     pub length: usize,
-    /// Rows ahead that are told.
+    /// Predicted rows ahead.
     pub ahead: Vec<usize>,
-    /// Windows of a step.
+    /// Batch size, windows.
     pub batch: usize,
     /// Learning rate of the first epochs.
     pub rate: f64,
-    /// Epochs after which it falls to a tenth, again and again.
+    /// Epochs after which the learning rate falls to a tenth, repeatedly.
     pub fall: u64,
-    /// Seed of all that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-impl LessonOptions {
-    /// The paper's.
+impl TaskOptions {
+    /// The options of the paper.
     #[must_use]
     pub fn of(kind: Kind) -> Self {
         Self {
@@ -95,16 +95,16 @@ impl LessonOptions {
 /// Means and deviations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Scale {
-    /// Of the columns; and of the time, which is the last.
+    /// Mean and deviation of the columns; the last one is the time.
     state: [Vec<f32>; 2],
-    /// Of the changes: by time ahead.
+    /// Deviation of the changes, by time ahead.
     change: Vec<[f32; OUTPUTS]>,
 }
 
-/// Trials, and what is to be learned of them.
+/// Trials, and the training of a network on them.
 #[derive(Debug)]
-pub struct Lesson<'a> {
-    options: LessonOptions,
+pub struct BaselineTask<'a> {
+    options: TaskOptions,
     episodes: &'a [Episode],
     features: Option<&'a Features>,
     depths: Option<Depths>,
@@ -128,24 +128,24 @@ struct Batch {
 }
 
 impl Batch {
-    fn told(self, network: &Baseline) -> Tensor<3> {
+    fn predict(self, network: &Baseline) -> Tensor<3> {
         network.forward(self.rows, self.depth, self.words)
     }
 
     fn loss(self, network: &Baseline) -> Tensor<1> {
         let wanted = self.wanted.clone();
-        (self.told(network) - wanted).square().mean()
+        (self.predict(network) - wanted).square().mean()
     }
 }
 
-impl<'a> Lesson<'a> {
-    /// Of trials to learn from, others to be held against, and what is seen in their
-    /// pictures. `vectors` is a text file of word2vec: a word and 300 numbers a line.
+impl<'a> BaselineTask<'a> {
+    /// From trials for training and for validation, and the features of their images. `vectors` is
+    /// a text file of word2vec: a word and 300 numbers a line.
     ///
     /// # Errors
     /// When the trials are too short, or the vectors cannot be read.
     pub fn new(
-        options: LessonOptions,
+        options: TaskOptions,
         episodes: &'a [Episode],
         features: Option<&'a Features>,
         (learned, held): (&'a [Trial], &'a [Trial]),
@@ -153,12 +153,12 @@ impl<'a> Lesson<'a> {
     ) -> anyhow::Result<Self> {
         ensure!(
             options.length > 0 && options.batch > 0 && !options.ahead.contains(&0),
-            "a window has rows, a step windows, and what is told lies ahead"
+            "length, batch and ahead must be at least 1"
         );
         let windows = windows(learned, &options);
         ensure!(
             !windows.is_empty() && !self::windows(held, &options).is_empty(),
-            "no episode is longer than the {} rows that are seen and the {} that are told",
+            "no episode is longer than a window of {} rows and {} predicted rows",
             options.length,
             options.longest()
         );
@@ -210,7 +210,7 @@ impl<'a> Lesson<'a> {
     /// The best network of a run in a folder.
     ///
     /// # Errors
-    /// When there is none that fits.
+    /// When the file is missing or does not fit.
     pub fn best(&self, folder: &Path) -> anyhow::Result<Baseline> {
         let file = crate::weights::WeightsFile::read(&folder.join(FILE))?;
         let network = Baseline::new(&self.sizes(), &Device::flex());
@@ -219,7 +219,7 @@ impl<'a> Lesson<'a> {
 
     fn sizes(&self) -> Sizes {
         Sizes {
-            seen: self.features.map_or(0, |f| f.width),
+            visual: self.features.map_or(0, |f| f.width),
             depths: self.depths.as_ref().map_or(0, |d| d.cameras),
             state: self.scale.state[0].len(),
             words: self.vocabulary.len(),
@@ -227,13 +227,13 @@ impl<'a> Lesson<'a> {
         }
     }
 
-    /// Depth is seen.
+    /// Whether it uses depth.
     #[must_use]
-    pub fn sees_depth(&self) -> bool {
+    pub fn uses_depth(&self) -> bool {
         self.depths.is_some()
     }
 
-    /// What windows of trials show, and what is true behind them, in units of training.
+    /// Inputs and true outputs of windows of trials, in the units of training.
     fn batch(&self, trials: &[Trial], windows: &[(usize, usize)], device: &Device) -> Batch {
         let (mut rows, mut words, mut wanted) = (Vec::new(), Vec::new(), Vec::new());
         let mut depth = Vec::new();
@@ -245,8 +245,8 @@ impl<'a> Lesson<'a> {
                 }
                 rows.extend(self.state(trial, row));
                 if let Some(depths) = &self.depths {
-                    let told = depths.row(trial.episode, trial.first + row);
-                    depth.extend(told.iter().map(|&v| f32::from(v) / 255.0));
+                    let depths_of_row = depths.row(trial.episode, trial.first + row);
+                    depth.extend(depths_of_row.iter().map(|&v| f32::from(v) / 255.0));
                 }
             }
             words.extend(
@@ -262,9 +262,9 @@ impl<'a> Lesson<'a> {
             }
         }
         let (count, sizes) = (windows.len(), self.sizes());
-        let width = sizes.seen + sizes.state;
-        let pictures = [count * self.options.length * sizes.depths, 1, SIDE, SIDE];
-        let depth = (sizes.depths > 0).then(|| TensorData::new(depth, pictures));
+        let width = sizes.visual + sizes.state;
+        let shape = [count * self.options.length * sizes.depths, 1, SIDE, SIDE];
+        let depth = (sizes.depths > 0).then(|| TensorData::new(depth, shape));
         let rows = TensorData::new(rows, [count, self.options.length, width]);
         let words = TensorData::new(words, [count, sizes.words]);
         let wanted = TensorData::new(wanted, [count, sizes.ahead, OUTPUTS]);
@@ -287,7 +287,7 @@ impl<'a> Lesson<'a> {
         state
     }
 
-    /// What a network says of all windows of trials: by time ahead.
+    /// Predictions for all windows of trials, by time ahead.
     #[must_use]
     pub fn predict(&self, network: &Baseline, trials: &[Trial]) -> Vec<Predictions> {
         let device = Device::flex();
@@ -295,7 +295,7 @@ impl<'a> Lesson<'a> {
         let mut out = vec![empty; self.options.ahead.len()];
         for part in windows(trials, &self.options).chunks(4 * self.options.batch) {
             let batch = self.batch(trials, part, &device);
-            let found = batch.told(network).into_data();
+            let found = batch.predict(network).into_data();
             let found: Vec<f32> = found.iter::<f32>().collect();
             let of_window = self.options.ahead.len() * OUTPUTS;
             for (&(number, last), values) in part.iter().zip(found.chunks(of_window)) {
@@ -312,18 +312,20 @@ impl<'a> Lesson<'a> {
     }
 }
 
-impl train::Lesson for Lesson<'_> {
+impl train::BaselineTask for BaselineTask<'_> {
     type Network = Baseline;
 
     fn loss(&self, network: &Baseline, step: u64) -> (Tensor<1>, Vec<(&'static str, f64)>) {
         let mut random = ChaCha8Rng::seed_from_u64(self.options.seed);
         random.set_stream(step + 1);
-        let drawn = (0..self.options.batch)
+        let sampled = (0..self.options.batch)
             .map(|_| self.windows[random.random_range(0..self.windows.len())]);
-        let drawn: Vec<_> = drawn.collect();
-        let loss = self.batch(self.learned, &drawn, &self.device).loss(network);
-        let told = loss.clone().into_scalar::<f64>();
-        (loss, vec![("mse", told)])
+        let sampled: Vec<_> = sampled.collect();
+        let loss = self
+            .batch(self.learned, &sampled, &self.device)
+            .loss(network);
+        let mse = loss.clone().into_scalar::<f64>();
+        (loss, vec![("mse", mse)])
     }
 
     fn validate(&self, network: &Baseline) -> Option<f64> {
@@ -342,7 +344,12 @@ impl train::Lesson for Lesson<'_> {
         self.options.rate * 0.1_f64.powi(falls.min(100) as i32)
     }
 
-    fn keep(&self, network: &Baseline, told: &Told, folder: &Path) -> anyhow::Result<()> {
+    fn keep(
+        &self,
+        network: &Baseline,
+        depths_of_row: &Progress,
+        folder: &Path,
+    ) -> anyhow::Result<()> {
         let seeds = |trials: &[Trial]| trials.iter().map(|t| t.seed).collect::<Vec<_>>();
         let card = serde_json::json!({
             "format": "wheelarm-baseline/1",
@@ -351,7 +358,7 @@ impl train::Lesson for Lesson<'_> {
             "scale": self.scale,
             "training_seeds": seeds(self.learned),
             "validation_seeds": seeds(self.held),
-            "steps": told.step, "seconds": told.seconds, "best": told.best,
+            "steps": depths_of_row.step, "seconds": depths_of_row.seconds, "best": depths_of_row.best,
             "program": format!("wheelarm-learn {}", wheelarm_proto::program::version()),
         });
         let text = serde_json::to_string_pretty(&card)?;
@@ -362,7 +369,7 @@ impl train::Lesson for Lesson<'_> {
 }
 
 /// Trial and last row of all windows.
-fn windows(trials: &[Trial], options: &LessonOptions) -> Vec<(usize, usize)> {
+fn windows(trials: &[Trial], options: &TaskOptions) -> Vec<(usize, usize)> {
     let each = trials.iter().enumerate();
     let each = each.flat_map(|(number, trial)| {
         lasts(trial, options.length, options.longest()).map(move |last| (number, last))
@@ -370,14 +377,14 @@ fn windows(trials: &[Trial], options: &LessonOptions) -> Vec<(usize, usize)> {
     each.collect()
 }
 
-/// The columns of a row, and the seconds since the beginning at ten rows a second.
+/// The columns of a row, and the time since the start, s, at ten rows a second.
 fn with_time(trial: &Trial, row: usize) -> Vec<f32> {
     let mut state = trial.state[row].clone();
     state.push((trial.first + row) as f32 * 0.1);
     state
 }
 
-fn scale(trials: &[Trial], options: &LessonOptions) -> Scale {
+fn scale(trials: &[Trial], options: &TaskOptions) -> Scale {
     let rows: Vec<Vec<f32>> = trials
         .iter()
         .flat_map(|t| (0..t.state.len()).map(|row| with_time(t, row)))
@@ -407,8 +414,8 @@ fn scale(trials: &[Trial], options: &LessonOptions) -> Scale {
     }
 }
 
-/// Vectors of the vocabulary's words out of a text file of word2vec; words that it has
-/// not are drawn.
+/// Reads the vectors of the vocabulary's words from a text file of word2vec; missing words get
+/// random vectors.
 fn read_vectors(path: &Path, words: &[String], seed: u64) -> anyhow::Result<Vec<f32>> {
     let text =
         std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
@@ -431,7 +438,7 @@ fn read_vectors(path: &Path, words: &[String], seed: u64) -> anyhow::Result<Vec<
             .filter(|v| v.len() == WORD && v.iter().all(|v| v.is_finite()));
         let values = values.with_context(|| {
             format!(
-                "{}:{}: a word and {WORD} numbers are expected",
+                "{}:{}: expected a word and {WORD} numbers",
                 path.display(),
                 number + 1
             )

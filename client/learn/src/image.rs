@@ -1,18 +1,18 @@
-//! Pictures as numbers: padded by their edge to what the network divides by, each
-//! colour less its mean over its deviation.
+//! Images as tensors: padded with their edge pixels to a multiple of the network's stride, each
+//! channel standardized.
 
 use burn::prelude::*;
 use burn::tensor::TensorData;
 
 use crate::card::Card;
 
-/// Numbers of `pictures` (rows from the top left, 3 bytes a pixel), batch * cameras
-/// of them, all as large as the card says. `shifts` moves each down and to the
-/// right by so many pixels.
+/// Converts batch * cameras `images` (rows from the top left, 3 bytes a pixel, of the card's size)
+/// to a tensor of batch * cameras × 3 × height × width. `shifts` moves each image down and to the
+/// right, pixels.
 #[must_use]
-pub fn numbers(
+pub fn to_tensor(
     card: &Card,
-    pictures: &[&[u8]],
+    images: &[&[u8]],
     shifts: Option<&[[i32; 2]]>,
     device: &Device,
 ) -> Tensor<4> {
@@ -23,29 +23,29 @@ pub fn numbers(
     let [to_height, to_width] = card.padded();
     let (top, left) = ((to_height - height) / 2, (to_width - width) / 2);
     let table: Vec<[f32; 256]> = (0..3)
-        .map(|colour| {
-            let (mean, std) = (card.picture.mean[colour], card.picture.std[colour]);
+        .map(|channel| {
+            let (mean, std) = (card.image.mean[channel], card.image.std[channel]);
             std::array::from_fn(|byte| (byte as f32 / 255.0 - mean) / std)
         })
         .collect();
-    // Where a number comes from: the edge goes on outside.
+    // Source row or column of a padded one; outside, the edge is repeated.
     let from = |to: usize, before: usize, shift: i32, side: usize| -> usize {
         let at = to as i64 - before as i64 - i64::from(shift);
         at.clamp(0, side as i64 - 1) as usize
     };
-    let mut values = Vec::with_capacity(pictures.len() * 3 * to_height * to_width);
-    for (number, picture) in pictures.iter().enumerate() {
+    let mut values = Vec::with_capacity(images.len() * 3 * to_height * to_width);
+    for (number, image) in images.iter().enumerate() {
         let [down, right] = shifts.map_or([0, 0], |shifts| shifts[number]);
         let columns = (0..to_width).map(|x| from(x, left, right, width));
         let columns: Vec<usize> = columns.collect();
-        for (colour, table) in table.iter().enumerate() {
+        for (channel, table) in table.iter().enumerate() {
             for y in 0..to_height {
                 let row = from(y, top, down, height) * width;
-                let pixels = columns.iter().map(|x| (row + x) * 3 + colour);
-                values.extend(pixels.map(|at| table[usize::from(picture[at])]));
+                let pixels = columns.iter().map(|x| (row + x) * 3 + channel);
+                values.extend(pixels.map(|at| table[usize::from(image[at])]));
             }
         }
     }
-    let shape = [pictures.len(), 3, to_height, to_width];
+    let shape = [images.len(), 3, to_height, to_width];
     Tensor::from_data(TensorData::new(values, shape), device)
 }
