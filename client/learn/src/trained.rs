@@ -9,12 +9,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use wheelarm_policy::ActionKind;
 use wheelarm_proto::v1;
+use wheelarm_sdk::policy::PolicyService;
 
 use crate::card::Card;
 use crate::language::Vocabulary;
 use crate::network::{Inputs, Kind, Network, Words};
 use crate::picture;
-use crate::serve::Policy;
 use crate::weights::WeightsFile;
 
 /// Observations that one request may hold.
@@ -175,7 +175,7 @@ impl Trained {
             Tensor::from_data(noise, &self.device)
         });
         let inputs = Inputs {
-            pictures: picture::numbers(&self.card, &pictures, None, &self.device),
+            pictures: picture::numbers(&self.card, &pictures, &self.device),
             state: Tensor::from_data(states, &self.device),
             words,
         };
@@ -265,7 +265,7 @@ fn ranges<'a>(seeds: impl Iterator<Item = &'a u64>) -> Vec<v1::SeedRange> {
     out
 }
 
-impl Policy for Trained {
+impl PolicyService for Trained {
     fn spec(&self) -> v1::PolicySpec {
         self.spec.clone()
     }

@@ -13,7 +13,7 @@ mod shape;
 mod text;
 mod transformer;
 
-pub use act::{Act, Latent};
+pub use act::Act;
 pub use flow::Flow;
 pub use layer::{Embedding, Linear, PictureNorm};
 pub use resnet::ResNet18;
@@ -78,35 +78,10 @@ impl Network {
     pub fn forward(&self, inputs: Inputs, noise: Option<Tensor<3>>) -> Tensor<3> {
         let language = self.language(inputs.words);
         let Some(flow) = &self.flow else {
-            return self
-                .model
-                .forward(inputs.pictures, inputs.state, language, None);
+            return self.model.forward(inputs.pictures, inputs.state, language);
         };
-        let memory = self
-            .model
-            .remember(inputs.pictures, inputs.state, language, None);
+        let memory = self.model.remember(inputs.pictures, inputs.state, language);
         flow.actions(noise.expect("a flow starts from noise"), memory)
-    }
-
-    /// Actions as ACT answers them while it trains: with the latent of the actions
-    /// that are to be answered. Padding is `true` where a row lies behind the end.
-    #[must_use]
-    pub fn trained(
-        &self,
-        inputs: Inputs,
-        actions: Tensor<3>,
-        padding: Tensor<2, Bool>,
-        noise: Tensor<2>,
-    ) -> (Tensor<3>, Latent) {
-        let language = self.language(inputs.words);
-        let latent = self
-            .model
-            .latent(inputs.state.clone(), actions, padding, noise);
-        let drawn = Some(latent.drawn.clone());
-        let found = self
-            .model
-            .forward(inputs.pictures, inputs.state, language, drawn);
-        (found, latent)
     }
 
     /// What the sentences say: batch × word width.

@@ -4,7 +4,6 @@
 //! What a step draws follows from the seed and the number of the step alone, so that
 //! a run that was cut goes on as if it had not been.
 
-pub mod act;
 mod clip;
 mod curves;
 
