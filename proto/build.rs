@@ -380,7 +380,7 @@ fn topic_table(topics: &[Topic]) -> Result<String, Box<dyn Error>> {
         String::new(),
     );
     let mut columns = Vec::new();
-    let (mut whose, mut headers) = (String::new(), String::new());
+    let (mut whose, mut headers, mut writes) = (String::new(), String::new(), String::new());
     for topic in topics {
         let Topic {
             message,
@@ -428,6 +428,10 @@ fn topic_table(topics: &[Topic]) -> Result<String, Box<dyn Error>> {
             headers,
             "            Self::{variant}(m) => m.header.as_ref(),"
         )?;
+        writeln!(
+            writes,
+            "            Self::{variant}(m) => prost::Message::encode_to_vec(m),"
+        )?;
         if record == "Columns" {
             columns.push(variant);
         }
@@ -472,6 +476,13 @@ impl Sample {{
     pub fn decode(topic: TopicId, payload: &[u8]) -> Result<Self, prost::DecodeError> {{
         Ok(match topic {{
 {reads}        }})
+    }}
+
+    /// The message as bytes, which [`Sample::decode`] reads.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {{
+        match self {{
+{writes}        }}
     }}
 
     /// Its topic.

@@ -2,7 +2,8 @@
 """Writes assets/robots/wheelarm_wide: chair and arm of assets/robots/wheelarm with another
 gripper, of 0.14 m stroke and 60 N.
 
-    python3 assets/tools/wide_gripper.py
+    python3 assets/tools/wide_gripper.py           writes the folder
+    python3 assets/tools/wide_gripper.py --check   fails when the folder is out of date
 
 Run it again after a change of this file or of assets/robots/wheelarm, and commit what it
 writes. The gripper is authored here, of plain solids; its license is that of the project,
@@ -11,6 +12,7 @@ Apache-2.0. Units: m, kg, rad, s, N, N·m.
 
 import math
 import re
+import sys
 from pathlib import Path
 
 ROBOTS = Path(__file__).resolve().parents[1] / "robots"
@@ -370,14 +372,16 @@ class Mesh:
     def pin(self, x, z, radius, width):
         self.cylinder((x, -width / 2, z), ("y", width), radius)
 
-    def write(self, name):
+    def text(self):
+        """The mesh as OBJ."""
         lines = [f"# {NOTE} Metres, z up."]
         lines += ["v {:.5f} {:.5f} {:.5f}".format(*vertex) for vertex in self.vertices]
         lines += ["f {} {} {}".format(*face) for face in self.faces]
-        (OUT / "meshes" / name).write_text("\n".join(lines) + "\n")
+        return "\n".join(lines) + "\n"
 
 
 def meshes():
+    """Texts of the mesh files, by name."""
     hand, crank, rod, tip = Mesh(), Mesh(), Mesh(), Mesh()
     hand.cylinder((0.0, 0.0, 0.0), ("z", ROUND[1]), ROUND[0])
     hand.box(HEAD)
@@ -389,15 +393,36 @@ def meshes():
     rod.pin(-CRANK[0], -CRANK[1], 0.006, ROD[0][1])
     tip.box(HOLDER)
     tip.box(PIVOT)
-    for name, mesh in (("hand", hand), ("crank", crank), ("rod", rod), ("tip", tip)):
-        mesh.write(f"{name}.obj")
+    made = {"hand": hand, "crank": crank, "rod": rod, "tip": tip}
+    return {f"{name}.obj": mesh.text() for name, mesh in made.items()}
+
+
+def files():
+    """Texts of all files, by path below the folder of the robot."""
+    written = {"wheelarm_wide.urdf": urdf(), "robot.toml": settings()}
+    written |= {f"meshes/{name}": mesh for name, mesh in meshes().items()}
+    return written
+
+
+def outdated(written):
+    """Paths whose file differs from its text, is missing, or is not written here."""
+    found = {str(path.relative_to(OUT)) for path in OUT.rglob("*") if path.is_file()}
+    both = found & written.keys()
+    different = {path for path in both if (OUT / path).read_text() != written[path]}
+    return sorted(different | (found ^ written.keys()))
 
 
 def main():
-    (OUT / "meshes").mkdir(parents=True, exist_ok=True)
-    (OUT / "wheelarm_wide.urdf").write_text(urdf())
-    (OUT / "robot.toml").write_text(settings())
-    meshes()
+    written = files()
+    if "--check" in sys.argv[1:]:
+        if old := outdated(written):
+            raise SystemExit(
+                f"{OUT} is out of date: {', '.join(old)}; run python3 assets/tools/wide_gripper.py"
+            )
+        return
+    for path, content in written.items():
+        (OUT / path).parent.mkdir(parents=True, exist_ok=True)
+        (OUT / path).write_text(content)
     print(f"{OUT}: stroke {STROKE:.3f} m, closed at {CLOSED} rad")
 
 

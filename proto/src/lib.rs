@@ -10,6 +10,7 @@
 pub mod appearance;
 pub mod bundle;
 pub mod check;
+pub mod defaults;
 pub mod digest;
 pub mod endpoint;
 pub mod exact;

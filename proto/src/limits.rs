@@ -15,3 +15,6 @@ pub const MAX_COMMAND_AGE_SECONDS: f64 = MAX_COMMAND_AGE_TICKS as f64 / PHYSICS_
 /// Images of each camera that the server may publish ahead of the slowest recorder. Its cache
 /// for gap recovery holds as many.
 pub const CREDIT_IMAGES: u64 = 6;
+
+/// Allowed widths and heights of images, pixels.
+pub const IMAGE_SIDES: std::ops::RangeInclusive<u32> = 16..=4096;

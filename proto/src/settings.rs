@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use crate::v1;
+use crate::{defaults, v1};
 
 /// A choice among named values.
 pub trait Named: Copy + PartialEq + 'static {
@@ -290,7 +290,7 @@ impl v1::CameraSetting {
     /// As text, the form that [`Self::from_text`] reads; lens and place are left out.
     #[must_use]
     pub fn text(&self) -> String {
-        let rate = self.rate_hz.unwrap_or(10.0);
+        let rate = self.rate_hz.unwrap_or(defaults::CAMERA_RATE_HZ);
         format!("{}={}x{}@{rate}", self.name, self.width, self.height)
     }
 
@@ -302,13 +302,16 @@ impl v1::CameraSetting {
     pub fn from_text(text: &str) -> Result<Self, String> {
         let read = || {
             let (name, rest) = text.split_once('=')?;
-            let (size, rate) = rest.split_once('@').unwrap_or((rest, "10"));
+            let (size, rate_hz) = match rest.split_once('@') {
+                Some((size, rate)) => (size, rate.parse().ok()?),
+                None => (rest, defaults::CAMERA_RATE_HZ),
+            };
             let (width, height) = size.split_once('x')?;
             let setting = Self {
                 name: name.to_owned(),
                 width: width.parse().ok()?,
                 height: height.parse().ok()?,
-                rate_hz: Some(rate.parse().ok()?),
+                rate_hz: Some(rate_hz),
                 ..Self::default()
             };
             (!name.is_empty()).then_some(setting)

@@ -291,43 +291,85 @@ impl Args {
     }
 
     /// The scenario of file and options.
+    ///
+    /// Names every option: a new one does not compile until it is decided whether it sets a
+    /// field of the scenario.
     fn scenario(&self) -> anyhow::Result<v1::Scenario> {
-        let mut request = match &self.scenario {
+        let Self {
+            scenario,
+            pacing,
+            scene,
+            task,
+            seed,
+            starts,
+            variant_share,
+            robot,
+            camera,
+            sensor,
+            quality,
+            state_rate_hz,
+            deformable_rate_hz,
+            imu_rate_hz,
+            imu_noise,
+            calibration_seed,
+            appearance,
+            person,
+            // Options of the program.
+            sim: _,
+            listen: _,
+            keys: _,
+            insecure: _,
+            connect: _,
+            multicast: _,
+            assets: _,
+            no_cameras: _,
+            adapter: _,
+            end_with_stdin: _,
+            list_tasks: _,
+            json: _,
+            draws: _,
+            sentences: _,
+            language_split: _,
+            each: _,
+            list_adapters: _,
+            man: _,
+        } = self;
+        let mut request = match scenario {
             Some(file) => self.scenario_file(file)?,
             None => v1::Scenario::default(),
         };
-        request.scene = self.scene.clone().unwrap_or(request.scene);
-        request.task = self.task.clone().or(request.task);
-        request.seed = self.seed.or(request.seed);
-        request.variant_share = self.variant_share.or(request.variant_share);
-        if let Some(starts) = self.starts {
+        request.scene = scene.clone().unwrap_or(request.scene);
+        request.task = task.clone().or(request.task);
+        request.seed = seed.or(request.seed);
+        request.variant_share = variant_share.or(request.variant_share);
+        if let Some(starts) = starts {
             request.set_starts(starts.code());
         }
-        request.robot = self.robot.clone().unwrap_or(request.robot);
-        request.state_rate_hz = self.state_rate_hz.or(request.state_rate_hz);
-        request.deformable_rate_hz = self.deformable_rate_hz.or(request.deformable_rate_hz);
-        request.imu_rate_hz = self.imu_rate_hz.or(request.imu_rate_hz);
-        if let Some(pacing) = self.pacing {
+        request.robot = robot.clone().unwrap_or(request.robot);
+        request.state_rate_hz = state_rate_hz.or(request.state_rate_hz);
+        request.deformable_rate_hz = deformable_rate_hz.or(request.deformable_rate_hz);
+        request.imu_rate_hz = imu_rate_hz.or(request.imu_rate_hz);
+        if let Some(pacing) = pacing {
             request.set_pacing(pacing.code());
         }
-        if let Some(quality) = self.quality {
+        if let Some(quality) = quality {
             request.set_quality(quality.code());
         }
-        request.calibration_seed = self.calibration_seed.or(request.calibration_seed);
-        if let Some(appearance) = &self.appearance {
+        request.calibration_seed = calibration_seed.or(request.calibration_seed);
+        if let Some(appearance) = appearance {
             request.appearance = Some(appearance.for_episode(request.seed()));
         }
-        if let Some(person) = &self.person {
+        if let Some(person) = person {
             request.person = Some(person.clone());
         }
-        if self.imu_noise {
+        if *imu_noise {
             request.imu_noise = Some(true);
         }
-        if !self.camera.is_empty() {
-            request.cameras.clone_from(&self.camera);
+        if !camera.is_empty() {
+            request.cameras.clone_from(camera);
         }
-        if !self.sensor.is_empty() {
-            request.sensors.clone_from(&self.sensor);
+        if !sensor.is_empty() {
+            request.sensors.clone_from(sensor);
         }
         Ok(request)
     }

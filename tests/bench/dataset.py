@@ -9,6 +9,7 @@ a command fails.
 """
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -31,6 +32,14 @@ def run(*command):
     if result.returncode != 0:
         sys.exit(f"{command[:4]} failed: {result.stderr or result.stdout}")
     return time.perf_counter() - started
+
+
+def formats(tool):
+    """Names of the export formats, from the help of the program."""
+    text = subprocess.run([tool, "export", "--help"], capture_output=True, text=True, check=True).stdout
+    names = re.findall(r"^ +- ([a-z0-9-]+): ", text.split("\n      --format")[1].split("\n      --")[0], re.MULTILINE)
+    assert "csv" in names, text
+    return names
 
 
 def size(path):
@@ -74,7 +83,7 @@ def main():
         print(f"{rows} rows, two cameras of {width}x{height}, {size(recording):.0f} MB, {os.cpu_count()} cores")
         tool = RELEASE / "wheelarm-dataset"
         jobs = {"align": [tool, "align", recording, "--out", folder / "aligned"]}
-        for name in ("csv", "lerobot", "robomimic", "mcap", "wheelarm-sim"):
+        for name in formats(tool):
             out = folder / ("robomimic.hdf5" if name == "robomimic" else name)
             jobs[name] = [tool, "export", "--format", name, recording, "--out", out]
         for name, command in jobs.items():

@@ -8,7 +8,8 @@ use std::time::Instant;
 
 use wheelarm_dataset::{columns, log};
 use wheelarm_policy::{ChunkExecutor, ExecutorOptions, Player};
-use wheelarm_proto::{Message, StreamId, check, v1};
+use wheelarm_proto::topic::Sample;
+use wheelarm_proto::{Message, Query, Rpc, StreamId, TopicId, check, v1};
 use wheelarm_rollout::policy::openpi;
 use wheelarm_server::geometry::mesh;
 use wheelarm_server::robot::control::GripperMap;
@@ -50,43 +51,59 @@ pub fn command(bytes: &[u8]) {
     }
 }
 
-macro_rules! decode_all {
-    ($bytes:expr, $($name:ident),* $(,)?) => {
-        $(if let Ok(message) = v1::$name::decode($bytes) {
-            // A decoded message can be encoded and decoded again.
-            let again = v1::$name::decode(message.encode_to_vec().as_slice());
-            assert!(again.is_ok(), stringify!($name));
-        })*
-    };
+/// Decodes a message, and again from its own encoding.
+fn decode_twice<M: Message + Default>(bytes: &[u8]) {
+    if let Ok(message) = M::decode(bytes) {
+        let again = M::decode(message.encode_to_vec().as_slice());
+        assert!(again.is_ok(), "{message:?}");
+    }
 }
 
-/// Every message of the contract, with the checks of those that a server takes.
+/// Request and reply of a query.
+fn decode_query<R: Rpc>(query: Query, bytes: &[u8])
+where
+    R::Reply: Message + Default,
+{
+    assert_eq!(query, R::QUERY);
+    decode_twice::<R>(bytes);
+    decode_twice::<R::Reply>(bytes);
+}
+
+/// Names every query: a new one does not compile until its messages are fuzzed.
+fn decode_query_messages(query: Query, bytes: &[u8]) {
+    match query {
+        Query::Status => decode_query::<v1::StatusRequest>(query, bytes),
+        Query::Scene => decode_query::<v1::SceneRequest>(query, bytes),
+        Query::Tasks => decode_query::<v1::TasksRequest>(query, bytes),
+        Query::Lease => decode_query::<v1::LeaseRequest>(query, bytes),
+        Query::Reach => decode_query::<v1::ReachRequest>(query, bytes),
+        Query::Pick => decode_query::<v1::PickRequest>(query, bytes),
+        Query::Reset => decode_query::<v1::ResetRequest>(query, bytes),
+        Query::Pause => decode_query::<v1::PauseRequest>(query, bytes),
+        Query::Resume => decode_query::<v1::ResumeRequest>(query, bytes),
+        Query::Playback => decode_query::<v1::PlaybackRequest>(query, bytes),
+        Query::EpisodeStart => decode_query::<v1::EpisodeStartRequest>(query, bytes),
+        Query::EpisodeStop => decode_query::<v1::EpisodeStopRequest>(query, bytes),
+        Query::Episode => decode_query::<v1::EpisodeRequest>(query, bytes),
+        Query::Snapshot => decode_query::<v1::SnapshotRequest>(query, bytes),
+        Query::Sensors => decode_query::<v1::SensorsRequest>(query, bytes),
+        Query::Shutdown => decode_query::<v1::ShutdownRequest>(query, bytes),
+    }
+}
+
+/// Every message that is published or that a query sends, with the checks of those that a
+/// server accepts.
 pub fn messages(bytes: &[u8]) {
-    decode_all!(
-        bytes,
-        Command,
-        Refusal,
-        Failure,
-        Status,
-        LeaseRequest,
-        LeaseReply,
-        ResetRequest,
-        ResetReply,
-        ShutdownRequest,
-        EpisodeStartRequest,
-        EpisodeStarted,
-        EpisodeStopRequest,
-        EpisodeStopped,
-        SnapshotReply,
-        RecorderStatus,
-        ReachRequest,
-        ReachReply,
-        SceneReply,
-        TaskList,
-        Ack,
-        PreviewFrame,
-        CameraFrame,
-    );
+    for topic in TopicId::ALL {
+        if let Ok(sample) = Sample::decode(topic, bytes) {
+            let again = Sample::decode(topic, &sample.encode());
+            assert!(again.is_ok(), "{sample:?}");
+        }
+    }
+    for query in Query::ALL {
+        decode_query_messages(query, bytes);
+    }
+    decode_twice::<v1::Failure>(bytes);
     if let Ok(request) = v1::ResetRequest::decode(bytes) {
         let request = request.scenario.unwrap_or_default();
         let _ = convert::scenario_over(&Scenario::default(), &request).map(|s| s.schedules());

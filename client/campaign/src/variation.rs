@@ -13,7 +13,7 @@ use wheelarm_expert::forced::ForcedError;
 use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::{MAX_SENSOR_STRENGTH, Named, Quality, Starts, Style};
-use wheelarm_proto::v1;
+use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits, v1};
 
 use crate::disturb::Disturb;
 use crate::episode_seed::EpisodeSeed;
@@ -197,9 +197,6 @@ pub fn rejected_field(scenario: &v1::Scenario) -> Option<(&'static str, &'static
     .find_map(|(field, is_set, instead)| is_set.then_some((field, instead)))
 }
 
-/// Image sides that a server accepts, pixels.
-const SIDES: std::ops::RangeInclusive<u32> = 16..=4096;
-
 /// Checks values that a server would reject in every episode.
 fn check_values(scenario: &v1::Scenario) -> Result<(), String> {
     let mut names = BTreeSet::new();
@@ -210,27 +207,29 @@ fn check_values(scenario: &v1::Scenario) -> Result<(), String> {
                 "camera name {name:?} must be 1 to 64 letters, digits, `-` or `_`"
             ));
         }
-        if !SIDES.contains(&camera.width) || !SIDES.contains(&camera.height) {
+        let sides = limits::IMAGE_SIDES;
+        if !sides.contains(&camera.width) || !sides.contains(&camera.height) {
             return Err(format!(
                 "camera {name:?} is {}x{}; each side must be {} to {} pixels",
                 camera.width,
                 camera.height,
-                SIDES.start(),
-                SIDES.end()
+                sides.start(),
+                sides.end()
             ));
         }
         divides(
             &format!("rate_hz of camera {name:?}"),
             camera.rate_hz,
-            240.0,
+            PHYSICS_HZ as f64,
         )?;
         if !names.insert(name) {
             return Err(format!("camera {name:?} is listed twice; remove one"));
         }
     }
-    divides("state_rate_hz", scenario.state_rate_hz, 60.0)?;
-    divides("deformable_rate_hz", scenario.deformable_rate_hz, 60.0)?;
-    divides("imu_rate_hz", scenario.imu_rate_hz, 240.0)?;
+    let (control, physics) = (CONTROL_HZ as f64, PHYSICS_HZ as f64);
+    divides("state_rate_hz", scenario.state_rate_hz, control)?;
+    divides("deformable_rate_hz", scenario.deformable_rate_hz, control)?;
+    divides("imu_rate_hz", scenario.imu_rate_hz, physics)?;
     if let Some(share) = scenario.variant_share.filter(|s| !(0.0..=1.0).contains(s)) {
         return Err(format!("variant_share is {share}; it is a share, 0 to 1"));
     }
@@ -336,7 +335,7 @@ impl Variation {
         let (variant_share, person) = (shared.variant_share.take(), shared.person.take());
         let sensors: Vec<String> = shared.sensors.drain(..).map(|s| s.text()).collect();
         // Written by [`Variation::images_and_rates`].
-        clear_images_and_rates(&mut shared);
+        take_images_and_rates(&mut shared);
         let mut words = String::new();
         let mut add = |word: String| {
             words.push(' ');
@@ -389,17 +388,7 @@ impl Variation {
     /// Scene, robot, cameras, rates and quality as one line, for logs and their resume.
     #[must_use]
     pub fn images_and_rates(&self) -> [String; 7] {
-        let s = &self.scenario;
-        let quality = Quality::from_proto(s.quality()).unwrap_or_default();
-        [
-            s.scene.clone(),
-            s.robot.clone(),
-            camera_words(s).join(","),
-            s.state_rate_hz.unwrap_or(STATE_HZ).to_string(),
-            s.imu_rate_hz.unwrap_or(IMU_HZ).to_string(),
-            s.imu_noise().to_string(),
-            quality.name().to_owned(),
-        ]
+        take_images_and_rates(&mut self.scenario.clone())
     }
 }
 
@@ -413,11 +402,6 @@ fn set_fields(scenario: &v1::Scenario) -> serde_json::Value {
     fields
 }
 
-/// Rate of the state streams at start-up, Hz.
-pub const STATE_HZ: f64 = 60.0;
-/// Rate of the IMU at start-up, Hz.
-pub const IMU_HZ: f64 = 240.0;
-
 /// The cameras of a scenario, `NAME=WIDTHxHEIGHT@HZ` each.
 #[must_use]
 pub fn camera_words(scenario: &v1::Scenario) -> Vec<String> {
@@ -428,13 +412,60 @@ pub fn camera_words(scenario: &v1::Scenario) -> Vec<String> {
         .collect()
 }
 
-fn clear_images_and_rates(scenario: &mut v1::Scenario) {
-    scenario.scene.clear();
-    scenario.robot.clear();
-    scenario.cameras.clear();
-    (scenario.state_rate_hz, scenario.imu_rate_hz) = (None, None);
-    scenario.imu_noise = None;
-    scenario.set_quality(v1::RenderQuality::Unspecified);
+/// Clears scene, robot, cameras, rates and quality and returns them as words.
+///
+/// Names every field of the message: a new field does not compile until it is decided whether
+/// it belongs here or to the fields that [`Variation::words`] writes.
+fn take_images_and_rates(scenario: &mut v1::Scenario) -> [String; 7] {
+    let named_quality = Quality::from_proto(scenario.quality()).unwrap_or_default();
+    let camera_list = camera_words(scenario).join(",");
+    let v1::Scenario {
+        scene,
+        robot,
+        cameras,
+        state_rate_hz,
+        imu_rate_hz,
+        imu_noise,
+        quality,
+        // Fields of `Variation::words`.
+        task: _,
+        seed: _,
+        pacing: _,
+        calibration_seed: _,
+        language: _,
+        appearance: _,
+        disturbances: _,
+        start_in_view: _,
+        look_around: _,
+        rejected_starts: _,
+        deformable_rate_hz: _,
+        objects: _,
+        start: _,
+        instruction: _,
+        target: _,
+        slides: _,
+        style: _,
+        person: _,
+        starts: _,
+        arm_positions: _,
+        knuckle: _,
+        variant: _,
+        variant_share: _,
+        sensors: _,
+        time_limit_seconds: _,
+    } = scenario;
+    cameras.clear();
+    *quality = v1::RenderQuality::Unspecified.into();
+    let rate = |rate: &mut Option<f64>, default: f64| rate.take().unwrap_or(default).to_string();
+    [
+        std::mem::take(scene),
+        std::mem::take(robot),
+        camera_list,
+        rate(state_rate_hz, defaults::STATE_RATE_HZ),
+        rate(imu_rate_hz, defaults::IMU_RATE_HZ),
+        imu_noise.take().unwrap_or_default().to_string(),
+        named_quality.name().to_owned(),
+    ]
 }
 
 #[cfg(test)]

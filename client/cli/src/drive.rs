@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::Context;
 use clap::Args;
 use wheelarm_proto::signals::Signals;
-use wheelarm_proto::v1;
+use wheelarm_proto::{defaults, v1};
 use wheelarm_rollout::launcher::{Lifetime, Record, Recorder, Server, ServerOptions, all_cameras};
 use wheelarm_sdk::Connect;
 use wheelarm_teleop_web::{Gateway, Options};
@@ -129,7 +129,7 @@ impl OwnServer {
         let (width, height, rate) = args.images;
         let server = Server::start(&ServerOptions {
             scenario: v1::Scenario {
-                scene: "home".to_owned(),
+                scene: defaults::SCENE.to_owned(),
                 task: Some(task.to_owned()),
                 seed: Some(args.seed),
                 cameras: vec![all_cameras(width, height, rate)],

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use hdf5::types::VarLenUnicode;
 use program::{alone, episode, refused, run};
+use wheelarm_dataset::convert::FormatName;
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 
@@ -303,10 +304,10 @@ fn a_label_that_leads_out_of_the_folder_is_refused() {
     let label: VarLenUnicode = "../escaped".parse().unwrap();
     file.attr("label").unwrap().write_scalar(&label).unwrap();
     drop(file);
-    for format in ["csv", "mcap", "tensors", "wheelarm-sim", "rosbag2"] {
+    for format in FormatName::names() {
         let words = refused(
             folder,
-            &["export", "--format", format, "--out", "in/out", "whole.h5"],
+            &["export", "--format", &format, "--out", "in/out", "whole.h5"],
         );
         assert!(words.contains("the attribute `label`"), "{words}");
         let left = std::fs::read_dir(folder).unwrap().flatten();

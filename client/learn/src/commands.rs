@@ -1,21 +1,15 @@
 //! The subcommands and their options.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
 use wheelarm_learn::baseline::{self, RunOptions};
 use wheelarm_learn::episodes::{self, Episode};
-use wheelarm_learn::network::Shape;
-use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE, Policy, serve};
-use wheelarm_learn::train::act::{ActOptions, ActTask};
-use wheelarm_learn::train::{self, Schedule};
 use wheelarm_learn::trained::Trained;
 use wheelarm_proto::v1;
 use wheelarm_sdk::Connect;
-
-/// Exit code when steps are left.
-const UNFINISHED: u8 = 4;
+use wheelarm_sdk::policy::{NAME_VARIABLE, POLICY_VARIABLE, PolicyService, serve};
 
 /// Serves, trains and measures networks on the CPU.
 #[derive(Parser)]
@@ -32,7 +26,7 @@ enum Command {
         /// The policy: a safetensors file with its card.
         file: PathBuf,
         /// Endpoint of the client.
-        #[arg(long, env = ENDPOINT_VARIABLE)]
+        #[arg(long, env = POLICY_VARIABLE)]
         connect: String,
         /// Name of the policy in the keys.
         #[arg(long, env = NAME_VARIABLE, default_value = "policy")]
@@ -59,8 +53,6 @@ enum Command {
     /// errors beside two naive predictors, and a figure of predictions over truth. The same
     /// command continues an interrupted run.
     Baseline(BaselineArgs),
-    /// Trains a small ACT on the CPU. Train large ones with python/train.py on a GPU.
-    TrainAct(TrainAct),
 }
 
 #[derive(Args)]
@@ -89,82 +81,6 @@ struct BaselineArgs {
     seed: u64,
 }
 
-#[derive(Args)]
-struct TrainAct {
-    /// Folders or files of `wheelarm dataset export --format tensors`.
-    #[arg(required = true)]
-    data: Vec<PathBuf>,
-    /// Folder for checkpoint, log, curves and policy. A run in this folder continues.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Name of the policy; default: that of the folder.
-    #[arg(long)]
-    name: Option<String>,
-    /// Total number of steps.
-    #[arg(long, default_value_t = 2000)]
-    steps: u64,
-    /// Ends this call after this time, seconds.
-    #[arg(long)]
-    seconds: Option<f64>,
-    /// Batch size, rows.
-    #[arg(long, default_value_t = 16)]
-    batch: usize,
-    /// Learning rate.
-    #[arg(long, default_value_t = 1e-3)]
-    lr: f64,
-    /// Steps until the learning rate is reached.
-    #[arg(long, default_value_t = 50)]
-    warm_up: u64,
-    /// Weight of the latent's divergence.
-    #[arg(long, default_value_t = 5.0)]
-    kl: f64,
-    /// Rows of a chunk.
-    #[arg(long, default_value_t = 20)]
-    chunk: usize,
-    /// Rows of a chunk that are executed.
-    #[arg(long, default_value_t = 10)]
-    execute: usize,
-    /// Channels of the ResNet's first stage.
-    #[arg(long, default_value_t = 16)]
-    width: usize,
-    /// Channels of a group of its group norms.
-    #[arg(long, default_value_t = 8)]
-    group_channels: usize,
-    /// Width of a token.
-    #[arg(long, default_value_t = 128)]
-    dim: usize,
-    /// Inner width of a feed-forward part.
-    #[arg(long, default_value_t = 256)]
-    feedforward: usize,
-    /// Heads of an attention.
-    #[arg(long, default_value_t = 4)]
-    heads: usize,
-    /// Layers of the encoder.
-    #[arg(long, default_value_t = 2)]
-    encoder_layers: usize,
-    /// Layers of the latent's encoder; 0: without a latent.
-    #[arg(long, default_value_t = 1)]
-    vae_layers: usize,
-    /// Largest random shift of an image, pixels.
-    #[arg(long, default_value_t = 2)]
-    shift: i32,
-    /// Ignores the sentence.
-    #[arg(long)]
-    no_language: bool,
-    /// Share of held-out seeds.
-    #[arg(long, default_value_t = 0.1)]
-    validation: f64,
-    /// Steps between lines of the log.
-    #[arg(long, default_value_t = 100)]
-    interval: u64,
-    /// Ends after this number of intervals without progress; default: never.
-    #[arg(long)]
-    patience: Option<usize>,
-    /// Seed of all random numbers.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-}
-
 /// Runs a subcommand and returns the exit code.
 pub fn run(cli: Cli) -> anyhow::Result<u8> {
     match cli.command {
@@ -186,7 +102,6 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             Ok(0)
         }
         Command::Try { file, data, rows } => evaluate_rows(&file, &data, rows),
-        Command::TrainAct(options) => train_act(options),
         Command::Baseline(args) => {
             let options = RunOptions {
                 out: args.out,
@@ -202,66 +117,6 @@ pub fn run(cli: Cli) -> anyhow::Result<u8> {
             Ok(0)
         }
     }
-}
-
-fn train_act(options: TrainAct) -> anyhow::Result<u8> {
-    let episodes = episodes::read(&options.data)?;
-    let (learned, held) = episodes::split(episodes, options.validation);
-    let folder = options.out.file_name().unwrap_or_default();
-    let name = options.name.clone();
-    let name = name.unwrap_or_else(|| folder.to_string_lossy().into_owned());
-    println!("{} episodes, {} held out", learned.len(), held.len());
-    let shape = Shape {
-        chunk: options.chunk,
-        width: options.width,
-        group_channels: options.group_channels,
-        dim: options.dim,
-        feedforward: options.feedforward,
-        heads: options.heads,
-        encoder_layers: options.encoder_layers,
-        vae_layers: options.vae_layers,
-        dropout: 0.0,
-        ..Shape::default()
-    };
-    let all: usize = learned.iter().map(Episode::rows).sum();
-    let task = ActTask::new(
-        ActOptions {
-            name,
-            shape,
-            execute: options.execute,
-            batch: options.batch.max(1),
-            rate: options.lr,
-            warm_up: options.warm_up,
-            steps: options.steps,
-            divergence: options.kl,
-            shift: options.shift.max(0),
-            language: !options.no_language,
-            seed: options.seed,
-        },
-        learned.clone(),
-        held,
-    )?;
-    let network = task.network();
-    println!(
-        "{:.2} M parameters, {all} rows",
-        burn::module::Module::num_params(&network) as f64 / 1e6
-    );
-    let schedule = Schedule {
-        out: options.out,
-        steps: options.steps,
-        limit: options
-            .seconds
-            .map(|s| Duration::from_secs_f64(s.clamp(0.0, 1e9))),
-        interval: options.interval.max(1),
-        patience: options.patience,
-        weight_decay: 1e-4,
-        clip: 10.0,
-    };
-    let (network, progress) = train::run(&task, network, &schedule)?;
-    let network = burn::module::Module::valid(&network);
-    let [error, held] = task.errors(&network, &learned, 256);
-    println!("on training episodes: L1 {error:.4}, holding the row's action {held:.4}");
-    Ok(if progress.is_over { 0 } else { UNFINISHED })
 }
 
 fn evaluate_rows(file: &Path, data: &[PathBuf], most: usize) -> anyhow::Result<u8> {

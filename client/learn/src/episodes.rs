@@ -8,7 +8,6 @@ use anyhow::{Context, bail, ensure};
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
 use serde::Deserialize;
-use sha2::{Digest, Sha256};
 
 use crate::card::KEY;
 
@@ -305,51 +304,4 @@ pub fn read(folders: &[PathBuf]) -> anyhow::Result<Vec<Episode>> {
     }
     ensure!(!all.is_empty(), "no episode succeeded");
     Ok(all)
-}
-
-/// Splits episodes by seed into training and held out: `share` of the seeds is held out, at least
-/// one of several. The order of the seeds follows from their hashes.
-#[must_use]
-pub fn split(episodes: Vec<Episode>, share: f64) -> (Vec<Episode>, Vec<Episode>) {
-    let mut seeds: Vec<u64> = episodes.iter().map(|e| e.about.seed).collect();
-    seeds.sort_unstable();
-    seeds.dedup();
-    let count = match seeds.len() {
-        0 | 1 => 0,
-        _ if share <= 0.0 => 0,
-        several => ((share * several as f64).round() as usize).clamp(1, several - 1),
-    };
-    seeds.sort_by_key(|seed| Sha256::digest(seed.to_string()));
-    let held_out = &seeds[..count];
-    let is_held = |episode: &Episode| held_out.contains(&episode.about.seed);
-    let (held_out, training) = episodes.into_iter().partition(is_held);
-    (training, held_out)
-}
-
-/// Mean and deviation of the columns of tables, the deviation [`LEAST_DEVIATION`]
-/// at least.
-#[must_use]
-pub fn statistics<'a>(tables: impl Iterator<Item = &'a Table> + Clone) -> (Vec<f32>, Vec<f32>) {
-    let width = tables.clone().next().map_or(0, |table| table.width);
-    let rows: usize = tables.clone().map(Table::rows).sum();
-    let each = |value: &dyn Fn(f64, usize) -> f64| -> Vec<f64> {
-        let mut sums = vec![0.0; width];
-        for row in tables.clone().flat_map(|t| t.values.chunks(width)) {
-            for (column, (sum, &v)) in sums.iter_mut().zip(row).enumerate() {
-                *sum += value(f64::from(v), column);
-            }
-        }
-        sums.into_iter()
-            .map(|sum| sum / rows.max(1) as f64)
-            .collect()
-    };
-    let mean = each(&|v, _| v);
-    let variance = each(&|v, column| (v - mean[column]).powi(2));
-    let deviation = variance
-        .into_iter()
-        .map(|v| (v.sqrt() as f32).max(LEAST_DEVIATION));
-    (
-        mean.iter().map(|&v| v as f32).collect(),
-        deviation.collect(),
-    )
 }

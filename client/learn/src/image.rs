@@ -7,15 +7,9 @@ use burn::tensor::TensorData;
 use crate::card::Card;
 
 /// Converts batch * cameras `images` (rows from the top left, 3 bytes a pixel, of the card's size)
-/// to a tensor of batch * cameras × 3 × height × width. `shifts` moves each image down and to the
-/// right, pixels.
+/// to a tensor of batch * cameras × 3 × height × width.
 #[must_use]
-pub fn to_tensor(
-    card: &Card,
-    images: &[&[u8]],
-    shifts: Option<&[[i32; 2]]>,
-    device: &Device,
-) -> Tensor<4> {
+pub fn to_tensor(card: &Card, images: &[&[u8]], device: &Device) -> Tensor<4> {
     let [height, width] = card
         .cameras
         .first()
@@ -29,18 +23,17 @@ pub fn to_tensor(
         })
         .collect();
     // Source row or column of a padded one; outside, the edge is repeated.
-    let from = |to: usize, before: usize, shift: i32, side: usize| -> usize {
-        let at = to as i64 - before as i64 - i64::from(shift);
+    let from = |to: usize, before: usize, side: usize| -> usize {
+        let at = to as i64 - before as i64;
         at.clamp(0, side as i64 - 1) as usize
     };
     let mut values = Vec::with_capacity(images.len() * 3 * to_height * to_width);
-    for (number, image) in images.iter().enumerate() {
-        let [down, right] = shifts.map_or([0, 0], |shifts| shifts[number]);
-        let columns = (0..to_width).map(|x| from(x, left, right, width));
-        let columns: Vec<usize> = columns.collect();
+    let columns = (0..to_width).map(|x| from(x, left, width));
+    let columns: Vec<usize> = columns.collect();
+    for image in images {
         for (channel, table) in table.iter().enumerate() {
             for y in 0..to_height {
-                let row = from(y, top, down, height) * width;
+                let row = from(y, top, height) * width;
                 let pixels = columns.iter().map(|x| (row + x) * 3 + channel);
                 values.extend(pixels.map(|at| table[usize::from(image[at])]));
             }

@@ -18,7 +18,6 @@ mod figure;
 pub mod image;
 pub mod language;
 pub mod network;
-pub mod serve;
 pub mod train;
 pub mod trained;
 pub mod weights;

@@ -9,12 +9,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use wheelarm_policy::ActionKind;
 use wheelarm_proto::v1;
+use wheelarm_sdk::policy::PolicyService;
 
 use crate::card::Card;
 use crate::image;
 use crate::language::Vocabulary;
 use crate::network::{Inputs, Kind, Network, Words};
-use crate::serve::Policy;
 use crate::weights::WeightsFile;
 
 /// Most observations of one forward pass.
@@ -179,7 +179,7 @@ impl Trained {
             Tensor::from_data(noise, &self.device)
         });
         let inputs = Inputs {
-            images: image::to_tensor(&self.card, &images, None, &self.device),
+            images: image::to_tensor(&self.card, &images, &self.device),
             state: Tensor::from_data(states, &self.device),
             words,
         };
@@ -271,7 +271,7 @@ fn ranges<'a>(seeds: impl Iterator<Item = &'a u64>) -> Vec<v1::SeedRange> {
     out
 }
 
-impl Policy for Trained {
+impl PolicyService for Trained {
     fn spec(&self) -> v1::PolicySpec {
         self.spec.clone()
     }

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use burn::prelude::Device;
 use safetensors::SafeTensors;
 use wheelarm_learn::network::{Network, Shape};
-use wheelarm_learn::serve::Policy;
 use wheelarm_learn::trained::Trained;
 use wheelarm_learn::weights::{Weights, WeightsFile};
 use wheelarm_proto::v1;
+use wheelarm_sdk::policy::PolicyService;
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

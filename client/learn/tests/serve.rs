@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use wheelarm_learn::serve::{ENDPOINT_VARIABLE, NAME_VARIABLE};
 use wheelarm_proto::keys::PolicyKeys;
 use wheelarm_proto::{Message, schema, v1};
+use wheelarm_sdk::policy::{NAME_VARIABLE, POLICY_VARIABLE};
 use zenoh::{Config, Session, Wait};
 
 fn data(name: &str) -> PathBuf {
@@ -91,7 +91,7 @@ fn start_policy(name: &str) -> (tempfile::TempDir, Session, Served, PolicyKeys) 
     let child = Command::new(env!("CARGO_BIN_EXE_wheelarm-learn"))
         .arg("serve")
         .arg(data("flow.safetensors"))
-        .env(ENDPOINT_VARIABLE, &endpoint)
+        .env(POLICY_VARIABLE, &endpoint)
         .env(NAME_VARIABLE, name)
         .stdout(Stdio::null())
         .spawn();

@@ -1,20 +1,18 @@
-//! The training loop: it reduces the error, continues from a checkpoint with the same bits, and its
-//! policy returns the learned actions.
+//! The training loop: it reduces the error, continues from a checkpoint with the same bits, and
+//! ends without progress.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use burn::module::Module;
-use safetensors::tensor::{Dtype, TensorView};
-use wheelarm_learn::episodes::{self, Episode};
-use wheelarm_learn::network::Shape;
-use wheelarm_learn::serve::Policy;
-use wheelarm_learn::train::act::{ActOptions, ActTask};
-use wheelarm_learn::train::{self, Schedule};
-use wheelarm_learn::trained::Trained;
-use wheelarm_learn::weights::Weights;
-use wheelarm_proto::v1;
+use burn::prelude::*;
+use burn::tensor::TensorData;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use wheelarm_learn::network::Linear;
+use wheelarm_learn::train::{self, Progress, Schedule, TrainingTask};
+use wheelarm_learn::weights::{Weights, WeightsFile};
 
 /// The process has one generator of random numbers: these tests run one at a time.
 static GENERATOR: Mutex<()> = Mutex::new(());
@@ -23,84 +21,50 @@ fn lock_generator() -> MutexGuard<'static, ()> {
     GENERATOR.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-const ROWS: usize = 24;
-const SIDES: [usize; 2] = [18, 40];
+const BATCH: usize = 8;
 
-/// Writes an episode whose actions follow from the image alone: a moving bar.
-fn write(folder: &Path, seed: u64) {
-    let [height, width] = SIDES;
-    let place = |row: usize| (row + seed as usize) % ROWS;
-    let image = |row: usize| -> Vec<u8> {
-        let bar = place(row) * (width - 4) / ROWS;
-        let pixels = (0..height * width).map(|at| at % width);
-        pixels
-            .flat_map(|x| match (bar..bar + 4).contains(&x) {
-                true => [250, 250, 250],
-                false => [20, 30, 40],
-            })
-            .collect()
-    };
-    let images: Vec<u8> = (0..ROWS).flat_map(image).collect();
-    let numbers = |value: &dyn Fn(usize) -> Vec<f32>| -> Vec<u8> {
-        let values = (0..ROWS).flat_map(value);
-        values.flat_map(f32::to_le_bytes).collect()
-    };
-    let states = numbers(&|_| vec![0.3; 3]);
-    let phase = |row: usize| place(row) as f32 * std::f32::consts::TAU / ROWS as f32;
-    let actions = numbers(&|row| (0..9).map(|k| (phase(row) + k as f32).sin()).collect());
-    let names = |what: &str, count: usize| -> Vec<String> {
-        (0..count).map(|k| format!("{what}{k}")).collect()
-    };
-    let about = serde_json::json!({
-        "layout": "wheelarm-tensors/1", "label": format!("bar-{seed}"), "instruction": "follow the bar",
-        "task": "bar", "seed": seed, "success": seed < 100, "rate_hz": 10, "robot": "none",
-        "action": "next-joints", "state_names": names("s", 3), "action_names": names("a", 9),
-        "action_units": names("u", 9), "table_names": null,
-    });
-    let view = |dtype, shape: &[usize], bytes| TensorView::new(dtype, shape.to_vec(), bytes);
-    let tensors = [
-        ("states", view(Dtype::F32, &[ROWS, 3], &states)),
-        ("actions", view(Dtype::F32, &[ROWS, 9], &actions)),
-        (
-            "pictures.eye",
-            view(Dtype::U8, &[ROWS, height, width, 3], &images),
-        ),
-    ];
-    let tensors = tensors.map(|(name, view)| (name, view.expect("a tensor")));
-    let metadata = [("wheelarm".to_owned(), about.to_string())].into();
-    let bytes = safetensors::serialize(tensors, Some(metadata)).expect("bytes");
-    std::fs::write(folder.join(format!("bar-{seed}.safetensors")), bytes).expect("written");
+/// The line y = 2 x + 1 by a layer with `outputs` equal outputs.
+struct Line {
+    outputs: usize,
 }
 
-fn task(episodes: Vec<Episode>, steps: u64, vae_layers: usize) -> ActTask {
-    let shape = Shape {
-        chunk: 4,
-        width: 4,
-        group_channels: 2,
-        dim: 32,
-        feedforward: 32,
-        heads: 2,
-        encoder_layers: 1,
-        vae_layers,
-        latent: 4,
-        word_width: 8,
-        ..Shape::default()
-    };
-    let options = ActOptions {
-        name: "bar".to_owned(),
-        shape,
-        execute: 2,
-        batch: 8,
-        rate: 3e-3,
-        warm_up: 10,
-        steps,
-        divergence: 1.0,
-        shift: 0,
-        language: true,
-        seed: 1,
-    };
-    let (learned, held) = episodes::split(episodes, 0.3);
-    ActTask::new(options, learned, held).expect("a training task")
+impl Line {
+    fn network(&self) -> Linear {
+        let device = Device::flex().autodiff();
+        device.seed(1);
+        Linear::new(1, self.outputs, &device)
+    }
+
+    fn error(&self, network: &Linear, seed: u64, device: &Device) -> Tensor<1> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let x: Vec<f32> = (0..BATCH).map(|_| random.random_range(-1.0..1.0)).collect();
+        let x = Tensor::<2>::from_data(TensorData::new(x, [BATCH, 1]), device);
+        let wanted = (x.clone() * 2.0 + 1.0).expand([BATCH, self.outputs]);
+        (network.forward(x) - wanted).square().mean()
+    }
+}
+
+impl TrainingTask for Line {
+    type Network = Linear;
+
+    fn loss(&self, network: &Linear, step: u64) -> (Tensor<1>, Vec<(&'static str, f64)>) {
+        let loss = self.error(network, step, &Device::flex().autodiff());
+        let value = loss.clone().into_scalar::<f64>();
+        (loss, vec![("square", value)])
+    }
+
+    fn validate(&self, network: &Linear) -> Option<f64> {
+        let error = self.error(network, u64::MAX, &Device::flex());
+        Some(error.into_scalar::<f64>())
+    }
+
+    fn rate(&self, _: u64) -> f64 {
+        0.05
+    }
+
+    fn keep(&self, network: &Linear, _: &Progress, folder: &Path) -> anyhow::Result<()> {
+        Ok(Weights::of_network(network).write(&folder.join("line.safetensors"), None)?)
+    }
 }
 
 fn schedule(out: &Path, steps: u64) -> Schedule {
@@ -110,91 +74,48 @@ fn schedule(out: &Path, steps: u64) -> Schedule {
         limit: None,
         interval: 20,
         patience: None,
-        weight_decay: 1e-4,
+        weight_decay: 0.0,
         clip: 10.0,
     }
 }
 
 #[test]
-fn act_learns_actions_from_images_and_its_policy_returns_them() {
+fn line_is_learned_and_the_best_weights_are_kept() {
     let _alone = lock_generator();
     let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    let data = folder.join("data");
-    std::fs::create_dir(&data).expect("a folder");
-    for seed in [0, 7, 13, 100] {
-        write(&data, seed);
-    }
-    let episodes = episodes::read(&[data]).expect("episodes");
-    assert_eq!(episodes.len(), 3, "one failed");
-    let all = episodes.clone();
-    let task = task(episodes, 300, 1);
-    let out = folder.join("run");
-    let (network, progress) =
-        train::run(&task, task.network(), &schedule(&out, 300)).expect("a run");
+    let line = Line { outputs: 1 };
+    let before = line.validate(&line.network().valid()).expect("an error");
+    let out = folder.path().join("run");
+    let done = train::run(&line, line.network(), &schedule(&out, 300));
+    let (network, progress) = done.expect("a run");
     assert!(progress.is_over && progress.step == 300);
-    let [error, held] = task.errors(&network.valid(), &all, 1000);
-    println!("L1 {error:.4}, holding {held:.4}, best {:?}", progress.best);
-    assert!(error < 0.1 && held > 3.0 * error, "{error}, {held}");
-    assert!(
-        std::fs::metadata(out.join("curves.png"))
-            .expect("curves")
-            .len()
-            > 1000
-    );
-
-    // The best network on the held-out seeds.
-    let mut policy = Trained::read(&out.join("policy.safetensors")).expect("a policy");
-    assert_eq!(policy.card().validation_seeds.len(), 1);
-    let (mut sum, mut count) = (0.0, 0.0_f32);
-    for row in 0..ROWS - 4 {
-        let observation = v1::PolicyObservation {
-            instruction: "follow the bar".to_owned(),
-            steps: vec![v1::PolicyStep {
-                state_values: vec![0.3; 3],
-                images: vec![v1::PolicyImage {
-                    camera: "eye".to_owned(),
-                    width: SIDES[1] as u32,
-                    height: SIDES[0] as u32,
-                    color: all[0].image("eye", row).to_vec().into(),
-                    ..Default::default()
-                }],
-            }],
-            ..Default::default()
-        };
-        let reply = policy.infer(&v1::InferRequest {
-            observations: vec![observation],
-        });
-        let wanted = (row..row + 4).flat_map(|row| all[0].actions.row(row).to_vec());
-        for (found, wanted) in reply.chunks[0].values.iter().zip(wanted) {
-            sum += (found - wanted).abs();
-            count += 1.0;
-        }
-    }
-    println!("served: mean error {:.4}", sum / count);
-    assert!(sum / count < 0.15, "{}", sum / count);
+    let after = line.validate(&network.valid()).expect("an error");
+    assert!(after < 0.01 * before, "{before} became {after}");
+    let curves = std::fs::metadata(out.join("curves.png")).expect("curves");
+    assert!(curves.len() > 1000);
+    let kept = WeightsFile::read(&out.join("line.safetensors")).expect("weights");
+    let (_, weight) = kept.weights.get("weight").expect("the weight");
+    assert!((weight[0] - 2.0).abs() < 0.1, "{weight:?}");
 }
 
 #[test]
-fn interrupted_run_ends_with_the_same_bits() {
+fn interrupted_run_continues_with_the_same_bits() {
     let _alone = lock_generator();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    write(folder, 0);
-    let episodes = episodes::read(&[folder.to_owned()]).expect("episodes");
     let weights = |out: &Path, cuts: bool| {
-        let task = task(episodes.clone(), 40, 0);
+        let line = Line { outputs: 1 };
         if cuts {
             let cut = Schedule {
                 limit: Some(Duration::ZERO),
                 ..schedule(out, 40)
             };
             for made in 1..=2 {
-                let (_, progress) = train::run(&task, task.network(), &cut).expect("a run");
+                let (_, progress) = train::run(&line, line.network(), &cut).expect("a run");
                 assert_eq!((progress.step, progress.is_over), (made, false));
             }
         }
-        let done = train::run(&task, task.network(), &schedule(out, 40));
+        let done = train::run(&line, line.network(), &schedule(out, 40));
         let (network, progress) = done.expect("a run");
         assert_eq!((progress.step, progress.log.len()), (40, 2));
         Weights::of_network(&network.valid())
@@ -202,8 +123,8 @@ fn interrupted_run_ends_with_the_same_bits() {
     let whole = weights(&folder.join("whole"), false);
     let pieces = weights(&folder.join("pieces"), true);
     assert!(whole == pieces, "the same bits");
-    // Another network cannot continue from this checkpoint.
-    let other = task(episodes.clone(), 40, 1);
+    // A checkpoint of another network is rejected.
+    let other = Line { outputs: 2 };
     let refused = train::run(
         &other,
         other.network(),
@@ -217,20 +138,14 @@ fn interrupted_run_ends_with_the_same_bits() {
 fn run_without_progress_ends() {
     let _alone = lock_generator();
     let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    for seed in [0, 7, 13] {
-        write(folder, seed);
-    }
-    let episodes = episodes::read(&[folder.to_owned()]).expect("episodes");
-    let task = task(episodes, 400, 0);
+    let line = Line { outputs: 1 };
     let stuck = Schedule {
         interval: 1,
         patience: Some(2),
         // A gradient of zero: no progress.
         clip: 0.0,
-        weight_decay: 0.0,
-        ..schedule(&folder.join("run"), 400)
+        ..schedule(&folder.path().join("run"), 400)
     };
-    let (_, progress) = train::run(&task, task.network(), &stuck).expect("a run");
+    let (_, progress) = train::run(&line, line.network(), &stuck).expect("a run");
     assert!(progress.is_over && progress.step < 10, "{}", progress.step);
 }

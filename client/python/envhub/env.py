@@ -11,8 +11,7 @@ def make_env(n_envs: int = 1, use_async_envs: bool = False, cfg: Any = None) -> 
     """Environments by suite and task. They compute in parallel, also without
     `use_async_envs`."""
     task = getattr(cfg, "task", None) or "pick_mustard"
-    size = {"gen3": (320, 180), "wheelchair": (320, 180)}
     envs = wheelarm.WheelArmVectorEnv(
-        n_envs, task=task, obs_mode="pixels", cameras=size, autoreset_mode="SameStep"
+        n_envs, task=task, obs_mode="pixels", autoreset_mode="SameStep"
     )
     return {"wheelarm": {0: envs}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import pathlib
 import subprocess
 import sys
@@ -29,6 +30,23 @@ def test_every_query_and_topic_has_its_messages():
     assert len(_contract.TOPICS) > 20
     for row in _contract.TOPICS:
         assert "header" in getattr(v1, row[2]).DESCRIPTOR.fields_by_name, row
+
+
+def test_ros_node_decides_for_every_stream():
+    # The node imports rclpy, so its lists are read from its source.
+    path = pathlib.Path(__file__).resolve().parents[1] / "src/wheelarm/ros/node.py"
+    lists = {
+        target.id: ast.literal_eval(node.value)
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name) and target.id in ("STREAMS", "UNPUBLISHED", "OTHERS")
+    }
+    streams = {row[0] for row in _contract.TOPICS if row[1].startswith("stream/")}
+    decided = [name for names in lists.values() for name in names]
+    assert len(decided) == len(set(decided))
+    assert streams <= set(decided), f"{path}: publish {streams - set(decided)} or list it"
+    assert set(decided) <= {row[0] for row in _contract.TOPICS}
 
 
 def test_messages_have_their_own_descriptor_pool():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import wheelarm
+from wheelarm import _contract
 
 h5py = pytest.importorskip("h5py", reason="recorded files are HDF5")
 
@@ -24,21 +25,11 @@ def recorder_program():
         return neighbor
 
 
+#: Every stream whose messages become columns of a recording.
 TOPICS = [
-    "joint_state",
-    "pose",
-    "imu",
-    "odometry",
-    "evaluation",
-    "clock",
-    "command",
-    "applied",
-    "object_pose",
-    "furniture_joint",
-    "deformable",
-    "contact",
-    "phase",
-    "state_hash",
+    name
+    for name, key, *_ in _contract.TOPICS
+    if key.startswith("stream/") and "{" not in key and name != "event"
 ]
 
 

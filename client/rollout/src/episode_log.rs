@@ -1,9 +1,12 @@
 //! Results of episodes as they arrive: an append-only file with one JSON object per
 //! line, from which an interrupted command resumes.
 //!
-//! A crash can cut the last line short. Such a line is ignored, its episode is made
-//! again, and the next append removes it. No other line is ever rewritten, except by
-//! [`EpisodeLog::set_aside`], which keeps a copy.
+//! A crash can cut the last line short, and a bad disk can damage any line. Such a line is
+//! reported ([`EpisodeLog::damage`]) and its episode is made again, so that no episode is
+//! lost or counted twice. The next append removes a cut last line; no other line is ever
+//! rewritten, except by [`EpisodeLog::set_aside`], which keeps a copy. A line that is valid
+//! JSON and no entry is of another version of the program: the log is not opened, because
+//! its episode would be made and counted again.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
@@ -12,7 +15,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use parking_lot::Mutex;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 
 /// One line of a log.
 pub trait LogEntry: Clone + Serialize + DeserializeOwned {
@@ -36,6 +39,8 @@ pub struct EpisodeLog<E> {
 #[derive(Debug)]
 struct Inner<E> {
     file: File,
+    /// Lines that cannot be read, from 1.
+    damaged: Vec<usize>,
     /// Length of the complete lines, bytes; set where a cut line follows them.
     complete: Option<u64>,
     entries: Vec<E>,
@@ -45,7 +50,8 @@ impl<E: LogEntry> EpisodeLog<E> {
     /// Opens the log at `path`, or creates it. `sync` writes the file's data to the disk.
     ///
     /// # Errors
-    /// When another process has the log open, or the file cannot be read or written.
+    /// When another process has the log open, a line is of another version of the program, or
+    /// the file cannot be read or written.
     pub fn open(path: &Path, sync: fn(&File) -> io::Result<()>) -> anyhow::Result<Self> {
         let context = || format!("opening {}", path.display());
         let mut file = OpenOptions::new()
@@ -71,7 +77,20 @@ impl<E: LogEntry> EpisodeLog<E> {
         }
         let mut text = Vec::new();
         file.read_to_end(&mut text).with_context(context)?;
-        let (all, _) = parse(&text);
+        let Parsed {
+            entries: all,
+            damaged,
+            foreign,
+        } = parse(&text);
+        if let Some((line, why)) = foreign {
+            bail!(
+                "{}: line {line} is not an entry of this version of `wheelarm {}`: {why}; resume \
+                 with the version that wrote it, or use another {}",
+                path.display(),
+                E::COMMAND,
+                E::OTHER_LOG
+            );
+        }
         let mut entries = Vec::new();
         for entry in all {
             insert(&mut entries, entry);
@@ -92,6 +111,7 @@ impl<E: LogEntry> EpisodeLog<E> {
             sync,
             inner: Mutex::new(Inner {
                 file,
+                damaged,
                 complete,
                 entries,
             }),
@@ -102,6 +122,14 @@ impl<E: LogEntry> EpisodeLog<E> {
     #[must_use]
     pub fn entries(&self) -> Vec<E> {
         self.inner.lock().entries.clone()
+    }
+
+    /// A warning for each line that could not be read when the log was opened.
+    #[must_use]
+    pub fn damage(&self) -> Vec<String> {
+        let inner = self.inner.lock();
+        let lines = inner.damaged.iter();
+        lines.map(|line| damaged_line(&self.path, *line)).collect()
     }
 
     /// Appends an entry; it is on the disk when this returns.
@@ -161,22 +189,51 @@ impl<E: LogEntry> EpisodeLog<E> {
 /// When the file cannot be read.
 pub fn read_log<E: LogEntry>(path: &Path) -> anyhow::Result<(Vec<E>, Vec<usize>)> {
     let text = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
-    Ok(parse(&text))
+    let mut parsed = parse(&text);
+    parsed.damaged.extend(parsed.foreign.map(|(line, _)| line));
+    parsed.damaged.sort_unstable();
+    Ok((parsed.entries, parsed.damaged))
 }
 
-fn parse<E: LogEntry>(text: &[u8]) -> (Vec<E>, Vec<usize>) {
-    let (mut entries, mut cut) = (Vec::new(), Vec::new());
+/// The warning about a line that cannot be read, numbered from 1.
+#[must_use]
+pub fn damaged_line(log: &Path, line: usize) -> String {
+    format!(
+        "{}: line {line} is damaged, as by a power loss during a write: it is skipped, and its \
+         episode is repeated",
+        log.display()
+    )
+}
+
+/// The lines of a log.
+struct Parsed<E> {
+    entries: Vec<E>,
+    /// Numbers of the lines that are not JSON, from 1.
+    damaged: Vec<usize>,
+    /// The first line that is JSON and no entry, from 1, with the reason.
+    foreign: Option<(usize, String)>,
+}
+
+fn parse<E: LogEntry>(text: &[u8]) -> Parsed<E> {
+    let mut parsed = Parsed {
+        entries: Vec::new(),
+        damaged: Vec::new(),
+        foreign: None,
+    };
     // Bytes, because a cut line may end in the middle of a character.
     for (index, line) in text.split(|byte| *byte == b'\n').enumerate() {
         if line.is_empty() {
             continue;
         }
         match serde_json::from_slice(line) {
-            Ok(entry) => entries.push(entry),
-            Err(_) => cut.push(index + 1),
+            Ok(entry) => parsed.entries.push(entry),
+            Err(why) if why.is_data() && serde_json::from_slice::<IgnoredAny>(line).is_ok() => {
+                parsed.foreign.get_or_insert((index + 1, why.to_string()));
+            }
+            Err(_) => parsed.damaged.push(index + 1),
         }
     }
-    (entries, cut)
+    parsed
 }
 
 fn insert<E: LogEntry>(entries: &mut Vec<E>, entry: E) {
@@ -245,6 +302,62 @@ mod tests {
             assert_eq!(entries.len(), 3 - usize::from(is_cut), "cut at {cut}");
             assert_eq!(entries.last(), Some(&line(7)));
         }
+    }
+
+    #[test]
+    fn damaged_line_is_reported_and_its_episode_is_made_once_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("episodes.jsonl");
+        let log = open(&path);
+        assert_eq!(log.damage(), [""; 0]);
+        for seed in 0..3 {
+            log.append(&line(seed)).unwrap();
+        }
+        drop(log);
+        let whole = std::fs::read(&path).unwrap();
+        let second = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+        // A block of zeros, a flipped byte, and a line that lost its beginning.
+        for (at, bytes) in [
+            (second, &[0; 12][..]),
+            (second + 2, b"\x80"),
+            (second, b"      "),
+        ] {
+            let mut text = whole.clone();
+            text[at..at + bytes.len()].copy_from_slice(bytes);
+            std::fs::write(&path, &text).unwrap();
+            let log = open(&path);
+            let [warning] = &log.damage()[..] else {
+                panic!("{:?}", log.damage());
+            };
+            assert!(
+                warning.contains("episodes.jsonl: line 2 is damaged"),
+                "{warning}"
+            );
+            assert_eq!(log.entries(), [line(0), line(2)]);
+            log.append(&line(1)).unwrap();
+            drop(log);
+            // The damaged line stays, and the repeated episode counts once.
+            let resumed = std::fs::read(&path).unwrap();
+            assert!(resumed.starts_with(&text));
+            assert_eq!(open(&path).entries(), [line(0), line(2), line(1)]);
+        }
+    }
+
+    #[test]
+    fn log_of_another_version_is_not_resumed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("episodes.jsonl");
+        open(&path).append(&line(0)).unwrap();
+        let mut text = std::fs::read_to_string(&path).unwrap();
+        text += "{\"seed\":\"one\",\"why\":\"\"}\n";
+        std::fs::write(&path, &text).unwrap();
+        let error = EpisodeLog::<Line>::open(&path, File::sync_data).unwrap_err();
+        let error = error.to_string();
+        for words in ["episodes.jsonl: line 2", "invalid type", "--out"] {
+            assert!(error.contains(words), "{error}");
+        }
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        assert_eq!(read_log::<Line>(&path).unwrap(), (vec![line(0)], vec![2]));
     }
 
     #[test]

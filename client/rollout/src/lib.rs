@@ -47,7 +47,7 @@ mod session;
 pub use backend::{Backend, InProcess, Processes, WorkerOptions};
 pub use comparison::Comparison;
 pub use driver::{DemonstrationFile, Driver, Expert, PolicyDriver, Takeover};
-pub use episode_log::{EpisodeLog, LogEntry, read_log};
+pub use episode_log::{EpisodeLog, LogEntry, damaged_line, read_log};
 pub use failure::{Failure, FailureCause};
 pub use finished::Finished;
 pub use heartbeat::{Heartbeat, episode_seconds};

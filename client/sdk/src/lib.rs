@@ -17,6 +17,7 @@ mod control_requests;
 mod episode;
 mod error;
 mod frame;
+pub mod policy;
 mod preview;
 mod queries;
 mod samples;

@@ -38,13 +38,43 @@ fn every_file_is_a_model_with_a_source_for_every_parameter() {
     }
 }
 
+/// The materials of every file: its path, their names and their values.
+fn materials() -> Vec<(String, String, toml::Table)> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(assets().join("materials")).unwrap() {
+        let path = format!("materials/{}", entry.unwrap().file_name().display());
+        let file: toml::Table = text(&path).parse().unwrap();
+        for (name, values) in file["material"].as_table().unwrap() {
+            let values = values.as_table().unwrap().clone();
+            all.push((path.clone(), name.clone(), values));
+        }
+    }
+    assert!(all.len() > 20, "{} materials", all.len());
+    all
+}
+
 #[test]
 fn surfaces_refer_to_existing_materials() {
     let surfaces = Surfaces::read(&text(surface::FILE)).unwrap();
-    let materials = text("materials/home.toml");
+    let materials = materials();
     for name in surfaces.materials() {
-        let line = format!("\n{name} = {{");
-        assert!(materials.contains(&line), "no material {name} in home.toml");
+        let known = materials.iter().any(|(_, known, _)| known == name);
+        assert!(known, "no material {name} in assets/materials");
+    }
+    // A material that an infrared stereo camera loses has a class.
+    for (file, name, values) in &materials {
+        let value = |key: &str, default: f64| {
+            let number = values.get(key).and_then(toml::Value::as_float);
+            number.unwrap_or(default)
+        };
+        let is_lost = value("transmission", 0.0) > 0.0
+            || value("metallic", 0.0) >= 0.3
+            || value("roughness", 1.0) < 0.15;
+        assert!(
+            !is_lost || surfaces.materials().any(|known| known == name),
+            "{file}: {name} transmits or reflects; give it a class in assets/{}",
+            surface::FILE
+        );
     }
     for class in &Surface::ALL[1..] {
         assert!(surfaces.materials().any(|m| surfaces.class_of(m) == *class));

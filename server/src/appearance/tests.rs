@@ -23,12 +23,27 @@ fn appearance(seed: u64, strength: u8) -> Appearance {
 }
 
 fn drawn(appearance: Appearance) -> SampledAppearance {
-    let scene = Scene::load(&assets(), "home").unwrap();
+    drawn_in("home", appearance)
+}
+
+fn drawn_in(scene: &str, appearance: Appearance) -> SampledAppearance {
+    let scene = Scene::load(&assets(), scene).unwrap();
     SampledAppearance::new(appearance, &scene, &assets()).unwrap()
+}
+
+/// Names of the scenes of the assets.
+fn scene_names() -> Vec<String> {
+    let names = crate::scene::names(&assets(), "scenes").unwrap();
+    assert!(!names.is_empty());
+    names
 }
 
 #[test]
 fn a_look_is_deterministic_and_its_axes_are_independent() {
+    for scene in scene_names() {
+        let all = appearance(5, 2);
+        assert_eq!(drawn_in(&scene, all), drawn_in(&scene, all), "{scene}");
+    }
     let all = appearance(5, 2);
     assert_eq!(drawn(all), drawn(all));
     assert_ne!(drawn(all).lighting, drawn(appearance(6, 2)).lighting);
@@ -88,8 +103,14 @@ fn displayed(c: f32) -> f32 {
 
 #[test]
 fn no_look_clips_a_white_wall_or_leaves_it_black() {
-    let scene = Scene::load(&assets(), "home").unwrap();
-    let file = file::load(&assets(), "home").unwrap();
+    for scene in scene_names() {
+        check_brightness(&scene);
+    }
+}
+
+fn check_brightness(name: &str) {
+    let scene = Scene::load(&assets(), name).unwrap();
+    let file = file::load(&assets(), name).unwrap();
     let (mut darkest, mut brightest) = (1.0f32, 0.0f32);
     for seed in 0..300 {
         for strength in 1..=3 {
@@ -116,8 +137,8 @@ fn no_look_clips_a_white_wall_or_leaves_it_black() {
             assert!(gain.iter().all(|g| g.log2().abs() <= stops + 0.15));
         }
     }
-    assert!(darkest > 0.12, "{darkest}");
-    assert!(brightest < 0.975, "{brightest}");
+    assert!(darkest > 0.12, "{name}: {darkest}");
+    assert!(brightest < 0.975, "{name}: {brightest}");
 }
 
 #[test]

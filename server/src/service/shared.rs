@@ -52,7 +52,18 @@ fn most_bytes(kind: Query) -> usize {
         Query::Playback => 1 << 20,
         Query::EpisodeStart => 128 << 10,
         Query::Reach => 32 << 10,
-        _ => 4 << 10,
+        Query::Status
+        | Query::Scene
+        | Query::Tasks
+        | Query::Lease
+        | Query::Pick
+        | Query::Pause
+        | Query::Resume
+        | Query::EpisodeStop
+        | Query::Episode
+        | Query::Snapshot
+        | Query::Sensors
+        | Query::Shutdown => 4 << 10,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use wheelarm_proto::settings::Style;
-use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ};
+use wheelarm_proto::{CONTROL_HZ, PHYSICS_HZ, defaults, limits};
 
 use crate::appearance::Appearance;
 use crate::people::PersonSetting;
@@ -146,20 +146,20 @@ pub const ALL_CAMERAS: &str = "*";
 pub const SOFT_MASS: (f64, f64) = (0.05, 2.0);
 
 /// Largest width or height of an image, pixels.
-pub const MAX_SIZE: u32 = 4096;
+pub const MAX_SIZE: u32 = *limits::IMAGE_SIDES.end();
 
 impl Default for Scenario {
-    /// The home with the mustard task and all robot cameras at 1280x720, 10 Hz.
+    /// The values of [`defaults`], with all robot cameras.
     fn default() -> Self {
         Self {
-            scene: "home".to_owned(),
-            task: "pick_mustard".to_owned(),
+            scene: defaults::SCENE.to_owned(),
+            task: defaults::TASK.to_owned(),
             seed: 0,
-            robot: "wheelarm".to_owned(),
+            robot: defaults::ROBOT.to_owned(),
             cameras: Self::all_cameras(),
-            state_rate_hz: CONTROL_HZ as f64,
-            deformable_rate_hz: 10.0,
-            imu_rate_hz: PHYSICS_HZ as f64,
+            state_rate_hz: defaults::STATE_RATE_HZ,
+            deformable_rate_hz: defaults::DEFORMABLE_RATE_HZ,
+            imu_rate_hz: defaults::IMU_RATE_HZ,
             pacing: Pacing::RealTime,
             quality: Quality::Standard,
             imu_noise: false,
@@ -196,7 +196,7 @@ pub enum ScenarioError {
     #[error(transparent)]
     Rate(#[from] BadRate),
     /// An invalid image size.
-    #[error("camera {camera:?} is {width}x{height}, expected 16 to {MAX_SIZE} pixels each way")]
+    #[error("camera {camera:?} is {width}x{height}, expected {} to {} pixels each way", limits::IMAGE_SIDES.start(), limits::IMAGE_SIDES.end())]
     Size {
         /// The camera.
         camera: String,
@@ -272,13 +272,13 @@ pub struct Schedules {
 }
 
 impl Scenario {
-    /// All cameras of any robot at 1280x720, 10 Hz.
+    /// All cameras of any robot with the default size and rate.
     #[must_use]
     pub fn all_cameras() -> Vec<CameraSetting> {
         vec![CameraSetting {
             name: ALL_CAMERAS.to_owned(),
-            size: [1280, 720],
-            rate_hz: 10.0,
+            size: defaults::CAMERA_SIZE,
+            rate_hz: defaults::CAMERA_RATE_HZ,
             lens: None,
             place: None,
         }]
@@ -435,7 +435,8 @@ impl Scenario {
                 return Err(ScenarioError::Twice(camera.name.clone()));
             }
             let [width, height] = camera.size;
-            if !(16..=MAX_SIZE).contains(&width) || !(16..=MAX_SIZE).contains(&height) {
+            let sides = limits::IMAGE_SIDES;
+            if !sides.contains(&width) || !sides.contains(&height) {
                 return Err(ScenarioError::Size {
                     camera: camera.name.clone(),
                     width,

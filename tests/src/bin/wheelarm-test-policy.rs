@@ -6,8 +6,8 @@
 //! `unfit` and `crash`.
 
 use wheelarm_proto::v1;
-use wheelarm_rollout::policy::{Answers, NAME_VARIABLE, POLICY_VARIABLE, serve};
 use wheelarm_sdk::Connect;
+use wheelarm_sdk::policy::{NAME_VARIABLE, POLICY_VARIABLE, PolicyService, serve};
 
 /// Columns of hand and knuckle in a row of state.
 const HAND: std::ops::Range<usize> = 14..23;
@@ -17,7 +17,7 @@ struct Misbehaves {
     how: Vec<String>,
 }
 
-impl Answers for Misbehaves {
+impl PolicyService for Misbehaves {
     fn spec(&self) -> v1::PolicySpec {
         v1::PolicySpec {
             name: "test".to_owned(),
@@ -83,5 +83,6 @@ fn main() -> anyhow::Result<()> {
     }
     let connect = Connect::to(&std::env::var(POLICY_VARIABLE)?, "sim");
     let mut policy = Misbehaves { how };
-    serve(&mut policy, &std::env::var(NAME_VARIABLE)?, &connect, || {})
+    serve(&mut policy, &std::env::var(NAME_VARIABLE)?, &connect, || {})?;
+    Ok(())
 }

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use clap::ValueEnum;
+use wheelarm_dataset::convert::FormatName;
 use wheelarm_dataset::read::Episode;
 use wheelarm_proto::program::skipped;
 use wheelarm_proto::topic::Sample;
@@ -109,25 +111,23 @@ fn commands_of_the_guides_run_and_other_libraries_read_their_output() {
     let all = recordings(&folder.join("data/session"));
     assert_eq!(all.len(), 2);
     check(folder, "aligned", "data/aligned", &all, "h5py, numpy");
-    check(folder, "csv", "data/csv", &all, "h5py, numpy");
-    check(folder, "wheelarm-sim", "data/original", &all, "h5py, numpy");
-    check(
-        folder,
-        "robomimic",
-        "data/robomimic.hdf5",
-        &all,
-        "h5py, numpy",
-    );
-    check(
-        folder,
-        "lerobot",
-        "data/lerobot",
-        &all,
-        "h5py, numpy, pyarrow",
-    );
-    let mcap = "h5py, numpy, mcap, google.protobuf, foxglove_schemas_protobuf";
-    check(folder, "mcap", "data/mcap", &all, mcap);
-    check_bag(folder, &all[0]);
+    for format in FormatName::value_variants() {
+        let name = format.name();
+        let check = |what, modules| check(folder, &name, what, &all, modules);
+        match format {
+            FormatName::Csv => check("data/csv", "h5py, numpy"),
+            FormatName::WheelarmSim => check("data/original", "h5py, numpy"),
+            FormatName::Robomimic => check("data/robomimic.hdf5", "h5py, numpy"),
+            FormatName::Lerobot => check("data/lerobot", "h5py, numpy, pyarrow"),
+            FormatName::Mcap => check(
+                "data/mcap",
+                "h5py, numpy, mcap, google.protobuf, foxglove_schemas_protobuf",
+            ),
+            FormatName::Rosbag2 => check_bag(folder, &all[0]),
+            // Their reader is the test of `recorded.rs`.
+            FormatName::Tensors => {}
+        }
+    }
     check_videos(folder, &all[0]);
     if let Some(python) = python("h5py, numpy") {
         for block in blocks("train-and-evaluate/process.md", "python") {

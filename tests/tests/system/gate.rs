@@ -232,18 +232,39 @@ fn requests_of_another_version_or_commander_are_refused_with_a_fix() {
     );
 }
 
+/// Whether the request of a query has fields. Names every query: a new one does not compile
+/// until this test knows it.
+fn reads_a_request(query: Query) -> bool {
+    match query {
+        Query::Lease
+        | Query::Reach
+        | Query::Pick
+        | Query::Reset
+        | Query::Playback
+        | Query::EpisodeStart
+        | Query::EpisodeStop
+        | Query::Episode
+        | Query::Shutdown => true,
+        Query::Status
+        | Query::Scene
+        | Query::Tasks
+        | Query::Pause
+        | Query::Resume
+        | Query::Snapshot
+        | Query::Sensors => false,
+    }
+}
+
 #[test]
 fn undecodable_and_invalid_queries_are_rejected_with_a_reason() {
     let mut server = Server::start("rubbish", &["--no-cameras"]).expect("a server");
     let session = session(&server);
     let keys = Keys::new("rubbish").expect("a name");
     let rubbish = vec![0xff; 32];
-    for query in [
-        Query::Reset,
-        Query::EpisodeStart,
-        Query::EpisodeStop,
-        Query::Reach,
-    ] {
+    for query in Query::ALL
+        .into_iter()
+        .filter(|query| reads_a_request(*query))
+    {
         let answer: Result<v1::Ack, String> = query_reply(&session, &keys, query, rubbish.clone());
         assert!(answer.expect_err("a failure").contains("cannot decode"));
     }

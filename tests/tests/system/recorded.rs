@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use wheelarm_dataset::convert::FormatName;
 use wheelarm_dataset::read::Episode;
 use wheelarm_tests::{printed, program, root};
 
@@ -57,16 +58,9 @@ fn every_dataset_command_reads_a_recording_of_the_first_contract() {
     ] {
         succeeds(here, command);
     }
-    for format in [
-        "wheelarm-sim",
-        "csv",
-        "lerobot",
-        "robomimic",
-        "tensors",
-        "mcap",
-    ] {
+    for format in FormatName::names() {
         let out = format!("exported-{format}");
-        let export = ["dataset", "export", "old.h5", "--format", format, "--out"];
+        let export = ["dataset", "export", "old.h5", "--format", &format, "--out"];
         let mut export = [&export[..], &[&out]].concat();
         if format == "lerobot" {
             // The images are smaller than a video may be.

@@ -125,54 +125,86 @@ pub fn check(summary: &Summary, episode: &Episode, seed: u64) -> anyhow::Result<
 
 /// Checks that a recording was made with the requested settings.
 ///
+/// Names every field of the message: a new field does not compile until its check is decided.
+///
 /// # Errors
 /// Names the first setting that differs.
 fn check_settings(recorded: &v1::Scenario, requested: &v1::Scenario) -> anyhow::Result<()> {
-    let language = |scenario: &v1::Scenario| {
-        let language = scenario.language.as_ref();
-        language.map(|language| (language.seed, language.split))
-    };
-    let appearance = |scenario: &v1::Scenario| {
-        scenario
-            .appearance
-            .as_ref()
-            .map(|appearance| appearance.seed)
-    };
-    let disturbances = |scenario: &v1::Scenario| {
-        let by = scenario
-            .disturbances
-            .filter(|d| d.noise + d.pushes + d.slips > 0);
+    let v1::Scenario {
+        language,
+        appearance,
+        disturbances,
+        sensors,
+        person,
+        calibration_seed,
+        start_in_view,
+        look_around,
+        style,
+        // Checked by `check`, with the label.
+        task: _,
+        seed: _,
+        // Refused by the server when it cannot have them, and not sampled again.
+        scene: _,
+        robot: _,
+        cameras: _,
+        state_rate_hz: _,
+        imu_rate_hz: _,
+        deformable_rate_hz: _,
+        quality: _,
+        imu_noise: _,
+        pacing: _,
+        starts: _,
+        variant: _,
+        variant_share: _,
+        time_limit_seconds: _,
+        // Sampled by the server where the plan names none.
+        objects: _,
+        slides: _,
+        start: _,
+        instruction: _,
+        target: _,
+        arm_positions: _,
+        knuckle: _,
+        rejected_starts: _,
+    } = requested;
+    let language_seed =
+        |language: &Option<v1::Language>| language.as_ref().map(|l| (l.seed, l.split));
+    let appearance_seed = |appearance: &Option<v1::Appearance>| appearance.as_ref().map(|a| a.seed);
+    let strengths = |disturbances: &Option<v1::Disturbances>| {
+        let by = disturbances.filter(|d| d.noise + d.pushes + d.slips > 0);
         by.map(|d| (d.noise, d.pushes, d.slips))
     };
-    let sensors = |scenario: &v1::Scenario| scenario.sensors.len();
     for (name, same) in [
-        ("language", language(recorded) == language(requested)),
-        ("appearance", appearance(recorded) == appearance(requested)),
+        (
+            "language",
+            language_seed(&recorded.language) == language_seed(language),
+        ),
+        (
+            "appearance",
+            appearance_seed(&recorded.appearance) == appearance_seed(appearance),
+        ),
         (
             "disturbances",
-            disturbances(recorded) == disturbances(requested),
+            strengths(&recorded.disturbances) == strengths(disturbances),
         ),
-        ("sensors", sensors(recorded) == sensors(requested)),
+        ("sensors", recorded.sensors.len() == sensors.len()),
         (
             "person",
-            matches_person(recorded.person.as_ref(), requested.person.as_ref()),
+            matches_person(recorded.person.as_ref(), person.as_ref()),
         ),
         (
             "calibration_seed",
-            recorded.calibration_seed == requested.calibration_seed,
+            recorded.calibration_seed == *calibration_seed,
         ),
         (
             "start_in_view",
-            requested.start_in_view.is_none() || recorded.start_in_view == requested.start_in_view,
+            start_in_view.is_none() || recorded.start_in_view == *start_in_view,
         ),
         (
             "look_around",
-            requested.look_around.is_none() || recorded.look_around == requested.look_around,
+            look_around.is_none() || recorded.look_around == *look_around,
         ),
-        (
-            "style",
-            requested.style.is_none() || recorded.style == requested.style,
-        ),
+        ("style", style.is_none() || recorded.style == *style),
     ] {
         if !same {
             bail!(

@@ -72,6 +72,14 @@ pub fn merge(sources: &[PathBuf], out: &Path) -> anyhow::Result<Manifest> {
     });
     for source in sources.iter().filter(|source| !ours(source)) {
         let theirs = Ledger::read(&Folder::at(source).journal())?;
+        for (journal, line) in &theirs.torn {
+            tracing::warn!(
+                "{}: line {line} is damaged: its episode counts as missing; run `wheelarm collect` \
+                 on {} again before the merge",
+                journal.display(),
+                source.display()
+            );
+        }
         for mut failed in theirs.failed.into_values().flatten() {
             if !ledger.knows(&failed) {
                 failed.loss = keep_failed(&folder, source, &failed).map(Box::new);

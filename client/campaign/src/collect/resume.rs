@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::bail;
+use wheelarm_rollout::damaged_line;
 
 use super::episode::Episode;
 use super::estimate::Estimate;
@@ -17,13 +18,10 @@ use super::journal::{Entry, Journal, Ledger};
 /// When the journals cannot be read, or are of another plan.
 pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<String>)> {
     let mut ledger = Ledger::read(&folder.journal())?;
-    let torn = ledger.torn.iter().map(|(journal, line)| {
-        format!(
-            "{}: line {line} is truncated, as by a power loss during a write: it is skipped, and \
-             its episode is repeated",
-            journal.display()
-        )
-    });
+    let torn = ledger
+        .torn
+        .iter()
+        .map(|(journal, line)| damaged_line(journal, *line));
     let mut warnings: Vec<String> = torn.collect();
     let by_id: BTreeMap<&str, &Episode> = mine.iter().map(|e| (e.id.as_str(), e)).collect();
     for done in ledger.done.values() {
@@ -58,11 +56,11 @@ pub fn ledger(folder: &Folder, mine: &[Episode]) -> anyhow::Result<(Ledger, Vec<
 }
 
 /// Cleans up after a killed run: enters finished files and removes partial ones. A file
-/// without a journal entry is moved aside if a journal line was truncated, which may have
+/// without a journal entry is moved aside if a journal line is damaged, which may have
 /// been its own.
 ///
 /// # Errors
-/// When more such files exist than truncated lines, or the disk fails.
+/// When more such files exist than damaged lines, or the disk fails.
 pub fn settle(
     folder: &Folder,
     mine: &[Episode],
@@ -93,7 +91,7 @@ pub fn settle(
         torn -= 1;
         let aside = folder.set_aside(&episode.id)?;
         tracing::warn!(
-            "{} has no journal entry, most likely because of the truncated line: it was moved to \
+            "{} has no journal entry, most likely because of the damaged line: it was moved to \
              {} and the episode is repeated",
             file.display(),
             aside.display()
@@ -115,7 +113,7 @@ pub fn settle(
             aside.display()
         );
     }
-    // Last, because the first append drops the truncated line.
+    // Last, because the first append drops a cut line.
     for entry in finished {
         journal.append(&entry)?;
         ledger.add(entry);
@@ -151,7 +149,7 @@ mod tests {
     use crate::collect::plan::Plan;
 
     #[test]
-    fn truncated_journal_line_costs_only_its_episode() {
+    fn damaged_journal_line_costs_only_its_episode() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::make(root.path()).unwrap();
         let plan = "name = \"x\"\n[[task]]\nname = \"a\"\nepisodes = 2\n";
@@ -191,7 +189,7 @@ mod tests {
             let is_whole = cut == text.len();
             assert_eq!(known.done.len(), 1 + usize::from(is_whole), "cut at {cut}");
             assert_eq!(warnings.len(), usize::from(!is_whole), "{warnings:?}");
-            assert!(warnings.iter().all(|w| w.contains("line 2 is truncated")));
+            assert!(warnings.iter().all(|w| w.contains("line 2 is damaged")));
             assert_eq!(folder.file(&mine[1].id).exists(), is_whole);
             // The file itself is never lost.
             let failed = std::fs::read_dir(root.path().join("failed")).unwrap();
@@ -199,7 +197,7 @@ mod tests {
             assert_eq!(failed.count(), aside + orphans);
             assert!(!orphan.exists() && others.exists());
         }
-        // Without a truncated line the origin of such a file is unknown.
+        // Without a damaged line the origin of such a file is unknown.
         std::fs::write(&journal, format!("{first}\n")).unwrap();
         std::fs::write(folder.file(&mine[1].id), "abc").unwrap();
         let open = journal::open(&folder.journal(), Shard::WHOLE).unwrap();

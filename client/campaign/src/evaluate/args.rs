@@ -8,7 +8,7 @@ use anyhow::bail;
 use clap::Args;
 use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::settings::{Depth, LanguageSplit, Named, Quality, Starts, Style};
-use wheelarm_proto::v1;
+use wheelarm_proto::{defaults, v1};
 use wheelarm_rollout::launcher::all_cameras;
 
 use super::compare::CompareArgs;
@@ -140,10 +140,10 @@ pub struct EvaluateArgs {
     #[arg(long)]
     pub no_grid: bool,
     /// Scene.
-    #[arg(long, default_value = "home")]
+    #[arg(long, default_value = defaults::SCENE)]
     pub scene: String,
     /// Robot, a folder in assets/robots.
-    #[arg(long, default_value = "wheelarm")]
+    #[arg(long, default_value = defaults::ROBOT)]
     pub robot: String,
     /// Assets folder; found by the server when absent.
     #[arg(long, env = "WHEELARM_ASSETS")]

@@ -10,6 +10,7 @@ use clap::Args;
 
 use super::entry::Entry;
 use wheelarm_dataset::sheet::chart;
+use wheelarm_rollout::read_log;
 
 use super::statistics::{bootstrap, clopper_pearson, mcnemar, mean};
 
@@ -54,17 +55,16 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<()> {
 /// The results of a folder, which are of one policy.
 fn read(folder: &Path) -> anyhow::Result<BTreeMap<Key, Entry>> {
     let path = folder.join("episodes.jsonl");
-    let text = std::fs::read_to_string(&path).with_context(|| {
-        format!(
-            "reading {}; name the folder that `wheelarm evaluate --out` wrote",
+    let (entries, damaged) =
+        read_log::<Entry>(&path).context("name the folder that `wheelarm evaluate --out` wrote")?;
+    for line in damaged {
+        tracing::warn!(
+            "{}: line {line} cannot be read: its episode is not compared; run the same \
+             `wheelarm evaluate` again to repeat it",
             path.display()
-        )
-    })?;
-    // A truncated line does not count.
-    let entries = text
-        .lines()
-        .filter_map(|line| serde_json::from_str::<Entry>(line).ok());
-    of_one_policy(entries).with_context(|| format!("reading {}", path.display()))
+        );
+    }
+    of_one_policy(entries.into_iter()).with_context(|| format!("reading {}", path.display()))
 }
 
 /// Entries by [`Key`]; the last entry of a repeated episode counts.

@@ -86,6 +86,9 @@ pub fn run(args: &EvaluateArgs) -> anyhow::Result<ExitCode> {
         })
         .collect();
     let log = EpisodeLog::open(&args.out.join("episodes.jsonl"), publish::sync_data)?;
+    for warning in log.damage() {
+        tracing::warn!("{warning}");
+    }
     begin(args, &wanted, &log)?;
     let known = log.entries();
     let is_done = |job: &Job| {

@@ -64,6 +64,9 @@ pub fn run(args: &MultiplyArgs) -> anyhow::Result<ExitCode> {
     }
     let log: EpisodeLog<Entry> =
         EpisodeLog::open(&args.out.join("episodes.jsonl"), publish::sync_data)?;
+    for warning in log.damage() {
+        tracing::warn!("{warning}");
+    }
     let sources = Sources::read(args)?;
     for (file, why) in &sources.left_out {
         println!("left out    {file}: {why}");

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use wheelarm_dataset::read::Episode;
-use wheelarm_proto::v1;
+use wheelarm_proto::{StreamId, TopicId, v1};
 use wheelarm_rollout::{Driver, Playback, free_label};
 
 use super::args::ReplayArgs;
@@ -103,8 +103,43 @@ fn check_rates(cameras: &[v1::CameraSetting], state_rate: f64) -> anyhow::Result
 }
 
 /// Streams that follow from a computation and not from a state.
+///
+/// Names every topic: a new stream does not compile until its source is decided.
 fn is_computed(stream: &str) -> bool {
-    stream.starts_with("sensed_") || matches!(stream, "disturbance" | "state_hash" | "person")
+    let Some(topic) = StreamId::parse(stream).topic() else {
+        return false;
+    };
+    match topic {
+        TopicId::SensedJoint
+        | TopicId::SensedOdometry
+        | TopicId::SensedImu
+        | TopicId::Disturbance
+        | TopicId::Person
+        | TopicId::StateHash => true,
+        TopicId::JointState
+        | TopicId::Pose
+        | TopicId::Imu
+        | TopicId::Odometry
+        | TopicId::Clock
+        | TopicId::Command
+        | TopicId::Applied
+        | TopicId::ObjectPose
+        | TopicId::FurnitureJoint
+        | TopicId::Deformable
+        | TopicId::Contact
+        | TopicId::Evaluation
+        | TopicId::Phase
+        | TopicId::Event
+        | TopicId::Camera
+        | TopicId::CompressedCamera
+        | TopicId::Sensor
+        | TopicId::Preview
+        | TopicId::EpisodeStart
+        | TopicId::EpisodeStop
+        | TopicId::SentCommand
+        | TopicId::Refusal
+        | TopicId::Recorder => false,
+    }
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
 use wheelarm_proto::appearance::AppearanceText;
 use wheelarm_proto::settings::Quality;
-use wheelarm_proto::v1;
+use wheelarm_proto::{defaults, v1};
 
 use summary::Summary;
 use wheelarm_campaign::policy_options::{DriverChoice, PolicyArgs, Start};
@@ -42,22 +42,22 @@ pub struct DemoArgs {
     #[arg(long, default_value = "data/demo")]
     pub out: PathBuf,
     /// Task.
-    #[arg(long, default_value = "pick_mustard")]
+    #[arg(long, default_value = defaults::TASK)]
     pub task: String,
     /// Scene.
-    #[arg(long, default_value = "home")]
+    #[arg(long, default_value = defaults::SCENE)]
     pub scene: String,
     /// Robot, a folder in assets/robots.
-    #[arg(long, default_value = "wheelarm")]
+    #[arg(long, default_value = defaults::ROBOT)]
     pub robot: String,
     /// Image width, pixels.
-    #[arg(long, default_value_t = 1280)]
+    #[arg(long, default_value_t = defaults::CAMERA_SIZE[0])]
     pub width: u32,
     /// Image height, pixels.
-    #[arg(long, default_value_t = 720)]
+    #[arg(long, default_value_t = defaults::CAMERA_SIZE[1])]
     pub height: u32,
     /// Images per simulated second of each camera; divides 240.
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(long, default_value_t = defaults::CAMERA_RATE_HZ)]
     pub rate: f64,
     /// Active sensor model, MODEL or MODEL@CAMERA, a file in assets/sensors; with
     /// =STRENGTH from 0 to 3. May be repeated.

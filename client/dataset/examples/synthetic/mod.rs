@@ -123,8 +123,10 @@ impl Random {
     /// A message of `stream` with wild numbers.
     pub fn message(&mut self, stream: &str, header: v1::Header, objects: usize) -> Vec<u8> {
         let header = Some(header);
-        match stream {
-            "joint_state" => v1::JointState {
+        let topic = TopicId::from_name(stream).expect("the name of a stream");
+        // Names every topic: a new stream does not compile until its numbers are made up here.
+        match topic {
+            TopicId::JointState => v1::JointState {
                 header,
                 positions: self.list(16),
                 velocities: self.list(16),
@@ -132,7 +134,7 @@ impl Random {
                 opening: None,
             }
             .encode_to_vec(),
-            "pose" => v1::PoseSet {
+            TopicId::Pose => v1::PoseSet {
                 header,
                 frames: (0..7)
                     .map(|_| v1::FramePose {
@@ -142,25 +144,25 @@ impl Random {
                     .collect(),
             }
             .encode_to_vec(),
-            "imu" => v1::Imu {
+            TopicId::Imu => v1::Imu {
                 header,
                 orientation: Some(self.quaternion()),
                 angular_velocity: Some(self.vector()),
                 linear_acceleration: Some(self.vector()),
             }
             .encode_to_vec(),
-            "clock" => v1::Clock {
+            TopicId::Clock => v1::Clock {
                 header,
                 real_time_factor: self.wild(),
             }
             .encode_to_vec(),
-            "odometry" => v1::Odometry {
+            TopicId::Odometry => v1::Odometry {
                 header,
                 pose: Some(self.pose()),
                 twist: Some(self.twist()),
             }
             .encode_to_vec(),
-            "command" => v1::CommandLog {
+            TopicId::Command => v1::CommandLog {
                 loop_age_ticks: Some(4),
                 header,
                 command: (self.below(9) > 0).then(|| v1::Command {
@@ -184,7 +186,7 @@ impl Random {
                 }),
             }
             .encode_to_vec(),
-            "applied" => v1::Applied {
+            TopicId::Applied => v1::Applied {
                 header,
                 arm: (self.below(3) > 0).then(|| self.arm()),
                 base: (self.below(3) > 0).then(|| self.base()),
@@ -199,19 +201,19 @@ impl Random {
                 arm_problem_code: 2,
             }
             .encode_to_vec(),
-            "object_pose" => v1::ObjectPoses {
+            TopicId::ObjectPose => v1::ObjectPoses {
                 header,
                 poses: (0..objects).map(|_| self.pose()).collect(),
                 twists: (0..objects).map(|_| self.twist()).collect(),
             }
             .encode_to_vec(),
-            "furniture_joint" => v1::FurnitureJoints {
+            TopicId::FurnitureJoint => v1::FurnitureJoints {
                 header,
                 positions: self.list(2),
                 velocities: self.list(2),
             }
             .encode_to_vec(),
-            "deformable" => v1::Deformable {
+            TopicId::Deformable => v1::Deformable {
                 header,
                 object: self.word(),
                 vertices: (0..12).map(|i| i as f32 * 0.125).collect(),
@@ -219,7 +221,7 @@ impl Random {
                 kinetic_energy: self.wild(),
             }
             .encode_to_vec(),
-            "contact" => v1::Contacts {
+            TopicId::Contact => v1::Contacts {
                 header,
                 pad_forces: self.list(2),
                 contacts: (0..self.below(18))
@@ -233,7 +235,7 @@ impl Random {
                 contact_count: self.below(30) as u32,
             }
             .encode_to_vec(),
-            "evaluation" => v1::Evaluation {
+            TopicId::Evaluation => v1::Evaluation {
                 failure_reason: 0,
                 header,
                 success: self.below(2) == 0,
@@ -251,18 +253,18 @@ impl Random {
                 elapsed_seconds: self.wild(),
             }
             .encode_to_vec(),
-            "phase" => v1::PhaseSample {
+            TopicId::Phase => v1::PhaseSample {
                 header,
                 phase: self.below(5) as i32,
                 name: self.word(),
             }
             .encode_to_vec(),
-            "state_hash" => v1::StateHash {
+            TopicId::StateHash => v1::StateHash {
                 header,
                 hash: self.bits(),
             }
             .encode_to_vec(),
-            "sensed_joint" => v1::SensedJoints {
+            TopicId::SensedJoint => v1::SensedJoints {
                 header,
                 positions: self.list(6),
                 velocities: self.list(6),
@@ -270,19 +272,19 @@ impl Random {
                 opening: self.wild(),
             }
             .encode_to_vec(),
-            "sensed_odometry" => v1::SensedOdometry {
+            TopicId::SensedOdometry => v1::SensedOdometry {
                 header,
                 pose: Some(self.pose()),
                 twist: Some(self.twist()),
             }
             .encode_to_vec(),
-            "sensed_imu" => v1::SensedImu {
+            TopicId::SensedImu => v1::SensedImu {
                 header,
                 angular_velocity: Some(self.vector()),
                 linear_acceleration: Some(self.vector()),
             }
             .encode_to_vec(),
-            "disturbance" => v1::Disturbance {
+            TopicId::Disturbance => v1::Disturbance {
                 header,
                 joint_offsets: self.list(6),
                 wheel_factors: self.list(2),
@@ -291,7 +293,7 @@ impl Random {
                 grip_factor: self.wild(),
             }
             .encode_to_vec(),
-            "person" => v1::PersonState {
+            TopicId::Person => v1::PersonState {
                 header,
                 head_angles: self.list(3),
                 jaw: self.wild(),
@@ -308,13 +310,22 @@ impl Random {
                 contact_count: self.below(30) as u32,
             }
             .encode_to_vec(),
-            _ => v1::Event {
+            TopicId::Event => v1::Event {
                 header,
                 kind: 6,
                 text: self.word(),
                 ..v1::Event::default()
             }
             .encode_to_vec(),
+            TopicId::Camera
+            | TopicId::CompressedCamera
+            | TopicId::Sensor
+            | TopicId::Preview
+            | TopicId::EpisodeStart
+            | TopicId::EpisodeStop
+            | TopicId::SentCommand
+            | TopicId::Refusal
+            | TopicId::Recorder => panic!("{topic} has no columns"),
         }
     }
 }

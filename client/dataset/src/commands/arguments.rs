@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use wheelarm_dataset::align::Interpolation;
 
 /// Everything is there.
@@ -46,25 +46,6 @@ pub struct Input {
     /// Table of corrected segments, as `label --out` writes it.
     #[arg(long, value_name = "CSV")]
     pub corrections: Option<PathBuf>,
-}
-
-/// Formats of `export`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FormatName {
-    /// The HDF5 of WheelArm-Sim's recorder: 60 datasets per sample.
-    WheelarmSim,
-    /// WheelArm-Sim's final table of 117 columns, and folders of PNG images.
-    Csv,
-    /// LeRobot data set, version 3.0.
-    Lerobot,
-    /// robomimic HDF5 with MimicGen's additions.
-    Robomimic,
-    /// safetensors, a file per episode: fastest to read for training.
-    Tensors,
-    /// MCAP for Foxglove.
-    Mcap,
-    /// Bag for ROS 2, Jazzy and later: the folder LABEL with LABEL_0.mcap.
-    Rosbag2,
 }
 
 /// Parses a number of files at once.

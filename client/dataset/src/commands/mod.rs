@@ -12,15 +12,15 @@ mod video;
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
-use wheelarm_dataset::convert::Size;
 use wheelarm_dataset::convert::learning::RowOptions;
 use wheelarm_dataset::convert::lerobot::{ImageFormat, LeRobotOptions};
+use wheelarm_dataset::convert::{FormatName, Size};
 use wheelarm_dataset::finish::finish;
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{info, sheet};
 use wheelarm_policy::ActionKind;
 
-use arguments::{FINE, Files, FormatName, Input, PARTIAL, idle};
+use arguments::{FINE, Files, Input, PARTIAL, idle};
 
 /// Looks at recorded episodes, checks them, and turns them into training data.
 #[derive(Parser)]
@@ -278,4 +278,51 @@ fn recover(log: &Path, out: Option<&Path>) -> anyhow::Result<u8> {
 
 fn code(complete: bool) -> u8 {
     if complete { FINE } else { PARTIAL }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, ValueEnum};
+    use wheelarm_dataset::convert::Capabilities;
+
+    use super::*;
+
+    #[test]
+    fn help_of_an_export_option_names_the_formats_to_which_it_applies() {
+        let cli = Cli::command();
+        let export = cli.find_subcommand("export").expect("the subcommand");
+        type Applies = fn(Capabilities) -> bool;
+        let optional: [(&str, Applies); 6] = [
+            ("size", |format| format.scales),
+            ("action", |format| format.action_rows),
+            ("trim_idle", |format| format.action_rows),
+            ("image_format", |format| format.image_formats),
+            ("depth", |format| format.depth),
+            ("language", |format| format.language),
+        ];
+        for argument in export.get_arguments() {
+            let help = argument.get_long_help().or(argument.get_help());
+            let help = help.map(ToString::to_string).unwrap_or_default();
+            let words: Vec<&str> = help
+                .split(|c: char| !c.is_alphanumeric() && c != '-')
+                .collect();
+            let named = |format: &FormatName| words.contains(&format.name().as_str());
+            let id = argument.get_id().as_str();
+            match optional.iter().find(|(option, _)| *option == id) {
+                Some((_, applies)) => {
+                    for format in FormatName::value_variants() {
+                        let expected = applies(format.capabilities());
+                        assert_eq!(named(format), expected, "{id} of {format:?}: {help}");
+                    }
+                }
+                // The path differs between formats; other options apply to all of them.
+                None => assert!(
+                    id == "out" || !FormatName::value_variants().iter().any(named),
+                    "{id} is missing in the list of this test: {help}"
+                ),
+            }
+        }
+        let known = |option: &str| export.get_arguments().any(|a| a.get_id() == option);
+        assert!(optional.iter().all(|(option, _)| known(option)));
+    }
 }

@@ -13,12 +13,12 @@ use wheelarm_dataset::convert::robomimic::Robomimic;
 use wheelarm_dataset::convert::rosbag2::Rosbag2;
 use wheelarm_dataset::convert::tensors::Tensors;
 use wheelarm_dataset::convert::wheelarm_sim::WheelarmSim;
-use wheelarm_dataset::convert::{Format, PendingFile, Recording};
+use wheelarm_dataset::convert::{Capabilities, Format, FormatName, PendingFile, Recording};
 use wheelarm_dataset::label::{self, Agreement, agreement};
 use wheelarm_dataset::read::Episode;
 use wheelarm_dataset::{composition, plot as plots, validate as check, view as pages};
 
-use super::arguments::{FAILED, FINE, Files, FormatName, Input, PARTIAL};
+use super::arguments::{FAILED, FINE, Files, Input, PARTIAL};
 use super::files::{beside, check_image_path, jobs, options, recordings};
 use super::parts;
 
@@ -216,36 +216,7 @@ pub fn export(
     let jobs = (jobs / numbers.step).max(1);
     let inner = (threads() / numbers.step / jobs.min(files.len().max(1))).max(1);
     let folder = out.to_owned();
-    let scales = matches!(
-        name,
-        FormatName::Lerobot | FormatName::Robomimic | FormatName::Tensors
-    );
-    if size.is_some() && !scales {
-        anyhow::bail!(
-            "--size is for lerobot, robomimic and tensors; this format keeps the recorded size"
-        );
-    }
-    let has_rows = !matches!(
-        name,
-        FormatName::WheelarmSim | FormatName::Mcap | FormatName::Rosbag2
-    );
-    if rows != RowOptions::default() && !has_rows {
-        anyhow::bail!(
-            "--action and --trim-idle are for lerobot, robomimic, tensors and csv; this format has no rows of action"
-        );
-    }
-    let is_lerobot = name == FormatName::Lerobot;
-    if set.language && !is_lerobot {
-        anyhow::bail!("--language is for lerobot; `annotate` writes labels beside any recording");
-    }
-    if set.depth && !is_lerobot && name != FormatName::Tensors {
-        anyhow::bail!(
-            "--depth is for lerobot and tensors; mcap and rosbag2 contain the depth sensors' images unchanged"
-        );
-    }
-    if set.image_format != ImageFormat::default() && !is_lerobot {
-        anyhow::bail!("--pictures is for lerobot; the other formats have one way to store images");
-    }
+    check_options(name, &set)?;
     let format: Box<dyn Format> = match name {
         FormatName::WheelarmSim => Box::new(WheelarmSim {
             out: folder,
@@ -281,6 +252,58 @@ pub fn export(
     let several = is_part || files.len() + input.files.left_out.len() > 1;
     let results = batch::export(&files, numbers, jobs, &options, format);
     Ok(code_of(&results, several))
+}
+
+type Applies = fn(Capabilities) -> bool;
+
+/// Rejects options that have no effect in a format.
+fn check_options(name: FormatName, options: &LeRobotOptions) -> anyhow::Result<()> {
+    // Names every option: a new one does not compile until its formats are decided.
+    let LeRobotOptions {
+        size,
+        rows,
+        language,
+        image_format,
+        depth,
+    } = options;
+    let rules: [(bool, Applies, &str, &str); 5] = [
+        (
+            size.is_some(),
+            |format| format.scales,
+            "--size is",
+            "this format keeps the recorded size",
+        ),
+        (
+            *rows != RowOptions::default(),
+            |format| format.action_rows,
+            "--action and --trim-idle are",
+            "this format has no rows of action",
+        ),
+        (
+            *language,
+            |format| format.language,
+            "--language is",
+            "`annotate` writes labels beside any recording",
+        ),
+        (
+            *depth,
+            |format| format.depth,
+            "--depth is",
+            "mcap and rosbag2 contain the depth sensors' images unchanged",
+        ),
+        (
+            *image_format != ImageFormat::default(),
+            |format| format.image_formats,
+            "--pictures is",
+            "the other formats have one way to store images",
+        ),
+    ];
+    for (is_set, applies, option, instead) in rules {
+        if is_set && !applies(name.capabilities()) {
+            anyhow::bail!("{option} for {}; {instead}", FormatName::with(applies));
+        }
+    }
+    Ok(())
 }
 
 /// Files without those whose label another one has, which are reported: processes that work

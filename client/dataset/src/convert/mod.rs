@@ -7,6 +7,7 @@ pub mod batch;
 pub mod csv_table;
 mod deflate_int64;
 pub(crate) mod ffmpeg;
+mod format_name;
 mod image;
 mod intrinsics;
 pub mod keypoint_targets;
@@ -22,6 +23,7 @@ pub mod tensors;
 pub mod wheelarm_sim;
 
 pub use atomic::{AlreadyThere, PendingFile, PendingFolder, begin, change, hold};
+pub use format_name::{Capabilities, FormatName};
 pub use image::{Size, png_depth, png_grey, png_rgb, scaled};
 
 use std::collections::BTreeMap;

@@ -10,7 +10,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use jpeg_encoder::{ColorType, Encoder};
 use serde_json::{Value, json};
-use wheelarm_proto::v1;
+use wheelarm_proto::{TopicId, v1};
 
 use crate::align::Aligned;
 use crate::convert::batch::parallel;
@@ -32,12 +32,44 @@ const BLOCK: usize = 16;
 const PROBES: usize = 8;
 
 /// Streams that the page shows.
+///
+/// Names every topic: a new stream does not compile until its place on the page is decided.
 #[must_use]
 pub fn wants(stream: &str) -> bool {
-    matches!(
-        stream,
-        "joint_state" | "pose" | "imu" | "odometry" | "contact" | "object_pose" | "furniture_joint"
-    )
+    let Some(topic) = TopicId::from_name(stream) else {
+        return false;
+    };
+    match topic {
+        TopicId::JointState
+        | TopicId::Pose
+        | TopicId::Imu
+        | TopicId::Odometry
+        | TopicId::Contact
+        | TopicId::ObjectPose
+        | TopicId::FurnitureJoint => true,
+        TopicId::Clock
+        | TopicId::Command
+        | TopicId::Applied
+        | TopicId::Deformable
+        | TopicId::Disturbance
+        | TopicId::Person
+        | TopicId::Evaluation
+        | TopicId::Phase
+        | TopicId::StateHash
+        | TopicId::SensedJoint
+        | TopicId::SensedOdometry
+        | TopicId::SensedImu
+        | TopicId::Event
+        | TopicId::Camera
+        | TopicId::CompressedCamera
+        | TopicId::Sensor
+        | TopicId::Preview
+        | TopicId::EpisodeStart
+        | TopicId::EpisodeStop
+        | TopicId::SentCommand
+        | TopicId::Refusal
+        | TopicId::Recorder => false,
+    }
 }
 
 /// Writes the page; `tick` is called for every row.

@@ -10,7 +10,8 @@ use super::resnet::ResNet18;
 use super::shape::{Kind, Shape};
 use super::transformer::{Decoder, Encoder, Memory};
 
-/// The network; its parameters have LeRobot's names.
+/// The network; its parameters have LeRobot's names. Only training with PyTorch uses those of
+/// `vae_encoder`, which a file contains too.
 #[derive(Module, Debug)]
 pub struct Act {
     vae_encoder: Option<Encoder>,
@@ -31,28 +32,6 @@ pub struct Act {
     action_head: Option<Linear>,
     cameras: usize,
     latent: usize,
-}
-
-/// Distribution of the latent for a chunk of actions.
-#[derive(Clone, Debug)]
-pub struct Latent {
-    /// Batch × latent.
-    pub mean: Tensor<2>,
-    /// Batch × latent.
-    pub log_variance: Tensor<2>,
-    /// Batch × latent: one sample.
-    pub sample: Tensor<2>,
-}
-
-impl Latent {
-    /// Divergence from the standard normal distribution, nats, mean over the batch.
-    #[must_use]
-    pub fn divergence(&self) -> Tensor<1> {
-        let square = self.mean.clone().square();
-        let log = self.log_variance.clone();
-        let each = (log.clone() + 1.0 - square - log.exp()) * -0.5;
-        each.sum_dim(1).mean()
-    }
 }
 
 impl Act {
@@ -94,64 +73,17 @@ impl Act {
         }
     }
 
-    /// Encodes actions, batch × chunk × action, to a latent; `padding`, batch × chunk, is true after
-    /// the end; `noise` is batch × latent.
-    ///
-    /// # Panics
-    /// Without the latent's encoder, which only training needs.
-    #[must_use]
-    pub fn latent(
-        &self,
-        state: Tensor<2>,
-        actions: Tensor<3>,
-        padding: Tensor<2, Bool>,
-        noise: Tensor<2>,
-    ) -> Latent {
-        const NEEDED: &str = "the latent's encoder";
-        let [batch, chunk, _] = actions.dims();
-        let project = |part: &Option<Linear>| part.clone().expect(NEEDED);
-        let first = self.vae_encoder_cls_embed.as_ref().expect(NEEDED);
-        let first = first.weight.val().unsqueeze_dim::<3>(0);
-        let dim = first.dims()[2];
-        let state = project(&self.vae_encoder_robot_state_input_proj).forward(state);
-        let rows = project(&self.vae_encoder_action_input_proj).forward(actions);
-        let x = Tensor::cat(
-            vec![first.expand([batch, 1, dim]), state.unsqueeze_dim(1), rows],
-            1,
-        );
-        let device = x.device();
-        let here = Tensor::<2>::zeros([batch, 2], &device).greater_elem(0.5);
-        let hidden = Tensor::cat(vec![here, padding], 1);
-        let positions = position_encoding::of_sequence(2 + chunk, dim, &device).unsqueeze_dim(0);
-        let encoder = self.vae_encoder.as_ref().expect(NEEDED);
-        let out = encoder.forward(x, &positions, Some(&hidden));
-        let out = out.slice([0..batch, 0..1]).reshape([batch, dim]);
-        let moments = project(&self.vae_encoder_latent_output_proj).forward(out);
-        let half = |from: usize| {
-            let part = from..from + self.latent;
-            moments.clone().slice([0..batch, part])
-        };
-        let (mean, log_variance) = (half(0), half(self.latent));
-        let sample = mean.clone() + (log_variance.clone() / 2.0).exp() * noise;
-        Latent {
-            mean,
-            log_variance,
-            sample,
-        }
-    }
-
     /// Encodes images (batch * cameras × 3 × height × width), state (batch × state) and language
-    /// (batch × word width). Without a latent it is 0.
+    /// (batch × word width). The latent is 0.
     #[must_use]
     pub fn encode(
         &self,
         images: Tensor<4>,
         state: Tensor<2>,
         language: Option<Tensor<2>>,
-        latent: Option<Tensor<2>>,
     ) -> Memory {
         let (batch, device) = (state.dims()[0], state.device());
-        let latent = latent.unwrap_or_else(|| Tensor::zeros([batch, self.latent], &device));
+        let latent = Tensor::zeros([batch, self.latent], &device);
         let mut tokens: Vec<Tensor<3>> = vec![
             self.encoder_latent_input_proj
                 .forward(latent)
@@ -205,10 +137,9 @@ impl Act {
         images: Tensor<4>,
         state: Tensor<2>,
         language: Option<Tensor<2>>,
-        latent: Option<Tensor<2>>,
     ) -> Tensor<3> {
         const NEEDED: &str = "the decoder of ACT";
-        let memory = self.encode(images, state, language, latent);
+        let memory = self.encode(images, state, language);
         let place = self.decoder_pos_embed.as_ref().expect(NEEDED);
         let place = place.weight.val().unsqueeze_dim::<3>(0);
         let [_, chunk, dim] = place.dims();

@@ -13,7 +13,7 @@ mod shape;
 mod text;
 mod transformer;
 
-pub use act::{Act, Latent};
+pub use act::Act;
 pub use flow::Flow;
 pub use layer::{ChannelNorm, Embedding, Linear};
 pub use resnet::ResNet18;
@@ -78,35 +78,10 @@ impl Network {
     pub fn forward(&self, inputs: Inputs, noise: Option<Tensor<3>>) -> Tensor<3> {
         let language = self.language(inputs.words);
         let Some(flow) = &self.flow else {
-            return self
-                .model
-                .forward(inputs.images, inputs.state, language, None);
+            return self.model.forward(inputs.images, inputs.state, language);
         };
-        let memory = self
-            .model
-            .encode(inputs.images, inputs.state, language, None);
+        let memory = self.model.encode(inputs.images, inputs.state, language);
         flow.actions(noise.expect("a flow starts from noise"), memory)
-    }
-
-    /// Actions of ACT in training: with the latent of the true actions, batch × chunk × action.
-    /// `padding`, batch × chunk, is true for a row after the end.
-    #[must_use]
-    pub fn forward_training(
-        &self,
-        inputs: Inputs,
-        actions: Tensor<3>,
-        padding: Tensor<2, Bool>,
-        noise: Tensor<2>,
-    ) -> (Tensor<3>, Latent) {
-        let language = self.language(inputs.words);
-        let latent = self
-            .model
-            .latent(inputs.state.clone(), actions, padding, noise);
-        let sample = Some(latent.sample.clone());
-        let found = self
-            .model
-            .forward(inputs.images, inputs.state, language, sample);
-        (found, latent)
     }
 
     /// Encodes the sentences: batch × word width.

@@ -4,7 +4,6 @@
 //! The random numbers of a step follow from the seed and the number of the step alone, so that an
 //! interrupted run ends with the same bits.
 
-pub mod act;
 mod clip;
 mod curves;
 

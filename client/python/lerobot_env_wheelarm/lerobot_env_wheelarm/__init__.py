@@ -16,7 +16,7 @@ from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 
 import wheelarm
-from wheelarm.env import WheelArmEnv
+from wheelarm.env import CAMERAS, WheelArmEnv
 from wheelarm.rows import STATE
 
 ACTION = "action"
@@ -55,7 +55,7 @@ class WheelArmEnvConfig(EnvConfig):  # type: ignore[misc]
     #: Kind of the policy's action; see `wheelarm.WheelArmEnv`.
     control_mode: str = "row"
     #: Cameras, separated by commas.
-    cameras: str = "gen3,wheelchair"
+    cameras: str = ",".join(CAMERAS)
     observation_width: int = 320
     observation_height: int = 180
     #: Camera of the videos.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lerobot.robots.config import RobotConfig
+from wheelarm.env import CAMERAS
 
 
 @RobotConfig.register_subclass("wheelarm")
@@ -23,7 +24,7 @@ class WheelArmRobotConfig(RobotConfig):  # type: ignore[misc]
     #: Start of the robot: `near` or `anywhere`.
     starts: str = "near"
     #: Cameras, separated by commas, and the size of their images, pixels.
-    camera_names: str = "gen3,wheelchair"
+    camera_names: str = ",".join(CAMERAS)
     width: int = 320
     height: int = 180
     #: Kind of an action: `row` (pose of the hand), `joint_pos` or `applied`, as in exports.

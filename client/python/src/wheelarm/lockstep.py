@@ -122,8 +122,8 @@ class LockStep:
         periods = {}
         for camera in cameras:
             setting = settings.get(camera)
-            rate = 10.0 if setting is None or not setting.HasField("rate_hz") else setting.rate_hz
-            if setting is None or rate <= 0.0:
+            rate = 0.0 if setting is None else setting.rate_hz
+            if rate <= 0.0:
                 raise ValueError(
                     f"the camera {camera!r} is not in use (in use: "
                     f"{', '.join(settings) or 'none'}): enable it with reset(cameras=...)"

@@ -7,16 +7,13 @@ use std::time::Duration;
 use crate::launcher::process::{Input, Launch, Process, Program};
 use tempfile::TempDir;
 use wheelarm_proto::v1;
+use wheelarm_sdk::policy::{NAME_VARIABLE, POLICY_VARIABLE};
 use wheelarm_sdk::{ClientError, Connect, Silence, open_session};
 use zenoh::Session;
 
 use super::interface::{PolicyError, checked};
 use super::remote::{Remote, listen};
 
-/// Environment variable with the Zenoh endpoint for the policy.
-pub const POLICY_VARIABLE: &str = "WHEELARM_POLICY_ENDPOINT";
-/// Environment variable with the name of the policy in key expressions.
-pub const NAME_VARIABLE: &str = "WHEELARM_POLICY_NAME";
 /// Least start timeout of a policy: it loads networks and imports libraries.
 const START_PATIENCE: Duration = Duration::from_secs(180);
 /// Exit code of a shell that does not find a command.

@@ -1,6 +1,8 @@
 //! Messages of a page, as `PROTOCOL.md` specifies: parsed with limits, never trusted.
 //! Unknown fields and kinds are ignored, so that a page may be newer.
 
+use std::sync::LazyLock;
+
 use serde::Deserialize;
 use wheelarm_proto::{check, v1};
 
@@ -253,24 +255,46 @@ pub fn read<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Unreadable> {
     serde_json::from_str(text).map_err(|e| Unreadable(format!("the message cannot be read: {e}")))
 }
 
-/// Devices with which a person drives the page; [`word`] gives their names.
-const DEVICES: [v1::Device; 8] = [
-    v1::Device::Keyboard,
-    v1::Device::Mouse,
-    v1::Device::Touch,
-    v1::Device::Gamepad,
-    v1::Device::Switch,
-    v1::Device::Dwell,
-    v1::Device::Voice,
-    v1::Device::Vr,
-];
+/// Values of an enum of the contract that `accepts` names, in the order of their numbers.
+fn values<T: TryFrom<i32> + Copy>(accepts: fn(T) -> bool) -> Vec<T> {
+    let all = (0..1024).filter_map(|number| T::try_from(number).ok());
+    all.filter(|value| accepts(*value)).collect()
+}
 
-const MODES: [v1::InputMode; 4] = [
-    v1::InputMode::Hold,
-    v1::InputMode::Latch,
-    v1::InputMode::Step,
-    v1::InputMode::Stream,
-];
+/// Devices with which a person drives the page; [`word`] gives their names.
+static DEVICES: LazyLock<Vec<v1::Device>> = LazyLock::new(|| values(is_on_the_page));
+
+/// Names every device: a new one does not compile until it is decided whether the page has it.
+fn is_on_the_page(device: v1::Device) -> bool {
+    use v1::Device;
+    match device {
+        Device::Keyboard
+        | Device::Mouse
+        | Device::Touch
+        | Device::Gamepad
+        | Device::Switch
+        | Device::Dwell
+        | Device::Voice
+        | Device::Vr => true,
+        Device::Unspecified
+        | Device::Script
+        | Device::Policy
+        | Device::Replay
+        | Device::Program => false,
+    }
+}
+
+/// Modes of the page.
+static MODES: LazyLock<Vec<v1::InputMode>> = LazyLock::new(|| values(is_a_mode_of_the_page));
+
+/// Names every mode, as [`is_on_the_page`] every device.
+fn is_a_mode_of_the_page(mode: v1::InputMode) -> bool {
+    use v1::InputMode;
+    match mode {
+        InputMode::Hold | InputMode::Latch | InputMode::Step | InputMode::Stream => true,
+        InputMode::Unspecified | InputMode::Goal => false,
+    }
+}
 
 /// The word of an enum value in the page's messages: its name in the contract without the
 /// prefix of the enum, in lower case.
@@ -503,13 +527,30 @@ mod tests {
     #[test]
     fn the_protocol_lists_every_device_and_mode() {
         let text = include_str!("../PROTOCOL.md");
-        for words in [
-            DEVICES.map(device_word).join(" "),
-            MODES.map(mode_word).join(" "),
-        ] {
+        let devices: Vec<String> = DEVICES.iter().map(|d| device_word(*d)).collect();
+        let modes: Vec<String> = MODES.iter().map(|m| mode_word(*m)).collect();
+        for words in [devices.join(" "), modes.join(" ")] {
             assert!(
                 text.contains(&format!("`{words}`")),
                 "PROTOCOL.md lacks `{words}`"
+            );
+        }
+    }
+
+    #[test]
+    fn the_page_names_every_device_in_its_scripts() {
+        let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("page");
+        let mut scripts = std::fs::read_to_string(page.join("page.js")).unwrap();
+        for folder in ["logic", "parts", "xr"] {
+            for entry in std::fs::read_dir(page.join(folder)).unwrap() {
+                scripts += &std::fs::read_to_string(entry.unwrap().path()).unwrap();
+            }
+        }
+        for device in DEVICES.iter() {
+            let word = device_word(*device);
+            assert!(
+                scripts.contains(&format!("\"{word}\"")),
+                "no script in client/teleop/web/page sends the device {word:?}"
             );
         }
     }

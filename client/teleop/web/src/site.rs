@@ -47,6 +47,9 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
     img-src 'self' blob: data:; connect-src 'self'; form-action 'none'; base-uri 'none'; \
     frame-ancestors 'none'";
 
+/// Functions of the browser that the page uses.
+const PERMISSIONS: &str = "gamepad=(self), microphone=(self), xr-spatial-tracking=(self)";
+
 type Answer = Response<Full<Bytes>>;
 
 /// A login link without a password, on this host only.
@@ -524,10 +527,7 @@ fn whole(status: StatusCode, kind: &'static str, body: Bytes) -> Answer {
         ("referrer-policy", "no-referrer"),
         ("cross-origin-opener-policy", "same-origin"),
         ("cross-origin-resource-policy", "same-origin"),
-        (
-            "permissions-policy",
-            "gamepad=(self), microphone=(self), xr-spatial-tracking=(self)",
-        ),
+        ("permissions-policy", PERMISSIONS),
     ] {
         let name = HeaderName::from_static(name);
         headers.insert(name, HeaderValue::from_static(value));
@@ -562,6 +562,24 @@ fn known_host(host: &str, address: SocketAddr, names: &[String]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn documented_policies_are_those_that_the_gateway_sends() {
+        let protocol = include_str!("../PROTOCOL.md");
+        for (name, policy) in [("Permissions", PERMISSIONS), ("Content-Security", POLICY)] {
+            assert!(
+                protocol.contains(&format!("`{policy}`")),
+                "PROTOCOL.md lacks the {name}-Policy `{policy}`"
+            );
+        }
+        // The test gateway runs the page under the same policy.
+        let gateway = include_str!("../../../../tests/drive/gateway.js");
+        let gateway = gateway.replace("\" +\n  \"", "");
+        assert!(
+            gateway.contains(&format!("const POLICY = \"{POLICY}\";")),
+            "tests/drive/gateway.js has another Content-Security-Policy than {POLICY}"
+        );
+    }
 
     #[test]
     fn an_unknown_host_name_is_rejected() {

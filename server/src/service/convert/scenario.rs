@@ -6,7 +6,7 @@ use wheelarm_proto::check::{self, Invalid};
 use wheelarm_proto::geometry::{isometry, pose};
 use wheelarm_proto::settings::MAX_SENSOR_STRENGTH;
 use wheelarm_proto::settings::{Named, Style};
-use wheelarm_proto::v1;
+use wheelarm_proto::{defaults, v1};
 use wheelarm_sensor_models::model::MAX_STRENGTH;
 
 use crate::appearance::Appearance;
@@ -155,7 +155,7 @@ fn camera(request: &v1::CameraSetting) -> Result<CameraSetting, Invalid> {
     Ok(CameraSetting {
         name: request.name.clone(),
         size: [request.width, request.height],
-        rate_hz: request.rate_hz.unwrap_or(CAMERA_HZ),
+        rate_hz: request.rate_hz.unwrap_or(defaults::CAMERA_RATE_HZ),
         lens: request.lens.as_ref().map(lens).transpose()?,
         place: request.place.as_ref().map(placed).transpose()?,
     })
@@ -196,9 +196,6 @@ fn moves(appearance: Option<Appearance>) -> Option<(u64, u8, u8)> {
         appearance.filter(|appearance| appearance.camera > 0 || appearance.lens > 0)?;
     Some((appearance.seed, appearance.camera, appearance.lens))
 }
-
-/// Default rate of a camera, Hz.
-const CAMERA_HZ: f64 = 10.0;
 
 /// Names the list entry of an error.
 fn in_entry(what: &'static str, name: &str) -> impl Fn(Invalid) -> Invalid {

@@ -82,17 +82,17 @@ impl AnyPredicate {
 mod tests {
     use super::*;
 
-    /// Every predicate as written in a task file.
+    /// Each predicate as written in a task file, in the order of the variants.
     const WRITTEN: [&str; 17] = [
         r#"lifted_and_held = { object = "a", height = 0.1, pad_force = 0.5, secs = 1.0 }"#,
         r#"lifted_before = { object = "a", height = 0.1, pad_force = 0.5 }"#,
         r#"inside = { object = "a", on = "b", above = 0.1 }"#,
+        r#"in_lap = { object = "a", above = 0.1 }"#,
         r#"upright = { object = "a", tilt_deg = 30 }"#,
         r#"at_rest = { object = "a", speed = 0.1, turn_rate_deg_s = 3.0, secs = 0.5 }"#,
         r#"released = { object = "a", secs = 0.5 }"#,
         r#"opened_by = { joint = "a", travel = 0.2 }"#,
         r#"closed_to = { joint = "a", position = 0.02 }"#,
-        r#"in_lap = { object = "a", above = 0.1 }"#,
         "correct_instance = { height = 0.1 }",
         "chair_stopped = { speed = 0.1, turn_rate_deg_s = 1.0 }",
         "nothing_knocked_over = { tilt_deg = 30, drop = 0.1 }",
@@ -102,6 +102,23 @@ mod tests {
         "gentle_on_face = { force = 2.0 }",
         r#"kept_level = { object = "a", tilt_deg = 30 }"#,
     ];
+
+    /// The names that serde accepts, from its error for another one.
+    fn known_names() -> Vec<String> {
+        let error = toml::from_str::<AnyPredicate>("no_such_predicate = {}").unwrap_err();
+        let text = error.message().to_owned();
+        let names = text.split('`').skip(3).step_by(2);
+        names.map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn every_predicate_has_an_example_in_this_test() {
+        let names: Vec<&str> = WRITTEN
+            .iter()
+            .map(|written| written.split(' ').next().unwrap())
+            .collect();
+        assert_eq!(names, known_names(), "the list WRITTEN of this file");
+    }
 
     #[test]
     fn names_and_threshold_keys_match_the_task_file() {

@@ -57,7 +57,15 @@ impl Picker {
 
 #[test]
 fn a_bottle_is_grasped_lifted_and_waved() {
-    for robot in ["wheelarm", "wheelarm_wide"] {
+    let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/robots");
+    let mut tried = 0;
+    for entry in std::fs::read_dir(robots).unwrap() {
+        let folder = entry.unwrap().path();
+        if !folder.join("robot.toml").is_file() {
+            continue;
+        }
+        let robot = folder.file_name().unwrap().to_str().unwrap();
+        tried += 1;
         let model = robot_model(robot);
         let gripper = &model.settings.gripper;
         for force in [20.0, gripper.force, gripper.max_force] {
@@ -73,6 +81,7 @@ fn a_bottle_is_grasped_lifted_and_waved() {
             }
         }
     }
+    assert!(tried > 1, "{tried} robots");
 }
 
 /// From the hand's frame to the middle of the pads along the hand, with the bottle between

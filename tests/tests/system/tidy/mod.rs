@@ -5,6 +5,7 @@
 mod banned;
 mod circles;
 mod documents;
+mod lists;
 mod scenario;
 mod source;
 mod walls;
@@ -50,6 +51,18 @@ fn code(path: &Path) -> Vec<(usize, String)> {
             )
         })
         .collect()
+}
+
+/// Folders of the robots that ship.
+fn robots() -> Vec<String> {
+    let entries = fs::read_dir(root().join("assets/robots")).expect("the robots");
+    let folders = entries.flatten().filter(|entry| entry.path().is_dir());
+    let mut names: Vec<String> = folders
+        .map(|folder| folder.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    assert!(names.len() > 1, "{names:?}");
+    names
 }
 
 fn names(line: &str, crate_name: &str) -> bool {

@@ -159,15 +159,28 @@ fn decimals(text: &str) -> impl Iterator<Item = String> {
 }
 
 #[test]
-fn no_source_copies_names_or_sizes_of_the_robot() {
-    let folder = root().join("assets/robots/wheelarm");
-    let read = |file: &str| fs::read_to_string(folder.join(file)).expect("a file of the robot");
-    let (urdf, toml) = (read("wheelarm.urdf"), read("robot.toml"));
-    let mut known: Vec<&str> = between(&urdf, "<link name=\"", "\"");
-    known.extend(between(&urdf, "<joint name=\"", "\""));
-    known.extend(between(&toml, "name = \"", "\""));
-    known.retain(|name| !COMMON.contains(name) && *name != "wheelarm");
-    assert!(known.len() > 50, "{} names", known.len());
+fn no_source_copies_names_or_sizes_of_the_robots() {
+    let robots = super::robots();
+    let read = |robot: &str, file: &str| {
+        let path = root().join("assets/robots").join(robot).join(file);
+        fs::read_to_string(path).expect("a file of the robot")
+    };
+    let text = |robot: &String| {
+        let (urdf, toml) = (format!("{robot}.urdf"), "robot.toml");
+        (read(robot, &urdf), read(robot, toml))
+    };
+    let texts: Vec<(String, String)> = robots.iter().map(text).collect();
+    let mut known: Vec<&str> = Vec::new();
+    for (urdf, toml) in &texts {
+        let before = known.len();
+        known.extend(between(urdf, "<link name=\"", "\""));
+        known.extend(between(urdf, "<joint name=\"", "\""));
+        known.extend(between(toml, "name = \"", "\""));
+        assert!(known.len() - before > 50, "{} names", known.len() - before);
+    }
+    known.retain(|name| {
+        !COMMON.contains(name) && !robots.iter().any(|robot| robot.as_str() == *name)
+    });
     // Unmistakable numbers of the gripper, the chair and the reach, as written in the folder.
     let sizes = [
         "0.085",
@@ -182,7 +195,10 @@ fn no_source_copies_names_or_sizes_of_the_robot() {
         "0.2848",
         "0.873",
     ];
-    let numbers: Vec<String> = decimals(&urdf).chain(decimals(&toml)).collect();
+    let numbers = texts
+        .iter()
+        .flat_map(|(urdf, toml)| decimals(urdf).chain(decimals(toml)));
+    let numbers: Vec<String> = numbers.collect();
     for size in sizes {
         assert!(
             numbers.iter().any(|number| number == size),

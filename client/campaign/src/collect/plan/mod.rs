@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 use wheelarm_proto::installed::file_or_asset;
 use wheelarm_proto::seeds::Purpose;
 use wheelarm_proto::settings::Depth;
-use wheelarm_proto::v1;
+use wheelarm_proto::{defaults, v1};
 
 pub use self::parts::{PlanError, Task};
 
 use self::check::Check;
 use self::form::PlanFile;
 use crate::renamed_keys::translated;
-use crate::variation::{IMU_HZ, STATE_HZ, Variation};
+use crate::variation::Variation;
 
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -154,11 +154,10 @@ impl Plan {
     }
 }
 
-/// Rate of a camera without one, Hz.
-const CAMERA_HZ: f64 = 10.0;
-
 fn pixels_per_second(camera: &v1::CameraSetting) -> f64 {
-    f64::from(camera.width) * f64::from(camera.height) * camera.rate_hz.unwrap_or(CAMERA_HZ)
+    f64::from(camera.width)
+        * f64::from(camera.height)
+        * camera.rate_hz.unwrap_or(defaults::CAMERA_RATE_HZ)
 }
 
 /// The shared fields with the defaults of a campaign in place of absent ones.
@@ -168,13 +167,15 @@ fn with_defaults(mut scenario: v1::Scenario) -> v1::Scenario {
             default.clone_into(value);
         }
     };
-    or(&mut scenario.scene, "home");
-    or(&mut scenario.robot, "wheelarm");
+    or(&mut scenario.scene, defaults::SCENE);
+    or(&mut scenario.robot, defaults::ROBOT);
     for camera in &mut scenario.cameras {
-        camera.rate_hz.get_or_insert(CAMERA_HZ);
+        camera.rate_hz.get_or_insert(defaults::CAMERA_RATE_HZ);
     }
-    scenario.state_rate_hz.get_or_insert(STATE_HZ);
-    scenario.imu_rate_hz.get_or_insert(IMU_HZ);
+    scenario
+        .state_rate_hz
+        .get_or_insert(defaults::STATE_RATE_HZ);
+    scenario.imu_rate_hz.get_or_insert(defaults::IMU_RATE_HZ);
     scenario.imu_noise.get_or_insert(false);
     if scenario.quality() == v1::RenderQuality::Unspecified {
         scenario.set_quality(v1::RenderQuality::Standard);

@@ -35,6 +35,21 @@ from .services import HAS_STANDARD, StandardServices, trigger_services
 from .simulation import EpisodeOptions, Simulation
 
 STREAMS = ["joint_state", "pose", "imu", "odometry", "applied", "object_pose", "furniture_joint"]
+#: Streams without a ROS topic. `tests/test_contract.py` requires each stream in one of the lists.
+UNPUBLISHED = [
+    "sensed_joint",
+    "sensed_odometry",
+    "sensed_imu",
+    "disturbance",
+    "person",
+    "evaluation",
+    "command",
+    "deformable",
+    "contact",
+    "phase",
+    "state_hash",
+    "event",
+]
 #: Other topics of the server, in the same queue.
 OTHERS = ["clock", "refusal", "episode_stop"]
 #: Seconds of silence after which the server's status is requested.

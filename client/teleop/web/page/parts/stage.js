@@ -4,7 +4,7 @@ import { $, button, h, text } from "./dom.js";
 
 /** Up to this width a page shows one camera large, the other small, CSS pixels. */
 const NARROW = 560;
-const NAMES = { gen3: "Hand camera", wheelchair: "Chair camera", room: "Room camera" };
+const NAMES = { gen3: "Hand camera", wheelchair: "Chair camera", wheelchair_pole: "Pole camera", room: "Room camera" };
 
 export class Stage {
   constructor(app) {

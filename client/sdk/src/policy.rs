@@ -1,18 +1,23 @@
 //! A policy as a process: connects to its user, holds a liveliness token and replies to the
 //! queries `describe`, `reset` and `infer`, one at a time.
 
-use anyhow::Context;
 use wheelarm_proto::keys::PolicyKeys;
 use wheelarm_proto::{Message, schema, v1};
-use wheelarm_sdk::{Connect, Silence, open_session};
 use zenoh::Wait;
 use zenoh::query::Query;
 
+use super::error::{ClientError, transport, words};
+use super::{Connect, Silence, open_session};
+
+/// Environment variable with the Zenoh endpoint for the policy.
+pub const POLICY_VARIABLE: &str = "WHEELARM_POLICY_ENDPOINT";
+/// Environment variable with the name of the policy in key expressions.
+pub const NAME_VARIABLE: &str = "WHEELARM_POLICY_NAME";
 /// Capacity of the queue of queries.
 const WAITING: usize = 64;
 
 /// Replies of a policy process.
-pub trait Answers {
+pub trait PolicyService {
     /// Description of its observations and actions.
     fn spec(&self) -> v1::PolicySpec;
 
@@ -29,14 +34,13 @@ pub trait Answers {
 /// # Errors
 /// When the name is not valid in a key expression, or the transport fails.
 pub fn serve(
-    policy: &mut dyn Answers,
+    policy: &mut dyn PolicyService,
     name: &str,
     connect: &Connect,
     ready: impl FnOnce(),
-) -> anyhow::Result<()> {
+) -> Result<(), ClientError> {
     let keys = PolicyKeys::new(name)?;
     let session = open_session(connect, Silence::Still)?;
-    let failed = |problem: zenoh::Error| anyhow::anyhow!("the transport: {problem}");
     let (sender, queries_received) = std::sync::mpsc::sync_channel::<Query>(WAITING);
     // One queue keeps the replies in the order of the queries.
     let all = [keys.describe(), keys.reset(), keys.infer()];
@@ -47,11 +51,17 @@ pub fn serve(
             // Queries beyond the capacity get no reply.
             let _ = sender.try_send(query);
         });
-        open.push(queries.wait().map_err(failed)?);
+        open.push(
+            queries
+                .wait()
+                .map_err(transport("the declaration of a query"))?,
+        );
     }
     drop(sender);
     let token = session.liveliness().declare_token(keys.alive());
-    let _token = token.wait().map_err(failed)?;
+    let _token = token
+        .wait()
+        .map_err(transport("the declaration of the token"))?;
     ready();
     for query in queries_received {
         let key = query.key_expr().as_str().to_owned();
@@ -60,13 +70,13 @@ pub fn serve(
                 let encoding = schema::encoding(message);
                 let reply = query.reply(key, bytes).encoding(encoding).wait();
                 if let Err(problem) = reply {
-                    tracing::warn!("cannot send a reply: {problem}");
+                    tracing::warn!("cannot send a reply: {}", words(&problem));
                 }
             }
             Err(problem) => {
-                tracing::warn!("{problem:#}");
+                tracing::warn!("{problem}");
                 let failure = v1::Failure {
-                    message: format!("{problem:#}"),
+                    message: problem.to_string(),
                     ..v1::Failure::default()
                 };
                 let encoding = schema::encoding("wheelarm.v1.Failure");
@@ -80,26 +90,29 @@ pub fn serve(
 
 /// The encoded answer and the name of its message.
 fn answer(
-    policy: &mut dyn Answers,
+    policy: &mut dyn PolicyService,
     keys: &PolicyKeys,
     key: &str,
     query: &Query,
-) -> anyhow::Result<(Vec<u8>, &'static str)> {
+) -> Result<(Vec<u8>, &'static str), ClientError> {
     if let Some(encoding) = query.encoding() {
         schema::check(&encoding.to_string())?;
     }
     let bytes = query.payload().map(|payload| payload.to_bytes());
     let bytes = bytes.unwrap_or_default();
-    let unread = || format!("the request {key} cannot be read");
+    let unread = |cause| ClientError::Garbled {
+        what: format!("the request {key}"),
+        cause,
+    };
     if key == keys.describe() {
-        v1::PolicyDescribeRequest::decode(&*bytes).with_context(unread)?;
+        v1::PolicyDescribeRequest::decode(&*bytes).map_err(unread)?;
         Ok((policy.spec().encode_to_vec(), "wheelarm.v1.PolicySpec"))
     } else if key == keys.reset() {
-        policy.reset(&v1::PolicyResetRequest::decode(&*bytes).with_context(unread)?);
+        policy.reset(&v1::PolicyResetRequest::decode(&*bytes).map_err(unread)?);
         let reply = v1::PolicyResetReply {};
         Ok((reply.encode_to_vec(), "wheelarm.v1.PolicyResetReply"))
     } else {
-        let request = v1::InferRequest::decode(&*bytes).with_context(unread)?;
+        let request = v1::InferRequest::decode(&*bytes).map_err(unread)?;
         let reply = policy.infer(&request);
         Ok((reply.encode_to_vec(), "wheelarm.v1.InferReply"))
     }
