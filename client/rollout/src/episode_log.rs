@@ -318,20 +318,19 @@ mod tests {
         let second = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
         // A block of zeros, a flipped byte, and a line that lost its beginning.
         for (at, bytes) in [
-            (second, &[0; 12][..]),
-            (second + 2, b"\x80"),
-            (second, b"      "),
+            (second, &[0_u8; 12][..]),
+            (second + 2, &b"\x80"[..]),
+            (second, &b"      "[..]),
         ] {
             let mut text = whole.clone();
             text[at..at + bytes.len()].copy_from_slice(bytes);
             std::fs::write(&path, &text).unwrap();
             let log = open(&path);
-            let [warning] = &log.damage()[..] else {
-                panic!("{:?}", log.damage());
-            };
+            let damage = log.damage();
+            assert_eq!(damage.len(), 1, "{damage:?}");
             assert!(
-                warning.contains("episodes.jsonl: line 2 is damaged"),
-                "{warning}"
+                damage[0].contains("episodes.jsonl: line 2 is damaged"),
+                "{damage:?}"
             );
             assert_eq!(log.entries(), [line(0), line(2)]);
             log.append(&line(1)).unwrap();

@@ -237,7 +237,7 @@ fn python_knows_which_fields_a_reset_samples_again() {
     let before = before.as_object().expect("fields");
     let mut sampled: BTreeSet<String> = before
         .iter()
-        .filter(|(field, value)| after.get(field.as_str()) != Some(value))
+        .filter(|(field, value)| after.get(field.as_str()) != Some(*value))
         .map(|(field, _)| field.clone())
         .collect();
     for field in IN_PARTS {
