@@ -217,7 +217,7 @@ impl TrainingTask for ActTask {
         let noise = TensorData::new(noise, [samples.len(), latent]);
         let noise = Tensor::from_data(noise, &self.device);
         let (found, latent) =
-            network.trained(batch.inputs, batch.actions.clone(), batch.padding, noise);
+            network.forward_training(batch.inputs, batch.actions.clone(), batch.padding, noise);
         let (l1, divergence) = (cost(found), latent.divergence());
         let values = [l1.clone(), divergence.clone()].map(|t| t.into_scalar::<f64>());
         let loss = l1 + divergence * options.divergence;
