@@ -31,9 +31,9 @@ pub fn version_of(encoding: &str) -> u32 {
 /// The peer uses another version of the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the other side speaks version {theirs} of the contract, this program version \
+    "the peer uses version {theirs} of the contract, this program version \
      {CONTRACT_VERSION}: use server and clients of one build (`wheelarm --version` and \
-     `wheelarm-server --version` tell it; messages carry the encoding \
+     `wheelarm-server --version` print it; messages have the encoding \
      `application/protobuf;MESSAGE@{CONTRACT_VERSION}`)"
 )]
 pub struct OtherVersion {

@@ -50,13 +50,13 @@ impl ReceivedSignal {
 /// Whether a command handles signals itself, so that [`end_as_first_process`] does not.
 static CLAIMED: AtomicBool = AtomicBool::new(false);
 
-/// Calls `tell` for every signal from now on, on its own thread.
+/// Calls `notify` for every signal from now on, on its own thread.
 ///
 /// # Errors
 /// When the operating system rejects the handler.
-pub fn on_signals(tell: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {
+pub fn on_signals(notify: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {
     CLAIMED.store(true, Ordering::Release);
-    on_all(tell)
+    on_all(notify)
 }
 
 fn on_all(mut notify: impl FnMut(ReceivedSignal) + Send + 'static) -> io::Result<()> {

@@ -41,7 +41,7 @@ const VARIANTS: [(&str, ActionKind, usize); 4] = [
     ("shifted", ActionKind::NextPose, 1),
 ];
 
-/// The rows of a set, whose kind it tells.
+/// Rows of a set, whose kind follows from its names.
 const EXPORTED: [(&str, ActionKind, usize); 1] = [("exported", ActionKind::NextPose, 0)];
 
 fn main() -> anyhow::Result<()> {

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn any_order_of_arrival_gives_the_same_account() {
+    fn account_is_independent_of_the_order_of_arrival() {
         let numbers = [5, 9, 6, 4, 4, 12, 8, 7, 5];
         let mut c = Coverage::default();
         let fresh: Vec<bool> = numbers.iter().map(|&n| c.insert(n)).collect();

@@ -47,7 +47,7 @@ pub fn info(episode: &Episode) -> Result<String, ReadError> {
     if s.as_recorded {
         line(
             "as recorded",
-            "its states were taken from another recording and drawn again, not computed",
+            "its states are those of another recording, rendered again and not computed",
         );
     }
     for problem in &s.problems {

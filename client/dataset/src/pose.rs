@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quarter_turn_about_z_takes_x_to_y() {
+    fn quarter_turn_about_z_maps_x_to_y() {
         let pose = from_rpy([1.0, 2.0, 3.0], [0.0, 0.0, FRAC_PI_2]);
         near(
             &turned(orientation(&pose), [1.0, 0.0, 0.0]),
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn roll_comes_before_pitch_and_yaw() {
+    fn roll_is_applied_before_pitch_and_yaw() {
         // The chair camera of the robot: optical z points forward and down.
         let pose = from_rpy([0.0; 3], [-2.094_395_102_393_195_7, 0.0, -FRAC_PI_2]);
         let forward = turned(orientation(&pose), [0.0, 0.0, 1.0]);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_comes_back_through_the_inverse() {
+    fn inverse_maps_a_point_back() {
         let frame = from_rpy([1.0, 2.0, 3.0], [0.4, -1.1, 2.9]);
         let there = point(&frame, [0.5, -0.2, 0.25]);
         near(&point(&inverse(&frame), there), &[0.5, -0.2, 0.25]);

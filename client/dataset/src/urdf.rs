@@ -136,8 +136,7 @@ pub struct Chain<'a> {
 }
 
 impl Chain<'_> {
-    /// base_from_tip; `position` tells that of a joint that moves, rad or m, by
-    /// its name.
+    /// base_from_tip; `position` returns the position of a moving joint by its name, rad or m.
     pub fn pose(&self, position: impl Fn(&str) -> f64) -> Pose {
         self.joints.iter().fold(pose::IDENTITY, |base, joint| {
             let position = if joint.moves() {
@@ -150,9 +149,8 @@ impl Chain<'_> {
     }
 }
 
-/// The description as a viewer can draw it from the text alone: every link that
-/// is drawn by mesh files, which a recording does not hold, is drawn by its
-/// collision solids in the colour of its first mesh.
+/// The description without mesh files, which a recording does not contain: a link with meshes gets
+/// its collision solids as visuals, in the color of its first mesh.
 ///
 /// # Errors
 /// When the text is not a URDF.

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_request_is_repeated_after_its_answer_and_given_up_after_five() {
+    fn request_is_repeated_after_a_reply_at_most_five_times() {
         let start = Instant::now();
         let at = |seconds: u32| start + seconds * PAUSE;
         let mut request = CacheRequest::default();

@@ -75,7 +75,7 @@ pub(crate) fn question(grammar: &Grammar, scene: &Scene, meanings: &[Meaning]) -
         let names = either(positions.iter().map(nth).collect());
         return format!("Which {which}, {names} from the left?");
     }
-    // The first from the top is the top one, which also tells where counting begins.
+    // The first from the top is the top one, which also defines the start of counting.
     let end = if positions.contains(&0) {
         ""
     } else {

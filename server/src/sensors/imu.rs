@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn it_measures_gravity_at_rest_and_zero_in_free_fall() {
+    fn imu_measures_gravity_at_rest_and_zero_in_free_fall() {
         let mut imu = Imu::new(0);
         imu.measure(0, &still(), None);
         let rest = imu.measure(1, &still(), None);

@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_of_the_arm_lets_the_gripper_close() {
+    fn stop_of_the_arm_does_not_stop_the_gripper() {
         let mut command_delay = command_delay(1, 1.0).unwrap();
         let close = ControlInput {
             gripper: Some(GripperIntent {

@@ -60,11 +60,11 @@ pub(super) fn from_proto(message: &v1::Person) -> Result<Option<PersonSetting>, 
         ("person.skin", &message.skin),
         ("person.hair", &message.hair),
         ("person.clothes", &message.clothes),
-        ("person.drawn.body", &drawn.body),
-        ("person.drawn.posture", &drawn.posture),
-        ("person.drawn.skin", &drawn.skin),
-        ("person.drawn.hair", &drawn.hair),
-        ("person.drawn.clothes", &drawn.clothes),
+        ("person.sampled.body", &drawn.body),
+        ("person.sampled.posture", &drawn.posture),
+        ("person.sampled.skin", &drawn.skin),
+        ("person.sampled.hair", &drawn.hair),
+        ("person.sampled.clothes", &drawn.clothes),
     ] {
         if !name.is_empty() {
             check::name(what, name)?;

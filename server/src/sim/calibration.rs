@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_look_moves_the_cameras_relative_to_their_calibration() {
+    fn appearance_moves_cameras_relative_to_their_calibration() {
         let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets");
         let model = RobotModel::load(&assets, "wheelarm").unwrap();
         let cameras = |appearance: Appearance, calibration_seed| {

@@ -102,8 +102,8 @@ pub enum SimError {
     },
     /// No scene in which every target can be grasped.
     #[error(
-        "with the seed {seed} no scene of the area {area:?} was found in which everything can be taken; \
-         take another seed, or tell `objects`"
+        "no scene of the area {area:?} in which every target can be grasped was found for the seed {seed}; \
+         use another seed, or set `objects`"
     )]
     NoRoom {
         /// The area.

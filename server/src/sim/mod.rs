@@ -303,19 +303,19 @@ impl Simulation {
         self.step_telling(input, |_, _| {})
     }
 
-    /// As [`Simulation::step`]; `tell` receives the applied set points before the
+    /// As [`Simulation::step`]; `on_applied` receives the applied set points before the
     /// physics runs. After a step that breaks the state nothing is due, the last good
     /// state stays, and [`Simulation::broken`] gives the reason.
     pub fn step_telling(
         &mut self,
         input: &ControlInput,
-        tell: impl FnOnce(&Targets, &RobotControl),
+        on_applied: impl FnOnce(&Targets, &RobotControl),
     ) -> Step {
         if self.broken.is_some() || self.shown {
             return Step::default();
         }
         let last = Arc::clone(&self.snapshot);
-        match guard::caught(|| self.advance(input, tell)) {
+        match guard::caught(|| self.advance(input, on_applied)) {
             Ok(Ok(step)) => step,
             Ok(Err(fault)) => self.break_off(fault, last),
             Err(words) => self.break_off(Fault::Panic(words), last),
@@ -325,12 +325,12 @@ impl Simulation {
     fn advance(
         &mut self,
         input: &ControlInput,
-        tell: impl FnOnce(&Targets, &RobotControl),
+        on_applied: impl FnOnce(&Targets, &RobotControl),
     ) -> Result<Step, Fault> {
         let disturbance = self.disturbance();
         self.control.set_guard(self.person_guard(input));
         let mut targets = self.control.update(input, &self.snapshot);
-        tell(&targets[0], &self.control);
+        on_applied(&targets[0], &self.control);
         let push = disturbance.as_ref().and_then(|d| d.push);
         self.world
             .push(push.map(|(on, force)| (self.body_of(on), force)));

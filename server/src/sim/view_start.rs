@@ -35,7 +35,7 @@ pub(super) fn choose(
 /// The cameras and the bodies that could hide the target.
 struct View<'a> {
     /// chair_from_optical of each camera.
-    eyes: Vec<(Isometry3<f64>, &'a CameraMount)>,
+    viewpoints: Vec<(Isometry3<f64>, &'a CameraMount)>,
     target: Point3<f64>,
     furniture: Vec<Obb>,
 }
@@ -49,13 +49,13 @@ impl<'a> View<'a> {
         }
         let poses = model.link_poses(&positions);
         let cameras = model.settings.cameras.iter();
-        let eyes = cameras.filter(|camera| !camera.on_request);
-        let eyes =
-            eyes.filter_map(|mount| Some((poses[model.link(&mount.link)?] * mount.pose, mount)));
+        let viewpoints = cameras.filter(|camera| !camera.on_request);
+        let viewpoints = viewpoints
+            .filter_map(|mount| Some((poses[model.link(&mount.link)?] * mount.pose, mount)));
         let target = target(scenario, scene)?;
         let boxes = scene.furniture.iter().flat_map(collision_boxes);
         Some(Self {
-            eyes: eyes.collect(),
+            viewpoints: viewpoints.collect(),
             furniture: boxes.filter(|obb| obb.distance(&target) > 0.0).collect(),
             target,
         })
@@ -63,7 +63,7 @@ impl<'a> View<'a> {
 
     /// Whether a robot at this pose has the target in the field of view of a camera.
     fn sees(&self, start: &Isometry3<f64>) -> bool {
-        self.eyes.iter().any(|(eye, mount)| {
+        self.viewpoints.iter().any(|(eye, mount)| {
             let eye = start * eye;
             let point = eye.inverse_transform_point(&self.target);
             let in_image = |axis: usize| {

@@ -287,8 +287,8 @@ pub const FIRST_MARK: u64 = 1_000_000;
 /// Next sequence number of a mark: a command that is sent to be refused.
 static MARKS: AtomicU64 = AtomicU64::new(FIRST_MARK);
 
-/// Sends commands under the own key of `name` until the gate tells that it refused
-/// one of them: what was sent on this session before has been through by then.
+/// Sends commands under the own key of `name` until the gate publishes the refusal of one of
+/// them. Earlier samples of this session have then been processed.
 pub fn flush_session(client: &Client, name: &str, listener: &Listener) {
     let key = client.keys().command(name);
     let first = MARKS.load(Ordering::Relaxed);

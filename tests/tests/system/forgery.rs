@@ -253,10 +253,9 @@ fn forged_starts_and_stops_neither_block_nor_end_nor_discard_a_recording() {
         let stopped = stop(client);
         let samples: u64 = stopped.manifest.iter().map(|c| c.count).sum();
         let file = folder.path().join(format!("{label}.h5"));
-        wait_until("the file exists", || file.exists());
-        let summary = Episode::open(&file)
-            .and_then(|e| e.summary())
-            .expect("a summary");
+        let summary = || Episode::open(&file).and_then(|e| e.summary());
+        wait_until("the file is complete", || summary().is_ok());
+        let summary = summary().expect("a summary");
         assert!(summary.complete, "{:?}", summary.problems);
         assert!(!summary.success, "a forged success was recorded");
         let got: u64 = summary.streams.iter().map(|s| s.received).sum();

@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_answers_a_question_when_it_shows_all_of_its_objects() {
+    fn camera_is_used_for_a_question_only_when_it_shows_all_objects() {
         let names = ["mug", "bowl"].map(str::to_owned).to_vec();
         let visible = vec![
             ("gen3".to_owned(), vec![true, false]),

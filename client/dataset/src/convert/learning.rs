@@ -20,9 +20,9 @@ use crate::urdf::Robot;
 pub const STREAMS: [&str; 5] = ["joint_state", "pose", "odometry", "applied", "evaluation"];
 /// Streams of sensor models that a row contains instead of exact values.
 const SENSED: [&str; 2] = ["sensed_joint", "sensed_odometry"];
-/// Deviation that the statistics tell at least of a value of state or action, and
-/// half the range that scaling to [-1, 1] takes at least; in the value's own unit
-/// (m, rad, 1, m/s, rad/s). A value that hardly changes would be blown up otherwise.
+/// Least deviation of a value of state or action in the statistics, and least half range of the
+/// scaling to [-1, 1]; in the value's own unit (m, rad, 1, m/s, rad/s). Otherwise a nearly
+/// constant value would be amplified.
 pub const LEAST_DEVIATION: f64 = 0.01;
 /// Stamps may be this far from the grid, nanoseconds.
 const OFF_GRID: u64 = 100_000;

@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_that_takes_its_shape_in_the_air_does_not_grasp() {
+    fn hand_that_closes_in_the_air_does_not_grasp() {
         let shaped = made(
             |t| t < 1.0,
             |t| (2.0..4.0).contains(&t) || t > 6.0,
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chair_that_draws_a_drawer_with_a_full_hand_retracts() {
+    fn chair_that_pulls_a_drawer_with_a_closed_hand_retracts() {
         let mut pull = made(
             |t| t < 2.0 || (7.0..9.0).contains(&t),
             |t| (2.5..4.0).contains(&t),

@@ -162,7 +162,7 @@ impl Episode {
         }
     }
 
-    /// The scenario with the drawn values; every field of it is there.
+    /// The scenario with the sampled values; every field is set.
     ///
     /// # Errors
     /// When it is absent.
@@ -189,7 +189,7 @@ impl Episode {
         };
         let list = |path: &str| self.texts_at(&format!("initial_state/{path}"));
         let ids = self.raw::<u32>("initial_state/instances/id")?;
-        // The first recordings did not tell what an instance is.
+        // The first recordings lack the kind of an instance.
         let values = |column: &str| -> Vec<u32> {
             let all = self.raw(&format!("initial_state/instances/{column}"));
             all.unwrap_or_default()

@@ -61,7 +61,7 @@ impl Episode {
     }
 }
 
-/// The robot of recordings that do not tell theirs.
+/// The robot of recordings without a robot description.
 ///
 /// # Errors
 /// Never: the bytes are part of the program, and a test reads them.

@@ -34,7 +34,7 @@ impl Episode {
             .map(|(index, (tick, mut joints))| {
                 // What came behind the last state goes with it.
                 let until = if index == last { u64::MAX } else { tick };
-                // The first recordings did not tell it; it follows from the knuckle.
+                // The first recordings lack it; it follows from the knuckle.
                 if joints.opening.is_none() {
                     let knuckle = joints.positions.get(roles.knuckle);
                     joints.opening = knuckle.and_then(|&knuckle| robot.opening(knuckle));

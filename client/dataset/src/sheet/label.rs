@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_that_the_font_lacks_are_named_and_not_drawn_as_boxes() {
+    fn letters_missing_in_the_font_are_reported() {
         assert_eq!(
             legible("Hol die Tasse, côté gauche · Ж"),
             "Hol die Tasse, côté gauche · Ж"

@@ -54,7 +54,7 @@ pub(super) struct Record {
     pub data: Vec<u8>,
 }
 
-/// What the threads tell the writer.
+/// Progress that the threads report to the writer.
 #[derive(Default)]
 pub(super) struct Progress {
     /// Records that are in the log.

@@ -127,20 +127,20 @@ pub fn skill(of: &Errors, trivial: &[&Errors], output: usize) -> Option<[f64; 3]
         let sum: f64 = samples.iter().map(|t| errors.by_trial[*t][output]).sum();
         sum / samples.len().max(1) as f64
     };
-    let value = |samples: &[usize]| {
+    let skill_over = |samples: &[usize]| {
         let best = trivial.iter().map(|errors| at(errors, samples));
         let best = best.fold(f64::INFINITY, f64::min);
         (best > 1e-9).then(|| 1.0 - at(of, samples) / best)
     };
     let all: Vec<usize> = (0..trials).collect();
-    let value = value(&all)?;
+    let value = skill_over(&all)?;
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut samples: Vec<f64> = (0..RESAMPLES)
         .filter_map(|_| {
             let again: Vec<usize> = (0..trials)
                 .map(|_| random.random_range(0..trials))
                 .collect();
-            value(&again)
+            skill_over(&again)
         })
         .collect();
     samples.sort_by(f64::total_cmp);

@@ -8,7 +8,7 @@ use super::columns::{split, trial};
 use super::errors::{Errors, errors, extrapolated, lasts, repeated, truth};
 use super::features::features;
 use super::table::{Ahead, Report, figure};
-use super::task::{BaselineTask, Kind, TaskOptions};
+use super::training_task::{BaselineTask, Kind, TaskOptions};
 use crate::episodes::Episode;
 use crate::train::{self, Schedule};
 

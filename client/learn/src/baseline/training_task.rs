@@ -312,7 +312,7 @@ impl<'a> BaselineTask<'a> {
     }
 }
 
-impl train::BaselineTask for BaselineTask<'_> {
+impl train::TrainingTask for BaselineTask<'_> {
     type Network = Baseline;
 
     fn loss(&self, network: &Baseline, step: u64) -> (Tensor<1>, Vec<(&'static str, f64)>) {

@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn one_with_a_lifeline_ends_in_good_order_and_another_is_terminated() {
+    fn child_with_a_lifeline_ends_regularly_and_another_is_terminated() {
         let mut bound = shell("cat; exit 4", Input::Lifeline, None);
         assert_eq!(bound.ended().unwrap(), None);
         assert_eq!(bound.end().unwrap().code(), Some(4));
@@ -398,7 +398,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn what_a_launcher_started_ends_with_it() {
+    fn children_end_with_their_launcher() {
         // Once by a kill, once by itself.
         for rest in ["wait", "exit 0"] {
             let script = format!("sleep 600 & echo $!; {rest}");

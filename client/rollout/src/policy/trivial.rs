@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn hold_stays_and_repeat_goes_on() {
+    fn hold_policy_stays_and_repeat_policy_continues() {
         let turned = [0.0, 0.03, 0.995, 0.0998];
         let observation = v1::PolicyObservation {
             steps: vec![

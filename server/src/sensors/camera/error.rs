@@ -76,7 +76,7 @@ pub enum RenderError {
     },
     /// No Vulkan driver at all.
     #[error(
-        "no Vulkan driver was found, so the cameras cannot be drawn; for drawing on the CPU \
+        "no Vulkan driver was found, so the cameras cannot render; to render on the CPU \
          install it with 'apt-get install libvulkan1 mesa-vulkan-drivers', for a GPU install \
          its vendor's driver, or run without cameras (--no-cameras)"
     )]

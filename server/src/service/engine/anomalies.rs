@@ -57,7 +57,7 @@ impl Engine {
                 let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
                 let (first, second) = (name(pair.0), name(pair.1));
                 let force = contact.force.norm();
-                self.tell(v1::Event {
+                self.publish_event(v1::Event {
                     kind: v1::EventKind::Collision.into(),
                     text: format!("{first} hits {second} with {force:.0} N"),
                     body: first,
@@ -81,7 +81,7 @@ impl Engine {
             let name = |body| convert::body_name(body, self.sim.model(), self.sim.scene());
             let (first, second) = (name(pair.0), name(pair.1));
             let force = contact.force.norm();
-            self.tell(v1::Event {
+            self.publish_event(v1::Event {
                 kind: v1::EventKind::PersonContact.into(),
                 text: format!("{first} touches {second} with {force:.1} N"),
                 body: first,

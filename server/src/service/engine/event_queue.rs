@@ -52,7 +52,7 @@ impl Engine {
     pub(super) fn publish_queued_events(&self) {
         let event_queue = std::mem::take(&mut *self.shared.event_queue.lock());
         for event in event_queue {
-            self.tell(event);
+            self.publish_event(event);
         }
     }
 }

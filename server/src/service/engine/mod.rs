@@ -450,7 +450,7 @@ impl Engine {
     }
 
     pub(in crate::service) fn event(&self, kind: v1::EventKind, text: &str) {
-        self.tell(v1::Event {
+        self.publish_event(v1::Event {
             kind: kind.into(),
             text: text.to_owned(),
             ..v1::Event::default()
@@ -458,7 +458,7 @@ impl Engine {
     }
 
     /// Publishes an event.
-    pub(in crate::service) fn tell(&self, event: v1::Event) {
+    pub(in crate::service) fn publish_event(&self, event: v1::Event) {
         tracing::info!("{}: {}", event.kind().word(), event.text);
         let tick = self.sim.snapshot().tick;
         self.shared.outbox.put(self.episode_number(), tick, event);

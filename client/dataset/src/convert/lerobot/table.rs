@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_takes_the_columns_of_its_first_rows_and_no_others() {
+    fn file_has_exactly_the_columns_of_its_first_rows() {
         let folder = tempfile::tempdir().unwrap();
         let column = |name: &str, cells| Column {
             name: name.to_owned(),

@@ -173,8 +173,8 @@ fn of_topic<'a>(
         TopicId::Phase => out.push(Channel::own("/phase", topic, samples()?)),
         TopicId::Applied => out.push(Channel::own("/applied", topic, samples()?)),
         TopicId::Command => out.push(Channel::own("/command", topic, samples()?)),
-        // `clock` and `state_hash` tell a viewer nothing; a skin has no message
-        // that viewers know. Images are converted by camera; the rest is not
+        // `clock` and `state_hash` are useless to a viewer; viewers have no message of a
+        // skin. Images are converted by camera; the rest is not
         // recorded.
         TopicId::Clock
         | TopicId::StateHash
@@ -228,8 +228,8 @@ fn joint_state<'a>(
     Ok(())
 }
 
-/// The chair, or every recorded frame where the recording tells no links, and
-/// the end effector.
+/// The poses of the chair, or of every recorded frame of a recording without links, and of the
+/// end effector.
 fn poses<'a>(
     out: &mut Vec<Channel<'a>>,
     recording: &'a Recording,

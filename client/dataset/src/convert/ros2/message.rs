@@ -1,5 +1,5 @@
-//! The messages, each with what a recording tells of it. What a recording does not
-//! give is written as ROS defines it: unknown covariances are zeros.
+//! The messages, filled from a recording. Values that a recording lacks are written as ROS defines
+//! it: unknown covariances are zeros.
 
 use super::cdr::Cdr;
 use crate::calibration::PIXEL_CENTRE;

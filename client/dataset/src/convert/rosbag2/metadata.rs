@@ -39,9 +39,8 @@ pub(super) struct Topic {
 }
 
 impl Topic {
-    /// How its publisher offered it, as the file of messages tells it: with numbers
-    /// in place of words, which older and newer versions of ROS 2 understand.
-    /// Nothing where it is as usual.
+    /// Offered quality of service in the form of the message file, with numbers instead of words,
+    /// which older and newer versions of ROS 2 read. Empty for the default.
     pub fn quality(&self) -> String {
         if !self.latched {
             return String::new();
