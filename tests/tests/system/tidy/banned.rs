@@ -108,6 +108,7 @@ fn sources() -> Vec<Source> {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
         ["rs", "proto", "js", "py", "sh", "toml"].contains(&&*ending)
     };
+    // Not `vendor`: sources of other projects, which keep the language of their authors.
     for folder in [
         "assets", "client", "fuzz", "proto", "scripts", "server", "tests",
     ] {

@@ -1,12 +1,13 @@
 //! Rules that the compiler cannot see: dependencies (`walls`, `circles`), units and paths
-//! (`words`), banned words (`banned`), links and sizes of documents (`documents`). This
-//! file only reads sources.
+//! (`words`), banned words (`banned`), links and sizes of documents (`documents`), the fork
+//! of the engine (`vendored`). This file only reads sources.
 
 mod banned;
 mod circles;
 mod documents;
 mod scenario;
 mod source;
+mod vendored;
 mod walls;
 mod words;
 

@@ -24,6 +24,8 @@ mod multibody_joint_set;
 #[cfg(feature = "alloc")]
 mod multibody_link;
 #[cfg(feature = "alloc")]
+mod multibody_tree;
+#[cfg(feature = "alloc")]
 mod multibody_workspace;
 
 #[cfg(feature = "alloc")]

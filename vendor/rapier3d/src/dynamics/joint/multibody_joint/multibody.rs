@@ -1,4 +1,5 @@
 use super::multibody_link::{MultibodyLink, MultibodyLinkVec};
+use super::multibody_tree::{MultibodyTree, Spatial, TreeMatrix, TreePattern};
 use super::multibody_workspace::MultibodyWorkspace;
 use crate::alloc_prelude::*;
 use crate::dynamics::integration_parameters::SpringCoefficients;
@@ -7,60 +8,21 @@ use crate::dynamics::{
     IntegrationParameters, RigidBodyHandle, RigidBodySet, RigidBodyType, RigidBodyVelocity,
 };
 use crate::math::{
-    ANG_DIM, AngDim, AngVector, DIM, DVector, Dim, Jacobian, Pose, Real, SPATIAL_DIM,
-    SimdAngVector, Vector,
+    ANG_DIM, AngVector, DIM, DMatrix, DVector, Jacobian, Pose, Real, SPATIAL_DIM, Vector,
 };
 use crate::prelude::MultibodyJoint;
-#[cfg(feature = "dim3")]
-use crate::utils::mat_to_na;
-use crate::utils::{AngularInertiaOps, CrossProduct, CrossProductMatrix, IndexMut2, vect_to_na};
-use na::{
-    self, DMatrix, DVectorView, DVectorViewMut, Dyn, LU, OMatrix, SMatrix, SVector, StorageMut,
-};
+use crate::utils::{CrossProduct, CrossProductMatrix, vect_to_na};
+use na::{self, DVectorView, DVectorViewMut, SMatrix};
 
 #[cfg(doc)]
 use crate::prelude::{GenericJoint, RigidBody};
 
-#[repr(C)]
-#[derive(Copy, Clone, Debug, Default)]
-struct Force {
-    linear: Vector,
-    angular: AngVector,
-}
-
-impl Force {
-    fn new(linear: Vector, angular: AngVector) -> Self {
-        Self { linear, angular }
-    }
-
-    fn as_vector(&self) -> &SVector<Real, SPATIAL_DIM> {
-        unsafe { core::mem::transmute(self) }
-    }
-}
-
-#[cfg(feature = "dim2")]
-fn concat_rb_mass_matrix(mass: Vector, inertia: Real) -> SMatrix<Real, SPATIAL_DIM, SPATIAL_DIM> {
-    let mut result = SMatrix::<Real, SPATIAL_DIM, SPATIAL_DIM>::zeros();
-    result[(0, 0)] = mass.x;
-    result[(1, 1)] = mass.y;
-    result[(2, 2)] = inertia;
-    result
-}
-
-#[cfg(feature = "dim3")]
-fn concat_rb_mass_matrix(
-    mass: Vector,
-    inertia: na::Matrix3<Real>,
-) -> SMatrix<Real, SPATIAL_DIM, SPATIAL_DIM> {
-    let mut result = SMatrix::<Real, SPATIAL_DIM, SPATIAL_DIM>::zeros();
-    result[(0, 0)] = mass.x;
-    result[(1, 1)] = mass.y;
-    result[(2, 2)] = mass.z;
-    result
-        .fixed_view_mut::<ANG_DIM, ANG_DIM>(DIM, DIM)
-        .copy_from(&inertia);
-    result
-}
+/// Weight of the implicit Coriolis terms: the share of the step by which the derivative of the
+/// Coriolis forces extrapolates them.
+///
+/// With one half, the energy of a free multibody does not drift, but oscillates to the first
+/// order in the step. A larger weight damps most motions and drives some.
+const IMPLICIT_CORIOLIS: Real = 0.7;
 
 /// A holonomic coupling between two generalized coordinates of a single
 /// [`Multibody`], `q2 = coeff · q1 + offset`, enforced as a velocity-level
@@ -105,18 +67,8 @@ pub struct Multibody {
     pub(crate) accelerations: DVector,
 
     body_jacobians: Vec<Jacobian<Real>>,
-    // NOTE: the mass matrices are dimensioned based on the non-kinematic degrees of
-    //       freedoms only. The `Self::augmented_mass_permutation` sequence can be used to
-    //       move dofs from/to a format that matches the augmented mass.
-    // TODO: use sparse matrices?
-    augmented_mass: DMatrix<Real>,
-    inv_augmented_mass: LU<Real, Dyn, Dyn>,
-    // The indexing sequence for moving all kinematics degrees of
-    // freedoms to the end of the generalized coordinates vector.
-    augmented_mass_indices: IndexSequence,
-
-    acc_augmented_mass: DMatrix<Real>,
-    acc_inv_augmented_mass: LU<Real, Dyn, Dyn>,
+    /// The mass matrix of the last step; it is 0 on kinematic degrees of freedom.
+    augmented_mass: TreeMatrix,
 
     ndofs: usize,
     pub(crate) root_is_dynamic: bool,
@@ -131,9 +83,8 @@ pub struct Multibody {
      * Workspaces.
      */
     workspace: MultibodyWorkspace,
-    coriolis_v: Vec<OMatrix<Real, Dim, Dyn>>,
-    coriolis_w: Vec<OMatrix<Real, AngDim, Dyn>>,
-    i_coriolis_dt: Jacobian<Real>,
+    #[cfg_attr(feature = "serde-serialize", serde(skip))]
+    tree: MultibodyTree,
 }
 impl Default for Multibody {
     fn default() -> Self {
@@ -156,17 +107,11 @@ impl Multibody {
             frictions: DVector::zeros(0),
             accelerations: DVector::zeros(0),
             body_jacobians: Vec::new(),
-            augmented_mass: DMatrix::zeros(0, 0),
-            inv_augmented_mass: LU::new(DMatrix::zeros(0, 0)),
-            acc_augmented_mass: DMatrix::zeros(0, 0),
-            acc_inv_augmented_mass: LU::new(DMatrix::zeros(0, 0)),
-            augmented_mass_indices: IndexSequence::new(),
+            augmented_mass: TreeMatrix::default(),
             ndofs: 0,
             solver_id: 0,
             workspace: MultibodyWorkspace::new(),
-            coriolis_v: Vec::new(),
-            coriolis_w: Vec::new(),
-            i_coriolis_dt: Jacobian::zeros(0),
+            tree: MultibodyTree::default(),
             root_is_dynamic: false,
             self_contacts_enabled,
             couplings: Vec::new(),
@@ -362,9 +307,29 @@ impl Multibody {
         self.self_contacts_enabled = enabled;
     }
 
-    /// The inverse augmented mass matrix of this multibody.
-    pub fn inv_augmented_mass(&self) -> &LU<Real, Dyn, Dyn> {
-        &self.inv_augmented_mass
+    /// The augmented mass matrix of the last step: with armatures, and with the implicit terms
+    /// of damping and springs. The rows and columns of kinematic joints are 0.
+    ///
+    /// Returns `None` before the first step.
+    pub fn augmented_mass(&self) -> Option<DMatrix> {
+        match self.tree.pattern(&self.links) {
+            Some(pattern) => pattern.to_dense(&self.augmented_mass),
+            None => TreePattern::new(&self.links).to_dense(&self.augmented_mass),
+        }
+    }
+
+    /// Column `dof` of the inverse of the augmented mass matrix of the last step.
+    pub(crate) fn inv_augmented_mass_column(&self, dof: usize) -> &[Real] {
+        self.tree.inverse_column(dof)
+    }
+
+    /// Multiplies `rhs`, of one entry for each degree of freedom, by the inverse of the
+    /// augmented mass matrix of the last step. The result is 0 on kinematic joints.
+    ///
+    /// A deserialized multibody has no factorized matrix until its first step: `rhs` is
+    /// unchanged then.
+    pub fn solve_augmented_mass(&self, rhs: &mut [Real]) {
+        self.tree.solve(rhs);
     }
 
     /// The first link of this multibody.
@@ -537,14 +502,6 @@ impl Multibody {
         // To prevent that, we enable a check that verifies the result and fallbacks
         // to the explicit term if needed
         let check_implicit_coriolis_divergence = dt * self.velocities.amax() >= 1.0e-3;
-        // Generalized forces that derive from positions or external inputs
-        // (gravity, user forces, spring position terms).
-        let mut pos_forces = DVector::zeros(if check_implicit_coriolis_divergence {
-            self.ndofs
-        } else {
-            0
-        });
-
         // Eqn 42 to 45
         for i in 0..self.links.len() {
             let link = &self.links[i];
@@ -595,30 +552,20 @@ impl Multibody {
                 gyroscopic = 0.0;
             }
 
-            let external_forces = Force::new(
-                rb.forces.force - rb_mass * acc.linvel,
-                rb.forces.torque - gyroscopic - rb_inertia * acc.angvel,
+            self.tree.set_forces(
+                i,
+                Spatial::new(rb.forces.force, rb.forces.torque),
+                Spatial::new(-rb_mass * acc.linvel, -gyroscopic - rb_inertia * acc.angvel),
             );
-            self.accelerations.gemv_tr(
-                1.0,
-                &self.body_jacobians[i],
-                external_forces.as_vector(),
-                1.0,
-            );
-
-            if check_implicit_coriolis_divergence {
-                let applied_forces = Force::new(rb.forces.force, rb.forces.torque);
-                pos_forces.gemv_tr(
-                    1.0,
-                    &self.body_jacobians[i],
-                    applied_forces.as_vector(),
-                    1.0,
-                );
-            }
         }
 
-        self.accelerations
-            .cmpy(-1.0, &self.damping, &self.velocities, 1.0);
+        // Generalized forces; apart from them the ones that derive from positions or external
+        // inputs (gravity, user forces, spring position terms).
+        self.tree
+            .update_generalized_forces(&self.links, check_implicit_coriolis_divergence);
+        for i in 0..self.ndofs {
+            self.tree.forces[i] -= self.damping[i] * self.velocities[i];
+        }
 
         // Implicit joint springs: backward-Euler at `q⁺ = q + dt·v⁺` gives `-k·(q − rest) − k·dt·v⁺`,
         // with the `v⁺` part implicit via the `dt²·k` mass-matrix diagonal (see `update_mass_matrix`).
@@ -633,31 +580,21 @@ impl Multibody {
                         let q = self.links[li].joint.coords[a];
                         let rest = self.links[li].joint.spring_ref[a];
                         let spring_pos_force = -k * (q - rest);
-                        self.accelerations[idx] += spring_pos_force - k * dt * self.velocities[idx];
-                        if check_implicit_coriolis_divergence {
-                            pos_forces[idx] += spring_pos_force;
-                        }
+                        self.tree.forces[idx] += spring_pos_force - k * dt * self.velocities[idx];
+                        self.tree.pos_forces[idx] += spring_pos_force;
                     }
                     idx += 1;
                 }
             }
         }
 
-        // Snapshot the full generalized forces: the energy guard may need them
-        // for a re-solve with the plain mass matrix.
-        let gen_forces = if check_implicit_coriolis_divergence {
-            self.accelerations.clone()
-        } else {
-            DVector::zeros(0)
-        };
-
-        self.augmented_mass_indices
-            .with_rearranged_rows_mut(&mut self.accelerations, |accs| {
-                self.acc_inv_augmented_mass.solve_mut(accs);
-            });
+        self.accelerations
+            .as_mut_slice()
+            .copy_from_slice(&self.tree.forces);
+        self.tree.solve_acc(self.accelerations.as_mut_slice());
 
         if check_implicit_coriolis_divergence {
-            self.free_velocity_energy_guard(dt, &gen_forces, &pos_forces);
+            self.free_velocity_energy_guard(dt);
         }
     }
 
@@ -670,62 +607,26 @@ impl Multibody {
     // (indicating undesired/unrealistic energy injection), we fall back to re-solving
     // the forces effect but using only the mass matrix without the implicit coriolis
     // terms.
-    fn free_velocity_energy_guard(&mut self, dt: Real, gen_forces: &DVector, pos_forces: &DVector) {
-        let eff_dim = self.augmented_mass_indices.dim_after_removal(self.ndofs);
-        if eff_dim == 0 {
-            return;
-        }
+    fn free_velocity_energy_guard(&mut self, dt: Real) {
+        let adds_energy = self.tree.adds_energy(
+            dt,
+            &self.augmented_mass,
+            self.velocities.as_slice(),
+            self.accelerations.as_slice(),
+        );
+        if adds_energy != Some(false) {
+            // The implicit solve injected energy (or produced non-finite
+            // values): fall back to the plain mass matrix.
+            self.accelerations
+                .as_mut_slice()
+                .copy_from_slice(&self.tree.forces);
+            self.tree.solve(self.accelerations.as_mut_slice());
 
-        // Move all quantities to the kinematic-reduced ordering of the
-        // factorized matrices (no-op when there is no kinematic dof).
-        let mut v = self.velocities.clone();
-        let mut f = gen_forces.clone();
-        let mut f_pos = pos_forces.clone();
-        self.augmented_mass_indices.rearrange_rows(&mut v, true);
-        self.augmented_mass_indices.rearrange_rows(&mut f, true);
-        self.augmented_mass_indices.rearrange_rows(&mut f_pos, true);
-
-        let m = self.augmented_mass.view((0, 0), (eff_dim, eff_dim));
-        let v = v.rows(0, eff_dim);
-        let f = f.rows(0, eff_dim);
-        let f_pos = f_pos.rows(0, eff_dim);
-
-        let energy_delta_minus_work = |accelerations: &DVector| -> Option<Real> {
-            let mut a = accelerations.clone();
-            self.augmented_mass_indices.rearrange_rows(&mut a, true);
-            let a = a.rows(0, eff_dim).into_owned();
-            if !a.iter().all(|x| x.is_finite()) {
-                return None;
-            }
-            let m_a = m * &a;
-            let energy_delta = dt * v.dot(&m_a) + 0.5 * dt * dt * a.dot(&m_a);
-            let work = dt * v.dot(&f) + 0.5 * dt * dt * a.dot(&f_pos);
-            // Margin: a small fraction of the current kinetic energy to absorb
-            // discretization error on healthy steps.
-            let kinetic_energy = 0.5 * v.dot(&(m * v));
-            let energy_margin = 1.0e-2 * kinetic_energy + 1.0e-8;
-            Some(energy_delta - work - energy_margin)
-        };
-
-        match energy_delta_minus_work(&self.accelerations) {
-            Some(excess) if excess <= 0.0 => (), // Implicit update didn’t introduce too much extra energy.
-            _ => {
-                // The implicit solve injected energy (or produced non-finite
-                // values): fall back to the plain mass matrix.
-                self.accelerations.copy_from(gen_forces);
-                self.augmented_mass_indices.with_rearranged_rows_mut(
-                    &mut self.accelerations,
-                    |accs| {
-                        self.inv_augmented_mass.solve_mut(accs);
-                    },
-                );
-
-                // Last-chance check: if all else fails, just clear the accelerations vector
-                // instead of breaking the simulation. Hopefully it will get back to a
-                // sane result in a close timestep.
-                if !self.accelerations.iter().all(|x| x.is_finite()) {
-                    self.accelerations.fill(0.0);
-                }
+            // Last-chance check: if all else fails, just clear the accelerations vector
+            // instead of breaking the simulation. Hopefully it will get back to a
+            // sane result in a close timestep.
+            if !self.accelerations.iter().all(|x| x.is_finite()) {
+                self.accelerations.fill(0.0);
             }
         }
     }
@@ -766,53 +667,12 @@ impl Multibody {
     }
 
     fn update_body_jacobians(&mut self) {
-        for i in 0..self.links.len() {
-            let link = &self.links[i];
-
-            if self.body_jacobians[i].ncols() != self.ndofs {
+        for (i, jacobian) in self.body_jacobians.iter_mut().enumerate() {
+            if jacobian.ncols() != self.ndofs {
                 // TODO: use a resize instead.
-                self.body_jacobians[i] = Jacobian::zeros(self.ndofs);
+                *jacobian = Jacobian::zeros(self.ndofs);
             }
-
-            let parent_to_world;
-
-            if i != 0 {
-                let parent_id = link.parent_internal_id;
-                let parent_link = &self.links[parent_id];
-                parent_to_world = parent_link.local_to_world;
-
-                let (link_j, parent_j) = self.body_jacobians.index_mut_const(i, parent_id);
-                link_j.copy_from(parent_j);
-
-                {
-                    let mut link_j_v = link_j.fixed_rows_mut::<DIM>(0);
-                    let parent_j_w = parent_j.fixed_rows::<ANG_DIM>(DIM);
-
-                    let shift_tr = vect_to_na(link.shift02).gcross_matrix_tr();
-                    link_j_v.gemm(1.0, &shift_tr, &parent_j_w, 1.0);
-                }
-            } else {
-                self.body_jacobians[i].fill(0.0);
-                parent_to_world = Pose::IDENTITY;
-            }
-
-            let ndofs = link.joint.ndofs();
-            let mut tmp = SMatrix::<Real, SPATIAL_DIM, SPATIAL_DIM>::zeros();
-            let mut link_joint_j = tmp.columns_mut(0, ndofs);
-            let mut link_j_part = self.body_jacobians[i].columns_mut(link.assembly_id, ndofs);
-            link.joint.jacobian(
-                &(parent_to_world.rotation * link.joint.data.local_frame1.rotation),
-                &mut link_joint_j,
-            );
-            link_j_part += link_joint_j;
-
-            {
-                let link_j = &mut self.body_jacobians[i];
-                let (mut link_j_v, link_j_w) =
-                    link_j.rows_range_pair_mut(0..DIM, DIM..DIM + ANG_DIM);
-                let shift_tr = vect_to_na(link.shift23).gcross_matrix_tr();
-                link_j_v.gemm(1.0, &shift_tr, &link_j_w, 1.0);
-            }
+            self.tree.fill_body_jacobian(i, jacobian);
         }
     }
 
@@ -820,219 +680,16 @@ impl Multibody {
         if self.ndofs == 0 {
             return; // Nothing to do.
         }
-
-        if self.augmented_mass.ncols() != self.ndofs {
-            // TODO: do a resize instead of a full reallocation.
-            self.augmented_mass = DMatrix::zeros(self.ndofs, self.ndofs);
-            self.acc_augmented_mass = DMatrix::zeros(self.ndofs, self.ndofs);
-        } else {
-            self.augmented_mass.fill(0.0);
-            self.acc_augmented_mass.fill(0.0);
+        if self.tree.pattern(&self.links).is_none() {
+            self.tree.update_axes(&self.links);
         }
 
-        self.augmented_mass_indices.clear();
-
-        // Resize coriolis workspaces if the link count or number of DOFs change.
-        let coriolis_ndofs = self.coriolis_v.first().map(|m| m.ncols());
-        if self.coriolis_v.len() != self.links.len() || coriolis_ndofs != Some(self.ndofs) {
-            self.coriolis_v = vec![OMatrix::<Real, Dim, Dyn>::zeros(self.ndofs); self.links.len()];
-            self.coriolis_w =
-                vec![OMatrix::<Real, AngDim, Dyn>::zeros(self.ndofs); self.links.len()];
-            self.i_coriolis_dt = Jacobian::zeros(self.ndofs);
-        }
-
-        let mut curr_assembly_id = 0;
-
-        for i in 0..self.links.len() {
-            let link = &self.links[i];
-            let rb = &bodies[link.rigid_body];
-            let rb_mass = rb.mprops.effective_mass();
-            let rb_inertia = rb.mprops.effective_angular_inertia().into_matrix();
-            let body_jacobian = &self.body_jacobians[i];
-
-            // NOTE: the mass matrix index reordering operates on the assumption that the assembly
-            //       ids are traversed in order. This assert is here to ensure the assumption always
-            //       hold.
-            assert_eq!(
-                curr_assembly_id, link.assembly_id,
-                "Internal error: contiguity assumption on assembly_id does not hold."
-            );
-            curr_assembly_id += link.joint.ndofs();
-
-            if link.joint.kinematic {
-                for k in link.assembly_id..link.assembly_id + link.joint.ndofs() {
-                    self.augmented_mass_indices.remove(k);
-                }
-            } else {
-                for k in link.assembly_id..link.assembly_id + link.joint.ndofs() {
-                    self.augmented_mass_indices.keep(k);
-                }
-            }
-
-            #[allow(unused_mut)] // mut is needed for 3D but not for 2D.
-            let mut augmented_inertia = rb_inertia;
-
-            #[cfg(feature = "dim3")]
-            {
-                // Derivative of gyroscopic forces.
-                let gyroscopic_matrix = rb.vels.angvel.gcross_matrix() * rb_inertia
-                    - (rb_inertia * rb.vels.angvel).gcross_matrix();
-
-                augmented_inertia += gyroscopic_matrix * dt;
-            }
-
-            // TODO: optimize that (knowing the structure of the augmented inertia matrix).
-            // TODO: this could be better optimized in 2D.
-            #[allow(clippy::useless_conversion)] // Needed in 3D, no-op in 2D
-            let rb_mass_matrix_wo_gyro = concat_rb_mass_matrix(rb_mass, rb_inertia.into());
-            #[allow(clippy::useless_conversion)] // Needed in 3D, no-op in 2D
-            let rb_mass_matrix = concat_rb_mass_matrix(rb_mass, augmented_inertia.into());
-            self.augmented_mass
-                .quadform(1.0, &rb_mass_matrix_wo_gyro, body_jacobian, 1.0);
-            self.acc_augmented_mass
-                .quadform(1.0, &rb_mass_matrix, body_jacobian, 1.0);
-
-            /*
-             *
-             * Coriolis matrix.
-             *
-             */
-            let rb_j = &self.body_jacobians[i];
-            let rb_j_w = rb_j.fixed_rows::<ANG_DIM>(DIM);
-
-            let ndofs = link.joint.ndofs();
-
-            if i != 0 {
-                let parent_id = link.parent_internal_id;
-                let parent_link = &self.links[parent_id];
-                let parent_rb = &bodies[parent_link.rigid_body];
-                let parent_j = &self.body_jacobians[parent_id];
-                let parent_j_w = parent_j.fixed_rows::<ANG_DIM>(DIM);
-                let parent_w = SimdAngVector::<Real>::from(parent_rb.vels.angvel).gcross_matrix();
-
-                let (coriolis_v, parent_coriolis_v) = self.coriolis_v.index_mut2(i, parent_id);
-                let (coriolis_w, parent_coriolis_w) = self.coriolis_w.index_mut2(i, parent_id);
-
-                coriolis_v.copy_from(parent_coriolis_v);
-                coriolis_w.copy_from(parent_coriolis_w);
-
-                // [c1 - c0].gcross() * (JDot + JDot/u * qdot)"
-                let shift_cross_tr = vect_to_na(link.shift02).gcross_matrix_tr();
-                coriolis_v.gemm(1.0, &shift_cross_tr, parent_coriolis_w, 1.0);
-
-                // JDot (but the 2.0 originates from the sum of two identical terms in JDot and JDot/u * gdot)
-                let dvel_cross = vect_to_na(
-                    rb.vels.angvel.gcross(link.shift02) + 2.0 * link.joint_velocity.linvel,
-                )
-                .gcross_matrix_tr();
-                coriolis_v.gemm(1.0, &dvel_cross, &parent_j_w, 1.0);
-
-                // JDot/u * qdot
-                coriolis_v.gemm(
-                    1.0,
-                    &vect_to_na(link.joint_velocity.linvel).gcross_matrix_tr(),
-                    &parent_j_w,
-                    1.0,
-                );
-                coriolis_v.gemm(1.0, &(parent_w * shift_cross_tr), &parent_j_w, 1.0);
-
-                #[cfg(feature = "dim3")]
-                {
-                    let vel_wrt_joint_w = vect_to_na(link.joint_velocity.angvel).gcross_matrix();
-                    coriolis_w.gemm(-1.0, &vel_wrt_joint_w, &parent_j_w, 1.0);
-                }
-
-                // JDot (but the 2.0 originates from the sum of two identical terms in JDot and JDot/u * gdot)
-                if !link.joint.kinematic {
-                    let mut coriolis_v_part = coriolis_v.columns_mut(link.assembly_id, ndofs);
-
-                    let mut tmp1 = SMatrix::<Real, SPATIAL_DIM, SPATIAL_DIM>::zeros();
-                    let mut rb_joint_j = tmp1.columns_mut(0, ndofs);
-                    link.joint.jacobian(
-                        &(parent_link.local_to_world.rotation
-                            * link.joint.data.local_frame1.rotation),
-                        &mut rb_joint_j,
-                    );
-
-                    let rb_joint_j_v = rb_joint_j.fixed_rows::<DIM>(0);
-                    coriolis_v_part.gemm(2.0, &parent_w, &rb_joint_j_v, 1.0);
-
-                    #[cfg(feature = "dim3")]
-                    {
-                        let rb_joint_j_w = rb_joint_j.fixed_rows::<ANG_DIM>(DIM);
-                        let mut coriolis_w_part = coriolis_w.columns_mut(link.assembly_id, ndofs);
-                        coriolis_w_part.gemm(1.0, &parent_w, &rb_joint_j_w, 1.0);
-                    }
-                }
-            } else {
-                self.coriolis_v[i].fill(0.0);
-                self.coriolis_w[i].fill(0.0);
-            }
-
-            let coriolis_v = &mut self.coriolis_v[i];
-            let coriolis_w = &mut self.coriolis_w[i];
-
-            {
-                // [c3 - c2].gcross() * (JDot + JDot/u * qdot)
-                let shift_cross_tr = vect_to_na(link.shift23).gcross_matrix_tr();
-                coriolis_v.gemm(1.0, &shift_cross_tr, coriolis_w, 1.0);
-
-                // JDot
-                let dvel_cross = vect_to_na(rb.vels.angvel.gcross(link.shift23)).gcross_matrix_tr();
-                coriolis_v.gemm(1.0, &dvel_cross, &rb_j_w, 1.0);
-
-                // JDot/u * qdot
-                coriolis_v.gemm(
-                    1.0,
-                    &(SimdAngVector::<Real>::from(rb.vels.angvel).gcross_matrix() * shift_cross_tr),
-                    &rb_j_w,
-                    1.0,
-                );
-            }
-
-            let coriolis_v = &mut self.coriolis_v[i];
-            let coriolis_w = &mut self.coriolis_w[i];
-
-            /*
-             * Meld with the mass matrix.
-             */
-            {
-                let mut i_coriolis_dt_v = self.i_coriolis_dt.fixed_rows_mut::<DIM>(0);
-                i_coriolis_dt_v.copy_from(coriolis_v);
-                let rb_mass_dt = vect_to_na(rb_mass * dt);
-                i_coriolis_dt_v
-                    .column_iter_mut()
-                    .for_each(|mut c| c.component_mul_assign(&rb_mass_dt));
-            }
-
-            #[cfg(feature = "dim2")]
-            {
-                let mut i_coriolis_dt_w = self.i_coriolis_dt.fixed_rows_mut::<ANG_DIM>(DIM);
-                // NOTE: this is just an axpy, but on row columns.
-                i_coriolis_dt_w.zip_apply(coriolis_w, |o, x| *o = x * dt * rb_inertia);
-            }
-            #[cfg(feature = "dim3")]
-            {
-                let mut i_coriolis_dt_w = self.i_coriolis_dt.fixed_rows_mut::<ANG_DIM>(DIM);
-                i_coriolis_dt_w.gemm(dt, &mat_to_na(rb_inertia), coriolis_w, 0.0);
-            }
-
-            self.acc_augmented_mass
-                .gemm_tr(1.0, rb_j, &self.i_coriolis_dt, 1.0);
-        }
-
-        /*
-         * Damping and armature.
-         *
-         * Damping is a velocity-proportional force made implicit, so it adds
-         * `dt · d` to the mass-matrix diagonal. Armature is a "reflected
-         * rotor inertia" (additional inertia to account for the joint’s
-         * mass and geometry itself): it adds to the diagonal directly.
-         */
+        // Damping is a velocity-proportional force made implicit, so it adds
+        // `dt · d` to the mass-matrix diagonal. Armature is a "reflected
+        // rotor inertia" (additional inertia to account for the joint’s
+        // mass and geometry itself): it adds to the diagonal directly.
         for i in 0..self.ndofs {
-            let diag = self.damping[i] * dt + self.armature[i];
-            self.acc_augmented_mass[(i, i)] += diag;
-            self.augmented_mass[(i, i)] += diag;
+            self.tree.diagonal[i] = self.damping[i] * dt + self.armature[i];
         }
 
         // Implicit joint springs: `dt²·k` on the mass-matrix diagonal (force term in `update_acceleration`)
@@ -1044,43 +701,17 @@ impl Multibody {
             let locked = self.links[li].joint.data.locked_axes.bits();
             for a in 0..SPATIAL_DIM {
                 if (locked >> a) & 1 == 0 {
-                    let k = self.links[li].joint.spring_stiffness[a];
-                    if k != 0.0 {
-                        let d = k * dt2;
-                        self.acc_augmented_mass[(idx, idx)] += d;
-                        self.augmented_mass[(idx, idx)] += d;
-                    }
+                    self.tree.diagonal[idx] += self.links[li].joint.spring_stiffness[a] * dt2;
                     idx += 1;
                 }
             }
         }
 
-        let effective_dim = self
-            .augmented_mass_indices
-            .dim_after_removal(self.acc_augmented_mass.nrows());
-
-        // PERF: since we clone the matrix anyway for LU, should be directly output
-        //       a new matrix instead of applying permutations?
-        self.augmented_mass_indices
-            .rearrange_columns(&mut self.acc_augmented_mass, true);
-        self.augmented_mass_indices
-            .rearrange_columns(&mut self.augmented_mass, true);
-
-        self.augmented_mass_indices
-            .rearrange_rows(&mut self.acc_augmented_mass, true);
-        self.augmented_mass_indices
-            .rearrange_rows(&mut self.augmented_mass, true);
-
-        // TODO: avoid allocation inside LU at each timestep.
-        self.acc_inv_augmented_mass = LU::new(
-            self.acc_augmented_mass
-                .view((0, 0), (effective_dim, effective_dim))
-                .into_owned(),
-        );
-        self.inv_augmented_mass = LU::new(
-            self.augmented_mass
-                .view((0, 0), (effective_dim, effective_dim))
-                .into_owned(),
+        self.tree.update_mass(
+            dt * IMPLICIT_CORIOLIS,
+            &self.links,
+            bodies,
+            &mut self.augmented_mass,
         );
     }
 
@@ -1101,17 +732,12 @@ impl Multibody {
         if n == 0 {
             return out;
         }
-        // `(M⁻¹)[i, i]` for each DoF: solve `M x = e_i` and read `x[i]`. The `inv_augmented_mass`
-        // factorization lives in the kinematic-reduced ordering, so route the unit vector through
-        // the same rearrangement the solver uses.
+        // `(M⁻¹)[i, i]` for each DoF: solve `M x = e_i` and read `x[i]`.
         let mut e = DVector::zeros(n);
         for i in 0..n {
             e.fill(0.0);
             e[i] = 1.0;
-            self.augmented_mass_indices
-                .with_rearranged_rows_mut(&mut e, |b| {
-                    self.inv_augmented_mass.solve_mut(b);
-                });
+            self.tree.solve(e.as_mut_slice());
             out[i] = e[i];
         }
         out
@@ -1194,14 +820,11 @@ impl Multibody {
             let q2 = self.links[c.link2].joint().coords()[c.axis2];
 
             // Jacobian J = e_{g2} − coeff·e_{g1}, then WJ = M⁻¹ J.
-            jacobians.rows_mut(j_id, ndofs * 2).fill(0.0);
-            jacobians[j_id + g2] += 1.0;
-            jacobians[j_id + g1] -= c.coeff;
-            for k in 0..ndofs {
-                jacobians[j_id + ndofs + k] = jacobians[j_id + k];
-            }
-            self.inv_augmented_mass
-                .solve_mut(&mut jacobians.rows_mut(j_id + ndofs, ndofs));
+            let (j, invm_j) = jacobians.as_mut_slice()[j_id..j_id + 2 * ndofs].split_at_mut(ndofs);
+            j.fill(0.0);
+            j[g2] += 1.0;
+            j[g1] -= c.coeff;
+            self.tree.mul_inverse([g1, g2].into_iter(), j, invm_j);
 
             // lhs = Jᵀ M⁻¹ J = Σ J[k]·WJ[k]; only g1/g2 entries of J are nonzero.
             let lhs = jacobians[j_id + ndofs + g2] - c.coeff * jacobians[j_id + ndofs + g1];
@@ -1426,6 +1049,21 @@ impl Multibody {
         bodies: &RigidBodySet,
         read_root_pose_from_rigid_body: bool,
     ) {
+        self.forward_kinematics_without_jacobians(bodies, read_root_pose_from_rigid_body);
+
+        /*
+         * Compute body jacobians.
+         */
+        self.update_body_jacobians();
+    }
+
+    /// Like [`Self::forward_kinematics`], but leaves the body jacobians unchanged, which the
+    /// solver does not need in its substeps.
+    pub(crate) fn forward_kinematics_without_jacobians(
+        &mut self,
+        bodies: &RigidBodySet,
+        read_root_pose_from_rigid_body: bool,
+    ) {
         // Be sure the degrees of freedom match and take the root position if needed.
         self.update_root_type(bodies, read_root_pose_from_rigid_body);
 
@@ -1461,10 +1099,7 @@ impl Multibody {
             );
         }
 
-        /*
-         * Compute body jacobians.
-         */
-        self.update_body_jacobians();
+        self.tree.update_axes(&self.links);
     }
 
     /// Computes the ids of all the links between the root and the link identified by `link_id`.
@@ -1621,37 +1256,23 @@ impl Multibody {
             return (0.0, 0.0);
         }
 
-        let wj_id = *j_id + self.ndofs;
-        let force = Force {
-            linear: unit_force,
-            #[cfg(feature = "dim2")]
-            angular: unit_torque,
-            #[cfg(feature = "dim3")]
-            angular: unit_torque,
-        };
+        let ndofs = self.ndofs;
+        let force = Spatial::new(unit_force, unit_torque);
+        let (j, invm_j) = jacobians.as_mut_slice()[*j_id..*j_id + 2 * ndofs].split_at_mut(ndofs);
+        *j_id += ndofs * 2;
 
-        let link = &self.links[link_id];
-        let mut out_j = jacobians.rows_mut(*j_id, self.ndofs);
-        self.body_jacobians[link.internal_id].tr_mul_to(force.as_vector(), &mut out_j);
+        j.fill(0.0);
+        self.tree.add_generalized_force(link_id, &force, 1.0, j);
+        let branch = self.tree.branch(link_id).iter().map(|k| *k as usize);
+        self.tree.mul_inverse(branch, j, invm_j);
 
-        // TODO: Optimize with a copy_nonoverlapping?
-        for i in 0..self.ndofs {
-            jacobians[wj_id + i] = jacobians[*j_id + i];
+        let (mut gain, mut velocity) = (0.0, 0.0);
+        for k in self.tree.branch(link_id) {
+            let k = *k as usize;
+            gain += j[k] * invm_j[k];
+            velocity += j[k] * self.velocities[k];
         }
-
-        {
-            let mut out_invm_j = jacobians.rows_mut(wj_id, self.ndofs);
-            self.augmented_mass_indices
-                .with_rearranged_rows_mut(&mut out_invm_j, |out_invm_j| {
-                    self.inv_augmented_mass.solve_mut(out_invm_j);
-                });
-        }
-
-        let j = jacobians.rows(*j_id, self.ndofs);
-        let invm_j = jacobians.rows(wj_id, self.ndofs);
-        *j_id += self.ndofs * 2;
-
-        (j.dot(&invm_j), j.dot(&self.generalized_velocity()))
+        (gain, velocity)
     }
 
     /// Fills `jacobians` with the relative jacobian `J = J2ᵀ·f2 − J1ᵀ·f1` of two links of `self`, then `M⁻¹·J`
@@ -1672,199 +1293,43 @@ impl Multibody {
             return;
         }
 
-        let wj_id = *j_id + self.ndofs;
-        let force1 = Force {
-            linear: unit_force1,
-            angular: unit_torque1,
-        };
-        let force2 = Force {
-            linear: unit_force2,
-            angular: unit_torque2,
-        };
+        let ndofs = self.ndofs;
+        let force1 = Spatial::new(unit_force1, unit_torque1);
+        let force2 = Spatial::new(unit_force2, unit_torque2);
+        let (j, invm_j) = jacobians.as_mut_slice()[*j_id..*j_id + 2 * ndofs].split_at_mut(ndofs);
 
-        let link1 = &self.links[link_id1];
-        let link2 = &self.links[link_id2];
+        j.fill(0.0);
+        self.tree.add_generalized_force(link_id2, &force2, 1.0, j);
+        self.tree.add_generalized_force(link_id1, &force1, -1.0, j);
 
-        {
-            let jb1 = &self.body_jacobians[link1.internal_id];
-            let jb2 = &self.body_jacobians[link2.internal_id];
-
-            // Use the (overwritten below) W·J slot as workspace for J1ᵀ·f1.
-            let (mut out_j, mut workspace) =
-                jacobians.rows_range_pair_mut(*j_id..*j_id + self.ndofs, wj_id..wj_id + self.ndofs);
-            jb2.tr_mul_to(force2.as_vector(), &mut out_j);
-            jb1.tr_mul_to(force1.as_vector(), &mut workspace);
-            out_j.axpy(-1.0, &workspace, 1.0);
-
-            // Cancellation guard: the reference scale is the magnitude of the dot-product operands,
-            // not their results (which may be pure cancellation noise when the direction isn’t
-            // expressible by the dofs). Rows below ~1000·ε times that scale are noise, not a constraint.
-            let scale_sq = jb1.norm_squared() * force1.as_vector().norm_squared()
-                + jb2.norm_squared() * force2.as_vector().norm_squared();
-            let eps = Real::EPSILON * 1.0e3;
-            if out_j.norm_squared() <= eps * eps * scale_sq {
-                out_j.fill(0.0);
-            }
+        // Cancellation guard: the reference scale is the magnitude of the dot-product operands,
+        // not their results (which may be pure cancellation noise when the direction isn’t
+        // expressible by the dofs). Rows below ~1000·ε times that scale are noise, not a constraint.
+        let scale_sq = self.tree.jacobian_norm_squared(link_id1) * force1.dot(&force1)
+            + self.tree.jacobian_norm_squared(link_id2) * force2.dot(&force2);
+        let eps = Real::EPSILON * 1.0e3;
+        let norm_squared: Real = j.iter().map(|x| x * x).sum();
+        if norm_squared <= eps * eps * scale_sq {
+            j.fill(0.0);
         }
 
-        // TODO: Optimize with a copy_nonoverlapping?
-        for i in 0..self.ndofs {
-            jacobians[wj_id + i] = jacobians[*j_id + i];
-        }
-
-        {
-            let mut out_invm_j = jacobians.rows_mut(wj_id, self.ndofs);
-            self.augmented_mass_indices
-                .with_rearranged_rows_mut(&mut out_invm_j, |out_invm_j| {
-                    self.inv_augmented_mass.solve_mut(out_invm_j);
-                });
-        }
+        self.tree.mul_inverse(0..ndofs, j, invm_j);
 
         *j_id += self.ndofs * 2;
     }
 }
 
-#[cfg_attr(feature = "serde-serialize", derive(Serialize, Deserialize))]
-#[derive(Clone, Debug)]
-struct IndexSequence {
-    first_to_remove: u32,
-    index_map: Vec<usize>,
-}
-
-impl IndexSequence {
-    const NONE: u32 = u32::MAX;
-
-    fn new() -> Self {
-        Self {
-            first_to_remove: Self::NONE,
-            index_map: vec![],
-        }
-    }
-
-    /// Index of the first removed dof, assuming there is one.
-    fn start(&self) -> usize {
-        self.first_to_remove as usize
-    }
-
-    fn clear(&mut self) {
-        self.first_to_remove = Self::NONE;
-        self.index_map.clear();
-    }
-
-    fn keep(&mut self, i: usize) {
-        if self.first_to_remove == Self::NONE {
-            // Nothing got removed yet. No need to register any
-            // special indexing.
-            return;
-        }
-
-        self.index_map.push(i);
-    }
-
-    fn remove(&mut self, i: usize) {
-        if self.first_to_remove == Self::NONE {
-            self.first_to_remove = i as u32;
-        }
-    }
-
-    fn dim_after_removal(&self, original_dim: usize) -> usize {
-        if self.first_to_remove == Self::NONE {
-            original_dim
-        } else {
-            self.start() + self.index_map.len()
-        }
-    }
-
-    fn rearrange_columns<R: na::Dim, C: na::Dim, S: StorageMut<Real, R, C>>(
-        &self,
-        mat: &mut na::Matrix<Real, R, C, S>,
-        clear_removed: bool,
-    ) {
-        if self.first_to_remove == Self::NONE {
-            // Nothing to rearrange.
-            return;
-        }
-
-        for (target_shift, source) in self.index_map.iter().enumerate() {
-            let target = self.start() + target_shift;
-            let (mut target_col, source_col) = mat.columns_range_pair_mut(target, *source);
-            target_col.copy_from(&source_col);
-        }
-
-        if clear_removed {
-            mat.columns_range_mut(self.start() + self.index_map.len()..)
-                .fill(0.0);
-        }
-    }
-
-    fn rearrange_rows<R: na::Dim, C: na::Dim, S: StorageMut<Real, R, C>>(
-        &self,
-        mat: &mut na::Matrix<Real, R, C, S>,
-        clear_removed: bool,
-    ) {
-        if self.first_to_remove == Self::NONE {
-            // Nothing to rearrange.
-            return;
-        }
-
-        for mut col in mat.column_iter_mut() {
-            for (target_shift, source) in self.index_map.iter().enumerate() {
-                let target = self.start() + target_shift;
-                col[target] = col[*source];
-            }
-
-            if clear_removed {
-                col.rows_range_mut(self.start() + self.index_map.len()..)
-                    .fill(0.0);
-            }
-        }
-    }
-
-    fn inv_rearrange_rows<R: na::Dim, C: na::Dim, S: StorageMut<Real, R, C>>(
-        &self,
-        mat: &mut na::Matrix<Real, R, C, S>,
-    ) {
-        if self.first_to_remove == Self::NONE {
-            // Nothing to rearrange.
-            return;
-        }
-
-        for mut col in mat.column_iter_mut() {
-            for (target_shift, source) in self.index_map.iter().enumerate().rev() {
-                let target = self.start() + target_shift;
-                col[*source] = col[target];
-                col[target] = 0.0;
-            }
-        }
-    }
-
-    fn with_rearranged_rows_mut<C: na::Dim, S: StorageMut<Real, Dyn, C>>(
-        &self,
-        mat: &mut na::Matrix<Real, Dyn, C, S>,
-        mut f: impl FnMut(&mut na::MatrixViewMut<Real, Dyn, C, S::RStride, S::CStride>),
-    ) {
-        self.rearrange_rows(mat, true);
-        let effective_dim = self.dim_after_removal(mat.nrows());
-        if effective_dim > 0 {
-            f(&mut mat.rows_mut(0, effective_dim));
-        }
-        self.inv_rearrange_rows(mat);
-    }
-}
-
 #[cfg(test)]
 mod test {
-    use super::IndexSequence;
     use crate::alloc_prelude::*;
     use crate::dynamics::{ImpulseJointSet, IslandManager};
+    use crate::math::SPATIAL_DIM;
     #[cfg(feature = "dim3")]
     use crate::math::Vector;
-    use crate::math::{Real, SPATIAL_DIM};
     use crate::prelude::{
         ColliderSet, MultibodyJointHandle, MultibodyJointSet, RevoluteJoint, RigidBodyBuilder,
         RigidBodySet, SoftBodySet,
     };
-    use na::{DVector, RowDVector};
 
     #[test]
     fn test_multibody_append() {
@@ -1996,59 +1461,5 @@ mod test {
                 );
             }
         }
-    }
-
-    fn test_sequence() -> IndexSequence {
-        let mut seq = IndexSequence::new();
-        seq.remove(2);
-        seq.remove(3);
-        seq.remove(4);
-        seq.keep(5);
-        seq.keep(6);
-        seq.remove(7);
-        seq.keep(8);
-        seq
-    }
-
-    #[test]
-    fn index_sequence_rearrange_columns() {
-        let seq = test_sequence();
-        let mut vec = RowDVector::from_fn(10, |_, c| c as Real);
-        seq.rearrange_columns(&mut vec, true);
-        assert_eq!(
-            vec,
-            RowDVector::from(vec![0.0, 1.0, 5.0, 6.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        );
-    }
-
-    #[test]
-    fn index_sequence_rearrange_rows() {
-        let seq = test_sequence();
-        let mut vec = DVector::from_fn(10, |r, _| r as Real);
-        seq.rearrange_rows(&mut vec, true);
-        assert_eq!(
-            vec,
-            DVector::from(vec![0.0, 1.0, 5.0, 6.0, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        );
-        seq.inv_rearrange_rows(&mut vec);
-        assert_eq!(
-            vec,
-            DVector::from(vec![0.0, 1.0, 0.0, 0.0, 0.0, 5.0, 6.0, 0.0, 8.0, 0.0])
-        );
-    }
-
-    #[test]
-    fn index_sequence_with_rearranged_rows_mut() {
-        let seq = test_sequence();
-        let mut vec = DVector::from_fn(10, |r, _| r as Real);
-        seq.with_rearranged_rows_mut(&mut vec, |v| {
-            assert_eq!(v.len(), 5);
-            assert_eq!(*v, DVector::from(vec![0.0, 1.0, 5.0, 6.0, 8.0]));
-            *v *= 10.0;
-        });
-        assert_eq!(
-            vec,
-            DVector::from(vec![0.0, 10.0, 0.0, 0.0, 0.0, 50.0, 60.0, 0.0, 80.0, 0.0])
-        );
     }
 }

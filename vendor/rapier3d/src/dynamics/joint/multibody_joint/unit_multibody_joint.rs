@@ -6,6 +6,23 @@ use crate::dynamics::solver::{GenericJointConstraint, WritebackId};
 use crate::dynamics::{IntegrationParameters, JointMotor, Multibody};
 use crate::math::{DVector, Real};
 
+/// Writes the jacobian of one degree of freedom and its product with the inverse of the mass
+/// matrix at `j_id`. Returns the inverse of the effective mass.
+fn fill_unit_jacobian(
+    multibody: &Multibody,
+    dof: usize,
+    j_id: usize,
+    jacobians: &mut DVector,
+) -> Real {
+    let ndofs = multibody.ndofs();
+    let column = multibody.inv_augmented_mass_column(dof);
+    let (j, invm_j) = jacobians.as_mut_slice()[j_id..j_id + 2 * ndofs].split_at_mut(ndofs);
+    j.fill(0.0);
+    j[dof] = 1.0;
+    invm_j.copy_from_slice(column);
+    column[dof] // = J^t * M^-1 J
+}
+
 /// Initializes and generate the velocity constraints applicable to the multibody links attached
 /// to this multibody_joint.
 pub fn unit_joint_limit_constraint(
@@ -32,15 +49,12 @@ pub fn unit_joint_limit_constraint(
     let rhs_bias = ((curr_pos - limits[1]).max(0.0) - (limits[0] - curr_pos).max(0.0)) * erp_inv_dt;
     let rhs_wo_bias = 0.0;
 
-    let dof_j_id = *j_id + dof_id + link.assembly_id;
-    jacobians.rows_mut(*j_id, ndofs * 2).fill(0.0);
-    jacobians[dof_j_id] = 1.0;
-    jacobians[dof_j_id + ndofs] = 1.0;
-    multibody
-        .inv_augmented_mass()
-        .solve_mut(&mut jacobians.rows_mut(*j_id + ndofs, ndofs));
-
-    let lhs = jacobians[dof_j_id + ndofs]; // = J^t * M^-1 J
+    // A limit that is not reached has no impulse: its row is left out.
+    let ndofs_of_row = if min_enabled || max_enabled { ndofs } else { 0 };
+    let lhs = match ndofs_of_row {
+        0 => 0.0,
+        _ => fill_unit_jacobian(multibody, link.assembly_id + dof_id, *j_id, jacobians),
+    };
     let impulse_bounds = [
         min_enabled as u32 as Real * -Real::MAX,
         max_enabled as u32 as Real * Real::MAX,
@@ -54,8 +68,12 @@ pub fn unit_joint_limit_constraint(
         j_id1: 0,
 
         is_rigid_body2: false,
-        solver_vel2: multibody.solver_id,
-        ndofs2: ndofs,
+        solver_vel2: if ndofs_of_row == 0 {
+            u32::MAX
+        } else {
+            multibody.solver_id
+        },
+        ndofs2: ndofs_of_row,
         j_id2: *j_id,
         joint_id: usize::MAX, // TODO: we don’t support impulse writeback for internal constraints yet.
         impulse: 0.0,
@@ -95,15 +113,7 @@ pub fn unit_joint_friction_constraint(
     let ndofs = multibody.ndofs();
     let cfm_coeff = softness.cfm_coeff(params.dt);
 
-    let dof_j_id = *j_id + dof_id + link.assembly_id;
-    jacobians.rows_mut(*j_id, ndofs * 2).fill(0.0);
-    jacobians[dof_j_id] = 1.0;
-    jacobians[dof_j_id + ndofs] = 1.0;
-    multibody
-        .inv_augmented_mass()
-        .solve_mut(&mut jacobians.rows_mut(*j_id + ndofs, ndofs));
-
-    let lhs = jacobians[dof_j_id + ndofs]; // = J^t * M^-1 J
+    let lhs = fill_unit_jacobian(multibody, link.assembly_id + dof_id, *j_id, jacobians);
     let max_impulse = friction * params.dt;
     let cfm_gain = lhs * cfm_coeff;
 
@@ -152,15 +162,7 @@ pub fn unit_joint_motor_constraint(
     let ndofs = multibody.ndofs();
     let motor_params = motor.motor_params(params.dt);
 
-    let dof_j_id = *j_id + dof_id + link.assembly_id;
-    jacobians.rows_mut(*j_id, ndofs * 2).fill(0.0);
-    jacobians[dof_j_id] = 1.0;
-    jacobians[dof_j_id + ndofs] = 1.0;
-    multibody
-        .inv_augmented_mass()
-        .solve_mut(&mut jacobians.rows_mut(*j_id + ndofs, ndofs));
-
-    let lhs = jacobians[dof_j_id + ndofs]; // = J^t * M^-1 J
+    let lhs = fill_unit_jacobian(multibody, link.assembly_id + dof_id, *j_id, jacobians);
     let impulse_bounds = [-motor_params.max_impulse, motor_params.max_impulse];
     let cfm_gain = lhs * motor_params.cfm_coeff + motor_params.cfm_gain;
 

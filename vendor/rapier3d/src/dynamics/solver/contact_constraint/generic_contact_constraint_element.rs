@@ -2,7 +2,7 @@ use crate::dynamics::solver::SolverVel;
 use crate::dynamics::solver::contact_constraint::GenericContactConstraint;
 use crate::dynamics::solver::{ContactConstraintNormalPart, ContactConstraintTangentPart};
 use crate::math::{AngVector, DIM, DVector, Real, Vector};
-use crate::utils::{ComponentMul, DotProduct};
+use crate::utils::{ComponentMul, DotProduct, add_scaled, dot};
 #[cfg(feature = "dim2")]
 use {crate::utils::OrthonormalBasis, na::SimdPartialOrd};
 
@@ -52,9 +52,11 @@ impl GenericRhs {
         match self {
             GenericRhs::SolverVel(rhs) => dir.dot(rhs.linear) + gcross.gdot(rhs.angular),
             GenericRhs::GenericId(solver_vel) => {
-                let j = jacobians.rows(j_id, ndofs);
-                let rhs = solver_vels.rows(*solver_vel as usize, ndofs);
-                j.dot(&rhs)
+                let start = *solver_vel as usize;
+                dot(
+                    &jacobians.as_slice()[j_id..j_id + ndofs],
+                    &solver_vels.as_slice()[start..start + ndofs],
+                )
             }
             GenericRhs::Fixed => 0.0,
         }
@@ -86,10 +88,12 @@ impl GenericRhs {
                 }
             }
             GenericRhs::GenericId(solver_vel) => {
-                let wj_id = j_id + ndofs;
-                let wj = jacobians.rows(wj_id, ndofs);
-                let mut rhs = solver_vels.rows_mut(*solver_vel as usize, ndofs);
-                rhs.axpy(impulse, &wj, 1.0);
+                let (wj_id, start) = (j_id + ndofs, *solver_vel as usize);
+                add_scaled(
+                    &mut solver_vels.as_mut_slice()[start..start + ndofs],
+                    impulse,
+                    &jacobians.as_slice()[wj_id..wj_id + ndofs],
+                );
             }
             GenericRhs::Fixed => {}
         }

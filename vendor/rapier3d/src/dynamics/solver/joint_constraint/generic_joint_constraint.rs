@@ -4,6 +4,7 @@ use crate::dynamics::solver::joint_constraint::{JointConstraintHelper, JointSolv
 use crate::dynamics::solver::solver_body::SolverBodies;
 use crate::dynamics::{GenericJoint, IntegrationParameters, JointGraphEdge, JointIndex};
 use crate::math::{DIM, DVector, Real, SPATIAL_DIM};
+use crate::utils::{add_scaled, dot};
 use na::{DVectorView, DVectorViewMut};
 use parry::math::Pose;
 
@@ -277,15 +278,19 @@ impl GenericJointConstraint {
         solver_vels: &mut SolverBodies,
         generic_solver_vels: &mut DVector,
     ) {
+        if self.ndofs1 == 0 && self.ndofs2 == 0 {
+            return; // Nothing moves.
+        }
+
         let jacobians = jacobians.as_slice();
 
         let solver_vel1 = self.solver_vel1(solver_vels, generic_solver_vels);
-        let j1 = DVectorView::from_slice(&jacobians[self.j_id1..], self.ndofs1);
-        let vel1 = j1.dot(&solver_vel1);
+        let j1 = &jacobians[self.j_id1..self.j_id1 + self.ndofs1];
+        let vel1 = dot(j1, solver_vel1.as_slice());
 
         let solver_vel2 = self.solver_vel2(solver_vels, generic_solver_vels);
-        let j2 = DVectorView::from_slice(&jacobians[self.j_id2..], self.ndofs2);
-        let vel2 = j2.dot(&solver_vel2);
+        let j2 = &jacobians[self.j_id2..self.j_id2 + self.ndofs2];
+        let vel2 = dot(j2, solver_vel2.as_slice());
 
         let dvel = self.rhs + (vel2 - vel1);
         let total_impulse = na::clamp(
@@ -297,12 +302,12 @@ impl GenericJointConstraint {
         self.impulse = total_impulse;
 
         let mut solver_vel1 = self.solver_vel1_mut(solver_vels, generic_solver_vels);
-        let wj1 = DVectorView::from_slice(&jacobians[self.wj_id1()..], self.ndofs1);
-        solver_vel1.axpy(delta_impulse, &wj1, 1.0);
+        let wj1 = &jacobians[self.wj_id1()..self.wj_id1() + self.ndofs1];
+        add_scaled(solver_vel1.as_mut_slice(), delta_impulse, wj1);
 
         let mut solver_vel2 = self.solver_vel2_mut(solver_vels, generic_solver_vels);
-        let wj2 = DVectorView::from_slice(&jacobians[self.wj_id2()..], self.ndofs2);
-        solver_vel2.axpy(-delta_impulse, &wj2, 1.0);
+        let wj2 = &jacobians[self.wj_id2()..self.wj_id2() + self.ndofs2];
+        add_scaled(solver_vel2.as_mut_slice(), -delta_impulse, wj2);
     }
 
     pub fn writeback_impulses(&self, joints_all: &mut [JointGraphEdge]) {

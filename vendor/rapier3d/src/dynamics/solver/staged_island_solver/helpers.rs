@@ -139,7 +139,11 @@ impl VelocitySolver {
                 .rows(multibody.solver_id as usize, multibody.ndofs());
             multibody.velocities.copy_from(&solver_vels);
             multibody.integrate(params.dt);
-            multibody.forward_kinematics(bodies, false);
+            if is_last_substep {
+                multibody.forward_kinematics(bodies, false);
+            } else {
+                multibody.forward_kinematics_without_jacobians(bodies, false);
+            }
             multibody.update_rigid_bodies_internal(bodies, !is_last_substep, true, false);
 
             if !is_last_substep {
