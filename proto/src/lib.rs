@@ -92,7 +92,8 @@ pub const CONTRACT_VERSION: u32 = 3;
 /// - 7: a person's capsules with six to ten sides or, where no body rests on them, round;
 ///   a head that moves once in a control tick. Without a person the bits are those of 6.
 /// - 8: the repairs of an outside audit (contacts, starts, joints); the changelog lists them.
-pub const PHYSICS_VERSION: u32 = 8;
+/// - 9: multibody dynamics by tree, exact implicit Coriolis terms.
+pub const PHYSICS_VERSION: u32 = 9;
 
 /// Largest number of contacts in one sample of the streams `contact` and `person`.
 pub const MAX_CONTACTS: usize = 16;

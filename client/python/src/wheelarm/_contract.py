@@ -2,7 +2,7 @@
 
 # Constants of the crate wheelarm-proto.
 CONTRACT_VERSION = 3
-PHYSICS_VERSION = 8
+PHYSICS_VERSION = 9
 PHYSICS_HZ = 240
 CONTROL_HZ = 60
 ARM_JOINTS = 6

@@ -1,6 +1,6 @@
 //! Mobility of the engine's bodies: velocity change per impulse.
 
-use nalgebra::{DMatrix, Dyn, LU, Matrix6, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix6, SMatrix, Vector3};
 use rapier3d::dynamics::Multibody;
 use rapier3d::prelude::{JointAxis, PhysicsWorld, RigidBody, RigidBodyHandle};
 use rapier3d::utils::AngularInertiaOps as _;
@@ -77,13 +77,10 @@ impl<'a> Mobilities<'a> {
 /// Inverse of the mass matrix with armatures and the motors' resistance over a tick of
 /// `dt` seconds; `None` before the engine's first tick.
 fn inverse_mass(multibody: &Multibody, dt: f64) -> Option<DMatrix<f64>> {
-    let lu: &LU<f32, Dyn, Dyn> = multibody.inv_augmented_mass();
-    let mut mass = lu.l() * lu.u();
-    lu.p().inv_permute_rows(&mut mass);
-    if mass.nrows() != multibody.ndofs() || mass.nrows() == 0 {
+    let mut mass = multibody.augmented_mass()?.map(f64::from);
+    if mass.nrows() == 0 {
         return None;
     }
-    let mut mass = mass.map(f64::from);
     for link in multibody.links() {
         let dof = link.assembly_id();
         if let Some(motor) = link.joint().data.motor(JointAxis::AngX)

@@ -24,7 +24,8 @@ pub(super) fn tree(folder: &Path, keep: &dyn Fn(&Path) -> bool, found: &mut Vec<
     for path in entries {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let output = OUTPUT.iter().any(|output| path == root().join(output));
-        if name.starts_with('.') || BUILT.contains(&&*name) || output || path.is_symlink() {
+        let skipped = BUILT.contains(&&*name) || output || path.ends_with(super::FORK);
+        if name.starts_with('.') || skipped || path.is_symlink() {
             continue;
         }
         if path.is_dir() {

@@ -1,6 +1,6 @@
 //! Rules that the compiler cannot see: dependencies (`walls`, `circles`), units and paths
-//! (`words`), banned words (`banned`), links and sizes of documents (`documents`). This
-//! file only reads sources.
+//! (`words`), banned words (`banned`), links and sizes of documents (`documents`), the fork
+//! of the engine (`vendored`). This file only reads sources.
 
 mod banned;
 mod circles;
@@ -8,6 +8,7 @@ mod documents;
 mod lists;
 mod scenario;
 mod source;
+mod vendored;
 mod walls;
 mod words;
 
@@ -21,9 +22,15 @@ fn root() -> PathBuf {
         .to_owned()
 }
 
+/// The fork of the engine: sources of other authors, which only `vendored` reads.
+const FORK: &str = "server/rapier3d";
+
 fn files(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
+        if path.ends_with(FORK) {
+            continue;
+        }
         if path.is_dir() {
             files(&path, ending, found);
         } else if path.to_string_lossy().ends_with(ending) {
