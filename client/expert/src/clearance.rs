@@ -5,8 +5,9 @@ use nalgebra::{Isometry3, Point3, Translation3};
 
 use super::hand::{self, Ball, Hand};
 use super::scene::SceneModel;
-use wheelarm_planning::footprint_check::FootprintCheck;
+use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
 use wheelarm_planning::obb::Obb;
+use wheelarm_planning::route_planner::{Obstacle, RoutePlanner};
 
 /// Objects lower than this block the chair, metres.
 const LOW_OBJECT: f64 = 0.5;
@@ -19,15 +20,46 @@ impl SceneModel {
     /// Obstacles of the chair, with the objects at `poses`.
     #[must_use]
     pub fn footprint_check(&self, poses: &[Isometry3<f64>]) -> FootprintCheck {
+        let mut footprint = self.fixed_footprint();
+        for (obstacle, heights) in self.moved_obstacles(poses) {
+            footprint.put(obstacle, heights);
+        }
+        footprint
+    }
+
+    /// Obstacles of the chair that never move.
+    fn fixed_footprint(&self) -> FootprintCheck {
         let mut footprint = FootprintCheck::from_outlines(self.outlines.iter().copied());
-        let lying = self
-            .placed(poses)
-            .map(|(_, obb)| obb)
-            .filter(|obb| obb.heights()[0] < LOW_OBJECT);
-        for obb in self.furniture.iter().copied().chain(lying) {
+        for obb in &self.furniture {
             footprint.put(obb.rectangle(), obb.heights());
         }
         footprint
+    }
+
+    /// Obstacles of the chair that may have moved, with the objects at `poses`.
+    fn moved_obstacles(&self, poses: &[Isometry3<f64>]) -> Vec<Obstacle> {
+        let lying = self.placed(poses).map(|(_, obb)| obb);
+        let lying = lying.filter(|obb| obb.heights()[0] < LOW_OBJECT);
+        lying.map(|obb| (obb.rectangle(), obb.heights())).collect()
+    }
+
+    /// A planner of drives from `start`, with the objects at `poses`. Goals are near
+    /// furniture or objects.
+    #[must_use]
+    pub fn route_planner(
+        &self,
+        poses: &[Isometry3<f64>],
+        start: Pose2,
+        margin: f64,
+    ) -> RoutePlanner {
+        let at = |pose: &Isometry3<f64>| Pose2 {
+            x: pose.translation.x,
+            y: pose.translation.y,
+            heading: 0.0,
+        };
+        let goals: Vec<Pose2> = poses.iter().map(at).collect();
+        let (fixed, moved) = (self.fixed_footprint(), self.moved_obstacles(poses));
+        RoutePlanner::new(fixed, moved, start, &goals, margin)
     }
 
     /// Boxes of the movable objects in `house`, each with the index of its object.

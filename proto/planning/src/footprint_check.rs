@@ -145,11 +145,48 @@ impl Outline {
     /// The outline at a pose, extended by `margin` on every side.
     #[must_use]
     pub fn rectangle_at(&self, pose: &Pose2, margin: f64) -> Rectangle {
+        self.rectangle_facing(pose, exact::sin_cos(pose.heading), margin)
+    }
+
+    /// The same, with sine and cosine of the pose's heading.
+    pub(super) fn rectangle_facing(
+        &self,
+        pose: &Pose2,
+        (sin, cos): (f64, f64),
+        margin: f64,
+    ) -> Rectangle {
         let [back, front, right, left] = self.sides;
+        let (forward, aside) = ((back + front) / 2.0, (right + left) / 2.0);
         Rectangle {
-            centre: pose.point((back + front) / 2.0, (right + left) / 2.0),
+            centre: [
+                pose.x + forward * cos - aside * sin,
+                pose.y + forward * sin + aside * cos,
+            ],
             half: [(front - back) / 2.0 + margin, (left - right) / 2.0 + margin],
-            along: [exact::cos(pose.heading), exact::sin(pose.heading)],
+            along: [cos, sin],
+        }
+    }
+
+    /// An outline that contains this one turned by up to `angle` radians either way.
+    pub(super) fn swept(&self, angle: f64) -> Self {
+        let [back, front, right, left] = self.sides;
+        let (sin, cos) = exact::sin_cos(angle);
+        // The farthest point of a side is that of its farther corner at the greatest
+        // angle, or on the way there where the corner is nearly straight ahead.
+        let reach = |side: f64, a: f64, b: f64| {
+            let aside = a.abs().max(b.abs());
+            match aside * cos < side * sin {
+                true => exact::hypot(side, aside),
+                false => side * cos + aside * sin,
+            }
+        };
+        Self {
+            sides: [
+                -reach(-back, right, left),
+                reach(front, right, left),
+                -reach(-right, back, front),
+                reach(left, back, front),
+            ],
         }
     }
 }
@@ -289,7 +326,14 @@ impl FootprintCheck {
 
     /// Adds an obstacle between two heights, metres. It is checked at every level that
     /// it reaches, except at those whose outline is within that of another one.
-    pub fn put(&mut self, obstacle: Rectangle, [low, high]: [f64; 2]) {
+    pub fn put(&mut self, obstacle: Rectangle, heights: [f64; 2]) {
+        for level in self.levels_at(heights) {
+            self.levels[level].obstacles.push(obstacle);
+        }
+    }
+
+    /// Indices of the levels at which an obstacle between two heights, metres, is checked.
+    pub(super) fn levels_at(&self, [low, high]: [f64; 2]) -> Vec<usize> {
         let meets = |level: &Level| low <= level.top && high > level.bottom;
         let met: Vec<Outline> = self
             .levels
@@ -297,12 +341,13 @@ impl FootprintCheck {
             .filter(|level| meets(level))
             .map(|level| level.outline)
             .collect();
-        for level in self.levels.iter_mut().filter(|level| meets(level)) {
+        let counts = |level: &Level| {
             let inner = |other: &Outline| *other != level.outline && level.outline.is_within(other);
-            if !met.iter().any(inner) {
-                level.obstacles.push(obstacle);
-            }
-        }
+            meets(level) && !met.iter().any(inner)
+        };
+        let levels = self.levels.iter().enumerate();
+        let levels = levels.filter(|(_, level)| counts(level));
+        levels.map(|(index, _)| index).collect()
     }
 
     /// Bounding box of all obstacles: x min, x max, y min, y max, metres.
@@ -326,6 +371,29 @@ impl FootprintCheck {
                     b[3].max(o.centre[1] + r),
                 ]
             })
+    }
+
+    /// The smallest box around all obstacles: x min, x max, y min, y max, metres.
+    #[must_use]
+    pub fn extent(&self) -> [f64; 4] {
+        let start = [
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+        ];
+        let obstacles = self.levels.iter().flat_map(|level| &level.obstacles);
+        obstacles.fold(start, |b, o| {
+            let [along, across] = o.along.map(f64::abs);
+            let x = o.half[0] * along + o.half[1] * across;
+            let y = o.half[0] * across + o.half[1] * along;
+            [
+                b[0].min(o.centre[0] - x),
+                b[1].max(o.centre[0] + x),
+                b[2].min(o.centre[1] - y),
+                b[3].max(o.centre[1] + y),
+            ]
+        })
     }
 }
 

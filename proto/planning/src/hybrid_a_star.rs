@@ -3,10 +3,11 @@
 //!
 //! Dolgov, Thrun, Montemerlo and Diebel 2010, "Path Planning for Autonomous Vehicles in
 //! Unknown Semi-structured Environments": poses are continuous, each cell of (x, y,
-//! heading) keeps its cheapest node, and every expanded node also tries an analytic
-//! expansion to the goal. Unlike there the chair turns on the spot, so the expansion is
-//! an arc between straights or a straight between turns, not a Reeds-Shepp curve; the
-//! heuristic is the straight distance, and the path is not smoothed.
+//! heading) keeps its cheapest node, and expanded nodes also try an analytic expansion to
+//! the goals. Unlike there the chair turns on the spot, so the expansion is an arc between
+//! straights or a straight between turns, not a Reeds-Shepp curve, and the path is not
+//! smoothed. The heuristic is the distance field of the goals on a floor map, or the
+//! straight distance.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -14,8 +15,10 @@ use std::f64::consts::TAU;
 
 use wheelarm_proto::exact;
 
+use super::distance_field::DistanceField;
+use super::floor_map::FloorMap;
 use super::footprint_check::{FootprintCheck, Pose2, wrap};
-use super::nearby::Nearby;
+use super::price::{self, Motion};
 
 /// One segment of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,25 +45,15 @@ impl Segment {
     }
 
     /// Whether the chair is collision-free along it, sampled every 5 cm or 5°.
-    fn is_free(&self, start: &Pose2, nearby: &Nearby<'_>) -> bool {
+    #[must_use]
+    pub fn is_free(&self, start: &Pose2, map: &FloorMap) -> bool {
         let steps = match *self {
             Self::Turn(angle) => (angle.abs() / 0.09).ceil(),
             Self::Roll { length, curvature } => (length.abs() / 0.05)
                 .max((length * curvature).abs() / 0.09)
                 .ceil(),
         };
-        (1..=steps as usize).all(|i| nearby.is_free(&self.after(start, i as f64 / steps)))
-    }
-
-    /// Estimated duration, s.
-    fn cost(&self) -> f64 {
-        match *self {
-            Self::Turn(angle) => angle.abs() / 0.5,
-            Self::Roll { length, curvature } => {
-                let speed = if curvature == 0.0 { 0.45 } else { 0.35 };
-                length.abs() / speed * if length < 0.0 { 2.5 } else { 1.0 }
-            }
-        }
+        (1..=steps as usize).all(|i| map.is_free(&self.after(start, i as f64 / steps)))
     }
 }
 
@@ -73,27 +66,60 @@ pub struct PathPreferences {
     pub margin: f64,
 }
 
-/// Time lost by stopping between rolling and turning on the spot, s.
-const STOP_COST: f64 = 1.5;
-/// Cost of a change of curvature, s: fewer bends track better.
-const BEND_COST: f64 = 0.3;
-/// Cell of the search, metres.
-const CELL: f64 = 0.1;
 /// Headings of the search.
 const HEADINGS: i64 = 24;
+
+/// How thorough a search is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Effort {
+    /// Cell of the search, metres.
+    cell: f64,
+    /// Weight of the heuristic.
+    weight: f64,
+    /// Largest number of nodes.
+    limit: usize,
+    /// Whether poses at which the chair arrives with different motions differ, and whether
+    /// poses that cannot improve the best path so far are left out.
+    is_fine: bool,
+}
+
+/// The search without a distance field.
+const COMPLETE: Effort = Effort {
+    cell: 0.1,
+    weight: 1.0,
+    limit: 60_000,
+    is_fine: false,
+};
 /// Weight of the heuristic when any path is sufficient.
 const GREED: f64 = 4.0;
-/// Largest number of expanded poses.
-const LIMIT: usize = 60_000;
+/// Searches with a distance field, one after another until a path is found: a fast path,
+/// then any through narrow places. Where the field shows a way that the chair's arcs
+/// cannot follow, the search ends after all nodes.
+const EFFORTS: [Effort; 2] = [
+    Effort {
+        cell: 0.05,
+        weight: 1.0,
+        limit: 20_000,
+        is_fine: true,
+    },
+    Effort {
+        cell: 0.1,
+        weight: 1.5,
+        limit: 25_000,
+        is_fine: true,
+    },
+];
 
-type Cell = (i64, i64, i64);
+/// Cell of x, y and heading, and the motion with which the chair arrives.
+type Cell = (i64, i64, i64, u8);
 
 struct Node {
     pose: Pose2,
     cost: f64,
     parent: usize,
     segments: Vec<Segment>,
-    is_goal: bool,
+    /// The goal that it reaches.
+    goal: Option<usize>,
 }
 
 struct OpenNode {
@@ -131,8 +157,36 @@ pub struct DrivePath {
     pub cost: f64,
 }
 
-/// Searches a fast path from `start` to `goal`, with at most 60,000 nodes; `None` when
-/// none is found.
+/// One of several goals of a search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveGoal {
+    /// Where the path ends.
+    pub pose: Pose2,
+    /// Cost of this goal, seconds: it is added to that of the path.
+    pub cost: f64,
+}
+
+/// Result of a search with several goals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundPath {
+    /// The path; its cost includes that of the goal.
+    pub path: DrivePath,
+    /// Index of the goal.
+    pub goal: usize,
+}
+
+/// A finished search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Searched {
+    /// The path, if one was found.
+    pub found: Option<FoundPath>,
+    /// Number of nodes.
+    pub nodes: usize,
+}
+
+/// Searches a fast path from `start` to `goal`, with at most 60,000 nodes and the straight
+/// distance as heuristic; `None` when none is found. It is the reference for
+/// [`search_field`].
 #[must_use]
 pub fn search(
     footprint: &FootprintCheck,
@@ -140,7 +194,7 @@ pub fn search(
     goal: Pose2,
     preferences: &PathPreferences,
 ) -> Option<DrivePath> {
-    weighted(footprint, start, goal, preferences, 1.0, LIMIT)
+    weighted(footprint, start, goal, preferences, COMPLETE)
 }
 
 /// Whether any path from `start` to `goal` is found within `limit` nodes, even a slow
@@ -165,92 +219,208 @@ pub fn rough_path(
     preferences: &PathPreferences,
     limit: usize,
 ) -> Option<DrivePath> {
-    weighted(footprint, start, goal, preferences, GREED, limit)
+    let effort = Effort {
+        weight: GREED,
+        limit,
+        ..COMPLETE
+    };
+    weighted(footprint, start, goal, preferences, effort)
 }
 
-/// The search with the heuristic multiplied by `weight`.
+/// The search with the straight distance as heuristic.
 fn weighted(
     footprint: &FootprintCheck,
     start: Pose2,
     goal: Pose2,
     preferences: &PathPreferences,
-    weight: f64,
-    limit: usize,
+    effort: Effort,
 ) -> Option<DrivePath> {
     // A stop, or the present pose of the chair, may allow less clearance than
     // preferred.
-    let margin = [preferences.margin, preferences.margin / 2.0, 0.0]
+    let margin = clearances(preferences.margin)
         .into_iter()
         .find(|margin| footprint.is_free(&start, *margin) && footprint.is_free(&goal, *margin))?;
-    let bounds = footprint.bounds();
-    let nearby = Nearby::new(footprint, margin);
-    let mut nodes = vec![Node {
-        pose: start,
+    let map = FloorMap::shared(footprint, margin, &[start, goal]);
+    // The map allows more than the search: without a way the search would fail.
+    if !map.has_way(&start, &goal) {
+        return None;
+    }
+    let goals = [DriveGoal {
+        pose: goal,
         cost: 0.0,
-        parent: 0,
-        segments: Vec::new(),
-        is_goal: false,
     }];
-    let mut best: BTreeMap<Cell, f64> = BTreeMap::new();
-    let mut open = BinaryHeap::from([OpenNode { rank: 0.0, node: 0 }]);
-    while let Some(OpenNode { node: at, .. }) = open.pop() {
-        if nodes[at].is_goal {
-            return Some(DrivePath {
-                segments: collect(&nodes, at),
-                cost: nodes[at].cost,
-            });
-        }
-        if nodes.len() > limit {
-            return None;
-        }
-        let (pose, cost) = (nodes[at].pose, nodes[at].cost);
-        let last = nodes[at].segments.last().copied();
-        if best
-            .get(&cell(&pose))
-            .is_some_and(|known| *known < cost - 1e-9)
-        {
-            continue;
-        }
-        for segments in analytic_expansions(&pose, &goal, preferences) {
-            if let Some(extra) = price(&nearby, &pose, last, &segments) {
-                let rank = cost + extra;
-                let node = Node {
-                    pose: goal,
-                    cost: rank,
-                    parent: at,
-                    segments,
-                    is_goal: true,
-                };
-                push(&mut nodes, &mut open, rank, node);
-            }
-        }
-        for segment in motion_primitives(preferences) {
-            let next = segment.after(&pose, 1.0);
-            let inside = (bounds[0]..=bounds[1]).contains(&next.x)
-                && (bounds[2]..=bounds[3]).contains(&next.y);
-            if !inside {
-                continue;
-            }
-            let Some(extra) = price(&nearby, &pose, last, &[segment]) else {
-                continue;
-            };
-            let sum = cost + extra;
-            let known = best.entry(cell(&next)).or_insert(f64::INFINITY);
-            if sum < *known - 1e-9 {
-                *known = sum;
-                let rank = sum + next.distance(&goal) / 0.45 * weight;
-                let node = Node {
-                    pose: next,
-                    cost: sum,
-                    parent: at,
-                    segments: vec![segment],
-                    is_goal: false,
-                };
-                push(&mut nodes, &mut open, rank, node);
-            }
+    let search = Search {
+        map: &map,
+        bounds: footprint.bounds(),
+        goals: &goals,
+        radii: &[preferences.radius],
+        effort,
+    };
+    let straight = |pose: &Pose2, _| Some(pose.distance(&goals[0].pose) / price::STRAIGHT);
+    search.run(start, straight).found.map(|found| found.path)
+}
+
+/// The clearances that are tried: as preferred, half of it, none.
+#[must_use]
+pub fn clearances(preferred: f64) -> [f64; 3] {
+    [preferred, preferred / 2.0, 0.0]
+}
+
+/// Searches a fast path from `start` to the goal that costs least, on the map and with the
+/// distance field of these goals, with arcs of any of the `radii`, metres.
+#[must_use]
+pub fn search_field(
+    map: &FloorMap,
+    field: &mut DistanceField,
+    start: Pose2,
+    goals: &[DriveGoal],
+    radii: &[f64],
+) -> Searched {
+    let mut nodes = 0;
+    for effort in EFFORTS {
+        let search = Search {
+            map,
+            bounds: map.bounds(),
+            goals,
+            radii,
+            effort,
+        };
+        let searched = search.run(start, |pose, motion| field.seconds(pose, motion));
+        nodes += searched.nodes;
+        // Fewer nodes: all poses that the chair can reach were tried.
+        if searched.found.is_some() || searched.nodes <= effort.limit {
+            return Searched { nodes, ..searched };
         }
     }
-    None
+    Searched { found: None, nodes }
+}
+
+/// A search on a map.
+struct Search<'a> {
+    map: &'a FloorMap,
+    /// x min, x max, y min, y max, metres.
+    bounds: [f64; 4],
+    goals: &'a [DriveGoal],
+    radii: &'a [f64],
+    effort: Effort,
+}
+
+impl Search<'_> {
+    /// Searches from `start`. `heuristic` estimates the cost from a pose at which the
+    /// chair arrives with a motion; `None` without a way.
+    fn run(
+        &self,
+        start: Pose2,
+        mut heuristic: impl FnMut(&Pose2, Option<Motion>) -> Option<f64>,
+    ) -> Searched {
+        let mut nodes = vec![Node {
+            pose: start,
+            cost: 0.0,
+            parent: 0,
+            segments: Vec::new(),
+            goal: None,
+        }];
+        let mut best: BTreeMap<Cell, f64> = BTreeMap::new();
+        let mut open = BinaryHeap::new();
+        if heuristic(&start, None).is_some() {
+            open.push(OpenNode { rank: 0.0, node: 0 });
+        }
+        let primitives = motion_primitives(self.radii);
+        // Cost of the best path so far.
+        let mut least = f64::INFINITY;
+        let is_fine = self.effort.is_fine;
+        while let Some(OpenNode { node: at, .. }) = open.pop() {
+            if let Some(goal) = nodes[at].goal {
+                let path = DrivePath {
+                    segments: collect(&nodes, at),
+                    cost: nodes[at].cost,
+                };
+                return Searched {
+                    found: Some(FoundPath { path, goal }),
+                    nodes: nodes.len(),
+                };
+            }
+            if nodes.len() > self.effort.limit {
+                break;
+            }
+            let (pose, cost) = (nodes[at].pose, nodes[at].cost);
+            let last = nodes[at].segments.last().copied();
+            if best
+                .get(&self.cell(&pose, last.as_ref()))
+                .is_some_and(|known| *known < cost - 1e-9)
+            {
+                continue;
+            }
+            for (index, goal) in self.goals.iter().enumerate() {
+                for segments in analytic_expansions(&pose, &goal.pose, self.radii) {
+                    let sum = cost + price::seconds(last, &segments) + goal.cost;
+                    if (sum < least || !is_fine) && self.is_free(&pose, &segments) {
+                        least = least.min(sum);
+                        let node = Node {
+                            pose: goal.pose,
+                            cost: sum,
+                            parent: at,
+                            segments,
+                            goal: Some(index),
+                        };
+                        push(&mut nodes, &mut open, sum, node);
+                    }
+                }
+            }
+            for segment in &primitives {
+                let next = segment.after(&pose, 1.0);
+                let bounds = self.bounds;
+                let inside = (bounds[0]..=bounds[1]).contains(&next.x)
+                    && (bounds[2]..=bounds[3]).contains(&next.y);
+                if !inside {
+                    continue;
+                }
+                let sum = cost + price::seconds(last, &[*segment]);
+                let cell = self.cell(&next, Some(segment));
+                let known = best.get(&cell).copied().unwrap_or(f64::INFINITY);
+                if sum >= known - 1e-9 || !segment.is_free(&pose, self.map) {
+                    continue;
+                }
+                let Some(rest) = heuristic(&next, Some(Motion::along(segment))) else {
+                    continue;
+                };
+                if sum + rest < least || !is_fine {
+                    best.insert(cell, sum);
+                    let node = Node {
+                        pose: next,
+                        cost: sum,
+                        parent: at,
+                        segments: vec![*segment],
+                        goal: None,
+                    };
+                    push(&mut nodes, &mut open, sum + self.effort.weight * rest, node);
+                }
+            }
+        }
+        Searched {
+            found: None,
+            nodes: nodes.len(),
+        }
+    }
+
+    fn cell(&self, pose: &Pose2, last: Option<&Segment>) -> Cell {
+        (
+            (pose.x / self.effort.cell).round() as i64,
+            (pose.y / self.effort.cell).round() as i64,
+            ((pose.heading / TAU * HEADINGS as f64).round() as i64).rem_euclid(HEADINGS),
+            last.filter(|_| self.effort.is_fine)
+                .map_or(0, |last| Motion::along(last) as u8),
+        )
+    }
+
+    fn is_free(&self, start: &Pose2, segments: &[Segment]) -> bool {
+        let mut pose = *start;
+        segments.iter().all(|segment| {
+            let is_free = segment.is_free(&pose, self.map);
+            pose = segment.after(&pose, 1.0);
+            is_free
+        })
+    }
 }
 
 /// Adds a node to the open list.
@@ -262,42 +432,29 @@ fn push(nodes: &mut Vec<Node>, open: &mut BinaryHeap<OpenNode>, rank: f64, node:
     nodes.push(node);
 }
 
-fn cell(pose: &Pose2) -> Cell {
-    (
-        (pose.x / CELL).round() as i64,
-        (pose.y / CELL).round() as i64,
-        ((pose.heading / TAU * HEADINGS as f64).round() as i64).rem_euclid(HEADINGS),
-    )
-}
-
 /// The motion primitives of the search.
-fn motion_primitives(preferences: &PathPreferences) -> [Segment; 6] {
-    let turn = TAU / HEADINGS as f64;
-    let arc = |side: f64| Segment::Roll {
-        length: preferences.radius * turn,
-        curvature: side / preferences.radius,
-    };
+fn motion_primitives(radii: &[f64]) -> Vec<Segment> {
+    let turn = TAU / 24.0;
     let straight = |length| Segment::Roll {
         length,
         curvature: 0.0,
     };
-    [
-        straight(0.15),
-        arc(1.0),
-        arc(-1.0),
-        Segment::Turn(turn),
-        Segment::Turn(-turn),
-        straight(-0.15),
-    ]
+    let arcs = radii.iter().flat_map(|radius| {
+        [1.0, -1.0].map(|side| Segment::Roll {
+            length: radius * turn,
+            curvature: side / radius,
+        })
+    });
+    [straight(0.15)]
+        .into_iter()
+        .chain(arcs)
+        .chain([Segment::Turn(turn), Segment::Turn(-turn), straight(-0.15)])
+        .collect()
 }
 
-/// Analytic expansions to the goal: one arc between two straights, or turns on the
-/// spot before and after one straight.
-fn analytic_expansions(
-    pose: &Pose2,
-    goal: &Pose2,
-    preferences: &PathPreferences,
-) -> Vec<Vec<Segment>> {
+/// Analytic expansions to a goal: one arc between two straights, or turns on the spot
+/// before and after one straight.
+fn analytic_expansions(pose: &Pose2, goal: &Pose2, radii: &[f64]) -> Vec<Vec<Segment>> {
     let mut expansions = Vec::new();
     let straight = |length| Segment::Roll {
         length,
@@ -321,16 +478,18 @@ fn analytic_expansions(
         // the goal.
         let back = left / exact::sin(turn);
         let ahead = forward - back * exact::cos(turn);
-        let tangent = preferences.radius * exact::tan(turn.abs() / 2.0);
-        if ahead >= tangent && back >= tangent {
-            expansions.push(vec![
-                straight(ahead - tangent),
-                Segment::Roll {
-                    length: preferences.radius * turn.abs(),
-                    curvature: turn.signum() / preferences.radius,
-                },
-                straight(back - tangent),
-            ]);
+        for radius in radii {
+            let tangent = radius * exact::tan(turn.abs() / 2.0);
+            if ahead >= tangent && back >= tangent {
+                expansions.push(vec![
+                    straight(ahead - tangent),
+                    Segment::Roll {
+                        length: radius * turn.abs(),
+                        curvature: turn.signum() / radius,
+                    },
+                    straight(back - tangent),
+                ]);
+            }
         }
     }
     for expansion in &mut expansions {
@@ -340,42 +499,6 @@ fn analytic_expansions(
         });
     }
     expansions
-}
-
-/// Cost of `segments` after `last`, or `None` for a collision.
-fn price(
-    nearby: &Nearby<'_>,
-    start: &Pose2,
-    last: Option<Segment>,
-    segments: &[Segment],
-) -> Option<f64> {
-    let mut pose = *start;
-    let mut previous = last;
-    let mut cost = 0.0;
-    for segment in segments {
-        if !segment.is_free(&pose, nearby) {
-            return None;
-        }
-        let stops = match (previous, segment) {
-            (Some(Segment::Turn(_)), Segment::Roll { .. })
-            | (Some(Segment::Roll { .. }), Segment::Turn(_)) => true,
-            (Some(Segment::Turn(a)), Segment::Turn(b)) => a * b < 0.0,
-            (Some(Segment::Roll { length: a, .. }), Segment::Roll { length: b, .. }) => a * b < 0.0,
-            (None, _) => false,
-        };
-        let bends = match (previous, segment) {
-            (Some(Segment::Roll { curvature: a, .. }), Segment::Roll { curvature: b, .. }) => {
-                a != *b
-            }
-            _ => false,
-        };
-        cost += segment.cost()
-            + if stops { STOP_COST } else { 0.0 }
-            + if bends { BEND_COST } else { 0.0 };
-        pose = segment.after(&pose, 1.0);
-        previous = Some(*segment);
-    }
-    Some(cost)
 }
 
 fn collect(nodes: &[Node], goal: usize) -> Vec<Segment> {
@@ -391,7 +514,6 @@ fn collect(nodes: &[Node], goal: usize) -> Vec<Segment> {
         .flat_map(|node| nodes[node].segments.iter().copied())
         .collect()
 }
-
 #[cfg(test)]
 mod tests {
     use super::super::footprint_check::{Level, Outline, Rectangle};

@@ -1,11 +1,17 @@
 //! Collision-free poses of a chair on the floor, and paths between them: the footprint
-//! against oriented boxes, and hybrid A*.
+//! against oriented boxes, the floor map of a home with its distance fields, and hybrid A*.
 //!
 //! Pure: no clock, no random numbers, no messages, independent of server and clients.
 //! Sampling in the server and the scripted operator use the same functions and get the
 //! same result.
 
+pub mod distance_field;
+pub mod floor_map;
 pub mod footprint_check;
+pub mod grid;
 pub mod hybrid_a_star;
+mod lattice;
 mod nearby;
 pub mod obb;
+pub mod price;
+pub mod route_planner;

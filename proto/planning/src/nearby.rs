@@ -1,18 +1,25 @@
 //! A fast footprint check for searches: obstacles are sorted into cells, and only those
 //! of the chair's cell are checked. The result is that of [`FootprintCheck::is_free`].
 
-use super::footprint_check::{FootprintCheck, Outline, Pose2, Rectangle};
+use wheelarm_proto::exact;
 
-/// Side of a cell, metres.
-const CELL: f64 = 0.5;
+use super::footprint_check::{FootprintCheck, Outline, Pose2, Rectangle};
+use super::grid::{self, Grid};
+
+/// Side of a cell, in cells of the grid: 0.5 m.
+const CELLS: usize = 10;
+/// The same, metres.
+const SIDE: f64 = grid::CELL * CELLS as f64;
 
 /// A footprint check with one margin.
-pub(super) struct Nearby<'a> {
-    levels: Vec<Level<'a>>,
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Nearby {
+    levels: Vec<Level>,
     margin: f64,
 }
 
-struct Level<'a> {
+#[derive(Clone, Debug, PartialEq)]
+struct Level {
     outline: Outline,
     /// Corner of the first cell, metres.
     corner: [f64; 2],
@@ -20,95 +27,99 @@ struct Level<'a> {
     count: [usize; 2],
     /// Obstacles that an outline with its centre in the cell can touch.
     cells: Vec<Vec<Rectangle>>,
-    all: &'a [Rectangle],
+    all: Vec<Rectangle>,
 }
 
-impl<'a> Nearby<'a> {
-    pub(super) fn new(footprint: &'a FootprintCheck, margin: f64) -> Self {
-        let bounds = footprint.bounds();
-        let finite = bounds.iter().all(|side| side.is_finite());
-        let [x0, x1, y0, y1] = if finite { bounds } else { [0.0; 4] };
-        let cells = |low: f64, high: f64| ((high - low) / CELL).ceil().clamp(1.0, 200.0) as usize;
-        let count = [cells(x0, x1), cells(y0, y1)];
+impl Nearby {
+    pub(super) fn new(footprint: &FootprintCheck, grid: &Grid, margin: f64) -> Self {
+        let count = grid.count().map(|cells| cells.div_ceil(CELLS));
+        let levels = footprint.levels.iter().map(|level| Level {
+            outline: level.outline,
+            corner: grid.corner().map(f64::from),
+            count,
+            cells: vec![Vec::new(); count[0] * count[1]],
+            all: Vec::new(),
+        });
+        let mut nearby = Self {
+            levels: levels.collect(),
+            margin,
+        };
+        for (index, level) in footprint.levels.iter().enumerate() {
+            for obstacle in &level.obstacles {
+                nearby.put(index, *obstacle);
+            }
+        }
+        nearby
+    }
+
+    /// Adds an obstacle at a level.
+    pub(super) fn put(&mut self, level: usize, obstacle: Rectangle) {
+        let level = &mut self.levels[level];
         let origin = Pose2 {
             x: 0.0,
             y: 0.0,
             heading: 0.0,
         };
-        let levels = footprint.levels.iter().map(|level| {
-            let reach = level.outline.rectangle_at(&origin, margin).radius();
-            let cell = |i: usize| {
-                let at = |low: f64, k: usize| low + (k as f64 + 0.5) * CELL;
+        let reach = level.outline.rectangle_at(&origin, self.margin).radius();
+        let far = obstacle.radius() + reach;
+        let range = |axis: usize| {
+            let cell = |at: f64| (at - level.corner[axis]) / SIDE;
+            let first = cell(obstacle.centre[axis] - far).floor().max(0.0) as usize;
+            let last = cell(obstacle.centre[axis] + far).ceil().max(0.0) as usize;
+            first..last.min(level.count[axis])
+        };
+        for y in range(1) {
+            for x in range(0) {
+                let at = |axis: usize, cell: usize| level.corner[axis] + (cell as f64 + 0.5) * SIDE;
                 let around = Rectangle {
-                    centre: [at(x0, i % count[0]), at(y0, i / count[0])],
-                    half: [CELL / 2.0 + reach; 2],
+                    centre: [at(0, x), at(1, y)],
+                    half: [SIDE / 2.0 + reach; 2],
                     along: [1.0, 0.0],
                 };
-                let near = level.obstacles.iter().filter(|o| o.overlaps(&around));
-                near.copied().collect()
-            };
-            Level {
-                outline: level.outline,
-                corner: [x0, y0],
-                count,
-                cells: (0..count[0] * count[1]).map(cell).collect(),
-                all: &level.obstacles,
+                if obstacle.overlaps(&around) {
+                    level.cells[y * level.count[0] + x].push(obstacle);
+                }
             }
-        });
-        Self {
-            levels: levels.collect(),
-            margin,
         }
+        level.all.push(obstacle);
     }
 
     /// Whether the chair is collision-free at `pose`.
     pub(super) fn is_free(&self, pose: &Pose2) -> bool {
+        let facing = exact::sin_cos(pose.heading);
         self.levels.iter().all(|level| {
-            let outline = level.outline.rectangle_at(pose, self.margin);
+            let outline = level.outline.rectangle_facing(pose, facing, self.margin);
             let near = level.near(outline.centre);
             !near.iter().any(|o| o.overlaps(&outline))
         })
     }
 }
 
-impl Level<'_> {
+impl Level {
     fn near(&self, at: [f64; 2]) -> &[Rectangle] {
         let cell = |i: usize| {
-            let cell = ((at[i] - self.corner[i]) / CELL).floor();
+            let cell = ((at[i] - self.corner[i]) / SIDE).floor();
             (cell >= 0.0 && cell < self.count[i] as f64).then_some(cell as usize)
         };
         match (cell(0), cell(1)) {
             (Some(x), Some(y)) => &self.cells[y * self.count[0] + x],
-            _ => self.all,
+            _ => &self.all,
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::floor_map::tests::cluttered;
     use super::*;
-    use wheelarm_proto::exact;
 
     #[test]
     fn cells_give_the_result_of_the_complete_check() {
-        let outline = |sides| Outline { sides };
-        let mut footprint = FootprintCheck::from_outlines([
-            (0.32, outline([-0.2, 0.8, -0.3, 0.4])),
-            (1.5, outline([-0.2, 1.0, -0.3, 0.5])),
-        ]);
-        for i in 0..40 {
-            let i = f64::from(i);
-            let turn = i * 0.7;
-            let obstacle = Rectangle {
-                centre: [(i * 1.7) % 9.0, (i * 2.3) % 6.0],
-                half: [0.1 + (i * 0.13) % 0.9, 0.05 + (i * 0.07) % 0.3],
-                along: [exact::cos(turn), exact::sin(turn)],
-            };
-            footprint.put(obstacle, [(i * 0.11) % 0.6, 0.7]);
-        }
+        let footprint = cluttered();
+        let grid = Grid::around(footprint.bounds());
         let mut free = 0;
         for margin in [0.0, 0.05] {
-            let nearby = Nearby::new(&footprint, margin);
+            let nearby = Nearby::new(&footprint, &grid, margin);
             for i in 0..4000 {
                 let i = f64::from(i);
                 let pose = Pose2 {

@@ -15,7 +15,8 @@ use crate::goal::Goal;
 use crate::grasp_candidate::{GraspCandidate, MARGINS};
 use crate::habits::Habits;
 use wheelarm_planning::footprint_check::{FootprintCheck, Pose2};
-use wheelarm_planning::hybrid_a_star::{self, DrivePath, PathPreferences, Segment};
+use wheelarm_planning::hybrid_a_star::{DriveGoal, Segment};
+use wheelarm_planning::route_planner::RoutePlanner;
 
 use super::{bring, lift, place};
 
@@ -23,7 +24,7 @@ use super::{bring, lift, place};
 const PLACES: usize = 120;
 /// The same of those that suit the habits: each costs time, and there are others.
 const WANTED: usize = 60;
-/// Placements without a path after which a list of placements is abandoned: each takes a rough
+/// Placements without a path after which a list of placements is abandoned: each takes a
 /// search.
 const PATHLESS: usize = 12;
 /// A placement this near to one without a path has none either, metres and radians.
@@ -36,10 +37,8 @@ const LEFT: [f64; 2] = [0.12, 0.25];
 const STRAIGHTS: [f64; 3] = [0.35, 0.2, 0.08];
 /// Radii of arcs that are tried, as shares of the operator profile's.
 const ARCS: [f64; 2] = [1.0, 0.75];
-
-/// Nodes of a rough search that finds out whether any path exists: without one, each
-/// full search would visit all of its nodes.
-const ROUGH: usize = 12_000;
+/// Spacing of the collision checks along the straight segment, metres.
+const SPACING: f64 = 0.04;
 
 /// Purpose of a stop of the chair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -273,7 +272,9 @@ struct Tally {
 /// The drive to the best base placement, and the candidate that it is for.
 fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), String> {
     let chair = now.observation.chair();
-    let footprint = now.scene.footprint_check(now.poses);
+    let margin = now.profile.path.margin;
+    let mut routes = now.scene.route_planner(now.poses, chair, margin);
+    let room = routes.map(PLACEMENT_MARGIN);
     let opened = opened(now);
     let mut tally = Tally::default();
     let mut unreached = Unreached::default();
@@ -286,7 +287,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
         let place = |habits: Option<&Habits>| {
             let mut placements =
                 base_placement::placements(now.scene, &chair, &candidates, habits, distance);
-            placements.retain(|placement| footprint.is_free(&placement.chair, PLACEMENT_MARGIN));
+            placements.retain(|placement| room.is_free(&placement.chair));
             if let Some(opened) = &opened {
                 placements.retain(|placement| opened.is_free(&placement.chair, 0.0));
             }
@@ -307,7 +308,7 @@ fn find(now: &mut Now<'_>, purpose: Purpose) -> Result<(Drive, GraspCandidate), 
         for level in 0..LEVELS {
             for (placements, most) in &placements {
                 let mut search = Search {
-                    footprint: &footprint,
+                    routes: &mut routes,
                     tally: &mut tally,
                     unreached: &mut unreached,
                     pathless: &mut pathless,
@@ -351,7 +352,7 @@ fn candidates(now: &Now<'_>, purpose: Purpose, margin: f64) -> Vec<GraspCandidat
 
 /// State of one search for a base placement.
 struct Search<'a> {
-    footprint: &'a FootprintCheck,
+    routes: &'a mut RoutePlanner,
     tally: &'a mut Tally,
     unreached: &'a mut Unreached,
     /// Placements without a path of the chair.
@@ -402,8 +403,18 @@ impl Choice {
             }
             let at = base_placement::standing(&placement.chair);
             let base = at * now.scene.chair_from_base;
-            looked += 1;
             search.tally.tried += 1;
+            // A look-up; whether the arm reaches takes longer.
+            let goals = drive_goals(search.routes, &placement.chair, now);
+            if !goals
+                .iter()
+                .any(|(goal, _)| search.routes.has_way(&goal.pose))
+            {
+                search.tally.pathless += 1;
+                search.pathless.push(placement.chair);
+                continue;
+            }
+            looked += 1;
             let candidate = &self.candidates[placement.candidate];
             let wanted = wanted(now, candidate, self.purpose, &base);
             let key = key(&base, candidate);
@@ -416,7 +427,7 @@ impl Choice {
                 refused.push((placement.chair, placement.candidate));
                 continue;
             }
-            let Some(path) = drive_path(search.footprint, chair, placement.chair, now) else {
+            let Some(path) = drive_path(search.routes, &goals, now) else {
                 search.tally.pathless += 1;
                 search.pathless.push(placement.chair);
                 without_path += 1;
@@ -428,40 +439,36 @@ impl Choice {
     }
 }
 
-/// The quickest path whose last part is straight, so that the chair arrives
-/// aligned, with wide or with tight arcs.
+/// Poses before a stop from which a free straight segment leads to it, so that the chair
+/// arrives aligned, each with the length of the segment, metres.
+fn drive_goals(routes: &RoutePlanner, stop: &Pose2, now: &Now<'_>) -> Vec<(DriveGoal, f64)> {
+    let is_free = |length: &f64| {
+        let steps = (length / SPACING).ceil() as u32;
+        let before = |step: u32| stop.rolled(-length * f64::from(step) / f64::from(steps), 0.0);
+        (1..=steps).all(|step| routes.footprint().is_free(&before(step), 0.0))
+    };
+    let goal = |length: f64| DriveGoal {
+        pose: stop.rolled(-length, 0.0),
+        // A long straight part aligns better than a short one.
+        cost: length / now.profile.drive.speed - 4.0 * length,
+    };
+    let lengths = STRAIGHTS.into_iter().filter(is_free);
+    lengths.map(|length| (goal(length), length)).collect()
+}
+
+/// The quickest path to one of the goals and on to the stop, with wide or with tight arcs.
 fn drive_path(
-    footprint: &FootprintCheck,
-    start: Pose2,
-    goal: Pose2,
+    routes: &mut RoutePlanner,
+    goals: &[(DriveGoal, f64)],
     now: &Now<'_>,
 ) -> Option<Vec<Segment>> {
-    let mut best: Option<DrivePath> = None;
-    for length in STRAIGHTS {
-        let before = goal.rolled(-length, 0.0);
-        let all = ARCS.map(|tightness| PathPreferences {
-            radius: now.profile.path.radius * tightness,
-            ..now.profile.path
-        });
-        let [_, tight] = &all;
-        if !hybrid_a_star::has_path(footprint, start, before, tight, ROUGH) {
-            continue;
-        }
-        for preferences in all {
-            let Some(mut path) = hybrid_a_star::search(footprint, start, before, &preferences)
-            else {
-                continue;
-            };
-            path.segments.push(Segment::Roll {
-                length,
-                curvature: 0.0,
-            });
-            // A long straight part aligns better than a short one.
-            path.cost += length / now.profile.drive.speed - 4.0 * length;
-            if best.as_ref().is_none_or(|best| path.cost < best.cost) {
-                best = Some(path);
-            }
-        }
-    }
-    best.map(|path| path.segments)
+    let radii = ARCS.map(|tightness| now.profile.path.radius * tightness);
+    let all: Vec<DriveGoal> = goals.iter().map(|(goal, _)| *goal).collect();
+    let found = routes.route(&all, &radii).ok()?;
+    let mut segments = found.path.segments;
+    segments.push(Segment::Roll {
+        length: goals[found.goal].1,
+        curvature: 0.0,
+    });
+    Some(segments)
 }

@@ -422,3 +422,192 @@ fn a_state_that_is_not_finite_is_reported() {
     let skin = &snapshot.skins[0].vertices;
     assert!(skin.iter().all(|p| p.coords.iter().all(|x| x.is_finite())));
 }
+
+/// The bear in the hand of two plates, put down on the table and released.
+fn put_down() -> Press {
+    let mut press = press();
+    press.run(0.5);
+    press.close_to(0.048);
+    press.carry(0.0, 0.1, 0.5);
+    press.run(0.5);
+    assert!(!press.world.soft[0].is_asleep(), "it sleeps in the hand");
+    press.carry(0.0, -0.098, 0.5);
+    press.carry(-0.3, 0.0, 0.5);
+    press
+}
+
+/// Greatest distance between two skins, metres.
+fn farthest(one: &Snapshot, other: &Snapshot) -> f64 {
+    let pairs = one.skins[0].vertices.iter().zip(&other.skins[0].vertices);
+    pairs.fold(0.0, |far, (a, b)| far.max(f64::from((a - b).norm())))
+}
+
+/// A bear that was put down rocks for a while, then sleeps, stays where it was, and weighs
+/// the same.
+#[test]
+fn bear_that_is_put_down_falls_asleep() {
+    let mut press = put_down();
+    let mut before = press.world.snapshot();
+    let mut waited = 0.0;
+    while !press.world.soft[0].is_asleep() {
+        assert!(waited < 25.0, "it is awake after {waited} s");
+        before = press.world.snapshot();
+        press.run(0.5);
+        waited += 0.5;
+    }
+    assert!(waited > 1.0, "it slept while it rocked");
+    let asleep = press.world.snapshot();
+    let crept = farthest(&before, &asleep);
+    assert!(crept < 5e-4, "it crept {crept} m in its last half second");
+    press.run(5.0);
+    assert_eq!(farthest(&asleep, &press.world.snapshot()), 0.0);
+    let up = press.force(BodyRef::Furniture(1));
+    assert!((up.z / press.weight - 1.0).abs() < 0.02, "{up} N");
+    lawful(&press.world);
+}
+
+/// A bear that sits still from the start sleeps within two seconds.
+#[test]
+fn bear_that_sits_still_falls_asleep() {
+    let mut press = press_from(0.3);
+    let first = press.world.snapshot();
+    press.run(2.0);
+    assert!(press.world.soft[0].is_asleep(), "it is awake");
+    let crept = farthest(&first, &press.world.snapshot());
+    assert!(crept < 5e-4, "it crept {crept} m");
+}
+
+/// A plate that moves beside a sleeping bear does not wake it, one that arrives does,
+/// before it enters the skin by more than a contact would.
+#[test]
+fn sleeping_bear_wakes_when_it_is_touched() {
+    let mut press = press_from(0.3);
+    press.run(2.0);
+    let asleep = press.world.snapshot();
+    // The box around the bear contains the plates long before they touch its waist.
+    press.carry(0.2, 0.0, 1.1);
+    let moving: Vec<f64> = (press.plates.iter())
+        .map(|plate| f64::from(press.world.physics.bodies[*plate].translation().y).abs())
+        .collect();
+    assert!(moving.iter().all(|y| *y < 0.085), "{moving:?}");
+    assert!(press.world.soft[0].is_asleep(), "it woke without a contact");
+    assert_eq!(farthest(&asleep, &press.world.snapshot()), 0.0);
+    press.carry(0.2, 0.0, 0.22);
+    assert!(!press.world.soft[0].is_asleep(), "it sleeps on");
+    for force in press.plates() {
+        assert!(force.norm() > 0.05, "{force} N of a plate");
+    }
+    lawful(&press.world);
+}
+
+/// A board that falls onto a sleeping bear wakes it.
+#[test]
+fn sleeping_bear_wakes_when_an_object_falls_on_it() {
+    let half = [0.10, 0.035, 0.008];
+    let above = pose_at(0.3, -0.075, TABLE_TOP + 0.5);
+    let load = object("board", above, 0.1, half, Shape::Cuboid { half });
+    let bear = bear(pose_at(0.3, 0.0, TABLE_TOP));
+    let (scene, placements) = scene(vec![floor(), table(0.0)], vec![bear, load]);
+    let model = model();
+    let home = model.settings.home;
+    let mut world =
+        World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home).expect("a world");
+    let board = world.scene_bodies.objects[1];
+    world.physics.bodies[board].set_body_type(RigidBodyType::Fixed, true);
+    seconds(&mut world, 2.0, |_, _| {});
+    assert!(world.soft[0].is_asleep(), "it is awake");
+    world.physics.bodies[board].set_body_type(RigidBodyType::Dynamic, true);
+    let mut touched = false;
+    seconds(&mut world, 0.5, |world, _| {
+        let contacts = world.snapshot().contacts;
+        touched |= contacts
+            .iter()
+            .any(|c| c.first == BodyRef::Object(0) && c.second == BodyRef::Object(1));
+    });
+    assert!(touched, "the board does not touch it");
+    assert!(!world.soft[0].is_asleep(), "it sleeps under the board");
+    lawful(&world);
+}
+
+/// The bear on a tray that moves like a drawer.
+fn on_a_tray() -> (World, RigidBodyHandle) {
+    let half = [0.2, 0.2, 0.01];
+    let at = pose_at(0.3, 0.0, TABLE_TOP + 0.05);
+    let tray = object("tray", at, 1.0, half, Shape::Cuboid { half });
+    let bear = bear(pose_at(0.3, 0.0, TABLE_TOP + 0.06));
+    let (scene, placements) = scene(vec![floor(), table(0.0)], vec![bear, tray]);
+    let model = model();
+    let home = model.settings.home;
+    let mut world =
+        World::new(&model, &scene, &placements, &pose_at(-3.0, 0.0, 0.0), &home).expect("a world");
+    let tray = world.scene_bodies.objects[1];
+    let body = &mut world.physics.bodies[tray];
+    body.set_body_type(RigidBodyType::Fixed, true);
+    (world, tray)
+}
+
+fn pull_the_tray(world: &mut World, tray: RigidBodyHandle) {
+    let body = &mut world.physics.bodies[tray];
+    body.set_body_type(RigidBodyType::KinematicVelocityBased, true);
+    let along = Vector3::new(0.0, 0.1, 0.0);
+    body.set_linvel(super::super::convert::vector(&along), true);
+}
+
+/// A sleeping bear wakes when its support moves, and rides along.
+#[test]
+fn sleeping_bear_wakes_when_its_support_moves() {
+    let (mut world, tray) = on_a_tray();
+    seconds(&mut world, 2.0, |_, _| {});
+    assert!(world.soft[0].is_asleep(), "it is awake");
+    let before = world.snapshot().objects[0].pose.translation.vector;
+    pull_the_tray(&mut world, tray);
+    seconds(&mut world, 1.0, |_, _| {});
+    assert!(!world.soft[0].is_asleep(), "it sleeps on a moving tray");
+    let moved = world.snapshot().objects[0].pose.translation.vector - before;
+    assert!((moved.y - 0.1).abs() < 0.01, "it moved {moved} m of 0.1 m");
+    lawful(&world);
+}
+
+/// A world that is restored before the bear sleeps, in its sleep or after it woke runs on
+/// as the one that was saved, tick by tick; so does a second run from the start.
+#[test]
+fn sleep_survives_saving_and_replay() {
+    let script = |world: &mut World, tray: RigidBodyHandle, tick: u64| {
+        if tick == 480 {
+            pull_the_tray(world, tray);
+        }
+        world.step();
+    };
+    let (mut world, tray) = on_a_tray();
+    let (mut hashes, mut saved, mut slept) = (Vec::new(), Vec::new(), Vec::new());
+    for tick in 0..600 {
+        if [60, 400, 490].contains(&tick) {
+            saved.push((tick, world.save()));
+            slept.push(world.soft[0].is_asleep());
+        }
+        script(&mut world, tray, tick);
+        hashes.push(world.hash());
+    }
+    assert_eq!(slept, [false, true, false]);
+    for (start, state) in [(0, None)]
+        .into_iter()
+        .chain(saved.into_iter().map(|(tick, state)| (tick, Some(state))))
+    {
+        let (mut other, tray) = on_a_tray();
+        if start > 480 {
+            // The tray's type is not part of a saved state.
+            pull_the_tray(&mut other, tray);
+        }
+        if let Some(state) = &state {
+            other.restore(state).expect("the same world");
+        }
+        for tick in start..600 {
+            script(&mut other, tray, tick);
+            assert_eq!(
+                other.hash(),
+                hashes[tick as usize],
+                "tick {tick} from {start}"
+            );
+        }
+    }
+}

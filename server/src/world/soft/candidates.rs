@@ -24,6 +24,9 @@ const FOUNDATION: f64 = 1e7;
 /// Points closer than this may touch within a tick, metres.
 const MARGIN: f64 = 0.006;
 
+/// A moving solid further away than this does not arrive within a tick, metres.
+const VISIT: f64 = 0.05;
+
 /// Vertex of the skin, index and generation of a collider.
 type Key = (u32, u32, u32);
 
@@ -62,7 +65,7 @@ pub(super) struct TickCandidates {
     /// The touched solids.
     pub solids: Vec<Mobility>,
     pub(super) sites: Vec<ContactSite>,
-    /// Whether all solids nearby are fixed or asleep.
+    /// Whether all solids within reach of a vertex are fixed or asleep.
     pub is_alone: bool,
 }
 
@@ -133,7 +136,7 @@ impl Skin {
         let mut mobilities = Mobilities::new(physics);
         let mut vertices = Vec::new();
         for solid in solids(spheres, physics, &room, margin, friction) {
-            near.is_alone &= is_at_rest(solid.collider, physics);
+            let others = near.candidates.len();
             vertices.clear();
             for (patch, (from, to)) in self.patches.iter().zip(&boxes) {
                 if (0..3).all(|a| to[a] >= solid.low[a] && from[a] <= solid.high[a]) {
@@ -176,8 +179,40 @@ impl Skin {
                     reference: body_of(solid.collider.user_data),
                 });
             }
+            // A hand that waits beside the object does not touch it.
+            near.is_alone &= others == near.candidates.len() || is_at_rest(solid.collider, physics);
         }
         near
+    }
+
+    /// Whether a moving solid may touch a vertex within a tick of `h` seconds; `room` is
+    /// the bounding box of the skin.
+    pub(super) fn is_visited(
+        &self,
+        (state, body): (&State, &Elastic),
+        room: &Room,
+        (spheres, physics): (&Spheres, &PhysicsWorld),
+        h: f64,
+    ) -> bool {
+        let (low, high) = room;
+        let moving = spheres.around(physics, room, VISIT);
+        let mut moving = moving.filter(|(_, collider)| !is_at_rest(collider, physics));
+        moving.any(|(handle, collider)| {
+            let margin = (MARGIN + speed(collider, physics) * h).min(VISIT);
+            reach(collider, physics, low, high, margin).is_some_and(|reach| {
+                let solid = Solid::new(handle, collider, physics, reach, 0.0);
+                self.patches.iter().any(|patch| {
+                    let (from, to) = patch.room(body, &state.position);
+                    let overlaps = |a: usize| to[a] >= solid.low[a] && from[a] <= solid.high[a];
+                    let touches = |&i: &usize| {
+                        let p = place(&self.places[i], body, &state.position);
+                        (0..3).all(|a| p[a] >= solid.low[a] && p[a] <= solid.high[a])
+                            && solid.distance(&p).0 <= margin
+                    };
+                    (0..3).all(overlaps) && patch.vertices.iter().any(touches)
+                })
+            })
+        })
     }
 }
 
@@ -196,6 +231,17 @@ fn around(boxes: impl Iterator<Item = Room>) -> Room {
 fn is_at_rest(collider: &Collider, physics: &PhysicsWorld) -> bool {
     let body = collider.parent().and_then(|body| physics.bodies.get(body));
     body.is_none_or(|body| body.is_fixed() || body.is_sleeping())
+}
+
+/// Greatest speed of a point of a collider, m/s.
+fn speed(collider: &Collider, physics: &PhysicsWorld) -> f64 {
+    let body = collider.parent().and_then(|body| physics.bodies.get(body));
+    body.map_or(0.0, |body| {
+        let aabb = collider.compute_aabb();
+        let far = f64::from((aabb.center() - body.center_of_mass()).length())
+            + f64::from(aabb.half_extents().length());
+        from_vector(body.linvel()).norm() + from_vector(body.angvel()).norm() * far
+    })
 }
 
 /// Bounding spheres of all colliders, to skip distant ones.
@@ -228,14 +274,6 @@ impl Spheres {
             let radius = f64::from(sphere.radius) + margin + ROUNDING;
             (away.norm_squared() <= radius * radius || !radius.is_finite())
                 .then_some((*handle, collider))
-        })
-    }
-
-    /// Whether a moving body overlaps a box, or nearly.
-    pub(super) fn visit(&self, room: &Room, physics: &PhysicsWorld) -> bool {
-        let (low, high) = room;
-        self.around(physics, room, MARGIN).any(|(_, collider)| {
-            !is_at_rest(collider, physics) && reach(collider, physics, low, high, MARGIN).is_some()
         })
     }
 }
@@ -287,20 +325,7 @@ fn solids<'a>(
         let Some((from, to)) = reach(collider, physics, low, high, margin) else {
             continue;
         };
-        let body = collider.parent().map(|b| &physics.bodies[b]);
-        let zero = Vector3::zeros();
-        solids.push(Solid {
-            handle,
-            collider,
-            house_from_solid: from_pose(collider.position()),
-            low: from,
-            high: to,
-            // The larger coefficient applies, usually that of the plush.
-            friction: friction.max(f64::from(collider.friction())),
-            linear: body.map_or(zero, |b| from_vector(b.linvel())),
-            angular: body.map_or(zero, |b| from_vector(b.angvel())),
-            centre: body.map_or(zero, |b| from_vector(b.center_of_mass())),
-        });
+        solids.push(Solid::new(handle, collider, physics, (from, to), friction));
     }
     solids
 }
@@ -328,10 +353,44 @@ fn reach(
         .then_some((from, to))
 }
 
-impl Solid<'_> {
+impl<'a> Solid<'a> {
+    /// A collider whose extended bounding box is `reach`; `friction` is that of the skin.
+    fn new(
+        handle: ColliderHandle,
+        collider: &'a Collider,
+        physics: &PhysicsWorld,
+        (low, high): Room,
+        friction: f64,
+    ) -> Self {
+        let body = collider.parent().map(|b| &physics.bodies[b]);
+        let zero = Vector3::zeros();
+        Self {
+            handle,
+            collider,
+            house_from_solid: from_pose(collider.position()),
+            low,
+            high,
+            // The larger coefficient applies, usually that of the plush.
+            friction: friction.max(f64::from(collider.friction())),
+            linear: body.map_or(zero, |b| from_vector(b.linvel())),
+            angular: body.map_or(zero, |b| from_vector(b.angvel())),
+            centre: body.map_or(zero, |b| from_vector(b.center_of_mass())),
+        }
+    }
+
     /// Signed distance of a point and the direction away from the solid; `None` beyond
     /// `margin`.
     fn gap(&self, p: &Vector3<f64>, margin: f64) -> Option<(f64, Vector3<f64>)> {
+        let (distance, away) = self.distance(p);
+        if distance > margin {
+            return None;
+        }
+        let normal = away.try_normalize(1e-7)?;
+        Some((distance, self.house_from_solid.rotation * normal))
+    }
+
+    /// Signed distance of a point, and a vector away from the solid in its own frame.
+    fn distance(&self, p: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let local = self
             .house_from_solid
             .inverse_transform_point(&Point3::from(*p));
@@ -345,12 +404,7 @@ impl Solid<'_> {
         let found = core.project_local_point(local, false);
         let away = from_vector(local - found.point);
         let side = if found.is_inside { -1.0 } else { 1.0 };
-        let distance = side * away.norm() - f64::from(radius);
-        if distance > margin {
-            return None;
-        }
-        let normal = (away * side).try_normalize(1e-7)?;
-        Some((distance, self.house_from_solid.rotation * normal))
+        (side * away.norm() - f64::from(radius), away * side)
     }
 }
 
