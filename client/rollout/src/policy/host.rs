@@ -165,7 +165,7 @@ impl Host {
             (PolicyError::Gone(_), Some(process)) => {
                 // It may still write its last message.
                 std::thread::sleep(Duration::from_millis(100));
-                PolicyError::Gone(last_message(&process))
+                PolicyError::Gone(last_message(&process, None))
             }
             _ => problem,
         }
@@ -216,7 +216,9 @@ impl Start {
                         true => ONE_COMMAND,
                         false => "",
                     };
-                    Err(PolicyError::Start(last_message(&process, status) + cure))
+                    Err(PolicyError::Start(
+                        last_message(&process, Some(status)) + cure,
+                    ))
                 }
                 Err(e) => Err(failed(e)),
             },
@@ -227,14 +229,15 @@ impl Start {
     }
 }
 
-/// The last message of a process that ended.
-fn last_message(process: &Process, status: ExitStatus) -> String {
+/// The last message of a process, with its exit status if it ended without one.
+fn last_message(process: &Process, status: Option<ExitStatus>) -> String {
     let words = process.last_words();
     match (words.is_empty(), process.tail()) {
         (false, _) => words,
-        (true, tail) if tail.is_empty() => format!(
-            "it ended before it served ({status}) and printed nothing; a policy must serve until it is stopped"
-        ),
+        (true, tail) if tail.is_empty() => {
+            let status = status.map(|status| format!(" ({status})"));
+            format!("it printed nothing{}", status.unwrap_or_default())
+        }
         (true, tail) => format!("its last output:\n{tail}"),
     }
 }
