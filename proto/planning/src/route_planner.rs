@@ -24,7 +24,8 @@ pub struct RoutePlanner {
     start: Pose2,
     /// Poses that the maps contain.
     poses: Vec<Pose2>,
-    margin: f64,
+    /// Clearances that the start allows, the greatest first, metres.
+    clearances: Vec<f64>,
     /// Maps by their clearance.
     maps: Vec<(f64, Arc<FloorMap>)>,
     nodes: usize,
@@ -82,13 +83,15 @@ impl RoutePlanner {
         for (obstacle, heights) in &moved {
             footprint.put(*obstacle, *heights);
         }
+        let mut clearances = clearances(margin).to_vec();
+        clearances.retain(|margin| footprint.is_free(&start, *margin));
         Self {
             fixed,
             moved,
             footprint,
             start,
             poses: [&[start], goals].concat(),
-            margin,
+            clearances,
             maps: Vec::new(),
             nodes: 0,
         }
@@ -126,10 +129,9 @@ impl RoutePlanner {
     /// The greatest clearance that start and goal allow, metres; `None` where the chair
     /// collides.
     fn clearance(&self, goal: &Pose2) -> Option<f64> {
-        let is_free = |margin: &f64| {
-            self.footprint.is_free(&self.start, *margin) && self.footprint.is_free(goal, *margin)
-        };
-        clearances(self.margin).into_iter().find(is_free)
+        let all = self.clearances.iter().copied();
+        let mut free = all.filter(|margin| self.footprint.is_free(goal, *margin));
+        free.next()
     }
 
     /// Whether free floor connects the start with a goal: a look-up. A chair that needs
@@ -150,7 +152,7 @@ impl RoutePlanner {
         let mut error = RouteError::Collides;
         let allowed: Vec<Option<f64>> = goals.iter().map(|g| self.clearance(&g.pose)).collect();
         let mut nodes = 0;
-        for margin in clearances(self.margin) {
+        for margin in self.clearances.clone() {
             let here = (0..goals.len()).filter(|&i| allowed[i] == Some(margin));
             let here: Vec<usize> = here.collect();
             if here.is_empty() {

@@ -404,17 +404,13 @@ impl Choice {
             let at = base_placement::standing(&placement.chair);
             let base = at * now.scene.chair_from_base;
             search.tally.tried += 1;
+            looked += 1;
             // A look-up; whether the arm reaches takes longer.
-            let goals = drive_goals(search.routes, &placement.chair, now);
-            if !goals
-                .iter()
-                .any(|(goal, _)| search.routes.has_way(&goal.pose))
-            {
+            if !has_way(search.routes, &placement.chair) {
                 search.tally.pathless += 1;
                 search.pathless.push(placement.chair);
                 continue;
             }
-            looked += 1;
             let candidate = &self.candidates[placement.candidate];
             let wanted = wanted(now, candidate, self.purpose, &base);
             let key = key(&base, candidate);
@@ -427,6 +423,7 @@ impl Choice {
                 refused.push((placement.chair, placement.candidate));
                 continue;
             }
+            let goals = drive_goals(search.routes, &placement.chair, now);
             let Some(path) = drive_path(search.routes, &goals, now) else {
                 search.tally.pathless += 1;
                 search.pathless.push(placement.chair);
@@ -437,6 +434,12 @@ impl Choice {
         }
         None
     }
+}
+
+/// Whether free floor connects the chair with a pose before a stop.
+fn has_way(routes: &mut RoutePlanner, stop: &Pose2) -> bool {
+    let before = STRAIGHTS.map(|length| stop.rolled(-length, 0.0));
+    before.iter().any(|pose| routes.has_way(pose))
 }
 
 /// Poses before a stop from which a free straight segment leads to it, so that the chair
