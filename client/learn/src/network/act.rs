@@ -83,7 +83,7 @@ impl Act {
         language: Option<Tensor<2>>,
     ) -> Memory {
         let (batch, device) = (state.dims()[0], state.device());
-        let latent = Tensor::zeros([batch, self.latent], &device);
+        let latent = Tensor::<2>::zeros([batch, self.latent], &device);
         let mut tokens: Vec<Tensor<3>> = vec![
             self.encoder_latent_input_proj
                 .forward(latent)

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 
-use super::ambient_occlusion::{Surroundings, across};
+use super::surroundings::{Surroundings, across};
 
 /// Side of a texel, metres: the rays hit cells of this size.
 const TEXEL: f64 = 0.08;

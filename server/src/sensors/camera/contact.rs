@@ -12,7 +12,6 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::ambient_map::{PlacedChart, PlacedCharts};
-use super::buffers::Body;
 use super::culling_clusters::{Cluster, Outline, Piece};
 use super::scene::Binding;
 use super::view::View;
@@ -248,11 +247,11 @@ impl<'a> Contacts<'a> {
     /// sphere. Only static bodies are darkened; their frame is that of the world.
     pub(super) fn candidates_for_batch(
         &self,
-        body: &Body,
+        binding: &Binding,
         centre: &Point3<f64>,
         radius: f64,
     ) -> Vec<usize> {
-        if body.binding != Binding::World {
+        if *binding != Binding::World {
             return Vec::new();
         }
         let reaches = |i: &usize| self.near[*i].0.reaches(centre, radius);

@@ -171,8 +171,8 @@ mod tests {
 
     use nalgebra::{Isometry3, UnitQuaternion};
 
-    use super::super::ambient_occlusion::Surroundings;
     use super::super::buffers::Buffers;
+    use super::super::surroundings::Surroundings;
     use super::super::tier::Tier;
     use super::super::view::View;
     use super::super::{Binding, CameraSpec, Graphics, Quality, RenderScene};

@@ -5,12 +5,12 @@ use std::ops::Range;
 use nalgebra::{Isometry3, Point3};
 use wgpu::util::DeviceExt;
 
-use super::ambient_occlusion::Surroundings;
 use super::buffers::{Batch, Body, Buffers, Finish, Shine, Vertex};
 use super::contact::Contacts;
 use super::culling_clusters::Cluster;
 use super::pipelines::Ambient;
 use super::scene::Binding;
+use super::surroundings::Surroundings;
 use super::view::View;
 
 /// Triangles of all bodies and the poses of the bodies.
@@ -165,7 +165,7 @@ impl Geometry {
             return ranges;
         };
         let body = &self.bodies[batch.body];
-        let candidates = contacts.candidates_for_batch(body, centre, batch.radius);
+        let candidates = contacts.candidates_for_batch(&body.binding, centre, batch.radius);
         let mut near: Vec<LitRange> = Vec::new();
         for cluster in clusters {
             let plain = match cluster.mapped {

@@ -33,6 +33,7 @@ pub mod scene;
 mod shadow;
 mod soft;
 pub mod spec;
+mod surroundings;
 mod target;
 mod tier;
 mod timing;

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::RenderError;
-use super::ambient_occlusion::Surroundings;
 use super::buffers::Buffers;
 use super::graphics::{Graphics, OpenDevice};
 use super::packing::Packer;
@@ -11,6 +10,7 @@ use super::parallel;
 use super::pipelines::Pipelines;
 use super::scene::{Binding, RenderScene};
 use super::spec::CameraSpec;
+use super::surroundings::Surroundings;
 use super::tier::Tier;
 
 /// Checks that the cameras fit the scene.

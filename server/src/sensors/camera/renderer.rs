@@ -12,7 +12,6 @@ use wheelarm_proto::settings::Depth;
 
 use super::adapter::{self, AdapterInfo};
 use super::ambient_map::PlacedCharts;
-use super::ambient_occlusion::Surroundings;
 use super::buffers::Shine;
 use super::contact::{self, Contacts, Occluder, PlacedOccluder};
 use super::geometry::{BodyRows, Geometry, VisibleRange};
@@ -25,6 +24,7 @@ use super::scene::{Binding, RenderScene, Surrounding};
 use super::shadow::{ShadowMap, SunView};
 use super::soft::SoftMeshes;
 use super::spec::CameraSpec;
+use super::surroundings::Surroundings;
 use super::target::{Target, depth_attachment};
 use super::tier::Tier;
 use super::timing::Timing;
